@@ -1,0 +1,56 @@
+"""clrender: a physically based renderer whose image is the same bits on every OpenCL device.
+
+>>> import clrender
+>>> image = clrender.render(clrender.load("room"), spp=16, size=(200, 200))  # doctest: +SKIP
+>>> image.save("room.png")  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from clrender.version import __version__
+
+if TYPE_CHECKING:
+    from clrender.device import devices as devices
+    from clrender.errors import ClrenderError as ClrenderError
+    from clrender.errors import DeviceError as DeviceError
+    from clrender.errors import RenderError as RenderError
+    from clrender.errors import SceneError as SceneError
+    from clrender.errors import UsageError as UsageError
+    from clrender.rendering import Progress as Progress
+    from clrender.rendering import RenderedImage as RenderedImage
+    from clrender.rendering import render as render
+    from clrender.scene import Scene as Scene
+    from clrender.scene import load as load
+
+# What each name comes from. They are fetched when first used: `clrender --version` must not load NumPy.
+_HOMES = {
+    "ClrenderError": "clrender.errors",
+    "DeviceError": "clrender.errors",
+    "Progress": "clrender.rendering",
+    "RenderError": "clrender.errors",
+    "RenderedImage": "clrender.rendering",
+    "Scene": "clrender.scene",
+    "SceneError": "clrender.errors",
+    "UsageError": "clrender.errors",
+    "devices": "clrender.device",
+    "load": "clrender.scene",
+    "render": "clrender.rendering",
+}
+
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'clrender' has no attribute {name!r}")
+    import importlib
+
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,118 @@
+"""The command line: one click group whose commands are loaded only when they are called.
+
+Nothing heavy is imported here, so that `clrender --version` and `--help` answer at once.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import os
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any, Final, NoReturn
+
+import click
+
+import clrender
+from clrender.errors import ClrenderError
+
+__all__ = ["COMMANDS", "STARTED", "main"]
+
+STARTED: Final = time.perf_counter()
+"""When the command line began, on the clock of `time.perf_counter`."""
+
+COMMANDS: Final[dict[str, str]] = {
+    "render": "Render a scene to image files.",
+    "devices": "List OpenCL devices and whether each computes rightly.",
+    "doctor": "Find out what is wrong with OpenCL here and how to cure it.",
+    "scenes": "List the built-in scenes.",
+    "check": "Check a scene file without rendering it.",
+    "schema": "Print the JSON Schema of scene files.",
+    "tonemap": "Turn a linear image into one for display.",
+    "compare": "Measure how far an image is from a reference.",
+}
+"""Name -> first line of its help; the command `NAME` is `NAME` in the module `clrender.cli.NAME`."""
+
+
+class _Commands(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = getattr(importlib.import_module(f"clrender.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            near = difflib.get_close_matches(args[0], COMMANDS, 1)
+            cure = f"did you mean {near[0]!r}?" if near else f"choose one of {', '.join(COMMANDS)}."
+            raise click.UsageError(f"there is no command {args[0]!r}; {cure}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        # click's own would import every command for its first line.
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run, and end the process with the exit code that the error (or none) calls for."""
+        if not standalone_mode:
+            return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+        try:
+            code = super().main(args, prog_name or "clrender", complete_var, standalone_mode=False, **extra)
+            sys.stdout.flush()
+        except ClrenderError as error:
+            _fail(str(error), error.exit_code)
+        except click.ClickException as error:
+            _fail(_sentence(error), 2)
+        except (KeyboardInterrupt, click.Abort):
+            _fail("interrupted.", 130)
+        except MemoryError:
+            _fail("there is not enough memory for this; ask for a smaller image or close other programs.", 1)
+        except BrokenPipeError:
+            # Whoever read the output has left; nothing may be written to it any more, not even at exit.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(1)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    # Some sentences come with a full stop, some without.
+    print(f"error: {message.rstrip('.')}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _sentence(error: click.ClickException) -> str:
+    """Message of a usage error, with where to read on."""
+    message = error.format_message()
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    where = context.command_path if context is not None else "clrender"
+    message = message[:1].lower() + message[1:]
+    return f"{message.rstrip('.')}{'' if message.endswith('?') else ';'} see '{where} --help'"
+
+
+def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        click.echo(f"clrender {clrender.__version__}")
+        ctx.exit()
+
+
+@click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print the version."
+)
+def main() -> None:
+    """clrender: a physically based renderer that gives the same image, bit for bit, on every OpenCL device."""

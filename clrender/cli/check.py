@@ -1,0 +1,42 @@
+"""`clrender check`: says whether a scene is sound, and how large it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from clrender import scene as scenes
+from clrender.flatten import flatten
+
+__all__ = ["check"]
+
+
+@click.command()
+@click.argument("scene")
+@click.option(
+    "--allow-path",
+    "allow_paths",
+    multiple=True,
+    metavar="DIR",
+    help="Also read mesh files from this folder and below. Repeatable.",
+)
+def check(scene: str, allow_paths: tuple[str, ...]) -> None:
+    """Validate SCENE (a file, or a built-in scene's name) and print what it holds."""
+    loaded = scenes.load(scene, allow_paths=[Path(path) for path in allow_paths])
+    flat = flatten(loaded, loaded.image.width, loaded.image.height)
+    rows = [
+        ("image", f"{loaded.image.width} x {loaded.image.height}"),
+        ("shapes", f"{len(loaded.shapes)}"),
+        ("triangles", f"{flat.triangle_count}"),
+        ("spheres and disks", f"{flat.round_count}"),
+        ("lights", f"{flat.light_count}"),
+        ("materials", f"{len(loaded.materials)}"),
+        ("bytes on the device", f"{flat.nbytes} (and the tree built there)"),
+        ("scene sha256", loaded.sha256()),
+    ]
+    for warning in flat.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    click.echo(f"{loaded.source}: sound")
+    for name, value in rows:
+        click.echo(f"{name:<20} {value}")

@@ -1,0 +1,66 @@
+"""`clrender doctor`: what is wrong with OpenCL on this machine, and how to cure it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from clrender.device.diagnose import Finding
+    from clrender.device.probe import DriverReport
+
+__all__ = ["doctor"]
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one object instead of text.")
+def doctor(as_json: bool) -> None:
+    """Probe every OpenCL platform in a process of its own; say cause and cure of each fault.
+
+    Ends with exit code 0 when at least one device is ok, else 3.
+    """
+    from clrender.device.diagnose import diagnose
+    from clrender.device.probe import examine
+
+    reports = examine(notify=lambda line: click.echo(line, err=True))
+    findings = diagnose(reports)
+    good = any(info.probe == "ok" for report in reports for info in report.devices)
+    if as_json:
+        click.echo(json.dumps(_as_json(reports, findings, good), indent=2))
+    else:
+        _print(reports, findings, good)
+    sys.exit(0 if good else 3)
+
+
+def _as_json(reports: list[DriverReport], findings: list[Finding], good: bool) -> dict[str, Any]:
+    drivers = [
+        {
+            "library": report.driver.library,
+            "origin": report.driver.origin,
+            "fault": report.fault,
+            "platforms": [{"name": n, "version": v, "devices": count} for n, v, count in report.platforms],
+            "devices": [{**info.public(), "detail": info.detail} for info in report.devices],
+        }
+        for report in reports
+    ]
+    return {"ok": good, "drivers": drivers, "findings": [asdict(finding) for finding in findings]}
+
+
+def _print(reports: list[DriverReport], findings: list[Finding], good: bool) -> None:
+    for report in reports:
+        click.echo(f"{report.driver.library or report.driver.origin}  [{report.driver.origin}]")
+        for name, version, count in report.platforms:
+            click.echo(f"  {name}, {version}: {count} device{'' if count == 1 else 's'}")
+        for info in report.devices:
+            click.echo(f"    {info.index}: {info.name} ({info.type}, driver {info.driver}): {info.probe}")
+        if report.fault:
+            click.echo(f"  cannot be used: {report.fault}")
+    for finding in findings:
+        click.echo(f"\n{'note' if finding.harmless else 'FAULT'}: {finding.subject}")
+        click.echo(f"  cause: {finding.cause}")
+        click.echo(f"  cure:  {finding.cure}")
+    click.echo("\nat least one device is ok" if good else "\nno device is ok: clrender cannot render here yet")

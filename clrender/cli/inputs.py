@@ -1,0 +1,29 @@
+"""Images that commands read: linear files, display files and films alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+__all__ = ["read_linear"]
+
+
+def read_linear(path: Path) -> tuple[npt.NDArray[np.float32], dict[str, Any] | None]:
+    """Linear image (H, W, 3) of a file and what the file says of its making, if anything.
+
+    Raises
+    ------
+    UsageError
+        No such file, or not a readable image.
+    """
+    from clrender.film import Film
+    from clrender.image_io import FILM_ENDINGS, read_image, read_provenance
+
+    if path.suffix.lower() in FILM_ENDINGS:
+        film = Film.load(path)
+        return film.develop(), film.provenance
+    return read_image(path), read_provenance(path)

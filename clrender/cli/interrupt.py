@@ -1,0 +1,101 @@
+"""Ctrl-C and SIGTERM during a render: the first asks it to stop and keep its picture, the second ends the program."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from clrender.files import remove_temporaries
+
+__all__ = ["INTERRUPTED", "Interrupt", "interruptible"]
+
+INTERRUPTED = 130
+"""Exit code of an interrupted program."""
+
+_PATIENCE = 0.6
+"""Seconds to wait, before there is a picture to keep, for the program to notice that it should stop."""
+
+
+class Interrupt:
+    """Whether the user wants the work to stop.
+
+    Attributes
+    ----------
+    has_picture : threading.Event
+        Set by whoever renders once there are samples worth keeping. Before that, a signal ends the program even
+        in the middle of a compilation.
+    """
+
+    def __init__(self) -> None:
+        self.has_picture = threading.Event()
+        self._wanted = threading.Event()
+
+    def wanted(self) -> bool:
+        """True from the first signal on."""
+        return self._wanted.is_set()
+
+    def take(self) -> None:
+        """Take one signal; called outside the main thread."""
+        if self._wanted.is_set():
+            self._end("interrupted twice; nothing more was written")
+        self._wanted.set()
+        # On a thread of its own: the second signal must not wait for the patience with the first.
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        if not self.has_picture.wait(_PATIENCE):
+            self._end("interrupted before the first sample; nothing was written")
+
+    def _end(self, message: str) -> None:
+        """Leave at once, whatever the main thread is doing."""
+        remove_temporaries()
+        sys.stderr.write(f"\nerror: {message}\n")
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
+
+
+@contextmanager
+def interruptible() -> Iterator[Interrupt]:
+    """Turn SIGINT and SIGTERM into an `Interrupt` while the block runs; only in the main thread.
+
+    Python runs its signal handlers in the main thread, between two of its instructions: not while that thread waits
+    for a device. The interpreter writes each signal's number to a socket as it comes, however, and another thread
+    reads it there.
+    """
+    interrupt = Interrupt()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
+    reader, writer = socket.socketpair()
+    writer.setblocking(False)
+    # A signal that is ignored (a job in the background of a shell script) stays ignored.
+    caught = [s for s in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(s) is not signal.SIG_IGN]
+
+    def listen() -> None:
+        while data := reader.recv(1):
+            if data[0] in caught:
+                interrupt.take()
+
+    def python_handler(_number: int, _frame: FrameType | None) -> None:
+        """Signals without a Python handler would not reach the socket."""
+
+    previous_descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    previous = {s: signal.signal(s, python_handler) for s in caught}
+    listener = threading.Thread(target=listen, daemon=True)
+    listener.start()
+    try:
+        yield interrupt
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(previous_descriptor)
+        interrupt.has_picture.set()
+        writer.close()
+        listener.join()
+        reader.close()

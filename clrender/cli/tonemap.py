@@ -1,0 +1,34 @@
+"""`clrender tonemap`: a linear image becomes one for display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from clrender.cli.inputs import read_linear
+from clrender.cli.options import tone_options
+from clrender.errors import UsageError
+
+__all__ = ["tonemap"]
+
+
+@click.command()
+@click.argument("image", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", metavar="FILE", type=click.Path(path_type=Path), required=True, help="Where to: .png or .jpg."
+)
+@tone_options
+def tonemap(image: Path, output: Path, tone_map: str, exposure: float) -> None:
+    """Turn a linear IMAGE (.npy .exr .hdr .film) into one for display."""
+    from clrender.image_io import DISPLAY_ENDINGS, FILM_ENDINGS, LINEAR_ENDINGS, check_output, write_image
+
+    if image.suffix.lower() not in (*LINEAR_ENDINGS, *FILM_ENDINGS):
+        known = ", ".join((*LINEAR_ENDINGS, *FILM_ENDINGS))
+        raise UsageError(
+            f"{image}: the ending {image.suffix!r} is not that of a linear image; expected one of {known}."
+        )
+    check_output(output, DISPLAY_ENDINGS)
+    linear, provenance = read_linear(image)
+    write_image(output, linear, provenance, tone_map, exposure)
+    click.echo(f"{output}: {linear.shape[1]}x{linear.shape[0]}, {tone_map}, exposure {exposure:g}")

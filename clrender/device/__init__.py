@@ -1,0 +1,9 @@
+"""OpenCL devices: found, probed, chosen, and driven."""
+
+from __future__ import annotations
+
+from clrender.device.device import Buffer, Device, DeviceInfo, Program
+from clrender.device.probe import devices, inventory
+from clrender.device.select import select
+
+__all__ = ["Buffer", "Device", "DeviceInfo", "Program", "devices", "inventory", "select"]

@@ -1,0 +1,260 @@
+"""Has the device build the tree that its rays walk: order, merge, collapse.
+
+The kernels are in ``kernels/geometry/build_*.cl``; this file only says which of them runs when, and how large their
+buffers are. The result is the same bits on every device, and an image does not depend on it at all: the tree decides
+how fast a hit is found, never which.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+
+from clrender.errors import RenderError
+
+if TYPE_CHECKING:
+    from clrender.device.device import Buffer, Device, Program
+
+__all__ = ["NODE_WORDS", "ROUND_PACK_WORDS", "TRIANGLE_PACK_WORDS", "Bvh", "SourceArrays", "build"]
+
+# kernels/geometry/bvh.h and build.h; a test compares them.
+NODE_WORDS: Final = 56
+TRIANGLE_PACK_WORDS: Final = 80
+ROUND_PACK_WORDS: Final = 64
+CHUNK: Final = 1024
+_WORK_GROUP: Final = 16
+_SORT_BITS: Final = 63
+
+_Arguments: TypeAlias = "list[Buffer | np.generic]"
+
+
+@dataclass(frozen=True)
+class SourceArrays:
+    """The host's arrays on the device, as the builder reads them."""
+
+    vertices: Buffer
+    triangles: Buffer
+    rounds: Buffer
+    triangle_count: int
+    primitive_count: int
+
+
+@dataclass(frozen=True)
+class Bvh:
+    """The finished tree.
+
+    Attributes
+    ----------
+    nodes, triangle_packs, round_packs : Buffer
+        Laid out as ``kernels/geometry/bvh.h`` says; node 0 is the root.
+    node_count, triangle_pack_count, round_pack_count : int
+    levels : int
+        Of nodes, which bounds the traversal's stack: seven entries a level.
+    """
+
+    nodes: Buffer
+    triangle_packs: Buffer
+    round_packs: Buffer
+    node_count: int
+    triangle_pack_count: int
+    round_pack_count: int
+    levels: int
+
+    @property
+    def stack_entries(self) -> int:
+        """Entries a traversal may have to keep at once."""
+        return 7 * self.levels + 1
+
+
+def build(device: Device, source: SourceArrays) -> Bvh:
+    """Build the tree over a scene's triangles, spheres and disks.
+
+    Parameters
+    ----------
+    device : Device
+    source : SourceArrays
+        At most 2**29 primitives.
+
+    Returns
+    -------
+    Bvh
+
+    Raises
+    ------
+    RenderError
+        When there are too many primitives, or the device has no memory for them.
+    """
+    count = source.primitive_count
+    if count > 1 << 29:
+        raise RenderError(f"the scene has {count} triangles and spheres and the tree holds {1 << 29}: split the scene")
+    builder = _Builder(device, source)
+    if count == 0:
+        return builder.empty()
+    order, boxes = builder.order()
+    return builder.collapse(order, builder.merge(order, boxes))
+
+
+@dataclass(frozen=True)
+class _BinaryTree:
+    boxes: Buffer
+    members: Buffer
+    children: Buffer
+    root: int
+
+
+class _Builder:
+    """One build: its programs, and the buffers it has to give back."""
+
+    def __init__(self, device: Device, source: SourceArrays) -> None:
+        self.device = device
+        self.source = source
+        defines = {"LANES": 1}
+        self._order = device.program("geometry/build_order.cl", defines)
+        self._merge = device.program("geometry/build_merge.cl", defines)
+        self._collapse = device.program("geometry/build_collapse.cl", defines)
+
+    def empty(self) -> Bvh:
+        node = np.zeros(NODE_WORDS, np.float32)
+        node[48:].view(np.uint32)[:] = 0xFFFFFFFF
+        upload = self.device.upload
+        packs = upload(np.zeros(TRIANGLE_PACK_WORDS, np.float32)), upload(np.zeros(ROUND_PACK_WORDS, np.float32))
+        return Bvh(upload(node), *packs, 1, 0, 0, 1)
+
+    def order(self) -> tuple[Buffer, Buffer]:
+        """Primitives in Morton order, and their boxes in their own."""
+        source, count = self.source, self.source.primitive_count
+        boxes = self.device.empty(24 * count)
+        self._each(
+            self._order,
+            "build_boxes",
+            count,
+            [source.vertices, source.triangles, source.rounds, _u(source.triangle_count), _u(count), boxes],
+        )
+        bounds, length, centers = boxes, count, 1
+        while length > 1 or centers:
+            chunks = -(-length // CHUNK)
+            reduced = self.device.empty(24 * chunks)
+            self._each(self._order, "build_bounds", chunks, [bounds, _u(length), _u(centers), reduced])
+            if bounds is not boxes:
+                self.device.release(bounds)
+            bounds, length, centers = reduced, chunks, 0
+        keys, values = self.device.empty(8 * count), self.device.empty(4 * count)
+        self._each(self._order, "build_morton", count, [boxes, bounds, _u(count), keys, values])
+        self.device.release(bounds)
+        return self._sorted(keys, values, count), boxes
+
+    def _sorted(self, keys: Buffer, values: Buffer, count: int) -> Buffer:
+        device, chunks = self.device, -(-count // CHUNK)
+        other_keys, other_values = device.empty(8 * count), device.empty(4 * count)
+        counts = device.empty(4 * 256 * chunks)
+        for shift in range(0, _SORT_BITS, 8):
+            head: _Arguments = [_u(count), _u(shift), _u(chunks), counts]
+            self._each(self._order, "build_sort_count", chunks, [keys, *head])
+            self._scan(counts, 256 * chunks)
+            self._each(self._order, "build_sort_scatter", chunks, [keys, values, *head, other_keys, other_values])
+            keys, other_keys, values, other_values = other_keys, keys, other_values, values
+        self._release(keys, other_keys, other_values, counts)
+        return values
+
+    def merge(self, order: Buffer, boxes: Buffer) -> _BinaryTree:
+        """The binary tree over the ordered primitives; consumes `boxes`."""
+        device, count = self.device, self.source.primitive_count
+        node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
+        children = device.empty(8 * 2 * count)
+        clusters, merged, nearest = (device.empty(4 * count) for _ in range(3))
+        arguments: _Arguments = [boxes, order, _u(self.source.triangle_count), _u(count), node_boxes, members, clusters]
+        self._each(self._merge, "build_leaves", count, arguments)
+        device.release(boxes)
+        length, next_node = count, count
+        while length > 1:
+            chunks = -(-length // CHUNK)
+            kept, pairs = device.empty(4 * chunks), device.empty(4 * chunks)
+            self._each(self._merge, "build_nearest", length, [node_boxes, clusters, _u(length), nearest])
+            self._each(self._merge, "build_merge_count", chunks, [nearest, _u(length), kept, pairs])
+            joined = self._scan(pairs, chunks)
+            self._scan(kept, chunks)
+            arguments = [nearest, clusters, _u(length), kept, pairs]
+            arguments += [_u(next_node), node_boxes, members, children, merged]
+            self._each(self._merge, "build_merge", chunks, arguments)
+            self._release(kept, pairs)
+            clusters, merged = merged, clusters
+            length -= joined
+            next_node += joined
+        self._release(clusters, merged, nearest)
+        return _BinaryTree(node_boxes, members, children, next_node - 1)
+
+    def collapse(self, order: Buffer, tree: _BinaryTree) -> Bvh:
+        """The wide tree; consumes the binary one."""
+        device, source = self.device, self.source
+        nodes, triangle_packs, round_packs = self._sizes(tree)
+        node_buffer = device.empty(4 * NODE_WORDS * nodes)
+        triangle_buffer = device.empty(4 * TRIANGLE_PACK_WORDS * max(triangle_packs, 1))
+        round_buffer = device.empty(4 * ROUND_PACK_WORDS * max(round_packs, 1))
+        made = [0, 0, 0]
+        levels = 0
+        tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1
+        while task_count:
+            slots, counts, totals = self._count(tree, tasks, task_count)
+            next_tasks = device.empty(4 * max(totals[0], 1))
+            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(source.primitive_count), slots]
+            arguments += [_u(task_count), *counts, *(_u(number) for number in made)]
+            arguments += [source.vertices, source.triangles, source.rounds, _u(source.triangle_count)]
+            arguments += [node_buffer, triangle_buffer, round_buffer, next_tasks]
+            self._each(self._collapse, "build_collapse", task_count, arguments)
+            made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
+            self._release(slots, *counts, tasks)
+            tasks, task_count = next_tasks, totals[0]
+            levels += 1
+        self._release(tasks, order, tree.boxes, tree.members, tree.children)
+        return Bvh(node_buffer, triangle_buffer, round_buffer, made[0], made[1], made[2], levels)
+
+    def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
+        """How many nodes and packs there will be: a pass over the levels that writes only the next level's tasks."""
+        device = self.device
+        made = [0, 0, 0]
+        tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1
+        while task_count:
+            slots, counts, totals = self._count(tree, tasks, task_count)
+            next_tasks = device.empty(4 * max(totals[0], 1))
+            arguments: _Arguments = [tree.members, slots, _u(task_count), counts[0], next_tasks]
+            self._each(self._collapse, "build_next_tasks", task_count, arguments)
+            made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
+            self._release(slots, *counts, tasks)
+            tasks, task_count = next_tasks, totals[0]
+        device.release(tasks)
+        return made[0], made[1], made[2]
+
+    def _count(self, tree: _BinaryTree, tasks: Buffer, task_count: int) -> tuple[Buffer, list[Buffer], list[int]]:
+        slots = self.device.empty(32 * task_count)
+        counts = [self.device.empty(4 * task_count) for _ in range(3)]
+        arguments: _Arguments = [tree.boxes, tree.members, tree.children, tasks, _u(task_count), slots, *counts]
+        self._each(self._collapse, "build_collapse_count", task_count, arguments)
+        return slots, counts, [self._scan(buffer, task_count) for buffer in counts]
+
+    def _scan(self, numbers: Buffer, count: int) -> int:
+        """Exclusive prefix sums in place; returns the total."""
+        chunks = -(-count // CHUNK)
+        sums = self.device.empty(4 * chunks)
+        self._each(self._order, "build_scan", chunks, [numbers, _u(count), sums])
+        if chunks == 1:
+            total = np.empty(1, np.uint32)
+            self.device.read(sums, total)
+            self.device.release(sums)
+            return int(total[0])
+        total_count = self._scan(sums, chunks)
+        self._each(self._order, "build_scan_add", count, [numbers, _u(count), sums])
+        self.device.release(sums)
+        return total_count
+
+    def _each(self, program: Program, kernel: str, count: int, arguments: _Arguments) -> None:
+        self.device.launch(program, kernel, -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
+
+    def _release(self, *buffers: Buffer) -> None:
+        for buffer in buffers:
+            self.device.release(buffer)
+
+
+def _u(value: int) -> np.uint32:
+    return np.uint32(value)

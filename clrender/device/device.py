@@ -1,0 +1,346 @@
+"""One OpenCL device: context, queue, programs, buffers, launches. It knows nothing of rendering."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.device.cache import Sentinel
+from clrender.device.compiler import build, store
+from clrender.device.source import Source, load_source
+from clrender.errors import DeviceError, RenderError
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+__all__ = ["Buffer", "Device", "DeviceInfo", "Program"]
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """What identifies a device to people and to caches.
+
+    Attributes
+    ----------
+    index : int
+        Place in `clrender devices`.
+    name, platform, driver : str
+        As the driver gives them; `driver` is its version.
+    type : str
+        ``cpu``, ``gpu`` or ``accelerator``.
+    compute_units : int
+    memory_bytes : int
+    probe : str
+        ``ok``, ``cannot-build``, ``wrong-result``, ``crashed``, ``timeout``, or ``unknown`` before the probe ran.
+    detail : str
+        What the probe saw when it is not ``ok``.
+    library : str
+        The driver's shared library as its ICD file names it; empty when the loader found the device by itself.
+    ordinal : int
+        Place among the devices of the same library.
+    version : str
+        Version of the platform, which names the compiler inside.
+    """
+
+    index: int
+    name: str
+    platform: str
+    driver: str
+    type: str
+    compute_units: int
+    memory_bytes: int
+    probe: str = "unknown"
+    detail: str = ""
+    library: str = ""
+    ordinal: int = 0
+    version: str = ""
+
+    @property
+    def title(self) -> str:
+        """Name of the device and of its driver, for messages."""
+        return f"{self.name} ({self.platform} {self.driver})"
+
+    def public(self) -> dict[str, Any]:
+        """The keys that `clrender devices --json` promises."""
+        keys = ("index", "name", "platform", "driver", "type", "compute_units", "memory_bytes", "probe")
+        values = asdict(self)
+        return {key: values[key] for key in keys}
+
+
+@dataclass(frozen=True, eq=False)
+class Buffer:
+    """Memory on a device."""
+
+    handle: Any
+    nbytes: int
+
+
+class Program:
+    """A built program; kernels are made once and kept."""
+
+    def __init__(self, source: Source, handle: cl.Program | None) -> None:
+        self.source = source
+        self.handle = handle
+        self.kernels: dict[str, cl.Kernel] = {}
+        self.launched: set[tuple[str, int]] = set()
+
+
+class Device:
+    """An OpenCL device ready for work: in-order queue, programs cached by entry and definitions.
+
+    Parameters
+    ----------
+    info : DeviceInfo
+    handle : pyopencl.Device
+
+    Attributes
+    ----------
+    is_cpu : bool
+    max_allocation_bytes : int
+        Largest single buffer.
+    max_work_group : int
+    compile_seconds : float
+        Spent in the driver's compiler so far, first launches of a kernel included.
+    allocated_bytes : int
+        Most memory held in buffers at one time.
+    launches, builds : int
+        How often a kernel was launched and a program built.
+
+    Raises
+    ------
+    DeviceError
+        When the driver cannot make a context or a queue.
+    """
+
+    def __init__(self, info: DeviceInfo, handle: cl.Device) -> None:
+        import pyopencl as cl
+
+        self._cl = cl
+        self._handle = handle
+        self.info = info
+        self.is_cpu = info.type == "cpu"
+        try:
+            self._context = cl.Context([handle])
+            profiling = cl.command_queue_properties.PROFILING_ENABLE
+            self._queue = cl.CommandQueue(self._context, handle, properties=profiling)
+            self.max_allocation_bytes = int(handle.max_mem_alloc_size)
+            self.max_work_group = int(handle.max_work_group_size)
+            rounded = int(handle.single_fp_config) & int(cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT)
+        except cl.Error as error:
+            raise DeviceError(
+                f"{info.title} lists itself but cannot be opened ({error}); see `clrender doctor`"
+            ) from error
+        # Any option that lets the compiler round differently would cost the equal bits on all drivers.
+        # -w: some drivers write warnings to stderr, which is the user's.
+        self.options = "-cl-std=CL1.2 -w" + (" -cl-fp32-correctly-rounded-divide-sqrt" if rounded else "")
+        self.compile_seconds = 0.0
+        self.allocated_bytes = 0
+        self.launches = 0
+        self.builds = 0
+        self._held_bytes = 0
+        self._sentinel = Sentinel()
+        self._programs: dict[tuple[str, tuple[tuple[str, str], ...]], Program] = {}
+
+    def program(self, entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
+        """Build a kernel file, or take the build of an earlier call.
+
+        Parameters
+        ----------
+        entry : str or Path
+            Name below the kernels folder, or an absolute path.
+        defines : mapping, optional
+            Macros set before the first line.
+
+        Raises
+        ------
+        RenderError
+            When a source file is missing.
+        DeviceError
+            When the driver's compiler refuses the program; the message holds its first errors.
+        """
+        key = (str(entry), tuple(sorted((name, str(value)) for name, value in (defines or {}).items())))
+        if key not in self._programs:
+            self._programs[key] = self._build(load_source(entry, defines))
+        return self._programs[key]
+
+    def _build(self, source: Source) -> Program:
+        begin = time.perf_counter()
+        self._sentinel.put()
+        try:
+            handle = build(self._context, self._handle, self.info, self.options, source)
+        finally:
+            self.compile_seconds += time.perf_counter() - begin
+        self.builds += 1
+        return Program(source, handle)
+
+    def upload(self, array: npt.NDArray[Any]) -> Buffer:
+        """Buffer on the device that holds a copy of `array`.
+
+        Raises
+        ------
+        RenderError
+            When the device has not the memory.
+        """
+        buffer = self.empty(array.nbytes)
+        self.write(buffer, array)
+        return buffer
+
+    def empty(self, nbytes: int) -> Buffer:
+        """Buffer of `nbytes` bytes, contents undefined.
+
+        Raises
+        ------
+        RenderError
+            When it is larger than the device allows, or the device has not the memory.
+        """
+        if nbytes > self.max_allocation_bytes:
+            raise RenderError(
+                f"{self.info.title} allows {_mib(self.max_allocation_bytes)} in one buffer, {_mib(nbytes)} are needed; "
+                "take a smaller scene or tile, or another device"
+            )
+        size = max(nbytes, 16)  # OpenCL knows no empty buffer
+        handle = self._call(
+            f"a buffer of {_mib(size)}",
+            lambda: self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, size),
+        )
+        self._held_bytes += size
+        self.allocated_bytes = max(self.allocated_bytes, self._held_bytes)
+        return Buffer(handle, size)
+
+    def release(self, buffer: Buffer) -> None:
+        """Give the memory of a buffer back; the buffer must not be used again."""
+        buffer.handle.release()
+        self._held_bytes -= buffer.nbytes
+
+    def launch(
+        self,
+        program: Program,
+        kernel: str,
+        global_size: int,
+        local_size: int,
+        args: Sequence[Buffer | np.generic | npt.NDArray[Any]],
+    ) -> None:
+        """Put a one-dimensional launch into the queue, after all that is there already.
+
+        Parameters
+        ----------
+        program : Program
+        kernel : str
+            Name of the entry point.
+        global_size, local_size : int
+            Work-items in all, a multiple of those in one work-group.
+        args : sequence
+            Buffers, NumPy scalars, or arrays of one structure passed by value.
+
+        Raises
+        ------
+        RenderError
+            When the driver refuses; the message names kernel and sizes.
+        """
+        what = f"kernel {kernel} of {program.source.entry} with {global_size} work-items in groups of {local_size}"
+
+        def enqueue() -> cl.Event:
+            function = program.kernels.get(kernel)
+            if function is None:
+                function = program.kernels[kernel] = self._cl.Kernel(program.handle, kernel)
+            for position, value in enumerate(args):
+                function.set_arg(position, value.handle if isinstance(value, Buffer) else value)
+            event: cl.Event = self._cl.enqueue_nd_range_kernel(self._queue, function, (global_size,), (local_size,))
+            return event
+
+        if (kernel, local_size) in program.launched:
+            self._call(what, enqueue)
+        else:
+            self._call(what, lambda: self._first_launch(enqueue))
+            program.launched.add((kernel, local_size))
+        self.launches += 1
+
+    def _first_launch(self, enqueue: Callable[[], cl.Event]) -> None:
+        """Launch and wait. Drivers compile for a local size when they first need it: all but running is compiling."""
+        self._sentinel.put()
+        self._queue.finish()
+        begin = time.perf_counter()
+        event = enqueue()
+        event.wait()
+        running = (event.profile.end - event.profile.start) * 1e-9
+        self.compile_seconds += max(time.perf_counter() - begin - running, 0.0)
+        self._sentinel.take()
+
+    def keep_binaries(self) -> None:
+        """Keep every program built so far for later processes, where that was not done at once.
+
+        PoCL takes as long as it took to compile, so only the probe asks for it.
+        """
+        for program in self._programs.values():
+            if program.handle is not None:
+                store(self.info, self.options, program.source, program.handle)
+
+    def read(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
+        """Wait for the queue and copy the start of `buffer` into all of `array` (C-contiguous).
+
+        Raises
+        ------
+        RenderError
+            When the copy or work before it fails.
+        """
+        if array.nbytes:
+            self._call(
+                f"a read of {_mib(array.nbytes)}",
+                lambda: self._cl.enqueue_copy(self._queue, array, buffer.handle, is_blocking=True),
+            )
+            self._sentinel.take()
+
+    def write(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
+        """Copy `array` (C-contiguous) to the start of `buffer`, and wait for it.
+
+        Raises
+        ------
+        RenderError
+            When the copy or work before it fails.
+        """
+        if array.nbytes:
+            self._call(
+                f"a write of {_mib(array.nbytes)}",
+                lambda: self._cl.enqueue_copy(self._queue, buffer.handle, array, is_blocking=True),
+            )
+
+    def finish(self) -> None:
+        """Wait until all that was put into the queue is done.
+
+        Raises
+        ------
+        RenderError
+            When work in the queue fails.
+        """
+        self._call("waiting for its queue", self._queue.finish)
+        self._sentinel.take()
+
+    def _call(self, what: str, function: Callable[[], _T]) -> _T:
+        try:
+            return function()
+        except self._cl.Error as error:
+            raise RenderError(f"{self.info.title} failed at {what}: {error}{_hint(str(error))}") from error
+
+
+def _mib(nbytes: int) -> str:
+    return f"{nbytes / 2**20:.1f} MiB" if nbytes >= 2**20 else f"{nbytes} bytes"
+
+
+def _hint(message: str) -> str:
+    for mark, cure in (
+        ("MEM_OBJECT_ALLOCATION_FAILURE", "; its memory is full: take a smaller scene, or another device"),
+        ("OUT_OF_RESOURCES", "; try a smaller --work-group or --tile"),
+        ("OUT_OF_HOST_MEMORY", "; the machine's memory is full"),
+        ("INVALID_WORK_GROUP_SIZE", "; try a smaller --work-group"),
+    ):
+        if mark in message:
+            return cure
+    return ""

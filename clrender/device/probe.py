@@ -1,0 +1,299 @@
+"""Know every device and whether it computes rightly, without letting a bad driver harm this process.
+
+Each driver is listed, and each device probed, in a process of its own with a time limit. What came out is kept per
+driver version and kernel hash, so that a warm start asks nobody.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from clrender.device import cache
+from clrender.device.device import DeviceInfo
+from clrender.device.discover import Driver, drivers, environment, fingerprint
+from clrender.device.source import kernels_sha256
+from clrender.errors import RenderError
+
+__all__ = [
+    "MARK",
+    "Answer",
+    "DriverReport",
+    "ask",
+    "ask_child",
+    "devices",
+    "examine",
+    "expected_hash",
+    "inventory",
+    "judge",
+    "probe",
+    "survey",
+]
+
+MARK: Final = "@clrender "
+"""Begins the line in which a child process answers, among whatever drivers print."""
+
+LIST_SECONDS: Final = 60.0
+PROBE_SECONDS: Final = 240.0
+"""For one probe, unless ``CLRENDER_PROBE_SECONDS`` says otherwise. Interpreters and layered drivers are slow."""
+EXPECTED_FILE: Final = Path(__file__).with_name("expected_probe.txt")
+_PACKAGE: Final = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a child process came to: its answer, or why there is none.
+
+    Attributes
+    ----------
+    value : dict or None
+        What it answered.
+    failure : str
+        ``crashed`` or ``timeout`` when it did not.
+    detail : str
+        Signal or exit status and the end of what it printed.
+    """
+
+    value: dict[str, Any] | None
+    failure: str = ""
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class DriverReport:
+    """A driver, its platforms, and their devices in `inventory` order.
+
+    Attributes
+    ----------
+    driver : Driver
+    fault : str
+        Why it offers nothing, or empty.
+    platforms : tuple of (name, version, number of devices)
+    devices : tuple of DeviceInfo
+    """
+
+    driver: Driver
+    fault: str
+    platforms: tuple[tuple[str, str, int], ...]
+    devices: tuple[DeviceInfo, ...]
+
+
+def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None = None) -> Answer:
+    """Run a child to its end or to the time limit, and take its answer.
+
+    Parameters
+    ----------
+    command : sequence of str
+    seconds : float
+        After which it and all it started are killed.
+    changes : dict, optional
+        Environment variables that differ from ours.
+    """
+    env = {**os.environ, **(changes or {})}
+    if env.get("OCL_ICD_VENDORS"):
+        env["OCL_ICD_VENDORS"] = str(Path(env["OCL_ICD_VENDORS"]).resolve())
+    # A folder of ours as working directory: `-m` must not import what happens to lie where the user is.
+    with (
+        tempfile.TemporaryFile() as errors,
+        subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            cwd=_PACKAGE,
+            env=env,
+            start_new_session=True,
+        ) as process,
+    ):
+        try:
+            output = process.communicate(timeout=seconds)[0].decode(errors="replace")
+        except subprocess.TimeoutExpired:
+            return Answer(None, "timeout", f"no answer after {seconds:g} s")
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            cache.Sentinel.drop(process.pid)
+        lines = [line[len(MARK) :] for line in output.splitlines() if line.startswith(MARK)]
+        if process.returncode == 0 and lines:
+            return Answer(json.loads(lines[-1]))
+        errors.seek(0)
+        tail = " | ".join(errors.read().decode(errors="replace").strip().splitlines()[-3:])
+    code = process.returncode
+    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+    return Answer(None, "crashed", f"{how}{': ' + tail if tail else ''}")
+
+
+def ask_child(request: dict[str, Any], seconds: float, changes: dict[str, str] | None = None) -> Answer:
+    """`ask` the module `child` in a new Python process."""
+    return ask([sys.executable, "-m", "clrender.device.child", json.dumps(request)], seconds, changes)
+
+
+def survey(*, refresh: bool = False) -> list[DriverReport]:
+    """Every driver with its platforms and devices; devices carry the verdict kept for them, or ``unknown``.
+
+    Parameters
+    ----------
+    refresh : bool
+        Ask the drivers again instead of taking what was kept.
+    """
+    environment()
+    reports: list[DriverReport] = []
+    index = 0
+    for driver in drivers():
+        listing = _listing(driver, refresh)
+        infos: list[DeviceInfo] = []
+        for platform in listing["platforms"]:
+            for device in platform["devices"]:
+                info = DeviceInfo(
+                    index=index,
+                    platform=platform["name"],
+                    version=platform["version"],
+                    library=driver.library,
+                    ordinal=len(infos),
+                    **device,
+                )
+                infos.append(_with_verdict(info, driver))
+                index += 1
+        platforms = tuple((p["name"], p["version"], len(p["devices"])) for p in listing["platforms"])
+        reports.append(DriverReport(driver, listing["fault"], platforms, tuple(infos)))
+    return reports
+
+
+def _listing(driver: Driver, refresh: bool) -> dict[str, Any]:
+    if driver.fault:
+        return {"platforms": [], "fault": driver.fault}
+    path = cache.cache_folder() / "drivers" / f"{fingerprint(driver)}.json"
+    kept = None if refresh else cache.read_json(path)
+    if isinstance(kept, dict) and "platforms" in kept and "fault" in kept:
+        return kept
+    answer = ask_child({"task": "list", "driver": asdict(driver)}, LIST_SECONDS)
+    if answer.value is None:
+        return {"platforms": [], "fault": f"listing its devices failed ({answer.failure}: {answer.detail})"}
+    cache.write_json(path, answer.value)
+    return answer.value
+
+
+def examine(notify: Callable[[str], None] | None = None) -> list[DriverReport]:
+    """Ask every driver and probe every device anew, whatever was kept.
+
+    Parameters
+    ----------
+    notify : callable, optional
+        Told in one line when a probe begins.
+    """
+    return [
+        replace(report, devices=tuple(probe(info, again=True, notify=notify) for info in report.devices))
+        for report in survey(refresh=True)
+    ]
+
+
+def inventory(*, refresh: bool = False) -> list[DeviceInfo]:
+    """Every device of every driver; verdicts as kept, ``unknown`` where there is none."""
+    return [info for report in survey(refresh=refresh) for info in report.devices]
+
+
+def devices(notify: Callable[[str], None] | None = None) -> list[dict[str, Any]]:
+    """What `clrender devices --json` prints: every device, probed if it was not yet.
+
+    Parameters
+    ----------
+    notify : callable, optional
+        Told in one line when a probe begins, since the first may take a minute.
+    """
+    return [probe(info, notify=notify).public() for info in inventory(refresh=True)]
+
+
+def expected_hash() -> str:
+    """Hash of the probe's tile that every device has to reach.
+
+    Raises
+    ------
+    RenderError
+        When the installation lacks it.
+    """
+    found = _kept_hash()
+    if not found:
+        raise RenderError(f"{EXPECTED_FILE} cannot be read, so no device can be checked; install clrender again")
+    return found
+
+
+def _kept_hash() -> str:
+    try:
+        return EXPECTED_FILE.read_text().strip()
+    except OSError:
+        return ""
+
+
+def _verdict_path(info: DeviceInfo, driver: Driver) -> Path:
+    facts = [info.name, info.driver, info.platform, info.version, str(info.ordinal)]
+    facts += [fingerprint(driver), kernels_sha256(), _kept_hash()]
+    return cache.cache_folder() / "verdicts" / f"{hashlib.sha256(chr(0).join(facts).encode()).hexdigest()}.json"
+
+
+def _with_verdict(info: DeviceInfo, driver: Driver) -> DeviceInfo:
+    kept = cache.read_json(_verdict_path(info, driver))
+    if isinstance(kept, dict) and {"probe", "detail"} <= kept.keys():
+        return replace(info, probe=str(kept["probe"]), detail=str(kept["detail"]))
+    return info
+
+
+def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None] | None = None) -> DeviceInfo:
+    """The device with a verdict: the one kept, or that of a probe made now.
+
+    Parameters
+    ----------
+    info : DeviceInfo
+    again : bool
+        Probe even when a verdict is kept.
+    notify : callable, optional
+        Told in one line when a probe begins.
+    """
+    if info.probe != "unknown" and not again:
+        return info
+    driver = next(each for each in drivers() if each.library == info.library)
+    if notify:
+        notify(f"probing {info.title}{'' if again else ': first use of this driver with these kernels'}")
+    request = {"task": "probe", "driver": asdict(driver), "ordinal": info.ordinal}
+    verdict, detail = judge(ask_child(request, _probe_seconds()), expected_hash())
+    if verdict == "crashed" and not any(mark in detail for mark in ("SIGKILL", "bad_alloc", "out of memory")):
+        # A driver also crashes on an entry of its own cache that went bad. With an empty cache it shows which it is.
+        with tempfile.TemporaryDirectory(prefix="clrender-") as empty:
+            changes = {"XDG_CACHE_HOME": empty, "POCL_CACHE_DIR": str(Path(empty) / "pocl")}
+            Path(changes["POCL_CACHE_DIR"]).mkdir()
+            second = judge(ask_child(request, _probe_seconds(), changes), expected_hash())
+        if second[0] != "crashed":
+            cache.renew_compiler_folder()
+            verdict, detail = second
+    cache.write_json(_verdict_path(info, driver), {"probe": verdict, "detail": detail, "device": info.title})
+    return replace(info, probe=verdict, detail=detail)
+
+
+def _probe_seconds() -> float:
+    try:
+        return float(os.environ["CLRENDER_PROBE_SECONDS"])
+    except (KeyError, ValueError):
+        return PROBE_SECONDS
+
+
+def judge(answer: Answer, expected: str) -> tuple[str, str]:
+    """Verdict on a probe's answer, and the reason where it is not ``ok``."""
+    value = answer.value
+    if value is None:
+        return answer.failure, answer.detail
+    if "error" in value:
+        return "cannot-build" if value.get("refused") else "crashed", str(value["error"])
+    differences = "; ".join(value.get("differences", []))
+    if value.get("hash") != expected:
+        reason = differences or "single operations are right, so its compiler changes what the kernels compute"
+        return "wrong-result", f"the test tile differs ({reason})"
+    return "ok", differences

@@ -1,0 +1,93 @@
+"""Puts a flat scene on a device: rows for shading, the tree for rays, in the order that kernels take them."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clrender.device import bvh
+from clrender.resources import kernels_folder
+
+if TYPE_CHECKING:
+    from clrender.device.device import Buffer, Device
+    from clrender.flatten import FlatScene
+
+__all__ = ["SceneArrays", "scene_array_names"]
+
+_WORK_GROUP = 16
+
+
+@cache
+def scene_array_names() -> tuple[str, ...]:
+    """Names in the list of ``kernels/scene.h``, in order: the first parameters of every kernel that renders."""
+    text = (kernels_folder() / "scene.h").read_text(encoding="utf-8")
+    block = text[text.index("#define SCENE_ARRAYS(X)") : text.index("#define SCENE_MEMBER_")]
+    return tuple(re.findall(r"X\(\w+, (\w+)\)", block))
+
+
+class SceneArrays:
+    """A scene on one device.
+
+    Parameters
+    ----------
+    device : Device
+    scene : FlatScene
+
+    Attributes
+    ----------
+    buffers : dict of str to Buffer
+        By the names of ``kernels/scene.h``, but for ``settings``, which belongs to a render.
+    tree : bvh.Bvh
+
+    Raises
+    ------
+    RenderError
+        When the device has not the memory.
+    """
+
+    def __init__(self, device: Device, scene: FlatScene) -> None:
+        self._device = device
+        triangles, primitives = scene.triangle_count, scene.triangle_count + scene.round_count
+        arrays = {name: device.upload(array) for name, array in scene.arrays.items()}
+        vertices, corners, rounds = arrays["vertices"], arrays["triangles"], arrays["rounds"]
+        self.tree = bvh.build(device, bvh.SourceArrays(vertices, corners, rounds, triangles, primitives))
+        smooth = len(scene.arrays["normals"]) > 1
+        self.buffers: dict[str, Buffer] = {
+            "primitive_rows": device.empty(64 * max(primitives, 1)),
+            "normal_rows": device.empty(64 * (max(triangles, 1) if smooth else 1)),
+            "shape_rows": device.empty(64 * len(scene.arrays["shapes"])),
+            "light_rows": device.empty(64 * len(scene.arrays["lights"])),
+            "light_alias": device.empty(8 * len(scene.arrays["lights"])),
+            "nodes": self.tree.nodes,
+            "triangle_packs": self.tree.triangle_packs,
+            "round_packs": self.tree.round_packs,
+            "camera": device.upload(scene.camera),
+        }
+        geometry: list[Buffer | np.generic] = [vertices, corners, rounds]
+        count, offset = np.uint32(primitives), np.uint32(triangles)
+        rows = self.buffers["primitive_rows"]
+        self._rows("primitives", primitives, [*geometry, arrays["primitive_shape"], offset, count, rows])
+        if smooth:
+            self._rows("normals", triangles, [arrays["normals"], corners, offset, self.buffers["normal_rows"]])
+        shapes, lights = len(scene.arrays["shapes"]), len(scene.arrays["lights"])
+        rows = self.buffers["shape_rows"]
+        self._rows("shapes", shapes, [arrays["shapes"], arrays["materials"], np.uint32(shapes), rows])
+        light_rows = [self.buffers["light_rows"], self.buffers["light_alias"]]
+        self._rows("lights", lights, [arrays["lights"], *geometry, offset, np.uint32(lights), *light_rows])
+        device.finish()
+        for buffer in arrays.values():
+            device.release(buffer)
+
+    def _rows(self, name: str, count: int, arguments: list[Buffer | np.generic]) -> None:
+        if count:
+            program = self._device.program("geometry/rows.cl")
+            self._device.launch(program, f"rows_{name}", -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
+
+    def release(self) -> None:
+        """Give the device's memory back."""
+        for buffer in self.buffers.values():
+            self._device.release(buffer)
+        self.buffers.clear()

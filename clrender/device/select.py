@@ -1,0 +1,204 @@
+"""Choose devices by what the user wrote, probe them where that was not done yet, and open them."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from clrender.device import discover
+from clrender.device.device import Device, DeviceInfo
+from clrender.device.probe import inventory, probe
+from clrender.errors import DeviceError, UsageError
+
+__all__ = ["choose", "open_devices", "select"]
+
+Notify = Callable[[str], None]
+Probe = Callable[[DeviceInfo], DeviceInfo]
+
+
+def select(
+    spec: str | int | Sequence[str | int] | None = None, *, notify: Notify | None = None, alone: bool = False
+) -> list[Device]:
+    """Open the devices that a `--device` specification means.
+
+    Parameters
+    ----------
+    spec : str, int, sequence of them, or None
+        ``auto``, ``cpu``, ``gpu`` (the best of the kind), ``all`` (every one that is ok), an index of
+        `clrender devices`, or a part of a name (the best of those it fits). None: ``CLRENDER_DEVICE``, else ``auto``.
+    notify : callable, optional
+        Told, one line each: which device was chosen, warnings, and when a probe begins.
+    alone : bool
+        Load only the drivers of these devices. Quicker to start, but the process can open no others later.
+
+    Returns
+    -------
+    list of Device
+        At least one, none twice.
+
+    Raises
+    ------
+    UsageError
+        When the specification fits no device there is.
+    DeviceError
+        When none of those that fit can be used.
+    """
+    tell = notify or (lambda line: None)
+    specs = _normalise(spec)
+    for refresh in (False, True):
+        known = inventory(refresh=refresh)
+        chosen = choose(specs, known, lambda info: probe(info, notify=tell), tell)
+        try:
+            opened = open_devices(chosen, None if alone else known)
+        except DeviceError:
+            # What was kept about the drivers no longer holds; ask them once more.
+            if refresh:
+                raise
+            continue
+        for info in chosen:
+            tell(f"device: {info.title}")
+        return opened
+    raise AssertionError("the second round returns or raises")
+
+
+def _normalise(spec: str | int | Sequence[str | int] | None) -> list[str]:
+    if spec is None or (not isinstance(spec, int) and len(spec) == 0):
+        spec = os.environ.get("CLRENDER_DEVICE", "").strip() or "auto"
+    parts = [spec] if isinstance(spec, (str, int)) else list(spec)
+    return [str(part).strip() or "auto" for part in parts]
+
+
+def choose(specs: Sequence[str], known: Sequence[DeviceInfo], probe_one: Probe, notify: Notify) -> list[DeviceInfo]:
+    """Devices that specifications mean, each once, in the order named.
+
+    Parameters
+    ----------
+    specs : sequence of str
+    known : sequence of DeviceInfo
+    probe_one : callable
+        Gives a device its verdict.
+    notify : callable
+        Told of devices used without an ``ok``.
+
+    Raises
+    ------
+    UsageError, DeviceError
+        As `select`.
+    """
+    if not known:
+        raise DeviceError("no OpenCL device was found; see `clrender doctor` for how to install a driver")
+    chosen: dict[int, DeviceInfo] = {}
+    for spec in specs:
+        for info in _one(spec, known, probe_one, notify):
+            chosen.setdefault(info.index, info)
+    return list(chosen.values())
+
+
+def _one(spec: str, known: Sequence[DeviceInfo], probe_one: Probe, notify: Notify) -> list[DeviceInfo]:
+    word = spec.lower()
+    ranked = sorted(known, key=_rank)
+    if word in ("auto", "cpu", "gpu"):
+        candidates = [info for info in ranked if word in ("auto", info.type)]
+        best = _first_ok(candidates, probe_one)
+        if best is None:
+            raise _none_ok("device" if word == "auto" else f"{word.upper()} device", candidates, probe_one)
+        return [best]
+    if word == "all":
+        good = [info for info in (probe_one(each) for each in known) if info.probe == "ok"]
+        if not good:
+            raise _none_ok("device", ranked, probe_one)
+        return good
+    named = _named(spec, ranked)
+    best = _first_ok(named, probe_one)
+    if best is None:
+        best = probe_one(named[0])
+        notify(f"warning: {best.title} did not pass the probe ({best.probe}: {best.detail}); its image may be wrong")
+    return [best]
+
+
+def _first_ok(candidates: Sequence[DeviceInfo], probe_one: Probe) -> DeviceInfo | None:
+    return next((info for info in map(probe_one, candidates) if info.probe == "ok"), None)
+
+
+def _none_ok(kind: str, candidates: Sequence[DeviceInfo], probe_one: Probe) -> DeviceError:
+    verdicts = "; ".join(f"{info.title}: {info.probe}" for info in map(probe_one, candidates))
+    found = f"none of those found passes the probe ({verdicts})" if verdicts else "there is none"
+    return DeviceError(f"no OpenCL {kind} can be used: {found}; see `clrender doctor`")
+
+
+def _named(spec: str, ranked: Sequence[DeviceInfo]) -> list[DeviceInfo]:
+    """Devices that an index or a part of a name fits, best first."""
+    listed = ", ".join(f"{info.index} = {info.title}" for info in sorted(ranked, key=lambda info: info.index))
+    if spec.lstrip("+-").isdigit():
+        by_index = [info for info in ranked if info.index == int(spec)]
+        if not by_index:
+            raise UsageError(f"--device {spec}: there is no device with that index; there are {listed}")
+        return by_index
+    word = spec.lower()
+    fits = [info for info in ranked if any(word in text.lower() for text in _names(info))]
+    if fits:
+        return fits
+    words = {part for info in ranked for text in _names(info) for part in text.lower().split()}
+    near = difflib.get_close_matches(word, sorted(words | {"auto", "cpu", "gpu", "all"}), n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else f"; there are {listed}"
+    raise UsageError(f"--device {spec}: no device has that in its name{hint}")
+
+
+def _names(info: DeviceInfo) -> tuple[str, ...]:
+    return (info.name, info.platform, info.version, info.driver)
+
+
+def _rank(info: DeviceInfo) -> tuple[int, int, int, int, int]:
+    """Smaller is better: GPU before CPU, native drivers before layered ones, then size."""
+    text = f"{info.platform} {info.name}".lower()
+    # Oclgrind says it is a GPU and is an interpreter.
+    kind = 3 if "oclgrind" in text else {"gpu": 0, "cpu": 1}.get(info.type, 2)
+    # llvmpipe was measured several times slower than PoCL on the same processor.
+    driver = 2 if "llvmpipe" in text else 1 if "rusticl" in text or "clover" in text else 0
+    native = 0 if "pocl" in info.version.lower() else 1
+    return (kind, driver, native if kind else 0, -info.compute_units, info.index)
+
+
+def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo] | None = None) -> list[Device]:
+    """Open devices in this process.
+
+    Parameters
+    ----------
+    chosen : sequence of DeviceInfo
+    known : sequence of DeviceInfo, optional
+        Devices whose drivers are loaded too, so that they can be opened later; those that crash are left out.
+
+    Raises
+    ------
+    DeviceError
+        When a driver no longer offers a device, or cannot open it.
+    """
+    libraries = {info.library for info in chosen}
+    libraries |= {info.library for info in known or () if info.probe not in ("crashed", "timeout")}
+    wanted = [driver for driver in discover.drivers() if driver.library in libraries]
+    platforms = discover.load_platforms(wanted)
+    return [Device(replace(info), _handle(info, platforms, known or chosen)) for info in chosen]
+
+
+def _handle(info: DeviceInfo, platforms: Sequence[Any], known: Sequence[DeviceInfo]) -> Any:
+    """The driver's object for a device: the n-th of those that look the same, as in the inventory."""
+    import pyopencl as cl
+
+    def identity(each: DeviceInfo) -> tuple[str, str, str, str]:
+        return (each.platform, each.version, each.name, each.driver)
+
+    alike = []
+    for platform in platforms:
+        try:
+            handles = platform.get_devices()
+        except cl.Error:
+            continue
+        where = (platform.name.strip(), platform.version.strip())
+        alike += [h for h in handles if (*where, h.name.strip(), h.driver_version.strip()) == identity(info)]
+    place = sum(identity(each) == identity(info) and each.index < info.index for each in known)
+    if place >= len(alike):
+        raise DeviceError(f"{info.title} is not among the devices this process has loaded; see `clrender devices`")
+    return alike[place]

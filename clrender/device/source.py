@@ -1,0 +1,194 @@
+"""Turn a kernel file and what it includes into one text, so that drivers never look for files themselves.
+
+Includes are quoted and relative to the kernels folder. `#line` marks keep compiler messages pointing at the file a
+person edits, folders with blanks in their name work on every driver, and the text is an honest cache key.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from clrender.errors import RenderError
+from clrender.resources import kernels_folder
+
+__all__ = ["Source", "expand", "kernels_sha256", "load_source"]
+
+_DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
+_COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*|/\*.*\Z", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Expanded text of one program.
+
+    Attributes
+    ----------
+    entry : str
+        Name for people, relative to the kernels folder.
+    text : str
+        Complete OpenCL C, no include left.
+    sha256 : str
+        Of `text`.
+    """
+
+    entry: str
+    text: str
+    sha256: str
+
+
+def load_source(entry: str | Path, defines: Mapping[str, int | str] | None = None, root: Path | None = None) -> Source:
+    """Read a kernel file, expand it and put its definitions on top.
+
+    Parameters
+    ----------
+    entry : str or Path
+        Name below the kernels folder, or an absolute path.
+    defines : mapping, optional
+        Macros set before the first line.
+    root : Path, optional
+        Folder that includes are relative to; the kernels folder when absent.
+
+    Raises
+    ------
+    RenderError
+        When a file is missing or cannot be read, or includes form a cycle.
+    """
+    macros = "".join(f"#define {name} {value}\n" for name, value in sorted((defines or {}).items()))
+    # For the whole program and not left to each file: contraction would cost the equal bits on all drivers.
+    text = "#pragma OPENCL FP_CONTRACT OFF\n" + macros + expand(entry, root)
+    return Source(str(entry), text, hashlib.sha256(text.encode()).hexdigest())
+
+
+def expand(entry: str | Path, root: Path | None = None) -> str:
+    """Text of a kernel file with every include replaced by what it names.
+
+    A header behind an include guard that was already taken in unconditionally, or in the same branch of an `#if`,
+    leaves only a `#line` mark; any other is taken in again, as a preprocessor would.
+
+    Parameters
+    ----------
+    entry : str or Path
+        Name below `root`, or an absolute path.
+    root : Path, optional
+        Folder that includes are relative to; the kernels folder when absent.
+
+    Raises
+    ------
+    RenderError
+        When a file is missing or cannot be read, an include is not quoted, or includes form a cycle.
+    """
+    expander = _Expander(root or kernels_folder())
+    return "".join(expander.file(str(entry), []))
+
+
+def kernels_sha256(root: Path | None = None) -> str:
+    """Hash of every kernel file, names included: what a verdict about a driver holds for."""
+    folder = root or kernels_folder()
+    digest = hashlib.sha256()
+    for path in _kernel_files(folder):
+        data = path.read_bytes()
+        digest.update(f"{path.relative_to(folder).as_posix()}\0{len(data)}\0".encode() + data)
+    return digest.hexdigest()
+
+
+def _kernel_files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.suffix in (".cl", ".h", ".inc"))
+
+
+class _Expander:
+    """State of one expansion: which guarded headers are surely in force at the present line."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        # One set per open conditional branch, outermost first. A header named in any of them is in force here.
+        self.branches: list[set[str]] = [set()]
+
+    def file(self, name: str, chain: list[str]) -> Iterator[str]:
+        """Lines of one file; `chain` holds "file:line" of the includes that led here."""
+        text = self._read(name, chain)
+        guard = _guard(text)
+        if guard:
+            self.branches[-1].add(name)
+        yield f'#line 1 "{name}"\n'
+        depth = 0
+        for number, line, code in _lines(text):
+            directive = _DIRECTIVE.match(code)
+            word = directive.group(1) if directive else ""
+            if directive and word == "include":
+                yield from self._include(directive.group(2), [*chain, f"{name}:{number}"])
+                yield f'#line {number + 1} "{name}"\n'
+                continue
+            depth = self._follow(word, depth, bool(guard))
+            yield line + "\n"
+
+    def _follow(self, word: str, depth: int, guarded: bool) -> int:
+        """Keep the branches in step with `#if … #endif`; the guard itself always holds at first sight."""
+        outermost = 1 if guarded else 0
+        if word in ("if", "ifdef", "ifndef"):
+            if depth >= outermost:
+                self.branches.append(set())
+            return depth + 1
+        if word in ("else", "elif") and depth > outermost:
+            self.branches[-1] = set()
+        elif word == "endif" and depth > 0:
+            if depth > outermost:
+                self.branches.pop()
+            return depth - 1
+        return depth
+
+    def _include(self, operand: str, chain: list[str]) -> Iterator[str]:
+        place = chain[-1]
+        if len(operand) < 3 or operand[0] != '"' or operand[-1] != '"':
+            raise RenderError(
+                f"{place}: includes are quoted and relative to the kernels folder, but this says {operand}"
+            )
+        name = operand[1:-1]
+        open_files = [step.rpartition(":")[0] for step in chain]
+        if name in open_files:
+            cycle = " -> ".join([*chain[open_files.index(name) :], name])
+            raise RenderError(f"{place}: includes form a cycle ({cycle}); move what both need into a header of its own")
+        if not any(name in branch for branch in self.branches):
+            yield from self.file(name, chain)
+
+    def _read(self, name: str, chain: list[str]) -> str:
+        path = Path(name) if not chain and Path(name).is_absolute() else self.root / name
+        place = f"{chain[-1]}: " if chain else ""
+        if chain and (".." in Path(name).parts or Path(name).is_absolute()):
+            raise RenderError(f'{place}"{name}" leaves the kernels folder; includes are relative to it')
+        try:
+            return path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise RenderError(f'{place}kernel file "{name}" is not in {self.root}{self._nearest(name)}') from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise RenderError(f'{place}kernel file "{name}" cannot be read: {error}') from None
+
+    def _nearest(self, name: str) -> str:
+        known = [path.relative_to(self.root).as_posix() for path in _kernel_files(self.root)]
+        near = difflib.get_close_matches(name, known, n=1)
+        return f'; did you mean "{near[0]}"?' if near else ""
+
+
+def _blank(match: re.Match[str]) -> str:
+    return "\n" * match.group().count("\n") or " "
+
+
+def _lines(text: str) -> Iterator[tuple[int, str, str]]:
+    """Yield (number from 1, line as written, the same line without comments)."""
+    # No kernel holds a string literal with a comment mark in it, so comments can be cut by pattern.
+    bare = _COMMENTS.sub(_blank, text).splitlines()
+    for index, line in enumerate(text.splitlines()):
+        yield index + 1, line, bare[index] if index < len(bare) else ""
+
+
+def _guard(text: str) -> str:
+    """Name of the include guard around a whole file, or an empty string."""
+    found = [m for _, _, code in _lines(text) if (m := _DIRECTIVE.match(code))]
+    if len(found) < 3 or [m.group(1) for m in (found[0], found[1], found[-1])] != ["ifndef", "define", "endif"]:
+        return ""
+    name = found[0].group(2)
+    return name if found[1].group(2).split()[:1] == [name] else ""

@@ -1,0 +1,297 @@
+"""One render on one device: turns a unit of work into the sums of its samples, in launches short enough to stop."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender import layout
+from clrender.device.scene_arrays import SceneArrays, scene_array_names
+from clrender.work import BLOCK, Unit, UnitSums
+
+if TYPE_CHECKING:
+    from clrender.device.device import Buffer, Device, Program
+    from clrender.flatten import FlatScene
+
+__all__ = ["Cut", "DeviceWorker", "probe_hash"]
+
+SLICE_SECONDS: Final = 0.15
+"""What a launch should last: short enough for progress, Ctrl-C and drivers with a watchdog."""
+
+_CPU_LANES: Final = 16
+_GPU_WORK_GROUP: Final = 64
+_SAMPLES_BYTES: Final = 96 << 20
+_MOST_SAMPLES_PER_PASS: Final = 16
+_BLOCK_SLOTS: Final = BLOCK * BLOCK
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How work is cut for a device. None of it changes a bit of the image.
+
+    Attributes
+    ----------
+    lanes : int or None
+        Paths a work-item carries: 1, 4, 8 or 16; None: by the kind of device.
+    work_group : int or None
+        Work-items in a group.
+    samples_per_pass : int or None
+        Samples of a pixel in one launch; None: adapted as the render goes.
+    traversal : str or None
+        ``packet`` (the default) or ``single``.
+    """
+
+    lanes: int | None = None
+    work_group: int | None = None
+    samples_per_pass: int | None = None
+    traversal: str | None = None
+
+
+class DeviceWorker:
+    """A scene and its settings on one device.
+
+    Parameters
+    ----------
+    device : Device
+    scene : FlatScene
+    settings : (1,) `Settings`
+        `triangle_count`, `primitive_count`, `light_count` and `environment` are filled in here.
+    entry, kernel : str
+        The integrator: its file and its kernel.
+    cut : Cut
+
+    Attributes
+    ----------
+    build_seconds : float
+        Upload and tree.
+    busy_seconds : float
+        In launches, waiting for them included.
+
+    Raises
+    ------
+    RenderError, DeviceError
+        When the device has not the memory, or its driver fails.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        scene: FlatScene,
+        settings: npt.NDArray[np.void],
+        entry: str = "integrator/path.cl",
+        kernel: str = "integrator_path",
+        cut: Cut | None = None,
+    ) -> None:
+        cut = cut or Cut()
+        self.device = device
+        self.name = device.info.title
+        self.busy_seconds = 0.0
+        begin = time.perf_counter()
+        self._arrays = SceneArrays(device, scene)
+        self._settings = settings.copy()
+        self._settings["triangle_count"] = scene.triangle_count
+        self._settings["primitive_count"] = scene.triangle_count + scene.round_count
+        self._settings["light_count"] = scene.light_count
+        self._settings["environment"] = scene.environment
+        self._settings_buffer = device.upload(self._settings)
+        self.build_seconds = time.perf_counter() - begin
+        self._lanes = cut.lanes or _lanes(device)
+        self._group = cut.work_group or (1 if device.is_cpu else min(_GPU_WORK_GROUP, device.max_work_group))
+        self._per_pass = cut.samples_per_pass
+        self._program = device.program(entry, self._defines(cut))
+        self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
+        self._kernel = kernel
+        self._rate = 0.0
+        self._samples: Buffer | None = None
+        named = {**self._arrays.buffers, "settings": self._settings_buffer}
+        self._scene_arguments = [named[name] for name in scene_array_names()]
+
+    def _defines(self, cut: Cut) -> dict[str, int | str]:
+        defines: dict[str, int | str] = {"LANES": self._lanes}
+        if cut.traversal == "single":
+            defines["TRAVERSAL_SINGLE"] = 1
+        stack = 96
+        while stack < self._arrays.tree.stack_entries:
+            stack *= 2
+        if stack > 96:
+            defines["BVH_STACK"] = stack
+        return defines
+
+    def render(
+        self,
+        unit: Unit,
+        on_slice: Callable[[int, int], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> UnitSums:
+        """Trace the samples of a unit, in slices of about `SLICE_SECONDS`.
+
+        Parameters
+        ----------
+        unit : Unit
+        on_slice : callable, optional
+            Told after each slice how many samples and rays it had.
+        should_stop : callable, optional
+            Asked between slices; when it says yes, what is done so far is returned.
+
+        Returns
+        -------
+        UnitSums
+
+        Raises
+        ------
+        RenderError
+            When the driver fails.
+        """
+        device, slots = self.device, unit.slot_count
+        sums, counts = device.empty(48 * slots), device.empty(4 * slots)
+        self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
+        blocks_inside = self._inside(unit)
+        samples = rays = shadow_rays = deepest = done = 0
+        complete = True
+        while done < unit.sample_count and complete:
+            passes = self._passes(slots, unit.sample_count - done)
+            start = 0
+            while start < slots:
+                if should_stop is not None and should_stop():
+                    complete = False
+                    break
+                length = self._slice_slots(slots - start, passes)
+                part = Unit(unit.first_slot + start, length, unit.first_sample + done, passes)
+                counted = self._slice(part, start, sums, counts)
+                traced = int(blocks_inside[start // _BLOCK_SLOTS : -(-(start + length) // _BLOCK_SLOTS)].sum()) * passes
+                samples += traced
+                rays += counted[0] + counted[1]
+                shadow_rays += counted[1]
+                deepest = max(deepest, counted[2])
+                start += length
+                if on_slice is not None:
+                    on_slice(traced, counted[0] + counted[1])
+            if complete:
+                done += passes
+        result = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
+        device.read(sums, result[0])
+        device.read(counts, result[1])
+        device.release(sums)
+        device.release(counts)
+        return UnitSums(*result, samples, rays, shadow_rays, deepest, complete)
+
+    def _inside(self, unit: Unit) -> npt.NDArray[np.int64]:
+        """How many slots of each block of a unit are in the image."""
+        width, height, tile = (int(self._settings[name][0]) for name in ("width", "height", "tile"))
+        first, across, blocks = unit.first_slot // _BLOCK_SLOTS, -(-width // tile), tile // BLOCK
+        number, block = np.divmod(np.arange(first, first + unit.slot_count // _BLOCK_SLOTS), blocks * blocks)
+        columns = width - (number % across * tile + block % blocks * BLOCK)
+        rows = height - (number // across * tile + block // blocks * BLOCK)
+        inside: npt.NDArray[np.int64] = np.clip(columns, 0, BLOCK) * np.clip(rows, 0, BLOCK)
+        return inside
+
+    def _slice(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> tuple[int, int, int]:
+        """One launch, and its samples added up; gives its nearest-hit rays, shadow rays and deepest path."""
+        device = self.device
+        begin = time.perf_counter()
+        items = -(-part.slot_count // self._lanes)
+        items = -(-items // self._group) * self._group
+        samples, stats = self._samples_buffer(12 * part.slot_count * part.sample_count), device.empty(16 * items)
+        span = [
+            np.uint32(number) for number in (part.first_slot, part.slot_count, part.first_sample, part.sample_count)
+        ]
+        device.launch(self._program, self._kernel, items, self._group, [*self._scene_arguments, *span, samples, stats])
+        head: list[Buffer | np.generic] = [
+            self._settings_buffer,
+            samples,
+            np.uint32(part.first_slot),
+            np.uint32(part.slot_count),
+        ]
+        tail: list[Buffer | np.generic] = [np.uint32(part.sample_count), np.uint32(start), sums, counts]
+        self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail])
+        counted = np.empty((items, 4), np.uint32)
+        device.read(stats, counted)
+        device.release(stats)
+        seconds = time.perf_counter() - begin
+        self.busy_seconds += seconds
+        self._rate = part.slot_count * part.sample_count / max(seconds, 1e-4)
+        return (
+            int(counted[:, 0].sum(dtype=np.uint64)),
+            int(counted[:, 1].sum(dtype=np.uint64)),
+            int(counted[:, 2].max()),
+        )
+
+    def _samples_buffer(self, nbytes: int) -> Buffer:
+        """The samples of a launch; one buffer serves all, because fresh memory costs more than rendering into it."""
+        if self._samples is None or self._samples.nbytes < nbytes:
+            if self._samples is not None:
+                self.device.release(self._samples)
+            self._samples = self.device.empty(nbytes)
+        return self._samples
+
+    def _passes(self, slots: int, left: int) -> int:
+        """Samples of a pixel in the next launches."""
+        if self._per_pass is not None:
+            return min(self._per_pass, left)
+        if self._rate == 0.0:
+            return 1
+        return max(1, min(left, _MOST_SAMPLES_PER_PASS, int(self._rate * SLICE_SECONDS / min(slots, 4096))))
+
+    def _slice_slots(self, left: int, passes: int) -> int:
+        """Slots of the next launch, from the speed of the last; the first is small, to find the speed."""
+        wanted = self._rate * SLICE_SECONDS / passes if self._rate else 4096
+        room = _SAMPLES_BYTES // (12 * passes)
+        return min(left, max(256, int(min(wanted, room)) // 16 * 16))
+
+    def _launch(self, program: Program, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:
+        group = 16
+        self.device.launch(program, kernel, -(-count // group) * group, group, arguments)
+
+    def release(self) -> None:
+        """Give the device's memory back."""
+        self.device.release(self._settings_buffer)
+        if self._samples is not None:
+            self.device.release(self._samples)
+        self._arrays.release()
+
+
+def _lanes(device: Device) -> int:
+    """Paths a work-item carries unless the user says otherwise."""
+    # rusticl's llvmpipe puts neighbouring work-items into a vector's lanes by itself, as a GPU does.
+    return _CPU_LANES if device.is_cpu and "rusticl" not in device.info.platform.lower() else 1
+
+
+def probe_hash(device: Device) -> str:
+    """SHA-256 of a small tile of a fixed scene, rendered with the real kernels as the device would render any.
+
+    The scene is the built-in room: triangles, spheres, every material, area lights, indirect light to any depth.
+
+    Parameters
+    ----------
+    device : Device
+
+    Returns
+    -------
+    str
+        Hexadecimal. The same on every device that computes right.
+
+    Raises
+    ------
+    RenderError, DeviceError
+        When the driver fails.
+    """
+    from clrender.flatten import flatten
+    from clrender.scene import load
+
+    size, spp = 16, 4
+    settings = np.zeros(1, layout.dtype("Settings"))
+    for name, value in {
+        "width": size, "height": size, "tile": size, "shadow_rays": 1, "indirect_rays": 1, "max_depth": layout.NONE,
+        "roulette": layout.ROULETTE_THROUGHPUT,
+    }.items():  # fmt: skip
+        settings[name] = value
+    worker = DeviceWorker(device, flatten(load("room"), size, size), settings)
+    result = worker.render(Unit(0, size * size, 0, spp))
+    worker.release()
+    return hashlib.sha256(result.sums.astype("<u4").tobytes() + result.counts.astype("<u4").tobytes()).hexdigest()

@@ -1,0 +1,140 @@
+"""Files on disk: written whole or not at all, opened with errors that say what to do."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from clrender.errors import RenderError, UsageError
+
+__all__ = ["atomic_write", "check_writable", "open_input", "remove_temporaries"]
+
+_temporaries: set[Path] = set()
+
+
+def check_writable(path: str | Path) -> None:
+    """Make sure, before any work is done, that `path` can be written.
+
+    A file beside it is really created and removed: permissions alone do not tell (root, read-only or full disks).
+
+    Raises
+    ------
+    UsageError
+        No such folder, or a place that cannot be written.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise UsageError(f"{path}: is a folder; name a file in it.")
+        _refuse_special(path)
+        if path.exists() and not os.access(path, os.W_OK):
+            raise UsageError(f"{path}: is write-protected; remove it or choose another name.")
+        with _beside(path) as (file, _):
+            file.write(b"\0")
+    except OSError as error:
+        raise UsageError(_reason(path, error)) from None
+
+
+@contextmanager
+def atomic_write(path: str | Path) -> Iterator[IO[bytes]]:
+    """Binary file that takes the place of `path` when the block ends well, and vanishes when it does not.
+
+    The data is written beside, flushed to the disk and renamed, so that `path` is the old or the new file, whole,
+    whenever the program or the machine dies.
+
+    Raises
+    ------
+    RenderError
+        The file cannot be written (no room, no permission, …).
+    UsageError
+        `path` is a pipe or a device, which a rename would destroy.
+    """
+    path = Path(path)
+    try:
+        _refuse_special(path)
+        with _beside(path) as (file, temporary):
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+            # A link is written through, not replaced.
+            target = Path(os.path.realpath(path))
+            if target.exists():
+                temporary.chmod(target.stat().st_mode & 0o7777)
+            temporary.replace(target)
+            _sync_folder(target.parent)
+    except OSError as error:
+        raise RenderError(_reason(path, error)) from None
+
+
+@contextmanager
+def open_input(path: str | Path) -> Iterator[IO[bytes]]:
+    """Existing binary file for reading.
+
+    Raises
+    ------
+    UsageError
+        It cannot be opened or read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            yield file
+    except FileNotFoundError:
+        raise UsageError(f"{path}: no such file; check the name.") from None
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from None
+
+
+def remove_temporaries() -> None:
+    """Remove what `atomic_write` has begun and not ended; only for a program about to exit without cleaning up."""
+    for temporary in list(_temporaries):
+        with suppress(OSError):
+            temporary.unlink()
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[tuple[IO[bytes], Path]]:
+    """New file in the folder where `path` really lies, removed at the end unless it was renamed."""
+    folder = Path(os.path.realpath(path)).parent
+    temporary = folder / f".clrender-{os.getpid()}-{secrets.token_hex(6)}.part"
+    _temporaries.add(temporary)
+    try:
+        # Not `tempfile`: the final file shall have the rights that the user's umask gives.
+        with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666), "wb") as file:
+            yield file, temporary
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+        _temporaries.discard(temporary)
+
+
+def _refuse_special(path: Path) -> None:
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise UsageError(f"{path}: is not a regular file; write to one.")
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename last; some file systems know no such call, and then there is nothing to do."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _reason(path: Path, error: OSError) -> str:
+    folder = Path(os.path.realpath(path)).parent
+    match error.errno:
+        case errno.ENOSPC | errno.EDQUOT | errno.EFBIG:
+            return f"{path}: cannot be written, no room is left ({error.strerror}); make room or write elsewhere."
+        case errno.ENOENT | errno.ENOTDIR:
+            return f"{path}: there is no folder {str(folder)!r}; create it first."
+        case errno.EACCES | errno.EPERM | errno.EROFS:
+            return f"{path}: the folder {str(folder)!r} cannot be written ({error.strerror}); write elsewhere."
+        case _:
+            return f"{path}: cannot be written ({error.strerror or error})."

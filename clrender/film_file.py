@@ -1,0 +1,175 @@
+"""The `.film` file: exact sums on disk, so that a film can be kept, resumed and merged without losing a bit.
+
+It is an uncompressed NumPy archive (`.npz`) of three members, which `numpy.load` reads too: `header` (JSON text
+as bytes), `counts` (H, W) uint32 and `sums` (H, W, 3, 2) uint64, low word first, in quanta of 2^-64.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import UsageError
+from clrender.files import atomic_write, open_input
+
+__all__ = ["FORMAT", "read_arrays", "read_header", "write_film"]
+
+FORMAT: Final = "clrender film 1"
+
+_HEADER_LIMIT: Final = 256 << 20
+_DAMAGES: Final = (
+    zipfile.BadZipFile,
+    EOFError,
+    KeyError,
+    NotImplementedError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+
+
+def write_film(
+    path: Path, header: Mapping[str, Any], counts: npt.NDArray[np.uint32], bands: Sequence[npt.NDArray[np.uint64]]
+) -> None:
+    """Write a film, all of it or nothing.
+
+    Parameters
+    ----------
+    path : Path
+        Where to; an existing file is replaced.
+    header : mapping
+        JSON-able: width, height, request, units, provenance.
+    counts : (H, W) uint32
+    bands : sequence of (rows, W, 3, 2) uint64
+        Sums, top first.
+
+    Raises
+    ------
+    RenderError
+        The file cannot be written.
+    """
+    text = json.dumps({"format": FORMAT, **header}, sort_keys=True).encode()
+    with atomic_write(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+        _write_member(archive, "header", (len(text),), [np.frombuffer(text, np.uint8)])
+        _write_member(archive, "counts", counts.shape, [counts])
+        _write_member(archive, "sums", (*counts.shape, 3, 2), bands)
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """Header of a film, after a check that the file is as large as the film it speaks of.
+
+    Raises
+    ------
+    UsageError
+        No such file, or not a whole film.
+    """
+    with open_input(path) as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                text = _read_member(archive, "header", None, np.dtype(np.uint8)).tobytes()
+                header = json.loads(text)
+                if not isinstance(header, dict) or header.get("format") != FORMAT:
+                    raise ValueError(f"its header does not say {FORMAT!r}")
+                width, height = header.get("width"), header.get("height")
+                if type(width) is not int or type(height) is not int or width < 1 or height < 1:
+                    raise ValueError(f"a film of {width} x {height} pixels holds nothing")
+                missing = [key for key in ("request", "units", "provenance") if not isinstance(header.get(key), dict)]
+                if missing:
+                    raise ValueError(f"its header has no {missing[0]!r}")
+                sizes = {"counts": 4 * width * height, "sums": 48 * width * height}
+                for name, size in sizes.items():
+                    if not size < archive.getinfo(f"{name}.npy").file_size < size + 65536:
+                        raise ValueError(f"{name} are not those of {width} x {height} pixels")
+        except _DAMAGES as error:
+            raise _damaged(path, error) from None
+    return header
+
+
+def read_arrays(path: Path, counts: npt.NDArray[np.uint32], bands: Sequence[npt.NDArray[np.uint64]]) -> None:
+    """Fill `counts` (H, W) and `bands` (rows, W, 3, 2) in place from a film.
+
+    Raises
+    ------
+    UsageError
+        The file is not a whole film of that size.
+    """
+    with open_input(path) as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                with archive.open(_stored(archive, "counts")) as member:
+                    _expect(member, counts.shape, np.dtype("<u4"))
+                    _fill(member, counts)
+                with archive.open(_stored(archive, "sums")) as member:
+                    _expect(member, (*counts.shape, 3, 2), np.dtype("<u8"))
+                    for band in bands:
+                        _fill(member, band)
+                    member.read(1)  # the archive's check of the whole member
+        except _DAMAGES as error:
+            raise _damaged(path, error) from None
+
+
+def _write_member(
+    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], parts: Sequence[npt.NDArray[Any]]
+) -> None:
+    kind = parts[0].dtype.newbyteorder("<")
+    # A fixed date: equal films are equal files.
+    info = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
+    with archive.open(info, "w", force_zip64=True) as member:
+        description = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False, "shape": shape}
+        np.lib.format.write_array_header_1_0(member, description)
+        for part in parts:
+            data = np.ascontiguousarray(part, kind).reshape(-1)
+            for first in range(0, len(data), 1 << 20):
+                member.write(data[first : first + (1 << 20)].data)
+
+
+def _stored(archive: zipfile.ZipFile, name: str) -> zipfile.ZipInfo:
+    """Member `name`, which must be uncompressed: a small file can then not ask for much memory."""
+    info = archive.getinfo(f"{name}.npy")
+    if info.compress_type != zipfile.ZIP_STORED or info.file_size != info.compress_size:
+        raise ValueError(f"{name} are compressed")
+    return info
+
+
+def _read_member(
+    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...] | None, kind: np.dtype[Any]
+) -> npt.NDArray[Any]:
+    info = _stored(archive, name)
+    if info.file_size > _HEADER_LIMIT:
+        raise ValueError(f"{name} is larger than {_HEADER_LIMIT} bytes")
+    with archive.open(info) as member:
+        found = _expect(member, shape, kind)
+        return np.frombuffer(member.read(), kind).reshape(found)
+
+
+def _expect(member: IO[bytes], shape: tuple[int, ...] | None, kind: np.dtype[Any]) -> tuple[int, ...]:
+    """Read the array header of a member and insist on what follows it."""
+    if np.lib.format.read_magic(member) != (1, 0):
+        raise ValueError("an array is not of NumPy's format 1.0")
+    found, fortran, found_kind = np.lib.format.read_array_header_1_0(member)
+    if fortran or found_kind != kind or (shape is not None and found != shape):
+        raise ValueError(f"an array is {found_kind} {found}, not {kind} {shape}")
+    return tuple(found)
+
+
+def _fill(member: IO[bytes], array: npt.NDArray[Any]) -> None:
+    flat = array.reshape(-1)
+    step = 1 << 20
+    for first in range(0, len(flat), step):
+        part = flat[first : first + step]
+        data = member.read(part.nbytes)
+        if len(data) != part.nbytes:
+            raise EOFError("the file ends too early")
+        part[:] = np.frombuffer(data, array.dtype.newbyteorder("<"))
+
+
+def _damaged(path: Path, error: Exception) -> UsageError:
+    return UsageError(f"{path}: not a whole clrender film ({error}); render it again.")

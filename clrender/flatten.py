@@ -1,0 +1,173 @@
+"""Turns a scene into the contiguous arrays that the kernels read, one array per kernel argument."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError, UsageError
+from clrender.scene.angles import tan_degrees
+from clrender.scene.description import Camera, Dielectric, Lambert, Scene
+from clrender.scene.lights import flat_lights
+from clrender.scene.surfaces import SMALLEST, flat_surfaces
+from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
+
+__all__ = ["FlatScene", "flatten"]
+
+_Rows: TypeAlias = NDArray[np.void]
+_MOST_ABSORPTION: Final = 0.999
+
+
+@dataclass(frozen=True)
+class FlatScene:
+    """A scene as the kernels see it. No array is empty: the counts tell how many rows are real.
+
+    Attributes
+    ----------
+    arrays : mapping of str to ndarray
+        ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
+        not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``rounds`` (R,) `Round`;
+        ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
+        ``lights`` (L,) `Light`, each with a probability above 0. Little-endian, C-contiguous.
+    camera : (1,) `Camera`
+    environment : int
+        Index of the environment light, or `layout.NONE`.
+    triangle_count, round_count, light_count : int
+    sha256 : str
+        Over all of the above.
+    warnings : tuple of str
+        What was left out, one sentence each.
+    """
+
+    arrays: Mapping[str, NDArray[Any]]
+    camera: _Rows
+    environment: int
+    triangle_count: int
+    round_count: int
+    light_count: int
+    sha256: str
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays together; the tree built on the device comes on top."""
+        return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes
+
+
+def flatten(scene: Scene, width: int, height: int) -> FlatScene:
+    """Arrays of a scene for an image of `width` by `height` pixels.
+
+    Parameters
+    ----------
+    scene : Scene
+    width, height : int
+        Pixels.
+
+    Returns
+    -------
+    FlatScene
+
+    Raises
+    ------
+    SceneError
+        If a shape is degenerate or too large or small for single precision, or a mesh file cannot be read.
+    UsageError
+        If width or height is not positive.
+    """
+    if width < 1 or height < 1:
+        raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
+    camera = _camera_row(scene.camera, width, height, scene.source)
+    surfaces = flat_surfaces(scene)
+    lights, environment = flat_lights(scene, surfaces)
+    triangle_count, round_count, light_count = len(surfaces.triangles), len(surfaces.rounds), len(lights)
+    arrays = {
+        "vertices": _padded(surfaces.vertices),
+        "normals": _padded(surfaces.normals),
+        "triangles": _padded(surfaces.triangles),
+        "rounds": _padded(surfaces.rounds),
+        "primitive_shape": _padded(surfaces.primitive_shape),
+        "shapes": _padded(surfaces.shapes),
+        "materials": _padded(_material_rows(scene)),
+        "lights": _padded(lights),
+    }
+    digest = hashlib.sha256(f"{environment} {triangle_count} {round_count} {light_count}".encode())
+    for name, array in (*arrays.items(), ("camera", camera)):
+        digest.update(f"{name} {array.shape}".encode())
+        digest.update(array.reshape(-1).view(np.uint8).data)
+    return FlatScene(
+        arrays=arrays,
+        camera=camera,
+        environment=environment,
+        triangle_count=triangle_count,
+        round_count=round_count,
+        light_count=light_count,
+        sha256=digest.hexdigest(),
+        warnings=surfaces.warnings,
+    )
+
+
+def _padded(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, or one row of zeros in its place: OpenCL knows no empty buffer."""
+    return np.ascontiguousarray(array) if len(array) else np.zeros((1, *array.shape[1:]), dtype=array.dtype)
+
+
+def _material_rows(scene: Scene) -> _Rows:
+    """The named materials in order, then black if a shape has none."""
+    black = any(shape.material is None for shape in scene.shapes)
+    rows = np.zeros(len(scene.materials) + black, dtype=layout.dtype("Material"))
+    for row, material in zip(rows, scene.materials.values(), strict=False):
+        if isinstance(material, Dielectric):
+            row["kind"], row["ior"] = layout.MATERIAL_DIELECTRIC, material.ior / material.exterior_ior
+            row["color"] = (1.0, 1.0, 1.0, material.absorption or 0.0)
+            continue
+        row["kind"] = layout.MATERIAL_LAMBERT if isinstance(material, Lambert) else layout.MATERIAL_MIRROR
+        default = min(1.0 - max(material.reflectance), _MOST_ABSORPTION)
+        row["color"] = (*material.reflectance, default if material.absorption is None else material.absorption)
+        row["ior"] = 1.0
+    if black:
+        rows[-1]["kind"], rows[-1]["ior"] = layout.MATERIAL_LAMBERT, 1.0
+        rows[-1]["color"] = (0.0, 0.0, 0.0, _MOST_ABSORPTION)
+    return rows
+
+
+def _camera_row(camera: Camera, width: int, height: int, source: str) -> _Rows:
+    """Film rectangle on the plane of focus: right-handed, image right = forward x up."""
+    view = _difference(camera.target, camera.position)
+    distance = camera.focus_distance if camera.focus_distance is not None else length(view)
+    forward = _scaled(view, 1.0 / length(view))
+    right = cross(forward, _scaled(camera.up, 1.0 / length(camera.up)))
+    right = _scaled(right, 1.0 / length(right))
+    upward = cross(right, forward)
+    half_height = distance * tan_degrees(camera.vertical_fov / 2.0)
+    half_width = half_height * width / height
+    corner = [f * distance - r * half_width + u * half_height for f, r, u in zip(forward, right, upward, strict=True)]
+    row = np.zeros(1, dtype=layout.dtype("Camera"))
+    for name, vector in (
+        ("origin", camera.position),
+        ("corner", corner),
+        ("right", _scaled(right, 2.0 * half_width)),
+        ("down", _scaled(upward, -2.0 * half_height)),
+        ("lens_u", _scaled(right, camera.aperture_radius)),
+        ("lens_v", _scaled(upward, camera.aperture_radius)),
+    ):
+        row[0][name][:3] = vector
+    sizes = [2.0 * half_width, 2.0 * half_height]
+    if not (min(sizes) >= SMALLEST and max(sizes) <= COORDINATE_LIMIT):
+        low, high = f"{min(sizes):g}", f"{max(sizes):g}"
+        text = f"the view spans {low} to {high} metres at the focus distance, too extreme for single precision"
+        raise SceneError(f"{source}: camera: {text}; choose a more moderate vertical_fov or focus_distance")
+    return row
+
+
+def _difference(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def _scaled(a: Vector, factor: float) -> Vector:
+    return (a[0] * factor, a[1] * factor, a[2] * factor)

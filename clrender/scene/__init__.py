@@ -1,0 +1,50 @@
+"""Scenes as data: the validated model, its files, and the meshes they name."""
+
+from __future__ import annotations
+
+from clrender.errors import SceneError
+from clrender.scene.description import (
+    Camera,
+    Dielectric,
+    DirectionalLight,
+    EnvironmentLight,
+    Image,
+    Lambert,
+    Light,
+    Material,
+    Mirror,
+    PointLight,
+    Render,
+    Scene,
+)
+from clrender.scene.importers import MeshData
+from clrender.scene.load import builtin_names, load
+from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
+
+__all__ = [
+    "Box",
+    "Camera",
+    "Dielectric",
+    "DirectionalLight",
+    "Disk",
+    "EnvironmentLight",
+    "Image",
+    "Lambert",
+    "Light",
+    "Material",
+    "Mesh",
+    "MeshData",
+    "Mirror",
+    "PointLight",
+    "Quad",
+    "Render",
+    "Scene",
+    "SceneError",
+    "Shape",
+    "Sphere",
+    "Tetrahedron",
+    "Transform",
+    "Triangle",
+    "builtin_names",
+    "load",
+]

@@ -1,0 +1,275 @@
+"""What a scene is: the validated model behind a scene file, without any file access.
+
+Every table of the file is one frozen pydantic model with unknown keys forbidden, so that a misspelt key is an error
+and never ignored. Numbers are finite and bounded here; what needs more than one number (a camera that looks at itself,
+a transform that squashes a sphere) is checked by the model that holds them. `problems.py` words the errors.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
+
+from clrender.scene.importers import MeshData, inline_mesh, read_mesh
+from clrender.scene.shapes import Mesh, Shape
+from clrender.scene.values import (
+    COORDINATE_LIMIT,
+    PIXEL_LIMIT,
+    SHAPE_LIMIT,
+    Absorption,
+    Color,
+    Count,
+    Finite,
+    Index,
+    Length,
+    Name,
+    Part,
+    Reflectance,
+    Vector,
+    cross,
+    fault,
+    length,
+)
+from clrender.scene.wording import quoted, suggestion
+
+__all__ = [
+    "LIGHT_TYPES",
+    "MATERIAL_TYPES",
+    "Camera",
+    "Dielectric",
+    "DirectionalLight",
+    "EnvironmentLight",
+    "Image",
+    "Lambert",
+    "Light",
+    "Material",
+    "Mirror",
+    "PointLight",
+    "Render",
+    "Scene",
+]
+
+# --- camera, image, render -------------------------------------------------------------------------------------------
+
+
+class Camera(Part):
+    """A perspective camera: a pinhole, or a thin lens when `aperture_radius` is above 0."""
+
+    type: Literal["perspective"] = "perspective"
+    position: Vector = Field(description="metres, world space")
+    target: Vector = Field(description="the point in the middle of the image")
+    up: Vector = Field((0.0, 1.0, 0.0), description="any vector that points to the upper half of the image")
+    vertical_fov: Annotated[Finite, Field(gt=0.0, lt=180.0)] = Field(45.0, description="degrees")
+    aperture_radius: Annotated[Finite, Field(ge=0.0, le=COORDINATE_LIMIT)] = Field(0.0, description="metres")
+    focus_distance: Length | None = Field(None, description="metres along the view; default: the target's distance")
+
+    @model_validator(mode="after")
+    def _has_a_frame(self) -> Camera:
+        view: Vector = tuple(t - p for t, p in zip(self.target, self.position, strict=True))  # type: ignore[assignment]
+        if length(view) == 0.0:
+            raise fault("camera", "is the same point as the camera's position; give another point to look at", "target")
+        if length(self.up) == 0.0:
+            raise fault("camera", "has length zero; give a direction such as [0, 1, 0]", "up")
+        unit = tuple(v / length(view) for v in view)
+        upward = tuple(v / length(self.up) for v in self.up)
+        if length(cross(unit, upward)) < 1e-7:  # type: ignore[arg-type]
+            raise fault("camera", "is parallel to the view from position to target; give another direction", "up")
+        return self
+
+
+class Image(Part):
+    """Size of the picture in pixels."""
+
+    width: Annotated[Count, Field(ge=1, le=65536)] = 800
+    height: Annotated[Count, Field(ge=1, le=65536)] = 800
+
+    @model_validator(mode="after")
+    def _fits(self) -> Image:
+        if self.width * self.height > PIXEL_LIMIT:
+            size = f"{self.width} x {self.height} is {self.width * self.height} pixels"
+            raise fault("image", f"is too large: {size}, but {PIXEL_LIMIT} is the most")
+        return self
+
+
+class Render(Part):
+    """Defaults of the render's settings; the command line wins."""
+
+    integrator: Literal["path", "direct", "whitted"] = "path"
+    spp: Annotated[Count, Field(ge=1, le=2**20)] = Field(64, description="samples per pixel")
+    seed: Annotated[Count, Field(ge=0, lt=2**32)] = 0
+    shadow_rays: Annotated[Count, Field(ge=1, le=4096)] = 1
+    indirect_rays: Annotated[Count, Field(ge=0, le=4096)] = 1
+    max_depth: Annotated[Count, Field(ge=0, le=2**31 - 1)] | None = None
+    roulette: Literal["throughput", "absorption", "none"] = "throughput"
+    absorption: Absorption = None
+
+
+# --- materials -------------------------------------------------------------------------------------------------------
+
+
+class Lambert(Part):
+    """Ideal diffuse reflection."""
+
+    type: Literal["lambert"]
+    reflectance: Reflectance
+    absorption: Absorption = Field(None, description="probability that the absorption roulette ends a path here")
+
+
+class Mirror(Part):
+    """Ideal specular reflection."""
+
+    type: Literal["mirror"]
+    reflectance: Reflectance = (1.0, 1.0, 1.0)
+    absorption: Absorption = None
+
+
+class Dielectric(Part):
+    """A smooth boundary between two transparent media: `ior` behind the front side, `exterior_ior` before it."""
+
+    type: Literal["dielectric"]
+    ior: Index
+    exterior_ior: Index = 1.0
+    absorption: Absorption = None
+
+
+MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {"lambert": Lambert, "mirror": Mirror, "dielectric": Dielectric}
+Material: TypeAlias = Annotated[Lambert | Mirror | Dielectric, Field(discriminator="type")]
+
+
+# --- lights ----------------------------------------------------------------------------------------------------------
+
+
+class PointLight(Part):
+    """Shines alike in all directions from one point."""
+
+    type: Literal["point"]
+    position: Vector
+    intensity: Color = Field(description="W/sr")
+
+
+class DirectionalLight(Part):
+    """Parallel light from infinitely far away."""
+
+    type: Literal["directional"]
+    direction: Vector = Field(description="in which the light travels")
+    irradiance: Color = Field(description="W/m2 on a surface that faces it")
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> DirectionalLight:
+        if length(self.direction) == 0.0:
+            raise fault("light", "has length zero; give a direction such as [0, -1, 0]", "direction")
+        return self
+
+
+class EnvironmentLight(Part):
+    """The same radiance from every direction outside the scene."""
+
+    type: Literal["environment"]
+    radiance: Color = Field(description="W/(sr m2)")
+
+
+LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
+    "point": PointLight,
+    "directional": DirectionalLight,
+    "environment": EnvironmentLight,
+}
+Light: TypeAlias = Annotated[PointLight | DirectionalLight | EnvironmentLight, Field(discriminator="type")]
+
+
+# --- the whole -------------------------------------------------------------------------------------------------------
+
+
+class Scene(Part):
+    """A scene: what a scene file says, validated.
+
+    Read one with `clrender.scene.load`, or build one in code from the classes of this package; a bad value raises
+    `clrender.errors.SceneError` either way.
+    """
+
+    title: Annotated[str, Strict()] = ""
+    camera: Camera
+    image: Image = Image()
+    render: Render = Render()
+    materials: Annotated[dict[Name, Material], Field(max_length=65536)] = Field(default_factory=dict)
+    shapes: Annotated[tuple[Shape, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
+    lights: Annotated[tuple[Light, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
+
+    _base_folder: Path = PrivateAttr(default_factory=Path.cwd)
+    _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
+    _source: str = PrivateAttr(default="Scene")
+    _meshes: dict[str, MeshData] = PrivateAttr(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _names_resolve(self) -> Scene:
+        for i, shape in enumerate(self.shapes):
+            if shape.material is not None and shape.material not in self.materials:
+                sentence = f"names a material {quoted(shape.material)} that does not exist"
+                raise fault("reference", sentence + suggestion(shape.material, self.materials), "shapes", i, "material")
+        environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight)]
+        for i in environments[1:]:
+            sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
+            raise fault("light", sentence, "lights", i)
+        return self
+
+    @property
+    def base_folder(self) -> Path:
+        """Folder against which mesh files are looked up: the scene file's own, or the working folder."""
+        return self._base_folder
+
+    @property
+    def source(self) -> str:
+        """Name of the scene file for messages."""
+        return self._source
+
+    def placed(self, source: str, base_folder: Path, allow_paths: Sequence[Path] = ()) -> Scene:
+        """The same scene, looking for its files in another folder.
+
+        Parameters
+        ----------
+        source : str
+            What messages call the scene.
+        base_folder : pathlib.Path
+            Mesh files are looked up in it and read only from it and below ...
+        allow_paths : sequence of pathlib.Path
+            ... and from these folders and below.
+        """
+        scene = self.model_copy()
+        scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
+        scene._meshes = {}
+        return scene
+
+    def mesh(self, index: int) -> MeshData:
+        """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is not a usable mesh.
+        """
+        shape = self.shapes[index]
+        assert isinstance(shape, Mesh)
+        place = f"{self._source}: shapes[{index}]"
+        if shape.file is None:
+            return inline_mesh(shape.vertices, shape.faces)
+        if shape.file not in self._meshes:
+            self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, f"{place}.file")
+        return self._meshes[shape.file]
+
+    def sha256(self) -> str:
+        """Hash of what the scene holds, wherever it lies and however it was written; the title does not count.
+
+        Returns
+        -------
+        str
+            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, not by its name.
+        """
+        content = self.model_dump(mode="json", exclude={"title"})
+        for index, shape in enumerate(self.shapes):
+            if isinstance(shape, Mesh) and shape.file is not None:
+                content["shapes"][index]["file"] = self.mesh(index).sha256()
+        return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

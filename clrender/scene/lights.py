@@ -1,0 +1,124 @@
+"""The lights of a scene as arrays: one row for everything that shines, and the table that picks among them."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError
+from clrender.scene.alias import alias_table
+from clrender.scene.description import DirectionalLight, PointLight, Scene
+from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.surfaces import FlatSurfaces, triangle_areas
+from clrender.scene.values import Color, length
+
+__all__ = ["flat_lights"]
+
+_Rows: TypeAlias = NDArray[np.void]
+_LIGHT_LIMIT: Final = 2**24
+
+
+def flat_lights(scene: Scene, surfaces: FlatSurfaces) -> tuple[_Rows, int]:
+    """Rows of all lights that shine: shapes in order, then the lights of the file in order.
+
+    Parameters
+    ----------
+    scene : Scene
+    surfaces : FlatSurfaces
+        Of this scene; `first_light` of its shapes is written.
+
+    Returns
+    -------
+    lights : (L,) `Light`
+        Black lights are left out, so each has a probability above 0. May be empty.
+    environment : int
+        Row of the environment light, or `layout.NONE`.
+
+    Raises
+    ------
+    SceneError
+        If more than 2**24 triangles shine.
+    """
+    rows: list[_Rows] = []
+    powers: list[NDArray[np.float64]] = []
+    total, environment = 0, layout.NONE
+    for index, shape in enumerate(scene.shapes):
+        if shape.emission is None or _luminance(shape.emission) == 0.0:
+            continue
+        count = int(surfaces.count[index])
+        if total + count > _LIGHT_LIMIT:
+            raise SceneError(
+                f"{scene.source}: shapes[{index}].emission: more than {_LIGHT_LIMIT} triangles would shine; "
+                "use fewer, or an environment light"
+            )
+        some, areas = _area_lights(scene, surfaces, index)
+        surfaces.shapes["first_light"][index] = total
+        rows.append(some)
+        powers.append(math.pi * areas * _luminance(shape.emission))
+        total += count
+    radius = _bounding_radius(surfaces)
+    for light in scene.lights:
+        row = np.zeros(1, dtype=layout.dtype("Light"))
+        row["primitive"] = layout.NONE
+        if isinstance(light, PointLight):
+            color, factor, kind = light.intensity, 4.0 * math.pi, layout.LIGHT_POINT
+            row["position"][0, :3] = light.position
+        elif isinstance(light, DirectionalLight):
+            color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
+            size = length(light.direction)
+            row["position"][0, :3] = [x / size for x in light.direction]
+        else:
+            color, factor, kind = light.radiance, 4.0 * math.pi * math.pi * radius * radius, layout.LIGHT_ENVIRONMENT
+        if _luminance(color) == 0.0:
+            continue
+        if kind == layout.LIGHT_ENVIRONMENT:
+            environment = total
+        row["kind"], row["radiance"][0, :3] = kind, color
+        rows.append(row)
+        powers.append(np.array([factor * _luminance(color)]))
+        total += 1
+    if not rows:
+        return np.zeros(0, dtype=layout.dtype("Light")), layout.NONE
+    lights = np.concatenate(rows)
+    lights["probability"], lights["alias_threshold"], lights["alias"] = alias_table(np.concatenate(powers))
+    return lights, environment
+
+
+def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Rows, NDArray[np.float64]]:
+    """Rows of the primitives of one shape that shines, and their areas in square metres."""
+    shape = scene.shapes[index]
+    first, count = int(surfaces.first[index]), int(surfaces.count[index])
+    rows = np.zeros(count, dtype=layout.dtype("Light"))
+    rows["radiance"][:, :3] = shape.emission
+    rows["primitive"] = np.arange(first, first + count)
+    if isinstance(shape, Sphere | Disk):
+        radius = float(surfaces.rounds[first - len(surfaces.triangles)]["center_radius"][3])
+        rows["kind"] = layout.LIGHT_AREA_SPHERE if isinstance(shape, Sphere) else layout.LIGHT_AREA_DISK
+        return rows, np.array([(4.0 if isinstance(shape, Sphere) else 1.0) * math.pi * radius * radius])
+    rows["kind"] = layout.LIGHT_AREA_TRIANGLE
+    return rows, triangle_areas(surfaces.vertices, surfaces.triangles[first : first + count])
+
+
+def _luminance(color: Color) -> float:
+    """Rec. 709 luminance of a colour as the kernels will read it, in single precision."""
+    r, g, b = (float(np.float32(c)) for c in color)
+    return (0.2126 * r + 0.7152 * g) + 0.0722 * b
+
+
+def _bounding_radius(surfaces: FlatSurfaces) -> float:
+    """Radius of a sphere about everything, metres; 1 for a scene without shapes."""
+    low, high = np.full(3, math.inf), np.full(3, -math.inf)
+    if len(surfaces.vertices):
+        low, high = surfaces.vertices.min(axis=0).astype(np.float64), surfaces.vertices.max(axis=0).astype(np.float64)
+    if len(surfaces.rounds):
+        box = surfaces.rounds["center_radius"].astype(np.float64)
+        low = np.minimum(low, (box[:, :3] - box[:, 3:]).min(axis=0))
+        high = np.maximum(high, (box[:, :3] + box[:, 3:]).max(axis=0))
+    if not np.isfinite(low).all():
+        return 1.0
+    x, y, z = ((high - low) / 2.0).tolist()
+    return max(length((x, y, z)), 1e-15)

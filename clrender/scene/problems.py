@@ -1,0 +1,164 @@
+"""Turns what the validator found wrong into one sentence that names the place, the problem and the cure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from clrender.errors import SceneError
+from clrender.scene.description import LIGHT_TYPES, MATERIAL_TYPES, Camera, Image, Render, Scene
+from clrender.scene.shapes import SHAPE_TYPES, Transform
+from clrender.scene.values import Part
+from clrender.scene.wording import place, quoted, shown, suggestion
+
+__all__ = ["scene_error"]
+
+_Location = tuple[int | str, ...]
+
+_TAGGED: Final[Mapping[str, Mapping[str, type[Part]]]] = {
+    "shapes": SHAPE_TYPES,
+    "lights": LIGHT_TYPES,
+    "materials": MATERIAL_TYPES,
+}
+_TABLES: Final[Mapping[str, type[Part]]] = {
+    "camera": Camera,
+    "image": Image,
+    "render": Render,
+    "transform": Transform,
+}
+_EXPECTED: Final[Mapping[str, str]] = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a smaller whole number",
+    "finite_number": "a finite number",
+    "string_type": "a text in quotes",
+    "string_unicode": "a text without lone surrogates",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "a table",
+    "mapping_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+}
+_BOUNDS: Final[Mapping[str, tuple[str, str]]] = {
+    "greater_than": ("gt", "greater than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+
+
+def scene_error(error: ValidationError, root: type[Part], source: str) -> SceneError:
+    """The error a user sees for what pydantic found.
+
+    Parameters
+    ----------
+    error : pydantic.ValidationError
+        From validating a table of class `root`.
+    source : str
+        Name of the file, or of the class for a table built in code.
+
+    Returns
+    -------
+    SceneError
+        ``source: place: what is wrong and what would be right``; only the first problem is told in full.
+    """
+    details = error.errors(include_url=False)
+    # A misspelt key also leaves the right one missing: tell the cause, not the consequence.
+    first = next((item for item in details if item["type"] == "extra_forbidden"), details[0])
+    location, sentence = _explained(first, details, root)
+    others = f" ({len(details) - 1} more problem{'s' if len(details) > 2 else ''} there)" if len(details) > 1 else ""
+    where = place(location) or "the scene"
+    if sentence.startswith("the key"):
+        return SceneError(f"{source}: {where}: {sentence}{others}" if location else f"{source}: {sentence}{others}")
+    return SceneError(f"{source}: {where} {sentence}{others}")
+
+
+def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[Part]) -> tuple[_Location, str]:
+    """Location without the tags pydantic adds, and the sentence."""
+    kind, context, value = item["type"], item.get("ctx", {}), item["input"]
+    location, table = _resolved(item["loc"], root)
+    if "sentence" in context:
+        return location + tuple(context["below"]), str(context["sentence"])
+    if kind != "extra_forbidden" and len(location) == 3 and location[2] == "[key]":
+        name = shown(location[1])
+        return location[:1], f"holds a name that is {name}, but names must be texts of 1 to 200 characters"
+    if kind == "extra_forbidden":
+        return location, "is an unknown key" + suggestion(location[-1], table.model_fields if table else ())
+    if kind == "missing":
+        if isinstance(location[-1], int):
+            needed = 1 + max(other["loc"][-1] for other in details if other["loc"][:-1] == item["loc"][:-1])  # type: ignore[operator]
+            return location[:-1], f"has only {_entries(location[-1])}, but must have {needed}"
+        return location[:-1], f"the key `{location[-1]}` is missing; add it" + _meaning(table, location[-1])
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _tag_problem(kind, location, value)
+    if kind == "literal_error":
+        return location, _literal_problem(table, location, value, str(context.get("expected", "")))
+    if kind in _BOUNDS:
+        key, words = _BOUNDS[kind]
+        return location, f"is {shown(value)}, but must be {words} {_plain(context[key])}"
+    if kind in _EXPECTED:
+        return location, f"is {shown(value)}, but must be {_EXPECTED[kind]}"
+    if kind in ("too_long", "string_too_long"):
+        unit = "characters" if kind.startswith("string") else "entries"
+        return location, f"has too many {unit}; at most {context['max_length']} are allowed"
+    if kind in ("too_short", "string_too_short"):
+        unit = "characters" if kind.startswith("string") else "entries"
+        return location, f"has too few {unit}; at least {context['min_length']} would be right"
+    return location, f"is wrong: {item['msg'].lower()}"
+
+
+def _resolved(location: _Location, root: type[Part]) -> tuple[_Location, type[Part] | None]:
+    """The location without the names of union members, and the table that holds its last step."""
+    if root is not Scene or not location:
+        return location, root
+    table: type[Part] | None = root
+    if location[0] in _TAGGED and len(location) > 2:
+        table = _TAGGED[str(location[0])].get(str(location[2]))
+        if table is not None:
+            location = location[:2] + location[3:]
+    for step in location[:-1]:
+        table = _TABLES.get(str(step), table)
+    return location, table
+
+
+def _entries(count: int) -> str:
+    return "one entry" if count == 1 else f"{count} entries"
+
+
+def _plain(bound: float) -> str:
+    """A bound, with all its digits if it is a whole number of few."""
+    return str(int(bound)) if bound == int(bound) and abs(bound) < 1e10 else f"{bound:g}"
+
+
+def _meaning(table: type[Part] | None, key: str) -> str:
+    """What a missing key would hold."""
+    field = table.model_fields.get(key) if table else None
+    return f" ({field.description})" if field and field.description else ""
+
+
+def _tag_problem(kind: str, location: _Location, value: Any) -> tuple[_Location, str]:
+    known = _TAGGED.get(str(location[0]) if location else "", {})
+    if kind == "union_tag_not_found":
+        return location, f"the key `type` is missing; add one of {', '.join(known)}"
+    given = value.get("type") if isinstance(value, Mapping) else None
+    near = suggestion(given, known) if isinstance(given, str) else f"; known here: {', '.join(known)}"
+    return (
+        *location,
+        "type",
+    ), f"is {quoted(given) if isinstance(given, str) else shown(given)}, which is not known{near}"
+
+
+def _literal_problem(table: type[Part] | None, location: _Location, value: Any, expected: str) -> str:
+    names = [name for name in expected.replace(" or ", ", ").replace("'", "").split(", ") if name]
+    if isinstance(value, str):
+        return f"is {quoted(value)}, which is not known" + suggestion(value, names)
+    return f"is {shown(value)}, but must be one of {', '.join(names)}"

@@ -1,0 +1,235 @@
+"""The shapes of a scene file and the transform each of them takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
+
+from pydantic import BeforeValidator, FailFast, Field, Strict, StringConstraints, WithJsonSchema, model_validator
+
+from clrender.scene.values import (
+    COORDINATE_LIMIT,
+    INLINE_LIMIT,
+    Color,
+    Flag,
+    Length,
+    Lengths,
+    Matrix,
+    Name,
+    Part,
+    Vector,
+    cross,
+    fault,
+    length,
+)
+
+__all__ = [
+    "SHAPE_TYPES",
+    "Box",
+    "Disk",
+    "Mesh",
+    "Quad",
+    "Shape",
+    "Sphere",
+    "Surface",
+    "Tetrahedron",
+    "Transform",
+    "Triangle",
+]
+
+
+def _matrix_rows(value: Any) -> Any:
+    """Sixteen numbers in a row are as good as four rows of four."""
+    if isinstance(value, list | tuple) and len(value) == 16 and not any(isinstance(v, list | tuple) for v in value):
+        return [list(value[4 * row : 4 * row + 4]) for row in range(4)]
+    return value
+
+
+def _scale_triple(value: Any) -> Any:
+    """One number scales all three axes."""
+    return (value, value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class Transform(Part):
+    """Scale, then rotation about x, y and z, then translation; or a whole matrix."""
+
+    translate: Vector = (0.0, 0.0, 0.0)
+    rotate_degrees: Vector = Field((0.0, 0.0, 0.0), description="about the x axis, then y, then z")
+    scale: Annotated[
+        Vector,
+        BeforeValidator(_scale_triple),
+        WithJsonSchema(
+            {
+                "anyOf": [
+                    {"type": "number"},
+                    {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
+                ]
+            },
+        ),
+    ] = (1.0, 1.0, 1.0)
+    matrix: Annotated[Matrix, BeforeValidator(_matrix_rows)] | None = Field(None, description="4x4, row-major")
+
+    @model_validator(mode="after")
+    def _is_invertible(self) -> Transform:
+        if self.matrix is None:
+            if 0.0 in self.scale:
+                raise fault("transform", "must not be zero: it would flatten the shape", "scale")
+            return self
+        if self.model_fields_set - {"matrix"}:
+            other = sorted(self.model_fields_set - {"matrix"})[0]
+            raise fault("transform", f"cannot be given together with `matrix`; keep one of them, not `{other}`", other)
+        if self.matrix[3] != (0.0, 0.0, 0.0, 1.0):
+            raise fault("transform", "must be [0, 0, 0, 1]: only affine transforms are known", "matrix", 3)
+        rows: list[Vector] = [(row[0], row[1], row[2]) for row in self.matrix[:3]]
+        size = max(abs(x) for row in self.matrix[:3] for x in row)
+        if size > COORDINATE_LIMIT:
+            raise fault("transform", f"holds {size:g}, but {COORDINATE_LIMIT:g} is the most", "matrix")
+        volume = sum(a * b for a, b in zip(rows[0], cross(rows[1], rows[2]), strict=True))
+        if abs(volume) <= 1e-12 * length(rows[0]) * length(rows[1]) * length(rows[2]):
+            raise fault("transform", "cannot be inverted: it would flatten the shape", "matrix")
+        return self
+
+    def is_similarity(self) -> bool:
+        """Whether it scales all directions alike, so that a sphere stays a sphere."""
+        if self.matrix is None:
+            size = abs(self.scale[0])
+            return all(abs(abs(s) - size) <= 1e-6 * size for s in self.scale)
+        columns: list[Vector] = [(self.matrix[0][i], self.matrix[1][i], self.matrix[2][i]) for i in range(3)]
+        gram = [[sum(p * q for p, q in zip(a, b, strict=True)) for b in columns] for a in columns]
+        size = gram[0][0]
+        return all(abs(gram[i][j] - (size if i == j else 0.0)) <= 2e-6 * size for i in range(3) for j in range(3))
+
+
+class Surface(Part):
+    """What every shape has."""
+
+    needs_similarity: ClassVar[bool] = False
+    material: Name | None = Field(None, description="name of a material; without one the shape is black")
+    emission: Color | None = Field(None, description="radiance, W/(sr m2); makes the shape an area light")
+    flip_normals: Flag = False
+    transform: Transform = Transform()
+
+    @model_validator(mode="after")
+    def _transform_fits(self) -> Surface:
+        if self.needs_similarity and not self.transform.is_similarity():
+            where = "scale" if self.transform.matrix is None else "matrix"
+            raise fault(
+                "transform",
+                "stretches a sphere or disk unevenly, which is not supported; scale all axes alike or use a mesh",
+                "transform",
+                where,
+            )
+        return self
+
+
+class Sphere(Surface):
+    """The front side is outside."""
+
+    needs_similarity: ClassVar[bool] = True
+    type: Literal["sphere"]
+    center: Vector = (0.0, 0.0, 0.0)
+    radius: Length
+
+
+class Disk(Surface):
+    """The front side is the one `normal` points away from."""
+
+    needs_similarity: ClassVar[bool] = True
+    type: Literal["disk"]
+    center: Vector = (0.0, 0.0, 0.0)
+    normal: Vector
+    radius: Length
+
+    @model_validator(mode="after")
+    def _has_a_normal(self) -> Disk:
+        if length(self.normal) == 0.0:
+            raise fault("disk", "has length zero; give a direction such as [0, 1, 0]", "normal")
+        return self
+
+
+class Quad(Surface):
+    """A parallelogram; its normal is edge_u x edge_v."""
+
+    type: Literal["quad"]
+    origin: Vector
+    edge_u: Vector
+    edge_v: Vector
+
+
+class Triangle(Surface):
+    """Its normal is (v1 - v0) x (v2 - v0)."""
+
+    type: Literal["triangle"]
+    vertices: tuple[Vector, Vector, Vector]
+
+
+class Box(Surface):
+    """Sides along the axes before the transform; normals point outward."""
+
+    type: Literal["box"]
+    center: Vector = (0.0, 0.0, 0.0)
+    size: Lengths
+
+
+class Tetrahedron(Surface):
+    """Normals point outward, whatever the order of the vertices."""
+
+    type: Literal["tetrahedron"]
+    vertices: tuple[Vector, Vector, Vector, Vector]
+
+    @model_validator(mode="after")
+    def _has_a_volume(self) -> Tetrahedron:
+        first, *others = self.vertices
+        a, b, c = ((v[0] - first[0], v[1] - first[1], v[2] - first[2]) for v in others)
+        normal = cross(b, c)
+        volume = a[0] * normal[0] + a[1] * normal[1] + a[2] * normal[2]
+        if abs(volume) <= 1e-7 * length(a) * length(b) * length(c):
+            raise fault(
+                "tetrahedron", "is degenerate: its vertices lie flat in a plane; move one out of it", "vertices"
+            )
+        return self
+
+
+_Corner = Annotated[int, Strict(), Field(ge=0, lt=2**31)]
+
+
+class Mesh(Surface):
+    """Triangles from a file (.ply, .obj), or written inline as vertices and faces."""
+
+    type: Literal["mesh"]
+    file: Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)] | None = None
+    vertices: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
+    faces: Annotated[tuple[tuple[_Corner, _Corner, _Corner], ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> Mesh:
+        given = self.model_fields_set & {"vertices", "faces"}
+        if self.file is not None:
+            for key in sorted(given):
+                raise fault("mesh", "cannot be given together with `file`; keep one of them", key)
+            return self
+        if not given:
+            raise fault("mesh", "needs either `file` or both `vertices` and `faces`")
+        for key, least in (("vertices", 3), ("faces", 1)):
+            if key not in given:
+                raise fault("mesh", f"has no `{key}`; an inline mesh needs both `vertices` and `faces`")
+            if len(getattr(self, key)) < least:
+                raise fault("mesh", f"has {len(getattr(self, key))} entries, but at least {least} are needed", key)
+        for i, face in enumerate(self.faces):
+            for j, corner in enumerate(face):
+                if corner >= len(self.vertices):
+                    text = f"is {corner}, but the mesh has only the vertices 0 to {len(self.vertices) - 1}"
+                    raise fault("mesh", text, "faces", i, j)
+        return self
+
+
+SHAPE_TYPES: Final[Mapping[str, type[Part]]] = {
+    "sphere": Sphere,
+    "quad": Quad,
+    "triangle": Triangle,
+    "box": Box,
+    "tetrahedron": Tetrahedron,
+    "disk": Disk,
+    "mesh": Mesh,
+}
+Shape: TypeAlias = Annotated[Sphere | Quad | Triangle | Box | Tetrahedron | Disk | Mesh, Field(discriminator="type")]

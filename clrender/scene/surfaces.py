@@ -1,0 +1,237 @@
+"""The shapes of a scene as arrays in world space: vertices, triangles, rounds, and one row for each shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError
+from clrender.scene.description import Scene
+from clrender.scene.geometry import Affine, affine, polyhedron
+from clrender.scene.importers import TRIANGLE_LIMIT, MeshData
+from clrender.scene.shapes import Disk, Mesh, Sphere
+from clrender.scene.values import COORDINATE_LIMIT
+
+__all__ = ["SMALLEST", "FlatSurfaces", "flat_surfaces", "triangle_areas"]
+
+_Rows: TypeAlias = NDArray[np.void]
+_CHUNK: Final = 2**18
+SMALLEST: Final = 1e-18
+"""Radii, and cross products of edges, stay above it: their squares are then normal float32 numbers."""
+
+
+@dataclass(frozen=True)
+class FlatSurfaces:
+    """Arrays as in `clrender.flatten.FlatScene`, but empty where there is nothing.
+
+    Attributes
+    ----------
+    first, count : (S,) int64
+        Primitives of each shape.
+    """
+
+    vertices: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    rounds: _Rows
+    primitive_shape: NDArray[np.uint32]
+    shapes: _Rows
+    first: NDArray[np.int64]
+    count: NDArray[np.int64]
+    warnings: tuple[str, ...]
+
+
+def flat_surfaces(scene: Scene) -> FlatSurfaces:
+    """All shapes of a scene, triangles first.
+
+    Raises
+    ------
+    SceneError
+        If a shape is degenerate, out of range, or there are too many triangles.
+    """
+    meshes: dict[int, MeshData] = {}
+    for index, shape in enumerate(scene.shapes):
+        if isinstance(shape, Mesh):
+            meshes[index] = scene.mesh(index)
+        elif not isinstance(shape, Sphere | Disk):
+            meshes[index] = polyhedron(shape)
+    vertex_total = sum(len(mesh.vertices) for mesh in meshes.values())
+    triangle_total = sum(len(mesh.triangles) for mesh in meshes.values())
+    for total, what in ((vertex_total, "vertices"), (triangle_total, "triangles")):
+        if total > TRIANGLE_LIMIT:
+            raise SceneError(f"{scene.source}: shapes hold {total} {what}, but a scene may hold {TRIANGLE_LIMIT}")
+    vertices = np.empty((vertex_total, 3), dtype="<f4")
+    triangles = np.empty((triangle_total, 3), dtype="<u4")
+    smooth = any(mesh.normals is not None for mesh in meshes.values())
+    normals = np.zeros((vertex_total if smooth else 1, 3), dtype="<f4")
+    names = {name: i for i, name in enumerate(scene.materials)}
+    shapes = np.zeros(len(scene.shapes), dtype=layout.dtype("Shape"))
+    shapes["first_light"] = layout.NONE
+    shapes["material"] = [len(names) if s.material is None else names[s.material] for s in scene.shapes]
+    first = np.zeros(len(shapes), dtype=np.int64)
+    count = np.zeros(len(shapes), dtype=np.int64)
+    warnings: list[str] = []
+    v = t = 0
+    for index, mesh in meshes.items():
+        place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]
+        here = vertices[v : v + len(mesh.vertices)]
+        there = triangles[t : t + len(mesh.triangles)]
+        transform = affine(shape.transform)
+        _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
+        kept = _kept(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
+        if mesh.normals is not None:
+            shapes["flags"][index] = layout.SHAPE_SMOOTH
+            some = normals[v : v + len(here)]
+            _place_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
+        there[:kept] += np.uint32(v)
+        first[index], count[index] = t, kept
+        v, t = v + len(here), t + kept
+    rounds = _rounds(scene, first, count, t)
+    shapes["first_primitive"] = first
+    order = np.argsort(first, kind="stable")
+    return FlatSurfaces(
+        vertices=vertices,
+        normals=normals,
+        triangles=triangles[:t],
+        rounds=rounds,
+        primitive_shape=np.repeat(order.astype("<u4"), count[order]),
+        shapes=shapes,
+        first=first,
+        count=count,
+        warnings=tuple(warnings),
+    )
+
+
+def triangle_areas(vertices: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Areas in square metres.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float32
+    triangles : (T, 3) uint32
+
+    Returns
+    -------
+    (T,) float64
+    """
+    areas = np.empty(len(triangles))
+    for start in range(0, len(triangles), _CHUNK):
+        x, y, z = _normals_of(vertices, triangles[start : start + _CHUNK], np.float64).T
+        areas[start : start + _CHUNK] = np.sqrt(x * x + y * y + z * z) / 2.0
+    return areas
+
+
+def _normals_of(
+    vertices: NDArray[np.float32], triangles: NDArray[np.uint32], kind: type[np.floating]
+) -> NDArray[np.floating]:
+    """(v1 - v0) x (v2 - v0), in the precision asked for."""
+    a, b, c = (vertices[triangles[:, i]].astype(kind) for i in range(3))
+    (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
+
+
+def _place_mesh(
+    mesh: MeshData,
+    transform: Affine,
+    flip: bool,
+    vertices: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    *,
+    place: str,
+) -> None:
+    """Write vertices in world space, and triangles that turn the right way about."""
+    transform.points_into(mesh.vertices, vertices)
+    if len(vertices):
+        largest = max(float(vertices.max()), -float(vertices.min()))
+        _in_range(largest, place)
+    # A mirror turns every triangle round; the front has to stay where it was.
+    if flip != (transform.determinant < 0.0):
+        triangles[:] = mesh.triangles[:, ::-1]
+    else:
+        triangles[:] = mesh.triangles
+
+
+def _in_range(largest: float, place: str) -> None:
+    if not largest <= COORDINATE_LIMIT:
+        text = f"reaches {largest:g} metres from the origin, but {COORDINATE_LIMIT:g} is the most"
+        raise SceneError(f"{place} {text}; make it or its transform smaller")
+
+
+def _kept(
+    vertices: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    *,
+    place: str,
+    warnings: list[str] | None,
+) -> int:
+    """Move triangles with an area to the front; how many they are. Without a list of warnings, all must have one."""
+    sound = np.empty(len(triangles), dtype=bool)
+    for start in range(0, len(triangles), _CHUNK):
+        normal = _normals_of(vertices, triangles[start : start + _CHUNK], np.float32)
+        sound[start : start + _CHUNK] = np.abs(normal).max(axis=1) >= SMALLEST
+    kept = int(np.count_nonzero(sound))
+    if kept == len(triangles):
+        return kept
+    if warnings is None or kept == 0:
+        which = "a triangle of it" if warnings is None else "every triangle"
+        raise SceneError(f"{place} is degenerate: {which} has no area in single precision; move its vertices apart")
+    lost = len(triangles) - kept
+    noun = "triangles" if lost > 1 else "triangle"
+    warnings.append(f"{place}: {lost} of {len(triangles)} {noun} left out, without area in single precision")
+    triangles[:kept] = triangles[sound]
+    return kept
+
+
+def _place_normals(
+    source: NDArray[np.floating],
+    transform: Affine,
+    vertices: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    normals: NDArray[np.float32],
+    *,
+    flip: bool,
+) -> None:
+    """Write unit normals in world space; a vertex whose normal is zero gets the mean of its triangles'."""
+    transform.normals_into(source, normals)
+    if flip:
+        np.negative(normals, out=normals)
+    blank: NDArray[np.bool_] = np.asarray(~normals.any(axis=1))
+    if not blank.any():
+        return
+    around = triangles[blank[triangles].any(axis=1)]
+    faces = _normals_of(vertices, around, np.float64)
+    total = np.zeros((len(vertices), 3))
+    for corner in range(3):
+        np.add.at(total, around[:, corner], faces)
+    x, y, z = total.T
+    size: NDArray[np.float64] = np.sqrt(x * x + y * y + z * z)
+    # Triangles that cancel out, or a vertex that no triangle uses: any unit vector will do.
+    nothing = np.asarray(size == 0.0)
+    total[nothing], size[nothing] = (0.0, 0.0, 1.0), 1.0
+    normals[blank] = (total / size[:, None])[blank]
+
+
+def _rounds(scene: Scene, first: NDArray[np.int64], count: NDArray[np.int64], offset: int) -> _Rows:
+    """Rows of spheres and disks; notes their primitive numbers, which start at `offset`."""
+    indices = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
+    rows = np.zeros(len(indices), dtype=layout.dtype("Round"))
+    for number, index in enumerate(indices):
+        shape, place = scene.shapes[index], f"{scene.source}: shapes[{index}]"
+        assert isinstance(shape, Sphere | Disk)
+        transform = affine(shape.transform)
+        center, radius = transform.point(shape.center), shape.radius * transform.scale
+        _in_range(max(abs(x) for x in center) + radius, place)
+        if radius < SMALLEST:
+            raise SceneError(f"{place}.radius is {radius:g} metres in the world, too small for single precision")
+        sign = -1.0 if shape.flip_normals else 1.0
+        rows[number]["center_radius"] = (*center, radius)
+        if isinstance(shape, Disk):
+            rows[number]["normal"][:3] = [sign * x for x in transform.normal(shape.normal)]
+        else:
+            rows[number]["normal"][3] = sign
+        first[index], count[index] = offset + number, 1
+    return rows

@@ -1,0 +1,88 @@
+// Exact arithmetic: the mathematics whose built-ins drivers round differently, made of + − × ÷ sqrt fma and integers only, all of
+// which give the same bits everywhere. With LANES lanes; `vec3` is a vector of three such numbers.
+#ifndef CORE_EXACT_H
+#define CORE_EXACT_H
+
+#include "core/lane.h"
+
+#define PI 3.14159265358979f
+#define INV_PI 0.318309886183791f
+#define EPSILON 5.9604645e-8f          // 2^-24: the relative error of one rounding
+#define FAR 3.0e38f                    // further than any hit, and finite: infinity times zero is not a number
+
+typedef struct {
+    vfloat x, y, z;
+} vec3;
+
+static vec3 vec3_of(vfloat x, vfloat y, vfloat z) {
+    vec3 v;
+    v.x = x, v.y = y, v.z = z;
+    return v;
+}
+static vec3 vec3_all(float s) { return vec3_of(splat(s), splat(s), splat(s)); }
+static vec3 vec3_from(float4 v) { return vec3_of(splat(v.x), splat(v.y), splat(v.z)); }
+static vec3 add(vec3 a, vec3 b) { return vec3_of(a.x + b.x, a.y + b.y, a.z + b.z); }
+static vec3 sub(vec3 a, vec3 b) { return vec3_of(a.x - b.x, a.y - b.y, a.z - b.z); }
+static vec3 mul(vec3 a, vec3 b) { return vec3_of(a.x * b.x, a.y * b.y, a.z * b.z); }
+static vec3 scale(vec3 a, vfloat s) { return vec3_of(a.x * s, a.y * s, a.z * s); }
+static vec3 negate(vec3 a) { return vec3_of(-a.x, -a.y, -a.z); }
+static vec3 choose(vmask m, vec3 yes, vec3 no) {
+    return vec3_of(m ? yes.x : no.x, m ? yes.y : no.y, m ? yes.z : no.z);
+}
+// a + s b
+static vec3 along(vec3 a, vec3 b, vfloat s) { return vec3_of(fma(b.x, s, a.x), fma(b.y, s, a.y), fma(b.z, s, a.z)); }
+
+static vfloat inner(vec3 a, vec3 b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
+static vfloat absolute(vfloat x) { return vfloat_from_bits(vfloat_bits(x) & 0x7fffffffu); }
+// |magnitude| with the sign of `sign`
+static vfloat with_sign(vfloat magnitude, vfloat sign) {
+    return vfloat_from_bits((vfloat_bits(magnitude) & 0x7fffffffu) | (vfloat_bits(sign) & 0x80000000u));
+}
+static vfloat bounded(vfloat x, float low, float high) { return lesser(greater(x, splat(low)), splat(high)); }
+static vfloat root(vfloat x) { return sqrt(greater(x, splat(0.0f))); }
+
+// a b − c d with two roundings' worth of error at most, so with the right sign (Kahan; Jeannerod et al. 2013).
+static vfloat difference_of_products(vfloat a, vfloat b, vfloat c, vfloat d) {
+    const vfloat cd = c * d;
+    return fma(a, b, -cd) + fma(-c, d, cd);
+}
+static vec3 outer(vec3 a, vec3 b) {
+    return vec3_of(difference_of_products(a.y, b.z, a.z, b.y), difference_of_products(a.z, b.x, a.x, b.z),
+                   difference_of_products(a.x, b.y, a.y, b.x));
+}
+static vfloat largest(vec3 a) { return greater(a.x, greater(a.y, a.z)); }
+static vfloat magnitude(vec3 a) { return sqrt(inner(a, a)); }
+
+// Unit vector along a, whose length is neither tiny nor huge; zero stays zero.
+static vec3 direction_of(vec3 a) {
+    const vfloat l2 = inner(a, a);
+    return scale(a, splat(1.0f) / sqrt(l2 > 0.0f ? l2 : splat(1.0f)));
+}
+
+// Unit vector along any a. Scaled by the largest component first, so that neither 1e-30 nor 1e30 is lost; zero stays zero.
+static vec3 unit(vec3 a) {
+    const vfloat m = greater(absolute(a.x), greater(absolute(a.y), absolute(a.z)));
+    const vfloat inverse = (vfloat)(1.0f) / (m > 0.0f ? m : splat(1.0f));
+    const vec3 b = scale(a, inverse);
+    return direction_of(b);
+}
+
+// cos and sin of 2π u, u in [0, 1): quadrant, then minimax polynomials on [−π/4, π/4] (Cody & Waite's reduction is exact here,
+// because the argument is a fraction of a turn). Absolute error below 1.2e-7.
+static void cos_sin_turn(vfloat u, vfloat* cosine, vfloat* sine) {
+    const vint quadrant = vint_of(fma(u, splat(4.0f), splat(0.5f)));
+    const vfloat x = fma(vfloat_of(quadrant), splat(-0.25f), u) * 6.28318530717959f;
+    const vfloat x2 = x * x;
+    const vfloat s = x * fma(x2, fma(x2, fma(x2, splat(-1.9515296e-4f), splat(8.3321609e-3f)), splat(-1.6666655e-1f)), splat(1.0f));
+    const vfloat c = fma(x2, fma(x2, fma(x2, fma(x2, splat(2.4433157e-5f), splat(-1.3887316e-3f)), splat(4.1666646e-2f)), splat(-0.5f)),
+                         splat(1.0f));
+    const vmask swap = (quadrant & 1) != 0;
+    const vmask flip_sine = (quadrant & 2) != 0;
+    const vmask flip_cosine = ((quadrant + 1) & 2) != 0;
+    const vfloat sx = swap ? c : s;
+    const vfloat cx = swap ? s : c;
+    *sine = flip_sine ? -sx : sx;
+    *cosine = flip_cosine ? -cx : cx;
+}
+
+#endif

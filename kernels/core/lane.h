@@ -1,0 +1,216 @@
+// The lanes of a work-item: how many paths it carries side by side, and every operation that depends on that number.
+//
+// A work-item carries LANES paths: 16, 8 or 4 on a CPU, where a path's number sits in one lane of a vector register, and 1 on
+// a GPU, where all this compiles to scalars. This is the only file that knows. Above it a `vfloat` is a number, a `vmask` the
+// truth of a statement about it, and `condition ? a : b` chooses lane by lane.
+//
+// A vmask is what a comparison gives: all ones in vectors, 1 in scalars. Combine masks with & and |, negate with !, never with
+// ~ and never by arithmetic. No result may depend on LANES: lanes never exchange numbers, only rows of tables and counts.
+#ifndef CORE_LANE_H
+#define CORE_LANE_H
+
+#pragma OPENCL FP_CONTRACT OFF
+
+#ifndef LANES
+#error "LANES is not set: build with -D LANES=1, 4, 8 or 16"
+#endif
+
+#define LANE_PASTE_(name, n) name##n
+#define LANE_PASTE(name, n) LANE_PASTE_(name, n)
+#if LANES == 1
+#define LANE_N(name) name
+#else
+#define LANE_N(name) LANE_PASTE(name, LANES)
+#endif
+
+typedef LANE_N(float) vfloat;
+typedef LANE_N(int) vint;
+typedef LANE_N(uint) vuint;
+typedef LANE_N(int) vmask;
+
+#define vfloat_bits(x) LANE_N(as_uint)(x)
+#define vfloat_from_bits(x) LANE_N(as_float)(x)
+#define vfloat_of(x) LANE_N(convert_float)(x)
+#define vint_of(x) LANE_N(convert_int)(x)
+#define vuint_of(x) LANE_N(convert_uint)(x)
+#define vuint_from_int(x) LANE_N(as_uint)(x)
+#define vint_from_uint(x) LANE_N(as_int)(x)
+#define splat(x) ((vfloat)(x))
+#define splat_uint(x) ((vuint)(x))
+
+// fmin and fmax of vectors are slow on some CPU drivers and differ in the sign of zero: comparisons do neither.
+static vfloat lesser(vfloat a, vfloat b) { return a < b ? a : b; }
+static vfloat greater(vfloat a, vfloat b) { return a > b ? a : b; }
+
+// Whether the statement holds in any lane. The reduction by halves is several times faster than any() on CPU drivers.
+static int lane_any(vmask m) {
+#if LANES == 16
+    const int8 h = m.lo | m.hi;
+    const int4 q = h.lo | h.hi;
+    const int2 p = q.lo | q.hi;
+    return p.x | p.y;
+#elif LANES == 8
+    const int4 q = m.lo | m.hi;
+    const int2 p = q.lo | q.hi;
+    return p.x | p.y;
+#elif LANES == 4
+    const int2 p = m.lo | m.hi;
+    return p.x | p.y;
+#else
+    return m;
+#endif
+}
+
+// In how many lanes it holds.
+static int lane_count(vmask m) {
+    const vint one = m ? (vint)(1) : (vint)(0);
+#if LANES == 16
+    const int8 h = one.lo + one.hi;
+    const int4 q = h.lo + h.hi;
+    return q.x + q.y + q.z + q.w;
+#elif LANES == 8
+    const int4 q = one.lo + one.hi;
+    return q.x + q.y + q.z + q.w;
+#elif LANES == 4
+    return one.x + one.y + one.z + one.w;
+#else
+    return one;
+#endif
+}
+
+// The smallest number in any lane.
+static float lane_least(vfloat x) {
+#if LANES == 16
+    const float8 h = x.lo < x.hi ? x.lo : x.hi;
+    const float4 q = h.lo < h.hi ? h.lo : h.hi;
+    const float2 p = q.lo < q.hi ? q.lo : q.hi;
+    return p.x < p.y ? p.x : p.y;
+#elif LANES == 8
+    const float4 q = x.lo < x.hi ? x.lo : x.hi;
+    const float2 p = q.lo < q.hi ? q.lo : q.hi;
+    return p.x < p.y ? p.x : p.y;
+#elif LANES == 4
+    const float2 p = x.lo < x.hi ? x.lo : x.hi;
+    return p.x < p.y ? p.x : p.y;
+#else
+    return x;
+#endif
+}
+
+// 0, 1, 2, … : the number of each lane.
+static vuint lane_index(void) {
+#if LANES == 16
+    return (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+#elif LANES == 8
+    return (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
+#elif LANES == 4
+    return (uint4)(0, 1, 2, 3);
+#else
+    return 0;
+#endif
+}
+
+// Lanes and memory that only this work-item sees. Private arrays are LANES long.
+#if LANES == 1
+#define lane_store(vector, array) ((array)[0] = (vector))
+#define lane_restore(array) ((array)[0])
+#define lane_load(pointer) (*(pointer))
+#define lane_save(vector, pointer) (*(pointer) = (vector))
+#else
+#define lane_store(vector, array) LANE_N(vstore)((vector), 0, (array))
+#define lane_restore(array) LANE_N(vload)(0, (array))
+#define lane_load(pointer) LANE_N(vload)(0, (pointer))
+#define lane_save(vector, pointer) LANE_N(vstore)((vector), 0, (pointer))
+#endif
+
+// The largest count in any lane.
+static uint lane_largest_uint(vuint x) {
+    uint value[LANES];
+    lane_store(x, value);
+    uint largest = 0;
+    for (int lane = 0; lane < LANES; ++lane) largest = max(largest, value[lane]);
+    return largest;
+}
+
+// The rank of each lane among those for which the statement holds, counted from lane 0.
+static vuint lane_rank(vmask m) {
+    int one[LANES];
+    uint rank[LANES];
+    lane_store((m ? (vint)(1) : (vint)(0)), one);
+    uint n = 0;
+    for (int lane = 0; lane < LANES; ++lane) {
+        rank[lane] = n;
+        n += (uint)one[lane];
+    }
+    return lane_restore(rank);
+}
+
+// One number of a table for each lane.
+static vfloat lane_gather(__global const float* table, vuint index) {
+    uint at[LANES];
+    float value[LANES];
+    lane_store(index, at);
+    for (int lane = 0; lane < LANES; ++lane) value[lane] = table[at[lane]];
+    return lane_restore(value);
+}
+
+// A table of rows, sixteen floats each, read at another row in every lane: `columns[k]` is then the k-th number of each lane's row.
+// OpenCL C has no gather; loading whole rows and transposing them costs a fifth of picking numbers one by one, and a row is one
+// cache line.
+#if LANES == 1
+static void lane_rows(__global const float* table, vuint row, vfloat columns[16]) {
+    const float16 r = vload16(0, table + (size_t)row * 16);
+    columns[0] = r.s0, columns[1] = r.s1, columns[2] = r.s2, columns[3] = r.s3;
+    columns[4] = r.s4, columns[5] = r.s5, columns[6] = r.s6, columns[7] = r.s7;
+    columns[8] = r.s8, columns[9] = r.s9, columns[10] = r.sa, columns[11] = r.sb;
+    columns[12] = r.sc, columns[13] = r.sd, columns[14] = r.se, columns[15] = r.sf;
+}
+#else
+#if LANES == 16
+#define LANE_ZIP_LOW(a, b)                                                                                                  \
+    (float16)(a.s0, b.s0, a.s1, b.s1, a.s2, b.s2, a.s3, b.s3, a.s4, b.s4, a.s5, b.s5, a.s6, b.s6, a.s7, b.s7)
+#define LANE_ZIP_HIGH(a, b)                                                                                                 \
+    (float16)(a.s8, b.s8, a.s9, b.s9, a.sa, b.sa, a.sb, b.sb, a.sc, b.sc, a.sd, b.sd, a.se, b.se, a.sf, b.sf)
+#elif LANES == 8
+#define LANE_ZIP_LOW(a, b) (float8)(a.s0, b.s0, a.s1, b.s1, a.s2, b.s2, a.s3, b.s3)
+#define LANE_ZIP_HIGH(a, b) (float8)(a.s4, b.s4, a.s5, b.s5, a.s6, b.s6, a.s7, b.s7)
+#else
+#define LANE_ZIP_LOW(a, b) (float4)(a.s0, b.s0, a.s1, b.s1)
+#define LANE_ZIP_HIGH(a, b) (float4)(a.s2, b.s2, a.s3, b.s3)
+#endif
+// One stage of the transposition: a perfect shuffle of the rows. log2(LANES) of them transpose a LANES × LANES block.
+static void lane_shuffle_rows(const vfloat from[LANES], vfloat to[LANES]) {
+    #pragma unroll
+    for (int i = 0; i < LANES / 2; ++i) {
+        const vfloat a = from[i], b = from[i + LANES / 2];
+        to[2 * i] = LANE_ZIP_LOW(a, b);
+        to[2 * i + 1] = LANE_ZIP_HIGH(a, b);
+    }
+}
+static void lane_rows(__global const float* table, vuint row, vfloat columns[16]) {
+    uint rows[LANES];
+    lane_store(row, rows);
+    #pragma unroll
+    for (int block = 0; block < 16 / LANES; ++block) {
+        vfloat a[LANES], b[LANES];
+        #pragma unroll
+        for (int lane = 0; lane < LANES; ++lane) a[lane] = lane_load(table + (size_t)rows[lane] * 16 + block * LANES);
+        lane_shuffle_rows(a, b);
+        lane_shuffle_rows(b, a);
+#if LANES >= 8
+        lane_shuffle_rows(a, b);
+#if LANES >= 16
+        lane_shuffle_rows(b, a);
+#endif
+#endif
+        #pragma unroll
+#if LANES == 8
+        for (int k = 0; k < LANES; ++k) columns[block * LANES + k] = b[k];
+#else
+        for (int k = 0; k < LANES; ++k) columns[block * LANES + k] = a[k];
+#endif
+    }
+}
+#endif
+
+#endif

@@ -1,0 +1,100 @@
+// The pool of samples a work-item works through, and where they go.
+#ifndef FILM_POOL_H
+#define FILM_POOL_H
+
+#include "core/exact.h"
+#include "core/sampler.h"
+#include "film/slot.h"
+#include "types.h"
+
+// One launch: samples [first_sample, first_sample + sample_count) of slots [first_slot, first_slot + slot_count).
+typedef struct {
+    __global float* samples;     // radiance: [sample][channel][slot]
+    uint first_slot, slot_count;
+    uint first_sample, sample_count;
+    uint base;                   // the first of this work-item's LANES slots, counted from first_slot; all of one block
+    uint2 block;                 // top left pixel of that block
+    uint next;                   // of its LANES × sample_count samples, the next to hand out
+} Pool;
+
+typedef struct {
+    vuint slot;                  // counted from first_slot
+    vuint number;                // of the sample in this launch
+    vuint pixel_x, pixel_y;
+    Sampler sampler;
+} PoolSample;
+
+typedef struct {
+    uint rays, shadow_rays;
+    vuint deepest;
+} PoolStats;
+
+static Pool pool_open(__global const Settings* settings, __global float* samples, uint first_slot, uint slot_count,
+                      uint first_sample, uint sample_count, uint item) {
+    Pool pool;
+    pool.samples = samples;
+    pool.first_slot = first_slot;
+    pool.slot_count = slot_count;
+    pool.first_sample = first_sample;
+    pool.sample_count = sample_count;
+    pool.base = item * LANES;
+    pool.block = slot_block(settings, first_slot + pool.base);
+    pool.next = 0;
+    return pool;
+}
+
+static int pool_empty(const Pool* pool) { return pool->next >= LANES * pool->sample_count; }
+
+// Give each idle lane a sample while there are any; lanes outside the image get none, but use theirs up.
+static vmask pool_take(__global const Settings* settings, Pool* pool, vmask idle, PoolSample* sample) {
+    const vuint take = pool->next + lane_rank(idle);
+    const vmask given = idle & (take < LANES * pool->sample_count);
+    pool->next += (uint)lane_count(idle);
+    const vuint number = take / LANES;
+    const vuint slot = pool->base + (take - number * LANES);
+    vuint x, y;
+    const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + slot, &x, &y) & (slot < pool->slot_count);
+    const vmask taken = given & inside;
+    const Sampler sampler = sampler_start(settings->seed, y * settings->width + x, pool->first_sample + number);
+    sample->slot = taken ? slot : sample->slot;
+    sample->number = taken ? number : sample->number;
+    sample->pixel_x = taken ? x : sample->pixel_x;
+    sample->pixel_y = taken ? y : sample->pixel_y;
+    sample->sampler.seed = taken ? sampler.seed : sample->sampler.seed;
+    sample->sampler.index = taken ? sampler.index : sample->sampler.index;
+    return taken;
+}
+
+// The sample's place on the film, (0, 0) top left and (1, 1) bottom right: uniform in its pixel.
+static void pool_film(__global const Settings* settings, const PoolSample* sample, vfloat* x, vfloat* y) {
+    vfloat u, v;
+    sampler_get(sample->sampler, SET_PIXEL, &u, &v);
+    *x = (vfloat_of(vint_from_uint(sample->pixel_x)) + u) / (float)settings->width;
+    *y = (vfloat_of(vint_from_uint(sample->pixel_y)) + v) / (float)settings->height;
+}
+
+static void pool_deliver(const Pool* pool, const PoolSample* sample, vec3 radiance, vmask done) {
+    int is_done[LANES];
+    uint slot[LANES], number[LANES];
+    float x[LANES], y[LANES], z[LANES];
+    lane_store(done, is_done);
+    lane_store(sample->slot, slot);
+    lane_store(sample->number, number);
+    lane_store(radiance.x, x);
+    lane_store(radiance.y, y);
+    lane_store(radiance.z, z);
+    for (int lane = 0; lane < LANES; ++lane) {
+        if (!is_done[lane]) continue;
+        const size_t channels = pool->slot_count;
+        __global float* out = pool->samples + (size_t)number[lane] * 3 * channels + slot[lane];
+        out[0] = x[lane];
+        out[channels] = y[lane];
+        out[2 * channels] = z[lane];
+    }
+}
+
+static vuint pool_deepest(vuint deepest, vuint depth, vmask counted) {
+    return counted & (depth > deepest) ? depth : deepest;
+}
+
+#endif

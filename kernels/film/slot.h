@@ -1,0 +1,26 @@
+// The order in which pixels are worked on. Slots run through the image tile by tile, inside a tile block by block of 4 × 4 pixels,
+// so that a work-item's lanes look in almost the same direction. A tile's side is a multiple of 4; slots outside the image exist
+// and are passed over. clrender/schedule.py computes the same.
+#ifndef FILM_SLOT_H
+#define FILM_SLOT_H
+
+#include "core/lane.h"
+#include "types.h"
+
+// Where the block of 16 slots that holds `slot` begins: its top left pixel.
+static uint2 slot_block(__global const Settings* settings, uint slot) {
+    const uint tile = settings->tile;
+    const uint tiles_across = (settings->width + tile - 1) / tile, blocks_across = tile / 4;
+    const uint number = slot / (tile * tile), block = (slot - number * (tile * tile)) / 16;
+    const uint row = number / tiles_across, block_row = block / blocks_across;
+    return (uint2)((number - row * tiles_across) * tile + (block - block_row * blocks_across) * 4, row * tile + block_row * 4);
+}
+
+// The pixels of slots that share that block, and whether they are in the image.
+static vmask slot_pixel(__global const Settings* settings, uint2 block, vuint slot, vuint* x, vuint* y) {
+    *x = block.x + (slot & 3u);
+    *y = block.y + ((slot >> 2) & 3u);
+    return (*x < settings->width) & (*y < settings->height);
+}
+
+#endif

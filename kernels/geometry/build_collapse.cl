@@ -1,0 +1,145 @@
+// From the binary tree to the wide one of geometry/bvh.h, level by level from the root: a node opens the child with the largest
+// box until it has eight; up to eight primitives of one kind become a leaf.
+#include "geometry/build.h"
+
+static int collapse_is_leaf(uint members) {
+    const uint kinds = members & ~MEMBERS_COUNT;
+    return (members & MEMBERS_COUNT) <= 8u && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ROUND);
+}
+
+// Each task is a binary node that becomes a wide one: its children, and how many of them are nodes, packs of triangles, of rounds.
+__kernel void build_collapse_count(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
+                                   __global const uint* tasks, uint task_count, __global uint* slots,
+                                   __global uint* inner, __global uint* triangle_packs, __global uint* round_packs) {
+    const uint task = (uint)get_global_id(0);
+    if (task >= task_count) return;
+    uint child[8];
+    uint count = 1;
+    child[0] = tasks[task];
+    while (count < 8) {
+        int open = -1;
+        float largest = -1.0f;
+        for (uint i = 0; i < count; ++i) {
+            if (collapse_is_leaf(members[child[i]])) continue;
+            const float area = box_area(box_load(node_boxes, child[i]));
+            const float bounded_area = area < FAR ? area : FAR;
+            if (bounded_area > largest) {
+                largest = bounded_area;
+                open = (int)i;
+            }
+        }
+        if (open < 0) break;
+        const uint2 pair = children[child[open]];
+        child[open] = pair.x;
+        child[count++] = pair.y;
+    }
+    uint inners = 0, triangles = 0, rounds = 0;
+    for (uint i = 0; i < 8; ++i) {
+        const uint node = i < count ? child[i] : NONE;
+        slots[(size_t)task * 8 + i] = node;
+        if (node == NONE) continue;
+        if (!collapse_is_leaf(members[node])) ++inners;
+        else if (members[node] & MEMBERS_TRIANGLE) ++triangles;
+        else ++rounds;
+    }
+    inner[task] = inners;
+    triangle_packs[task] = triangles;
+    round_packs[task] = rounds;
+}
+
+// The tasks of the next level, where nothing else is wanted of this one.
+__kernel void build_next_tasks(__global const uint* members, __global const uint* slots, uint task_count,
+                               __global const uint* inner, __global uint* next_tasks) {
+    const uint task = (uint)get_global_id(0);
+    if (task >= task_count) return;
+    uint next = inner[task];
+    for (uint i = 0; i < 8; ++i) {
+        const uint child = slots[(size_t)task * 8 + i];
+        if (child != NONE && !collapse_is_leaf(members[child])) next_tasks[next++] = child;
+    }
+}
+
+// The primitives below a node that becomes a leaf, in order.
+static uint collapse_primitives(__global const uint2* children, __global const uint* order, uint leaf_count, uint node,
+                                uint primitives[8]) {
+    uint stack[8];
+    uint top = 0, count = 0;
+    stack[top++] = node;
+    while (top > 0) {
+        const uint at = stack[--top];
+        if (at < leaf_count) {
+            primitives[count++] = order[at];
+        } else {
+            stack[top++] = children[at].y;
+            stack[top++] = children[at].x;
+        }
+    }
+    return count;
+}
+
+static void collapse_triangle_pack(__global float* pack, const uint primitives[8], uint count, __global const float* vertices,
+                                   __global const uint* triangles) {
+    for (uint i = 0; i < 8; ++i) {
+        for (uint corner = 0; corner < 3; ++corner) {
+            const size_t v = i < count ? (size_t)triangles[(size_t)primitives[i] * 3 + corner] * 3 : 0;
+            for (uint k = 0; k < 3; ++k) pack[(corner * 3 + k) * 8 + i] = i < count ? vertices[v + k] : 0.0f;
+        }
+        pack[TRIANGLE_PACK_ID + i] = as_float(i < count ? primitives[i] : NONE);
+    }
+}
+
+static void collapse_round_pack(__global float* pack, const uint primitives[8], uint count, __global const Round* rounds,
+                                uint triangle_count) {
+    for (uint i = 0; i < 8; ++i) {
+        Round r = {(float4)(0.0f, 0.0f, 0.0f, 0.0f), (float4)(0.0f, 0.0f, 0.0f, 0.0f)};
+        if (i < count) r = rounds[primitives[i] - triangle_count];
+        pack[i] = r.center_radius.x, pack[8 + i] = r.center_radius.y, pack[16 + i] = r.center_radius.z;
+        pack[24 + i] = r.center_radius.w;
+        pack[32 + i] = r.normal.x, pack[40 + i] = r.normal.y, pack[48 + i] = r.normal.z;
+        pack[ROUND_PACK_ID + i] = as_float(i < count ? primitives[i] : NONE);
+    }
+}
+
+// Writes the nodes and packs of a level and the tasks of the next. `first_*`: how many of each exist from earlier levels.
+__kernel void build_collapse(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
+                             __global const uint* order, uint leaf_count, __global const uint* slots, uint task_count,
+                             __global const uint* inner, __global const uint* triangle_offsets, __global const uint* round_offsets,
+                             uint first_node, uint first_triangle_pack, uint first_round_pack, __global const float* vertices,
+                             __global const uint* triangles, __global const Round* rounds, uint triangle_count,
+                             __global float* nodes, __global float* triangle_packs, __global float* round_packs,
+                             __global uint* next_tasks) {
+    const uint task = (uint)get_global_id(0);
+    if (task >= task_count) return;
+    __global float* node = nodes + (size_t)(first_node + task) * BVH_NODE_WORDS;
+    uint next = inner[task];
+    uint triangle_pack = first_triangle_pack + triangle_offsets[task], round_pack = first_round_pack + round_offsets[task];
+    for (uint i = 0; i < 8; ++i) {
+        const uint child = slots[(size_t)task * 8 + i];
+        uint reference = BVH_EMPTY;
+        Box b = box_empty();
+        if (child != NONE) {
+            b = box_load(node_boxes, child);
+            uint primitives[8];
+            if (!collapse_is_leaf(members[child])) {
+                reference = first_node + task_count + next;
+                next_tasks[next++] = child;
+            } else {
+                const uint count = collapse_primitives(children, order, leaf_count, child, primitives);
+                if (members[child] & MEMBERS_TRIANGLE) {
+                    collapse_triangle_pack(triangle_packs + (size_t)triangle_pack * TRIANGLE_PACK_WORDS, primitives, count, vertices,
+                                           triangles);
+                    reference = BVH_LEAF | triangle_pack++;
+                } else {
+                    collapse_round_pack(round_packs + (size_t)round_pack * ROUND_PACK_WORDS, primitives, count, rounds,
+                                        triangle_count);
+                    reference = BVH_LEAF | BVH_ROUND | round_pack++;
+                }
+            }
+        }
+        for (int k = 0; k < 3; ++k) {
+            node[BVH_LOW + k * 8 + i] = b.low[k];
+            node[BVH_HIGH + k * 8 + i] = b.high[k];
+        }
+        node[BVH_CHILD + i] = as_float(reference);
+    }
+}

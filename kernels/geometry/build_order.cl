@@ -1,0 +1,115 @@
+// First steps of the tree: the primitives' boxes, and the primitives in the order of their Morton codes. Deterministic: the sort is
+// stable and every sum is of integers.
+#include "geometry/build.h"
+
+// Boxes as the traversals clamp hits into them (geometry/box.h): the same expressions, so the same bits.
+__kernel void build_boxes(__global const float* vertices, __global const uint* triangles, __global const Round* rounds,
+                          uint triangle_count, uint count, __global float* boxes) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) return;
+    Box b = box_empty();
+    if (i < triangle_count) {
+        for (int corner = 0; corner < 3; ++corner) {
+            const size_t v = (size_t)triangles[(size_t)i * 3 + corner] * 3;
+            for (int k = 0; k < 3; ++k) {
+                b.low[k] = lesser(b.low[k], vertices[v + k]);
+                b.high[k] = greater(b.high[k], vertices[v + k]);
+            }
+        }
+    } else {
+        const Round r = rounds[i - triangle_count];
+        const float center[3] = {r.center_radius.x, r.center_radius.y, r.center_radius.z};
+        const float normal[3] = {r.normal.x, r.normal.y, r.normal.z};
+        for (int k = 0; k < 3; ++k) {
+            const float extent = round_extent_lanes(r.center_radius.w, normal[k]);
+            b.low[k] = center[k] - extent;
+            b.high[k] = center[k] + extent;
+        }
+    }
+    box_save(boxes, i, b);
+}
+
+// Bounds of the boxes' centres (times two), chunk by chunk; run again on its own result until one box is left.
+__kernel void build_bounds(__global const float* boxes, uint count, uint centers, __global float* bounds) {
+    const uint chunk = (uint)get_global_id(0);
+    const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
+    if (first >= count) return;
+    Box b = box_empty();
+    for (uint i = first; i < last; ++i) {
+        Box one = box_load(boxes, i);
+        if (centers)
+            for (int k = 0; k < 3; ++k) one.low[k] = one.high[k] = one.low[k] * 0.5f + one.high[k] * 0.5f;
+        b = box_union(b, one);
+    }
+    box_save(bounds, chunk, b);
+}
+
+// Spread the low 21 bits of x, two zeros after each.
+static ulong build_spread(uint value) {
+    ulong x = value & 0x1fffffu;
+    x = (x | x << 32) & 0x001f00000000fffful;
+    x = (x | x << 16) & 0x001f0000ff0000fful;
+    x = (x | x << 8) & 0x100f00f00f00f00ful;
+    x = (x | x << 4) & 0x10c30c30c30c30c3ul;
+    return (x | x << 2) & 0x1249249249249249ul;
+}
+
+__kernel void build_morton(__global const float* boxes, __global const float* bounds, uint count, __global ulong* keys,
+                           __global uint* values) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) return;
+    const Box all = box_load(bounds, 0), b = box_load(boxes, i);
+    ulong key = 0;
+    for (int k = 0; k < 3; ++k) {
+        const float size = all.high[k] - all.low[k];
+        const float center = b.low[k] * 0.5f + b.high[k] * 0.5f;
+        const float at = size > 0.0f ? (center - all.low[k]) / size : 0.0f;
+        key |= build_spread((uint)(lesser(greater(at, 0.0f), 1.0f) * 2097151.0f)) << k;
+    }
+    keys[i] = key;
+    values[i] = i;
+}
+
+// Radix sort, eight bits a pass: how often each digit occurs in each chunk, …
+__kernel void build_sort_count(__global const ulong* keys, uint count, uint shift, uint chunks, __global uint* counts) {
+    const uint chunk = (uint)get_global_id(0);
+    if (chunk >= chunks) return;
+    uint seen[256];
+    for (int digit = 0; digit < 256; ++digit) seen[digit] = 0;
+    const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
+    for (uint i = first; i < last; ++i) seen[(uint)(keys[i] >> shift) & 255u]++;
+    for (uint digit = 0; digit < 256; ++digit) counts[(size_t)digit * chunks + chunk] = seen[digit];
+}
+
+// … and, once these are summed up, where each element goes.
+__kernel void build_sort_scatter(__global const ulong* keys, __global const uint* values, uint count, uint shift, uint chunks,
+                                 __global const uint* offsets, __global ulong* sorted_keys, __global uint* sorted_values) {
+    const uint chunk = (uint)get_global_id(0);
+    if (chunk >= chunks) return;
+    uint next[256];
+    for (uint digit = 0; digit < 256; ++digit) next[digit] = offsets[(size_t)digit * chunks + chunk];
+    const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
+    for (uint i = first; i < last; ++i) {
+        const uint to = next[(uint)(keys[i] >> shift) & 255u]++;
+        sorted_keys[to] = keys[i];
+        sorted_values[to] = values[i];
+    }
+}
+
+// Exclusive prefix sums in place, chunk by chunk; `sums` gets each chunk's total.
+__kernel void build_scan(__global uint* numbers, uint count, __global uint* sums) {
+    const uint chunk = (uint)get_global_id(0);
+    const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
+    if (first >= count) return;
+    uint sum = 0;
+    for (uint i = first; i < last; ++i) {
+        const uint number = numbers[i];
+        numbers[i] = sum;
+        sum += number;
+    }
+    sums[chunk] = sum;
+}
+__kernel void build_scan_add(__global uint* numbers, uint count, __global const uint* sums) {
+    const uint i = (uint)get_global_id(0);
+    if (i < count) numbers[i] += sums[i / BUILD_CHUNK];
+}

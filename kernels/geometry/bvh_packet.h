@@ -1,0 +1,213 @@
+// The rays of all lanes through the tree together, each box and primitive against all of them, while they agree; where only a few
+// of them still want a subtree, each of those goes on alone (Benthin, Wald, Woop, Ernst, "Combining single and packet-ray tracing
+// for arbitrary ray distributions", 2012).
+#ifndef GEOMETRY_BVH_PACKET_H
+#define GEOMETRY_BVH_PACKET_H
+
+#include "geometry/bvh_single.h"
+#include "geometry/ray.h"
+
+// With so few lanes left, they part. 0: never, as on a GPU, where one lane walks the tree and nothing is left to part.
+#ifndef PACKET_PARTS
+#define PACKET_PARTS (LANES / 8)
+#endif
+
+typedef struct {
+    vec3 origin, direction, inverse, shear;
+    vmask main_x, main_y;        // the ray's main axis is x; is y
+    vuint from, to;
+    vfloat nearest;
+    vuint primitive;
+} PacketRay;
+
+// A vector with its axes turned so that z is the ray's main one.
+static vec3 packet_turn(const PacketRay* ray, vec3 v) {
+    return vec3_of(ray->main_x ? v.y : (ray->main_y ? v.z : v.x), ray->main_x ? v.z : (ray->main_y ? v.x : v.y),
+                   ray->main_x ? v.x : (ray->main_y ? v.y : v.z));
+}
+
+static PacketRay packet_ray(const Ray* ray, vmask active) {
+    PacketRay p;
+    p.origin = ray->origin;
+    p.direction = ray->direction;
+    const vec3 size = vec3_of(absolute(ray->direction.x), absolute(ray->direction.y), absolute(ray->direction.z));
+    p.main_x = (size.x > size.y) & (size.x > size.z);
+    p.main_y = (size.y > size.z) & !p.main_x;
+    const vec3 d = ray->direction;
+    const vec3 turned = packet_turn(&p, d);
+    const vfloat z = splat(1.0f) / turned.z;
+    p.shear = vec3_of(turned.x * z, turned.y * z, z);
+    p.inverse = vec3_of(box_inverse(d.x), box_inverse(d.y), box_inverse(d.z));
+    p.from = ray->from;
+    p.to = ray->to;
+    p.nearest = active ? ray->limit : splat(-1.0f);
+    p.primitive = splat_uint(NONE);
+    return p;
+}
+
+// Keep the hit where it is nearer; of equally near ones the lowest number, so that the order of visits does not matter. `entered`
+// is where the rays enter the leaf's box.
+static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, uint id, int any_hit, vfloat* nearest,
+                        vuint* primitive) {
+    const vfloat at = greater(distance, entered);
+    const vmask nearer = (at < *nearest) | ((at == *nearest) & (splat_uint(id) < *primitive));
+    const vmask keep = hit & nearer & (at > BOX_START) & (ray->from != id) & (ray->to != id);
+    *nearest = keep ? (any_hit ? splat(-1.0f) : at) : *nearest;
+    *primitive = keep ? splat_uint(id) : *primitive;
+}
+
+// Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.
+static void packet_triangles(PacketRay* ray, __global const float* pack, vmask active, vfloat entered, int any_hit) {
+    vfloat nearest = ray->nearest;
+    vuint primitive = ray->primitive;
+    for (int i = 0; i < 8; ++i, ++pack) {
+        const uint id = as_uint(pack[TRIANGLE_PACK_ID]);
+        if (id == NONE) break;
+        const vec3 a = vec3_of(pack[0] - ray->origin.x, pack[8] - ray->origin.y, pack[16] - ray->origin.z);
+        const vec3 b = vec3_of(pack[24] - ray->origin.x, pack[32] - ray->origin.y, pack[40] - ray->origin.z);
+        const vec3 c = vec3_of(pack[48] - ray->origin.x, pack[56] - ray->origin.y, pack[64] - ray->origin.z);
+        const vec3 ta = packet_turn(ray, a), tb = packet_turn(ray, b), tc = packet_turn(ray, c);
+        vfloat u, v, w;
+        const vmask hit = active & triangle_hit_lanes(ta.x, ta.y, ta.z, tb.x, tb.y, tb.z, tc.x, tc.y, tc.z, ray->shear.x,
+                                                      ray->shear.y, &u, &v, &w);
+        const vfloat distance = triangle_distance_lanes(u, v, w, ta.z, tb.z, tc.z, ray->shear.z);
+        packet_keep(ray, hit, distance, entered, id, any_hit, &nearest, &primitive);
+    }
+    ray->nearest = nearest;
+    ray->primitive = primitive;
+}
+
+static void packet_rounds(PacketRay* ray, __global const float* pack, vmask active, vfloat entered, int any_hit) {
+    for (int i = 0; i < 8; ++i, ++pack) {
+        const uint id = as_uint(pack[ROUND_PACK_ID]);
+        if (id == NONE) break;
+        const float cx = pack[0], cy = pack[8], cz = pack[16], radius = pack[24], nx = pack[32], ny = pack[40], nz = pack[48];
+        const vec3 to = vec3_of(cx - ray->origin.x, cy - ray->origin.y, cz - ray->origin.z);
+        const vec3 d = ray->direction;
+        vfloat distance;
+        vmask hit;
+        if (nx != 0.0f || ny != 0.0f || nz != 0.0f)
+            hit = disk_hit_lanes(to.x, to.y, to.z, splat(radius), splat(nx), splat(ny), splat(nz), d.x, d.y, d.z, &distance);
+        else
+            hit = sphere_hit_lanes(to.x, to.y, to.z, splat(radius), d.x, d.y, d.z, &distance);
+        packet_keep(ray, hit & active, distance, entered, id, any_hit, &ray->nearest, &ray->primitive);
+    }
+}
+
+// What one ray alone needs, lane by lane in private arrays.
+typedef struct {
+    float origin[3][LANES], direction[3][LANES], inverse[3][LANES], shear[3][LANES];
+    int main_x[LANES], main_y[LANES];
+    uint from[LANES], to[LANES];
+} PartedRays;
+
+static void packet_part(const PacketRay* ray, PartedRays* parted) {
+#define STORE(name)                                                                                                         \
+    lane_store(ray->name.x, parted->name[0]), lane_store(ray->name.y, parted->name[1]), lane_store(ray->name.z, parted->name[2])
+    STORE(origin);
+    STORE(direction);
+    STORE(inverse);
+    STORE(shear);
+#undef STORE
+    lane_store(ray->main_x, parted->main_x);
+    lane_store(ray->main_y, parted->main_y);
+    lane_store(ray->from, parted->from);
+    lane_store(ray->to, parted->to);
+}
+
+// The lanes in `wants`, one after the other, each alone through everything below `reference`.
+static void packet_alone(const Bvh* bvh, PacketRay* ray, const PartedRays* parted, vmask wants, uint reference, vfloat entered,
+                         int any_hit) {
+    int wanted[LANES];
+    float nearest[LANES], enters[LANES];
+    uint primitive[LANES];
+    lane_store(wants, wanted);
+    lane_store(entered, enters);
+    lane_store(ray->nearest, nearest);
+    lane_store(ray->primitive, primitive);
+    for (int lane = 0; lane < LANES; ++lane) {
+        if (!wanted[lane]) continue;
+        SingleRay one;
+        for (int k = 0; k < 3; ++k) {
+            one.origin[k] = parted->origin[k][lane];
+            one.direction[k] = parted->direction[k][lane];
+            one.inverse[k] = parted->inverse[k][lane];
+            one.shear[k] = parted->shear[k][lane];
+        }
+        const uint main_axis = parted->main_x[lane] ? 0u : parted->main_y[lane] ? 1u : 2u;
+        one.axis[0] = main_axis == 2u ? 0u : main_axis + 1u;
+        one.axis[1] = main_axis == 0u ? 2u : main_axis - 1u;
+        one.axis[2] = main_axis;
+        one.from = parted->from[lane];
+        one.to = parted->to[lane];
+        one.nearest = nearest[lane];
+        one.primitive = primitive[lane];
+        bvh_single(bvh, &one, reference, enters[lane], any_hit);
+        nearest[lane] = one.nearest;
+        primitive[lane] = one.primitive;
+    }
+    ray->nearest = lane_restore(nearest);
+    ray->primitive = lane_restore(primitive);
+}
+
+// Push the children that any lane enters, the farthest first. Returns the new top of the stack.
+static int packet_children(const PacketRay* ray, __global const float* node, uint* stack, vfloat* stack_near, int top) {
+    vfloat entered[8];
+    uint order[8];               // where the child's box begins for the first lane that enters it, and its number in the last bits
+    int count = 0;
+    for (int i = 0; i < 8 && as_uint(node[BVH_CHILD + i]) != BVH_EMPTY; ++i) {
+        vfloat near, far;
+        box_interval_lanes(node[i] - ray->origin.x, node[8 + i] - ray->origin.y, node[16 + i] - ray->origin.z,
+                           node[24 + i] - ray->origin.x, node[32 + i] - ray->origin.y, node[40 + i] - ray->origin.z,
+                           ray->inverse.x, ray->inverse.y, ray->inverse.z, &near, &far);
+        entered[i] = (near <= far) & (near <= ray->nearest) ? near : splat(FAR);
+        const uint key = (as_uint(lane_least(entered[i])) & ~7u) | (uint)i;
+        int slot = count++;
+        while (slot > 0 && order[slot - 1] < key) {
+            order[slot] = order[slot - 1];
+            --slot;
+        }
+        order[slot] = key;
+    }
+    for (int k = 0; k < count; ++k) {
+        if (order[k] >= (as_uint(FAR) & ~7u)) continue;
+        const uint i = order[k] & 7u;
+        ++top;
+        stack[top] = as_uint(node[BVH_CHILD + i]);
+        stack_near[top] = entered[i];
+    }
+    return top;
+}
+
+__attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay* ray, int any_hit) {
+#if PACKET_PARTS > 0
+    PartedRays parted;
+    packet_part(ray, &parted);
+#endif
+    uint stack[BVH_STACK];
+    vfloat stack_near[BVH_STACK];
+    int top = 0;
+    stack[0] = bvh->root;
+    stack_near[0] = splat(0.0f);
+    while (top >= 0) {
+        const uint reference = stack[top];
+        const vfloat entered = stack_near[top];
+        const vmask wants = entered <= ray->nearest;
+        --top;
+        if (!lane_any(wants)) continue;
+        const size_t index = reference & BVH_INDEX;
+        if (!(reference & BVH_LEAF)) {
+#if PACKET_PARTS > 0
+            if (lane_count(wants) <= PACKET_PARTS)
+                packet_alone(bvh, ray, &parted, wants, reference, entered, any_hit);
+            else
+#endif
+                top = packet_children(ray, bvh->nodes + index * BVH_NODE_WORDS, stack, stack_near, top);
+        } else if (reference & BVH_ROUND)
+            packet_rounds(ray, bvh->round_packs + index * ROUND_PACK_WORDS, wants, entered, any_hit);
+        else
+            packet_triangles(ray, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, wants, entered, any_hit);
+    }
+}
+
+#endif

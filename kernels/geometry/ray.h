@@ -1,0 +1,37 @@
+// A ray, and how one leaves a surface.
+#ifndef GEOMETRY_RAY_H
+#define GEOMETRY_RAY_H
+
+#include "core/exact.h"
+#include "types.h"
+
+typedef struct {
+    vec3 origin;
+    vec3 direction;      // of any length; distances along the ray are multiples of it
+    vfloat limit;        // nothing beyond this distance counts
+    vuint from;          // the flat primitive the ray starts on, which it cannot hit again, or NONE
+    vuint to;            // the primitive it is aimed at, which cannot shade itself, or NONE
+} Ray;
+
+typedef struct {
+    vfloat distance;     // in multiples of the direction; the limit where nothing was hit
+    vuint primitive;     // NONE where nothing was hit
+} Hit;
+
+// Take the other ray where the statement holds.
+static void ray_replace(Ray* ray, Ray other, vmask m) {
+    ray->origin = choose(m, other.origin, ray->origin);
+    ray->direction = choose(m, other.direction, ray->direction);
+    ray->limit = m ? other.limit : ray->limit;
+    ray->from = m ? other.from : ray->from;
+    ray->to = m ? other.to : ray->to;
+}
+
+// How far from the surface, along its normal, a new ray has to start: enough to be on its side whatever the rounding of the hit
+// point. `error` bounds that rounding by component (PBR 4ed, 6.8.6): a multiple of the coordinates involved, so it scales with them.
+static vec3 ray_leave(vec3 point, vec3 normal, vec3 error, vmask inward) {
+    const vfloat distance = inner(error, vec3_of(absolute(normal.x), absolute(normal.y), absolute(normal.z)));
+    return along(point, normal, inward ? -distance : distance);
+}
+
+#endif

@@ -1,0 +1,109 @@
+// From a hit to the point that is shaded: where it is, which way it faces, what it is made of, whether it shines.
+#ifndef GEOMETRY_SURFACE_H
+#define GEOMETRY_SURFACE_H
+
+#include "core/frame.h"
+#include "core/lane.h"
+#include "geometry/ray.h"
+#include "geometry/traverse.h"
+#include "scene.h"
+
+typedef struct {
+    vec3 point;
+    vec3 error;          // bound of its rounding error, by component
+    vec3 normal;         // of the geometry, unit, out of the front side
+    vec3 shading;        // interpolated where the shape is smooth, on the same side
+    vmask front;         // the ray came from the front side
+    vuint primitive;
+    vuint from;          // what a ray leaving here cannot hit again: Ray.from
+    vuint light;         // index of the light it is, or NONE
+    vec3 color;
+    vfloat absorption, ior;
+    vuint kind;          // MATERIAL_*
+} Surface;
+
+// Triangles: the barycentric weights are found again as the traversal found them, sixteen at a time, which is cheaper than
+// carrying them along; the point is then on the plane to within the rounding of its coordinates, however far the ray came.
+static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat row[16], vmask smooth, Surface* s) {
+    const vec3 a = vec3_of(row[0], row[1], row[2]), b = vec3_of(row[3], row[4], row[5]), c = vec3_of(row[6], row[7], row[8]);
+    const PacketRay packet = packet_ray(ray, smooth);
+    const vec3 pa = packet_turn(&packet, sub(a, ray->origin)), pb = packet_turn(&packet, sub(b, ray->origin)),
+               pc = packet_turn(&packet, sub(c, ray->origin));
+    vfloat u, v, w;
+    const vmask hit = triangle_hit_lanes(pa.x, pa.y, pa.z, pb.x, pb.y, pb.z, pc.x, pc.y, pc.z, packet.shear.x, packet.shear.y,
+                                         &u, &v, &w);
+    const vfloat inverse = splat(1.0f) / (hit ? u + v + w : splat(1.0f));
+    const vfloat weight_b = v * inverse, weight_c = w * inverse;
+    const vec3 ab = sub(b, a), ac = sub(c, a);
+    const vec3 step_b = scale(ab, weight_b), step_c = scale(ac, weight_c);
+    s->point = add(a, add(step_b, step_c));
+    s->error = scale(vec3_of(absolute(a.x) + absolute(step_b.x) + absolute(step_c.x),
+                             absolute(a.y) + absolute(step_b.y) + absolute(step_c.y),
+                             absolute(a.z) + absolute(step_b.z) + absolute(step_c.z)),
+                     splat(8.0f * EPSILON));
+    s->normal = unit(outer(ab, ac));
+    s->shading = s->normal;
+    s->from = s->primitive;
+    if (lane_any(smooth)) {
+        vfloat n[16];
+        lane_rows(scene->normal_rows, smooth ? s->primitive : splat_uint(0u), n);
+        const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
+        const vec3 sum = vec3_of(fma(weight_a, n[0], fma(weight_b, n[3], weight_c * n[6])),
+                                 fma(weight_a, n[1], fma(weight_b, n[4], weight_c * n[7])),
+                                 fma(weight_a, n[2], fma(weight_b, n[5], weight_c * n[8])));
+        const vmask usable = smooth & (inner(sum, sum) > 1.0e-12f) & (inner(sum, s->normal) > 0.0f);
+        s->shading = choose(usable, unit(sum), s->normal);
+    }
+}
+
+static void surface_round(const Ray* ray, vfloat distance, const vfloat row[16], vmask round, Surface* s) {
+    const vec3 center = vec3_of(row[0], row[1], row[2]), disk_normal = vec3_of(row[4], row[5], row[6]);
+    const vfloat radius = row[3];
+    const vmask disk = round & ((disk_normal.x != 0.0f) | (disk_normal.y != 0.0f) | (disk_normal.z != 0.0f));
+    const vec3 from_center = sub(along(ray->origin, ray->direction, distance), center);
+    const vec3 outward = unit(from_center);
+    const vec3 on_sphere = along(center, outward, radius);
+    const vec3 on_disk = add(center, along(from_center, disk_normal, -inner(from_center, disk_normal)));
+    const vec3 normal = choose(disk, disk_normal, scale(outward, row[7]));
+    s->point = choose(round, choose(disk, on_disk, on_sphere), s->point);
+    s->error = choose(round,
+                      scale(vec3_of(absolute(center.x) + radius, absolute(center.y) + radius, absolute(center.z) + radius),
+                            splat(8.0f * EPSILON)),
+                      s->error);
+    s->normal = choose(round, normal, s->normal);
+    s->shading = choose(round, normal, s->shading);
+    s->from = (round & !disk) ? splat_uint(NONE) : s->from;      // a sphere can be hit again from inside
+}
+
+static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask active) {
+    Surface s;
+    vfloat row[16], shape[16];
+    s.primitive = active ? hit.primitive : splat_uint(0u);
+    lane_rows(scene->primitive_rows, s.primitive, row);
+    lane_rows(scene->shape_rows, vfloat_bits(row[9]), shape);
+    s.color = vec3_of(shape[0], shape[1], shape[2]);
+    s.absorption = shape[3];
+    s.kind = vfloat_bits(shape[4]);
+    s.ior = shape[5];
+    const vmask round = s.primitive >= scene->settings->triangle_count;
+    const vmask smooth = active & !round & ((vfloat_bits(shape[9]) & SHAPE_SMOOTH) != 0u);
+    surface_triangle(scene, ray, row, smooth, &s);
+    if (lane_any(round)) surface_round(ray, hit.distance, row, round, &s);
+    s.front = inner(s.normal, ray->direction) < 0.0f;
+    const vuint first_light = vfloat_bits(shape[8]);
+    s.light = first_light != NONE ? first_light + s.primitive - vfloat_bits(shape[7]) : splat_uint(NONE);
+    return s;
+}
+
+// A ray that leaves the surface on the side its direction points to.
+static Ray surface_leave(const Surface* s, vec3 direction) {
+    Ray ray;
+    ray.origin = ray_leave(s->point, s->normal, s->error, inner(direction, s->normal) < 0.0f);
+    ray.direction = direction;
+    ray.limit = splat(FAR);
+    ray.from = s->from;
+    ray.to = splat_uint(NONE);
+    return ray;
+}
+
+#endif

@@ -1,0 +1,102 @@
+// Lights that are surfaces: triangles, spheres, disks. Each shines uniformly from its front.
+//
+// sample: a point on the light for a point in space, from two numbers in [0, 1). pdf: of the direction to a point of it, per
+// steradian as seen from there. Zero: the light is seen from behind or edge-on.
+#ifndef LIGHT_AREA_H
+#define LIGHT_AREA_H
+
+#include "core/frame.h"
+#include "core/warp.h"
+#include "geometry/wide.h"
+
+typedef struct {
+    vec3 point;          // on the light
+    vec3 normal;         // of its front, unit
+    vec3 error;          // bound of the point's rounding error, by component
+    vfloat pdf;          // per steradian
+} AreaSample;
+
+// Density by area turned into density by solid angle, for a point on the light seen from `origin`.
+static vfloat area_pdf(vec3 origin, vec3 point, vec3 normal, vfloat area) {
+    const vec3 to = sub(point, origin);
+    const vfloat distance2 = inner(to, to);
+    const vfloat cosine = -inner(to, normal) / sqrt(distance2 > 0.0f ? distance2 : splat(1.0f));
+    const vmask seen = (cosine > 0.0f) & (area > 0.0f) & (distance2 > 0.0f);
+    return seen ? distance2 / ((seen ? cosine : splat(1.0f)) * area) : splat(0.0f);
+}
+
+static vfloat triangle_area(vec3 a, vec3 b, vec3 c) { return magnitude(outer(sub(b, a), sub(c, a))) * 0.5f; }
+
+static AreaSample triangle_sample(vec3 origin, vec3 a, vec3 b, vec3 c, vfloat u, vfloat v) {
+    vfloat weight_b, weight_c;
+    warp_triangle(u, v, &weight_b, &weight_c);
+    const vec3 ab = sub(b, a), ac = sub(c, a);
+    AreaSample s;
+    s.point = along(along(a, ab, weight_b), ac, weight_c);
+    s.normal = unit(outer(ab, ac));
+    s.error = scale(vec3_of(absolute(a.x) + absolute(ab.x) + absolute(ac.x), absolute(a.y) + absolute(ab.y) + absolute(ac.y),
+                            absolute(a.z) + absolute(ab.z) + absolute(ac.z)),
+                    splat(8.0f * EPSILON));
+    s.pdf = area_pdf(origin, s.point, s.normal, triangle_area(a, b, c));
+    return s;
+}
+
+// 1 − cosθ of the cone a sphere fills from a point outside it; 0 inside.
+static vfloat sphere_spread(vec3 origin, vec3 center, vfloat radius) {
+    const vec3 to = sub(center, origin);
+    const vfloat distance2 = inner(to, to);
+    const vfloat sine2 = radius * radius / (distance2 > 0.0f ? distance2 : splat(1.0f));
+    const vmask outside = distance2 > radius * radius;
+    return outside ? sine2 / (splat(1.0f) + root(splat(1.0f) - sine2)) : splat(0.0f);
+}
+
+// A point in `facing` = +1 shines outwards, −1 inwards. From outside the cone that the sphere fills is sampled, from inside its area.
+static vfloat sphere_pdf(vec3 origin, vec3 center, vfloat radius, vfloat facing, vec3 point, vec3 normal) {
+    const vfloat spread = sphere_spread(origin, center, radius);
+    const vmask outside = spread > 0.0f;
+    const vfloat cone = facing > 0.0f ? warp_cone_pdf(outside ? spread : splat(1.0f)) : splat(0.0f);
+    const vfloat within = area_pdf(origin, point, normal, radius * radius * (4.0f * PI));
+    return outside ? cone : within;
+}
+
+static AreaSample sphere_sample(vec3 origin, vec3 center, vfloat radius, vfloat facing, vfloat u, vfloat v) {
+    const vfloat spread = sphere_spread(origin, center, radius);
+    const vmask outside = spread > 0.0f;
+    const vec3 to = sub(center, origin);
+    const vec3 direction = frame_to_world(frame_around(unit(to)), warp_cone(u, v, spread));
+    vfloat distance;
+    const vmask hit = sphere_hit_lanes(to.x, to.y, to.z, radius, direction.x, direction.y, direction.z, &distance);
+    const vfloat at = hit ? distance : inner(to, direction);       // the cone's rim may miss by a rounding
+    const vec3 outward = choose(outside, unit(sub(along(origin, direction, at), center)), warp_sphere(u, v));
+    AreaSample s;
+    s.point = along(center, outward, radius);
+    s.normal = scale(outward, facing);
+    s.error = scale(vec3_of(absolute(center.x) + radius, absolute(center.y) + radius, absolute(center.z) + radius),
+                    splat(8.0f * EPSILON));
+    s.pdf = sphere_pdf(origin, center, radius, facing, s.point, s.normal);
+    return s;
+}
+
+static AreaSample disk_sample(vec3 origin, vec3 center, vfloat radius, vec3 normal, vfloat u, vfloat v) {
+    vfloat x, y;
+    warp_disk(u, v, &x, &y);
+    const Frame f = frame_around(normal);
+    AreaSample s;
+    s.point = along(along(center, f.tangent, x * radius), f.bitangent, y * radius);
+    s.normal = normal;
+    s.error = scale(vec3_of(absolute(center.x) + radius, absolute(center.y) + radius, absolute(center.z) + radius),
+                    splat(8.0f * EPSILON));
+    s.pdf = area_pdf(origin, s.point, normal, radius * radius * PI);
+    return s;
+}
+
+static AreaSample area_sample_choose(vmask m, AreaSample yes, AreaSample no) {
+    AreaSample s;
+    s.point = choose(m, yes.point, no.point);
+    s.normal = choose(m, yes.normal, no.normal);
+    s.error = choose(m, yes.error, no.error);
+    s.pdf = m ? yes.pdf : no.pdf;
+    return s;
+}
+
+#endif

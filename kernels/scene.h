@@ -1,0 +1,40 @@
+// The scene as the integrators see it. This list is the only one: kernel parameters, the struct and the host's check come from it.
+#ifndef SCENE_H
+#define SCENE_H
+
+#include "geometry/bvh.h"
+#include "types.h"
+
+// Rows are sixteen floats (core/lane.h, lane_rows); kernels/geometry/rows.cl writes them.
+#define SCENE_ARRAYS(X)                                                                                                     \
+    X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal; [9] its shape */                          \
+    X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
+    X(float, shape_rows)     /* colour, absorption, kind, ior, roughness, first primitive, first light, flags */            \
+    X(float, light_rows)     /* radiance, kind, probability, primitive, then its geometry or position */                    \
+    X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
+    X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
+    X(float, triangle_packs)                                                                                                \
+    X(float, round_packs)                                                                                                   \
+    X(Camera, camera)                                                                                                       \
+    X(Settings, settings)
+
+#define SCENE_MEMBER_(type, name) __global const type* name;
+#define SCENE_PARAMETER_(type, name) __global const type *name,
+#define SCENE_COPY_(type, name) scene.name = name;
+
+typedef struct {
+    SCENE_ARRAYS(SCENE_MEMBER_)
+    Bvh bvh;
+} Scene;
+
+// First in a kernel's parameters, and first in its body.
+#define SCENE_PARAMETERS SCENE_ARRAYS(SCENE_PARAMETER_)
+#define SCENE_COLLECT(scene)                                                                                                \
+    Scene scene;                                                                                                            \
+    SCENE_ARRAYS(SCENE_COPY_)                                                                                               \
+    scene.bvh.nodes = nodes;                                                                                                \
+    scene.bvh.triangle_packs = triangle_packs;                                                                              \
+    scene.bvh.round_packs = round_packs;                                                                                    \
+    scene.bvh.root = 0
+
+#endif

@@ -1,0 +1,141 @@
+"""Check the rules that keep kernels exact and portable.
+
+``python scripts/lint_kernels.py [FOLDER]`` prints the faults and exits with 1 when there is one.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from clrender.device.source import expand
+from clrender.errors import RenderError
+
+__all__ = ["lint", "lint_text"]
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+
+# Built-ins that drivers round differently. core/ may hold the one hand-written form of each.
+_INEXACT: Final = (
+    *("dot", "cross", "normalize", "length", "distance", "mix", "rsqrt", "rootn", "cbrt", "hypot", "smoothstep"),
+    *("sin", "cos", "tan", "sincos", "sinpi", "cospi", "tanpi", "sinh", "cosh", "tanh", "degrees", "radians"),
+    *("asin", "acos", "atan", "atan2", "asinpi", "acospi", "atanpi", "atan2pi", "asinh", "acosh", "atanh"),
+    *("exp", "exp2", "exp10", "expm1", "log", "log2", "log10", "log1p", "logb", "pow", "pown", "powr"),
+    *("erf", "erfc", "tgamma", "lgamma", "fmod", "remainder", "remquo", "fract"),
+)
+_EVERYWHERE: Final = (
+    (r"\b(?:native|half|fast)_\w+\s*\(", "is a built-in of unspecified precision"),
+    (r"\bmad\s*\(", "may or may not round between; write fma, or a product and a sum"),
+    (r"\bdouble\d*\b", "does not exist on every device"),
+    (r"\bhalf\d*\b(?!_)", "does not exist on every device"),
+    (r"\bprintf\b", "breaks some drivers' linkers"),
+    (r"\b(?:read_image\w+|write_image\w+|image[123]d\w*_t|sampler_t)\b", "filters differently on each device"),
+    (r"(?<![\w.])(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])", "is a double constant; it needs the suffix f"),
+    (r"(?<![\w.])\d+[eE][+-]?\d+(?![\w.])", "is a double constant; it needs the suffix f"),
+    (r"FP_CONTRACT\s+ON", "lets the compiler round differently"),
+)
+_INEXACT_CALL: Final = re.compile(rf"\b(?:{'|'.join(_INEXACT)})\s*\(")
+_FAST_MATH: Final = re.compile(
+    r"-cl-(?:fast-relaxed-math|unsafe-math-optimizations|mad-enable|finite-math-only|no-signed-zeros|denorms-are-zero)"
+)
+_COMMENT: Final = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
+_MEMBER: Final = re.compile(r"\s*(\w+)(\s*\*)?\s*\w+(?:\[\w+\])?\s*;")
+_SHARED_TYPES: Final = frozenset({"float4", "float", "uint", "int"})
+
+
+def lint(folder: Path) -> list[str]:
+    """Faults of every kernel file below `folder`, each as ``file:line: what``.
+
+    Parameters
+    ----------
+    folder : Path
+        The kernels folder, which includes are relative to.
+    """
+    faults = []
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        name = path.relative_to(folder).as_posix()
+        if path.suffix not in (".cl", ".h", ".inc"):
+            faults.append(
+                f"{name}:1: kernels are .cl (entry points), .h (functions) or .inc (text included several times)"
+            )
+            continue
+        faults += lint_text(name, path.read_text(encoding="utf-8"))
+        if path.suffix == ".cl":
+            faults += _lint_program(name, folder)
+    return faults
+
+
+def lint_text(name: str, text: str) -> list[str]:
+    """Faults of one file that its own text shows.
+
+    Parameters
+    ----------
+    name : str
+        Path below the kernels folder.
+    text : str
+    """
+    faults = [f"{name}:{line}: {what}" for line, what in _lines(name, text)]
+    if not text.startswith("//"):
+        faults.append(f"{name}:1: the first line says, in a // comment, what the file is for")
+    guard = re.sub(r"\W", "_", name).upper()
+    guarded = re.search(rf"^#ifndef {guard}\n#define {guard}$", text, re.MULTILINE)
+    if name.endswith(".h") and not guarded:
+        faults.append(f"{name}:1: a header has the include guard {guard}")
+    return faults
+
+
+def _lines(name: str, text: str) -> Iterator[tuple[int, str]]:
+    code = _COMMENT.sub(lambda match: "\n" * match.group().count("\n"), text)
+    depth = 0
+    for number, line in enumerate(code.splitlines(), 1):
+        if line.lstrip().startswith("#include"):
+            if not re.fullmatch(r'#include "[\w/]+\.(?:h|inc)"\s*', line):
+                yield number, 'includes read #include "room/file.h", relative to the kernels folder'
+            continue
+        for pattern, why in _EVERYWHERE:
+            if found := re.search(pattern, line):
+                yield number, f"{found.group().strip()} {why}"
+        if not name.startswith("core/") and (found := _INEXACT_CALL.search(line)):
+            yield number, f"{found.group().strip(' (')} differs from driver to driver; use the function of core/"
+        if found := _FAST_MATH.search(line):
+            yield number, f"{found.group()} lets the compiler round differently"
+        if name == "types.h":
+            depth += line.count("{") - line.count("}")
+            member = _MEMBER.match(line)
+            if depth > 0 and member and (member.group(2) or member.group(1) not in _SHARED_TYPES):
+                yield number, f"shared structs hold float4, float, uint and int, not {member.group().strip()}"
+
+
+def _lint_program(name: str, folder: Path) -> Iterator[str]:
+    try:
+        text = expand(name, folder)
+    except RenderError as error:
+        yield str(error)
+        return
+    code = _COMMENT.sub("", text)
+    if not re.search(r"\b(?:__)?kernel\s+(?:__attribute__\S+\s+)?void\b", code):
+        yield f"{name}:1: a .cl file holds entry points and this has none"
+
+
+def _lint_host() -> Iterator[str]:
+    for path in sorted((ROOT / "clrender").rglob("*.py")):
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if found := _FAST_MATH.search(line):
+                yield f"{path.relative_to(ROOT)}:{number}: {found.group()} lets the compiler round differently"
+
+
+def main(arguments: list[str]) -> int:
+    """Print the faults; 0 when there is none."""
+    faults = lint(Path(arguments[0]) if arguments else ROOT / "kernels")
+    if not arguments:
+        faults += _lint_host()
+    for fault in faults:
+        print(fault)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

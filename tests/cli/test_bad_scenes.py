@@ -1,0 +1,426 @@
+"""Bad scenes made by hand: each ends in one sentence that names the place and the problem, never in a traceback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from clrender import scene as scenes
+from clrender.errors import SceneError
+from clrender.flatten import flatten
+
+ROOT = Path(__file__).resolve().parents[2]
+
+CAMERA = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n"
+WHITE = '[materials.white]\ntype = "lambert"\nreflectance = [0.7, 0.7, 0.7]\n'
+MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
+HEAD = "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
+ASCII = HEAD.format("ascii", 3) + FACES.format(1)
+BINARY = HEAD.format("binary_little_endian", 3) + FACES.format(1)
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A scene file, files beside it, and what the message has to hold."""
+
+    name: str
+    text: str | bytes
+    expected: tuple[str, ...]
+    files: dict[str, str | bytes] = field(default_factory=dict)
+    suffix: str = ".toml"
+    cli: bool = False
+    prepare: Callable[[Path], object] | None = None
+
+
+def sphere(extra: str = "", radius: str = "1.0") -> str:
+    return f'{CAMERA}{WHITE}[[shapes]]\ntype = "sphere"\nradius = {radius}\n{extra}'
+
+
+def shape(text: str) -> str:
+    return f"{CAMERA}[[shapes]]\n{text}"
+
+
+def ply(name: str, data: str | bytes, *expected: str, cli: bool = False) -> Bad:
+    return Bad(name, CAMERA + MESH.format("m.ply"), ("shapes[0].file", "m.ply", *expected), {"m.ply": data}, cli=cli)
+
+
+def obj(name: str, data: str | bytes, *expected: str) -> Bad:
+    return Bad(name, CAMERA + MESH.format("m.obj"), ("shapes[0].file", "m.obj", *expected), {"m.obj": data})
+
+
+def _sparse(path: Path) -> None:
+    with path.open("wb") as file:
+        file.truncate(2**34)
+
+
+def _circle(folder: Path) -> None:
+    (folder / "a.ply").symlink_to("b.ply")
+    (folder / "b.ply").symlink_to("a.ply")
+
+
+SYNTAX = [
+    Bad("toml syntax", "[camera\nposition = 1\n", ("line 1, column 8", "TOML"), cli=True),
+    Bad("toml truncated", '[camera]\nposition = [0, 0, "', ("line 2", "TOML")),
+    Bad("toml duplicate key", CAMERA + "position = [1, 1, 1]\n", ("line 4", "overwrite")),
+    Bad("toml duplicate table", CAMERA + CAMERA, ("line 4", "TOML")),
+    Bad("toml nested deeply", "a = " + "[" * 100_000, ("nested too deeply",)),
+    Bad("toml dotted key", "a" + ".a" * 50_000 + " = 1\n", ("line 1", "nested too deeply")),
+    Bad("toml digits", f"a = {'9' * 5000}\n", ("digits",)),
+    Bad("toml invalid utf-8", b"# \xff\n" + CAMERA.encode(), ("line 1, column 3", "UTF-8"), cli=True),
+    Bad("toml utf-16", CAMERA.encode("utf-16"), ("line 1, column 1", "UTF-8")),
+    Bad("toml empty", "", ("`camera` is missing",)),
+    Bad("json syntax", '{"camera": }', ("line 1, column 12", "JSON"), suffix=".json", cli=True),
+    Bad("json empty", "", ("line 1, column 1", "JSON"), suffix=".json"),
+    Bad("json list", "[]", ("a list", "table"), suffix=".json"),
+    Bad("json number", "5", ("is 5", "table"), suffix=".json"),
+    Bad("json null", "null", ("is null", "table"), suffix=".json"),
+    Bad("json nested deeply", "[" * 200_000, ("nested too deeply",), suffix=".json", cli=True),
+    Bad("json objects nested deeply", '{"a":' * 100_000, ("nested too deeply",), suffix=".json"),
+    Bad("json duplicate key", '{"title": "a", "title": "b"}', ('"title" is given twice',), suffix=".json"),
+    Bad("json digits", '{"title": ' + "1" * 5000 + "}", ("digits",), suffix=".json"),
+    Bad("json surrogate", '{"camera": {"type": "\\ud800"}}', ("camera.type",), suffix=".json"),
+]
+
+VALUES = [
+    Bad("no camera", WHITE, ("the key `camera` is missing",)),
+    Bad("camera without target", "[camera]\nposition = [0, 0, 0]\n", ("camera", "`target` is missing")),
+    Bad("target is position", CAMERA.replace("5", "0"), ("camera.target", "same point"), cli=True),
+    Bad("up parallel", CAMERA + "up = [0, 0, -2]\n", ("camera.up", "parallel")),
+    Bad("up zero", CAMERA + "up = [0, 0, 0]\n", ("camera.up", "length zero")),
+    Bad("fov 0", CAMERA + "vertical_fov = 0\n", ("camera.vertical_fov", "greater than 0")),
+    Bad("fov 180", CAMERA + "vertical_fov = 180.0\n", ("camera.vertical_fov is 180.0", "less than 180")),
+    Bad("fov tiny", CAMERA + "vertical_fov = 1e-30\n", ("camera", "vertical_fov")),
+    Bad("fov text", CAMERA + 'vertical_fov = "45"\n', ("camera.vertical_fov", 'the text "45"', "a number")),
+    Bad("focus 0", CAMERA + "focus_distance = 0.0\n", ("camera.focus_distance", "greater than 0")),
+    Bad("focus negative", CAMERA + "focus_distance = -3\n", ("camera.focus_distance", "greater than 0")),
+    Bad("aperture negative", CAMERA + "aperture_radius = -0.1\n", ("camera.aperture_radius", "at least 0")),
+    Bad("camera type", CAMERA + 'type = "perspectiv"\n', ("camera.type", 'did you mean "perspective"')),
+    Bad("camera key", CAMERA + "vertical_fow = 45\n", ("camera.vertical_fow", 'did you mean "vertical_fov"'), cli=True),
+    Bad("position too short", CAMERA.replace("0, 0, 5", "0, 5"), ("camera.position", "2 entries")),
+    Bad("position too long", CAMERA.replace("0, 0, 5", "0, 0, 5, 1"), ("camera.position", "at most 3")),
+    Bad("position nan", CAMERA.replace("5", "nan"), ("camera.position[2] is nan", "finite"), cli=True),
+    Bad("position infinite", CAMERA.replace("5", "-inf"), ("camera.position[2] is -inf", "finite")),
+    Bad("position huge", CAMERA.replace("5", "1e16"), ("camera.position[2]", "at most 1e+15")),
+    Bad("position a truth", CAMERA.replace("5", "true"), ("camera.position[2] is true", "a number")),
+    Bad("position a date", CAMERA.replace("[0, 0, 5]", "2020-01-01"), ("camera.position", "a list")),
+    Bad("top key", "matirials = 3\n" + CAMERA, ("matirials", 'did you mean "materials"')),
+    Bad("width 0", CAMERA + "[image]\nwidth = 0\n", ("image.width is 0", "at least 1")),
+    Bad("width 65537", CAMERA + "[image]\nwidth = 65537\n", ("image.width", "at most 65536")),
+    Bad("width a fraction", CAMERA + "[image]\nwidth = 10.5\n", ("image.width is 10.5", "whole number")),
+    Bad("too many pixels", CAMERA + "[image]\nwidth = 65536\nheight = 65536\n", ("image", "pixels"), cli=True),
+    Bad("spp 0", CAMERA + "[render]\nspp = 0\n", ("render.spp is 0", "at least 1")),
+    Bad("spp huge", CAMERA + "[render]\nspp = 1048577\n", ("render.spp", "at most")),
+    Bad("integrator", CAMERA + '[render]\nintegrator = "paht"\n', ("render.integrator", 'did you mean "path"')),
+    Bad("integrator not built", CAMERA + '[render]\nintegrator = "bdpt"\n', ("render.integrator", "path, direct")),
+    Bad("render absorption", CAMERA + "[render]\nabsorption = 1.0\n", ("render.absorption", "less than 1")),
+    Bad("seed negative", CAMERA + "[render]\nseed = -1\n", ("render.seed", "at least 0")),
+    Bad(
+        "reflectance over 1",
+        CAMERA + WHITE.replace("0.7, 0.7,", "0.7, 1.5,"),
+        ("materials.white.reflectance[1] is 1.5", "at most 1"),
+        cli=True,
+    ),
+    Bad(
+        "reflectance negative",
+        CAMERA + WHITE.replace("[0.7", "[-0.7"),
+        ("materials.white.reflectance[0]", "at least 0"),
+    ),
+    Bad(
+        "reflectance a number",
+        CAMERA + WHITE.replace("[0.7, 0.7, 0.7]", "0.7"),
+        ("materials.white.reflectance", "a list"),
+    ),
+    Bad("reflectance misspelt", CAMERA + WHITE.replace("tance", "tence"), ('did you mean "reflectance"',)),
+    Bad(
+        "material type", CAMERA + WHITE.replace("lambert", "lamber"), ("materials.white.type", 'did you mean "lambert"')
+    ),
+    Bad("material type later", CAMERA + WHITE.replace("lambert", "conductor"), ("materials.white.type", "dielectric")),
+    Bad("material type missing", CAMERA + "[materials.white]\n", ("materials.white", "`type` is missing")),
+    Bad("material type a list", CAMERA + "[materials.white]\ntype = [1]\n", ("materials.white.type",)),
+    Bad("material a number", CAMERA + "[materials]\nwhite = 1\n", ("materials.white",)),
+    Bad("material name odd", CAMERA + '[materials."a b"]\ntype = "mirrow"\n', ('materials."a b".type', '"mirror"')),
+    Bad("material name empty", CAMERA + '[materials.""]\ntype = "mirror"\n', ("materials", "names")),
+    Bad("ior 0", CAMERA + '[materials.g]\ntype = "dielectric"\nior = 0\n', ("materials.g.ior", "greater than 0")),
+    Bad("ior missing", CAMERA + '[materials.g]\ntype = "dielectric"\n', ("materials.g", "`ior` is missing")),
+    Bad(
+        "exterior ior", CAMERA + '[materials.g]\ntype = "dielectric"\nior = 1.5\nexterior_ior = -1\n', ("exterior_ior",)
+    ),
+    Bad("absorption 1", CAMERA + WHITE + "absorption = 1\n", ("materials.white.absorption", "less than 1")),
+]
+
+SHAPES = [
+    Bad("radius 0", sphere(radius="0"), ("shapes[0].radius is 0", "greater than 0")),
+    Bad("radius negative", sphere(radius="-1.5"), ("shapes[0].radius is -1.5", "greater than 0"), cli=True),
+    Bad("radius tiny", sphere(radius="1e-40"), ("shapes[0].radius", "too small")),
+    Bad("radius out of range", sphere("[shapes.transform]\nscale = 1e12\n", "1e12"), ("shapes[0]", "1e+15")),
+    Bad(
+        "unknown material",
+        sphere('material = "whiet"\n'),
+        ("shapes[0].material", "whiet", 'did you mean "white"'),
+        cli=True,
+    ),
+    Bad("material unnamed", sphere('material = ""\n'), ("shapes[0].material",)),
+    Bad(
+        "no materials", shape('type = "sphere"\nradius = 1\nmaterial = "a"\n'), ("shapes[0].material", "does not exist")
+    ),
+    Bad("emission negative", sphere("emission = [1, -1, 1]\n"), ("shapes[0].emission[1] is -1", "at least 0")),
+    Bad("emission infinite", sphere("emission = [1, inf, 1]\n"), ("shapes[0].emission[1] is inf", "finite")),
+    Bad("flip a number", sphere("flip_normals = 1\n"), ("shapes[0].flip_normals is 1", "true or false")),
+    Bad("shape type", shape('type = "spere"\nradius = 1\n'), ("shapes[0].type", 'did you mean "sphere"')),
+    Bad("shape type case", shape('type = "Sphere"\nradius = 1\n'), ("shapes[0].type", '"sphere"')),
+    Bad("shape type later", shape('type = "cylinder"\n'), ("shapes[0].type", "tetrahedron")),
+    Bad("shape type missing", shape("radius = 1\n"), ("shapes[0]", "`type` is missing")),
+    Bad("shapes a table", CAMERA + "[shapes]\na = 1\n", ("shapes", "a list")),
+    Bad(
+        "quad without edge", shape('type = "quad"\norigin = [0, 0, 0]\nedge_u = [1, 0, 0]\n'), ("`edge_v` is missing",)
+    ),
+    Bad(
+        "quad degenerate",
+        shape('type = "quad"\norigin = [0, 0, 0]\nedge_u = [1, 0, 0]\nedge_v = [2, 0, 0]\n'),
+        ("shapes[0]", "degenerate"),
+    ),
+    Bad(
+        "triangle degenerate",
+        shape('type = "triangle"\nvertices = [[0, 0, 0], [1, 1, 1], [2, 2, 2]]\n'),
+        ("shapes[0]", "degenerate"),
+        cli=True,
+    ),
+    Bad(
+        "triangle of two",
+        shape('type = "triangle"\nvertices = [[0, 0, 0], [1, 1, 1]]\n'),
+        ("shapes[0].vertices", "2 entries"),
+    ),
+    Bad(
+        "tetrahedron degenerate",
+        shape('type = "tetrahedron"\nvertices = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]]\n'),
+        ("shapes[0]", "degenerate"),
+    ),
+    Bad(
+        "tetrahedron flat",
+        shape('type = "tetrahedron"\nvertices = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]\n'),
+        ("shapes[0]", "flat"),
+    ),
+    Bad("box size 0", shape('type = "box"\nsize = [1, 0, 1]\n'), ("shapes[0].size[1] is 0", "greater than 0")),
+    Bad("disk normal 0", shape('type = "disk"\nnormal = [0, 0, 0]\nradius = 1\n'), ("shapes[0].normal", "length zero")),
+    Bad("scale 0", sphere("transform = { scale = 0 }\n"), ("shapes[0].transform.scale", "zero")),
+    Bad("scale uneven", sphere("transform = { scale = [1, 2, 1] }\n"), ("shapes[0].transform.scale", "unevenly")),
+    Bad(
+        "rotate misspelt",
+        sphere("transform = { rotate = [0, 90, 0] }\n"),
+        ("shapes[0].transform.rotate", '"rotate_degrees"'),
+    ),
+    Bad(
+        "matrix and scale",
+        sphere("transform = { scale = 2, matrix = [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1] }\n"),
+        ("shapes[0].transform.scale", "matrix"),
+    ),
+    Bad(
+        "matrix singular",
+        shape('type = "box"\nsize = [1, 1, 1]\ntransform = { matrix = [1,0,0,0, 0,1,0,0, 1,1,0,0, 0,0,0,1] }\n'),
+        ("shapes[0].transform.matrix", "inverted"),
+    ),
+    Bad(
+        "matrix projective",
+        shape('type = "box"\nsize = [1, 1, 1]\ntransform = { matrix = [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,1,1] }\n'),
+        ("shapes[0].transform.matrix[3]", "[0, 0, 0, 1]"),
+    ),
+    Bad(
+        "matrix 3x3",
+        shape('type = "box"\nsize = [1, 1, 1]\ntransform = { matrix = [[1,0,0], [0,1,0], [0,0,1]] }\n'),
+        ("shapes[0].transform.matrix",),
+    ),
+    Bad("mesh of nothing", shape('type = "mesh"\n'), ("shapes[0]", "`file`", "`vertices`")),
+    Bad("mesh without faces", shape('type = "mesh"\nvertices = [[0,0,0],[1,0,0],[0,1,0]]\n'), ("shapes[0]", "`faces`")),
+    Bad(
+        "mesh index",
+        shape('type = "mesh"\nvertices = [[0,0,0],[1,0,0],[0,1,0]]\nfaces = [[0, 1, 3]]\n'),
+        ("shapes[0].faces[0][2] is 3", "0 to 2"),
+        cli=True,
+    ),
+    Bad(
+        "mesh index negative",
+        shape('type = "mesh"\nvertices = [[0,0,0],[1,0,0],[0,1,0]]\nfaces = [[0, 1, -1]]\n'),
+        ("shapes[0].faces[0][2] is -1", "at least 0"),
+    ),
+    Bad(
+        "mesh all degenerate",
+        shape('type = "mesh"\nvertices = [[0,0,0],[1,0,0],[2,0,0]]\nfaces = [[0, 1, 2]]\n'),
+        ("shapes[0]", "degenerate"),
+    ),
+    Bad("light type", CAMERA + '[[lights]]\ntype = "pont"\n', ("lights[0].type", 'did you mean "point"')),
+    Bad("spot not built", CAMERA + '[[lights]]\ntype = "spot"\n', ("lights[0].type",)),
+    Bad(
+        "direction 0",
+        CAMERA + '[[lights]]\ntype = "directional"\ndirection = [0,0,0]\nirradiance = [1,1,1]\n',
+        ("lights[0].direction", "length zero"),
+    ),
+    Bad(
+        "environment file",
+        CAMERA + '[[lights]]\ntype = "environment"\nfile = "a.exr"\n',
+        ("lights[0].file", "unknown key"),
+    ),
+    Bad(
+        "two environments",
+        CAMERA + 2 * '[[lights]]\ntype = "environment"\nradiance = [1,1,1]\n',
+        ("lights[1]", "second"),
+    ),
+    Bad(
+        "intensity negative",
+        CAMERA + '[[lights]]\ntype = "point"\nposition = [0,0,0]\nintensity = [0,0,-1]\n',
+        ("lights[0].intensity[2] is -1",),
+    ),
+]
+
+TRIANGLE = "0 0 0\n1 0 0\n0 1 0\n"
+
+FILES = [
+    Bad("mesh missing", CAMERA + MESH.format("no.ply"), ("shapes[0].file", '"no.ply"', "does not exist"), cli=True),
+    Bad("mesh ending", CAMERA + MESH.format("m.stl"), ("shapes[0].file", ".ply or .obj"), {"m.stl": "solid"}),
+    Bad("mesh outside", CAMERA + MESH.format("../outside.ply"), ("shapes[0].file", "outside the scene's own folder"),
+        cli=True, prepare=lambda folder: (folder.parent / "outside.ply").write_text(ASCII + TRIANGLE + "3 0 1 2\n")),
+    Bad("mesh absolute", CAMERA + MESH.format("/etc/passwd"), ("shapes[0].file", "outside the scene's own folder")),
+    Bad("mesh missing outside", CAMERA + MESH.format("../../no/such.ply"), ("outside the scene's own folder",)),
+    Bad("mesh link outside", CAMERA + MESH.format("link.ply"), ("outside the scene's own folder",),
+        prepare=lambda folder: (folder / "link.ply").symlink_to("/etc/passwd")),
+    Bad("mesh link circle", CAMERA + MESH.format("a.ply"), ("shapes[0].file", "circle"), cli=True,
+        prepare=_circle),
+    Bad("mesh a device", CAMERA + MESH.format("zero.ply"), ("outside the scene's own folder",),
+        prepare=lambda folder: (folder / "zero.ply").symlink_to("/dev/zero")),
+    Bad("mesh a pipe", CAMERA + MESH.format("pipe.ply"), ("shapes[0].file", "device or a pipe"),
+        prepare=lambda folder: os.mkfifo(folder / "pipe.ply")),
+    Bad("mesh a folder", CAMERA + MESH.format("dir.ply"), ("shapes[0].file", "folder"),
+        prepare=lambda folder: (folder / "dir.ply").mkdir()),
+    Bad("mesh name with nul", CAMERA + MESH.format("a\\u0000.ply"), ("shapes[0].file", "not a valid path")),
+    Bad("mesh name too long", CAMERA + MESH.format("a" * 4000 + ".ply"), ("shapes[0].file",)),
+    Bad("mesh huge", CAMERA + MESH.format("m.ply"), ("shapes[0].file", "at most"),
+        prepare=lambda folder: _sparse(folder / "m.ply")),
+    ply("ply empty", "", "is empty", cli=True),
+    ply("ply garbage", b"\x00\x01garbage\xff" * 50, "no PLY file"),
+    ply("ply without header end", "ply\nformat ascii 1.0\n", "no complete header"),
+    ply("ply endless header", "ply\nformat ascii 1.0\n" + "comment x\n" * 20_000, "no complete header"),
+    ply("ply format", ASCII.replace("ascii", "morse") + TRIANGLE + "3 0 1 2\n", '"morse"'),
+    ply("ply without x", ASCII.replace("float x", "float q") + TRIANGLE + "3 0 1 2\n", '"x"'),
+    ply("ply without faces", HEAD.format("ascii", 3) + "end_header\n" + TRIANGLE, "face"),
+    ply("ply property", ASCII.replace("float x", "flaot x") + TRIANGLE, "flaot"),
+    ply("ply count", ASCII.replace("vertex 3", "vertex many"), '"many"'),
+    ply("ply huge counts", BINARY.replace("vertex 3", "vertex 999999999999"), "at most", cli=True),
+    ply("ply promises too much", BINARY.replace("vertex 3", "vertex 100000000") + "abc", "truncated"),
+    ply("ply ascii truncated", ASCII + "0 0 0\n1 0 0\n", "truncated"),
+    ply("ply ascii surplus", ASCII + TRIANGLE + "3 0 1 2\n3 0 1 2\n", "left over"),
+    ply("ply ascii short record", ASCII + "0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "record 0"),
+    ply("ply ascii words", ASCII + "0 0 zero\n1 0 0\n0 1 0\n3 0 1 2\n", "cannot be read"),
+    ply("ply ascii two corners", ASCII + TRIANGLE + "2 0 1\n", "record 0"),
+    ply("ply ascii index", ASCII + TRIANGLE + "3 0 1 7\n", "vertex 7", "0 to 2"),
+    ply("ply ascii index negative", ASCII + TRIANGLE + "3 0 1 -2\n", "vertex -2"),
+    ply("ply ascii nan", ASCII + "0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "vertex 0", "finite"),
+    ply("ply ascii infinite", ASCII + "0 0 1e999\n1 0 0\n0 1 0\n3 0 1 2\n", "finite"),
+    ply("ply binary truncated", BINARY.encode() + b"\x00" * 30, "truncated", cli=True),
+    ply("ply binary cut face", BINARY.encode() + b"\x00" * 36 + b"\x03\x00\x00", "length"),
+    ply("ply binary index", BINARY.encode() + b"\x00" * 36 + b"\x03" + b"\xff\xff\xff\x7f" * 3, "vertex 2147483647"),
+    ply("ply binary nan", BINARY.encode() + b"\xff" * 36 + b"\x03" + bytes(12), "finite"),
+    obj("obj empty of faces", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
+    obj("obj garbage", b"\x00\xff\xfe garbage \n\n\x80", "no vertices"),
+    obj("obj of blanks", "v" + " " * 1_000_000 + "x\n", "line 1"),
+    obj("obj index", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "face"),
+    obj("obj index 0", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4", '"f 0 1 2"'),
+    obj("obj index relative", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\n", "line 4", "-4"),
+    obj("obj two corners", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "line 4"),
+    obj("obj word", "v 0 0 zero\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1", "0 0 zero"),
+    obj("obj nan", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1"),
+    obj("obj overflow", "v 0 0 1e999\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "m.obj"),
+    obj("obj far away", "v 0 0 1e20\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 0", "1e+15"),
+    obj("obj some normals", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3\n", "normals"),
+    obj("obj normal missing", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//9\n", "m.obj"),
+    obj("obj cut", "v 0 0 0\nv 1 0 0\nv 0 1\nf 1 2 3", "line 3"),
+]  # fmt: skip
+
+ALL = SYNTAX + VALUES + SHAPES + FILES
+
+
+def _write(bad: Bad, folder: Path) -> Path:
+    folder.mkdir(exist_ok=True)
+    path = folder / f"bad{bad.suffix}"
+    path.write_bytes(bad.text if isinstance(bad.text, bytes) else bad.text.encode())
+    for name, data in bad.files.items():
+        (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
+    if bad.prepare:
+        bad.prepare(folder)
+    return path
+
+
+def _clrender(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "clrender", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_there_are_enough() -> None:
+    assert len(ALL) >= 60
+    assert len({bad.name for bad in ALL}) == len(ALL)
+
+
+@pytest.mark.parametrize("bad", ALL, ids=lambda bad: bad.name)
+def test_one_sentence(bad: Bad, tmp_path: Path) -> None:
+    path = _write(bad, tmp_path / "scene")
+    with pytest.raises(SceneError) as caught:
+        flatten(scenes.load(path), 64, 64)
+    message = str(caught.value)
+    for part in (path.name, *bad.expected):
+        assert part in message, f"{part!r} is not in: {message}"
+    assert "\n" not in message and len(message) < 6000 and message.isprintable()
+
+
+@pytest.mark.parametrize("bad", [bad for bad in ALL if bad.cli], ids=lambda bad: bad.name)
+def test_command_line(bad: Bad, tmp_path: Path) -> None:
+    path = _write(bad, tmp_path / "scene")
+    done = _clrender("check", str(path), folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["check", "romo"], ('"romo"', 'did you mean "room"')),
+        (["check", "no/such.toml"], ("no/such.toml", "does not exist")),
+        (["check", "."], ("no scene",)),
+        (["check", "folder.toml"], ("folder.toml", "folder")),
+        (["check", "picture.png"], ("picture.png", ".toml or .json")),
+        (["check", "room", "--allow-path", "nowhere"], ("nowhere", "folder")),
+        (["check"], ("SCENE",)),
+    ],
+)
+def test_bad_arguments(arguments: list[str], expected: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "folder.toml").mkdir()
+    done = _clrender(*arguments, folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == "" and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
+    for part in expected:
+        assert part in done.stderr
+
+
+def test_check_allows_paths(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "m.ply").write_text(ASCII + TRIANGLE + "3 0 1 2\n")
+    (tmp_path / "scene").mkdir()
+    path = tmp_path / "scene" / "s.toml"
+    path.write_text(CAMERA + MESH.format("../meshes/m.ply"))
+    done = _clrender("check", "scene/s.toml", "--allow-path", "meshes", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "triangles            1\n" in done.stdout and done.stderr == ""
+
+
+def test_list_and_schema(tmp_path: Path) -> None:
+    done = _clrender("scenes", folder=tmp_path)
+    assert done.returncode == 0 and done.stderr == ""
+    assert {line.split()[0] for line in done.stdout.splitlines()} == set(scenes.builtin_names())
+    done = _clrender("schema", folder=tmp_path)
+    assert done.returncode == 0 and '"$schema"' in done.stdout

@@ -1,0 +1,214 @@
+"""The command line as a user meets it: help, versions, images in and out, and bad input in one sentence."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clrender
+from clrender.cli import COMMANDS
+from clrender.cli.options import TONE_MAPS
+from clrender.image_io import read_image, write_image
+from clrender.tonemap import TONE_MAPS as OPERATORS
+
+RENDER_OPTIONS = (
+    "output spp size seed device integrator shadow-rays indirect-rays max-depth roulette absorption tone-map exposure "
+    "tile samples-per-pass work-group lanes time stats quiet allow-path"
+)
+
+
+def run(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """`clrender ARGUMENTS` as a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "clrender", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [str(Path(clrender.__path__[0]).parent)]))},
+    )
+
+
+def assert_refused(result: subprocess.CompletedProcess[str], *words: str, code: int = 2) -> None:
+    """One sentence on stderr that has these words, no traceback, and this exit code."""
+    assert result.returncode == code, result.stderr
+    assert result.stderr.startswith("error: ") and result.stderr.count("\n") == 1, result.stderr
+    assert all(word in result.stderr for word in words), result.stderr
+    assert not result.stdout
+
+
+# --- help and version ------------------------------------------------------------------------------------------------
+
+
+def test_version() -> None:
+    result = run("--version")
+    assert result.returncode == 0 and re.fullmatch(r"clrender \d+\.\d+\.\d+\S*\n", result.stdout)
+
+
+def test_help_lists_every_command() -> None:
+    result = run("--help")
+    assert result.returncode == 0
+    for name, line in COMMANDS.items():
+        assert re.search(rf"^  {name} +{re.escape(line.split()[0])}", result.stdout, re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_exists_and_has_help(name: str) -> None:
+    result = run(name, "-h")
+    assert result.returncode == 0 and result.stdout.startswith(f"Usage: clrender {name}")
+
+
+def test_help_names_the_options_of_render_that_exist() -> None:
+    text = run("render", "--help").stdout
+    found = set(re.findall(r"--[a-z-]+", text)) - {"--help"}
+    assert found == {f"--{name}" for name in RENDER_OPTIONS.split()}
+
+
+def test_no_command_is_loaded_for_help_or_version() -> None:
+    code = "import sys; from clrender.cli import main\ntry: main([{!r}])\nfinally: print(*sys.modules, file=sys.stderr)"
+    for option in ("--help", "--version"):
+        result = subprocess.run(
+            [sys.executable, "-c", code.format(option)], capture_output=True, text=True, timeout=60, check=False
+        )
+        heavy = {"numpy", "pyopencl", "PIL", "pydantic", "rich", "OpenEXR"} & set(result.stderr.split())
+        assert not heavy
+
+
+def test_names_without_numpy_are_the_names_there_are() -> None:
+    assert TONE_MAPS == OPERATORS
+    for name in COMMANDS:
+        assert hasattr(importlib.import_module(f"clrender.cli.{name}"), name)
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "unknown command": ("rendr room -o a.png", ("'rendr'", "did you mean 'render'?")),
+    "unknown command, nothing near": ("xyzzy", ("'xyzzy'", "choose one of render, devices")),
+    "unknown option": ("render room -o a.png --sp 4", ("--sp", "--spp")),
+    "misspelt option": ("render room -o a.png --shadow-ray 4", ("--shadow-ray", "--shadow-rays")),
+    "unknown option of the program": ("--verson", ("--verson", "--version")),
+    "no output": ("render room", ("'--output'", "missing")),
+    "no scene": ("render -o a.png", ("SCENE", "missing")),
+    "too many scenes": ("render room cornell -o a.png", ("cornell",)),
+    "option without value": ("render room -o a.png --spp", ("--spp",)),
+    "no samples": ("render room -o a.png --spp 0", ("--spp", "'0'", "at least 1")),
+    "negative samples": ("render room -o a.png --spp -3", ("--spp", "'-3'", "at least 1")),
+    "half a sample": ("render room -o a.png --spp 1.5", ("--spp", "'1.5'", "whole number")),
+    "too many samples": ("render room -o a.png --spp 99999999999", ("--spp", "at most 1048576")),
+    "a very long number": (f"render room -o a.png --spp {'9' * 5000}", ("--spp", "at most 1048576")),
+    "samples in words": ("render room -o a.png --spp many", ("--spp", "'many'", "whole number")),
+    "size without cross": ("render room -o a.png --size 800", ("--size", "'800'", "800x600")),
+    "size of nothing": ("render room -o a.png --size 0x600", ("--size", "'0x600'", "1 to 65536")),
+    "negative size": ("render room -o a.png --size -8x6", ("--size", "'-8x6'", "800x600")),
+    "too wide": ("render room -o a.png --size 65537x1", ("--size", "1 to 65536")),
+    "too large": ("render room -o a.png --size 65536x65536", ("--size", "1073741824 pixels")),
+    "size with three sides": ("render room -o a.png --size 8x6x4", ("--size", "'8x6x4'")),
+    "negative seed": ("render room -o a.png --seed -1", ("--seed", "at least 0")),
+    "seed of 33 bits": ("render room -o a.png --seed 4294967296", ("--seed", "at most 4294967295")),
+    "unknown integrator": ("render room -o a.png --integrator pathh", ("--integrator", "'pathh'", "whitted")),
+    "an integrator not built": ("render room -o a.png --integrator photon", ("--integrator", "'path', 'direct'")),
+    "no shadow rays": ("render room -o a.png --shadow-rays 0", ("--shadow-rays", "at least 1")),
+    "negative indirect rays": ("render room -o a.png --indirect-rays -1", ("--indirect-rays", "at least 0")),
+    "negative depth": ("render room -o a.png --max-depth -1", ("--max-depth", "at least 0")),
+    "unknown roulette": ("render room -o a.png --roulette russian", ("--roulette", "'throughput'")),
+    "certain absorption": ("render room -o a.png --absorption 1", ("--absorption", "below 1")),
+    "absorption that is none": ("render room -o a.png --absorption nan", ("--absorption", "'nan'")),
+    "unknown tone map": ("render room -o a.png --tone-map filmic", ("--tone-map", "'agx'")),
+    "endless exposure": ("render room -o a.png --exposure inf", ("--exposure", "'inf'", "at most 128")),
+    "no tile": ("render room -o a.png --tile 0", ("--tile", "at least 1")),
+    "no samples in a pass": ("render room -o a.png --samples-per-pass 0", ("--samples-per-pass", "at least 1")),
+    "no work-group": ("render room -o a.png --work-group 0", ("--work-group", "at least 1")),
+    "three lanes": ("render room -o a.png --lanes 3", ("--lanes", "'16'")),
+    "no time": ("render room -o a.png --time 0", ("--time", "above 0")),
+    "time that is none": ("render room -o a.png --time nan", ("--time", "'nan'", "above 0")),
+    "endless time": ("render room -o a.png --time inf", ("--time", "'inf'")),
+    "no such allowed folder": ("render room -o a.png --allow-path nowhere", ("--allow-path", "nowhere")),
+    "unknown ending": ("render room -o a.gif", ("a.gif", "'.gif'", ".png")),
+    "no ending": ("render room -o a", ("no ending", ".film")),
+    "no such folder": ("render room -o nowhere/a.png", ("nowhere/a.png", "create it")),
+    "a folder": ("render room -o .", (".:", "ending")),
+    "one output twice": ("render room -o a.png -o ./a.png", ("a.png", "twice")),
+    "statistics nowhere": ("render room -o a.png --stats nowhere/s.json", ("nowhere/s.json", "create it")),
+    "tonemap of nothing": ("tonemap nothing.npy -o a.png", ("nothing.npy", "no such file")),
+    "tonemap of a display image": ("tonemap a.png -o b.png", ("a.png", "linear image")),
+    "tonemap to a linear file": ("tonemap good.npy -o b.exr", ("b.exr", ".png")),
+    "tonemap without output": ("tonemap good.npy", ("'--output'",)),
+    "tonemap of what is no image": ("tonemap text.npy -o a.png", ("text.npy", "not a readable .npy image")),
+    "tonemap of what is no film": ("tonemap text.film -o a.png", ("text.film", "not a whole clrender film")),
+    "compare with nothing": ("compare good.npy nothing.exr", ("nothing.exr", "no such file")),
+    "compare one": ("compare good.npy", ("'B'",)),
+    "compare sizes": ("compare good.npy small.npy", ("4 x 3 and 2 x 2",)),
+    "compare what is not finite": ("compare good.npy nan.npy", ("1 pixels that are not finite",)),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Some images, good and bad."""
+    folder = tmp_path_factory.mktemp("images")
+    write_image(folder / "good.npy", np.ones((3, 4, 3)))
+    write_image(folder / "small.npy", np.ones((2, 2, 3)))
+    odd = np.ones((3, 4, 3))
+    odd[1, 1] = np.nan
+    write_image(folder / "nan.npy", odd)
+    (folder / "text.npy").write_text("hello")
+    (folder / "text.film").write_text("hello")
+    return folder
+
+
+@pytest.mark.parametrize("case", BAD_COMMAND_LINES)
+def test_bad_command_lines_are_refused_in_one_sentence(case: str, folder: Path) -> None:
+    line, words = BAD_COMMAND_LINES[case]
+    before = sorted(folder.iterdir())
+    assert_refused(run(*line.split(), folder=folder), *words)
+    assert sorted(folder.iterdir()) == before
+
+
+# --- tonemap and compare ---------------------------------------------------------------------------------------------
+
+
+def test_tonemap_makes_the_display_image(tmp_path: Path) -> None:
+    image = np.random.default_rng(0).random((5, 7, 3)).astype(np.float32)
+    write_image(tmp_path / "a.exr", image, {"seed": 1})
+    result = run("tonemap", "a.exr", "-o", "a.png", "--tone-map", "agx", "--exposure", "1.5", folder=tmp_path)
+    assert result.returncode == 0 and "7x5" in result.stdout and not result.stderr
+    write_image(tmp_path / "b.png", image, {"seed": 1}, "agx", 1.5)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_compare_prints_a_table_or_json(tmp_path: Path) -> None:
+    image = np.random.default_rng(0).random((20, 30, 3)).astype(np.float32)
+    write_image(tmp_path / "a.npy", image * 1.5)
+    write_image(tmp_path / "b.exr", image)
+    table = run("compare", "a.npy", "b.exr", folder=tmp_path)
+    assert table.returncode == 0 and re.search(r"^difference of means +0\.5$", table.stdout, re.MULTILINE)
+    numbers = json.loads(run("compare", "a.npy", "b.exr", "--json", folder=tmp_path).stdout)
+    assert numbers["difference_of_means"] == pytest.approx(0.5, abs=1e-6) and not numbers["identical"]
+    assert {"mean", "rmse", "relmse", "mean_relative_difference", "flip"} <= set(numbers)
+    assert json.loads(run("compare", "b.exr", "b.exr", "--json", folder=tmp_path).stdout)["identical"]
+
+
+def test_a_reader_that_leaves_is_no_error(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.npy", np.ones((3, 3, 3)))
+    with subprocess.Popen(
+        [sys.executable, "-m", "clrender", "compare", "a.npy", "a.npy"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent)},
+    ) as child:
+        assert child.stdout is not None and child.stderr is not None
+        child.stdout.close()
+        assert child.stderr.read() == ""
+    assert read_image(tmp_path / "a.npy").shape == (3, 3, 3)

@@ -1,0 +1,96 @@
+"""Ctrl-C and SIGTERM with the real renderer: it ends soon, with the picture so far, and says what that holds."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clrender
+from clrender.film import Film
+from clrender.image_io import read_image, read_provenance
+
+PATIENCE = 5.0
+"""Seconds to end in. The promise is one second; a busy machine may take its time to let us see it."""
+
+
+@contextmanager
+def endless_render(folder: Path, *outputs: str) -> Iterator[subprocess.Popen[str]]:
+    """`clrender render room` with more samples than anyone waits for."""
+    arguments = [sys.executable, "-m", "clrender", "render", "room", "--size", "160x120", "--spp", "1048576"]
+    arguments += ["-d", os.environ.get("CLRENDER_TEST_DEVICE", "pocl"), *(f"-o{name}" for name in outputs)]
+    environment = {**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent)}
+    with subprocess.Popen(
+        arguments, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as child:
+        try:
+            yield child
+        finally:
+            child.kill()
+
+
+def wait_for_samples(child: subprocess.Popen[str]) -> None:
+    """Read progress until there is some."""
+    assert child.stderr is not None
+    lines = []
+    for line in child.stderr:
+        lines.append(line)
+        if "samples/s" in line:
+            return
+    pytest.fail(f"no progress before the end: {''.join(lines)}")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_mid_render_keeps_the_picture_so_far(tmp_path: Path, number: signal.Signals) -> None:
+    with endless_render(tmp_path, "a.exr", "a.png", "a.film") as child:
+        wait_for_samples(child)
+        begun = time.monotonic()
+        child.send_signal(number)
+        out, err = child.communicate(timeout=120)
+        seconds = time.monotonic() - begun
+    assert child.returncode == 130
+    assert seconds < PATIENCE
+    assert "Traceback" not in err
+    held = re.search(r"stopped early with (\d+) of (\d+) samples", out)
+    assert held is not None and 0 < int(held[1]) < int(held[2]) == 160 * 120 * 1048576
+    film = Film.load(tmp_path / "a.film")
+    assert film.samples == int(held[1])
+    image = read_image(tmp_path / "a.exr")
+    np.testing.assert_array_equal(image, film.mean())
+    assert image.shape == (120, 160, 3) and image.mean() > 0
+    assert (read_provenance(tmp_path / "a.png") or {})["samples"] >= 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "a.film", "a.png"]
+
+
+@pytest.mark.parametrize("delay", [0.3, 0.6, 1.0])
+def test_a_signal_while_it_starts_ends_it_without_a_trace(tmp_path: Path, delay: float) -> None:
+    with endless_render(tmp_path, "a.exr") as child:
+        time.sleep(delay)
+        begun = time.monotonic()
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=120)
+        seconds = time.monotonic() - begun
+    assert child.returncode == 130
+    assert seconds < PATIENCE
+    assert "Traceback" not in err
+    # A quick machine is rendering by then: then there is a picture, else nothing at all.
+    assert [path.name for path in tmp_path.iterdir()] == (["a.exr"] if "stopped early" in out else [])
+
+
+def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
+    with endless_render(tmp_path, "a.exr") as child:
+        wait_for_samples(child)
+        child.send_signal(signal.SIGINT)
+        child.send_signal(signal.SIGTERM)
+        _, err = child.communicate(timeout=120)
+    assert child.returncode == 130 and "Traceback" not in err
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]

@@ -1,0 +1,146 @@
+"""Include expansion: what a preprocessor would do, with marks that point back at the files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from clrender.device.source import expand, kernels_sha256, load_source
+from clrender.errors import RenderError
+
+
+def write(root: Path, **files: str) -> None:
+    """Files by name, with __ for / and the last _ for the dot."""
+    for name, text in files.items():
+        stem, _, ending = name.rpartition("_")
+        path = root / f"{stem.replace('__', '/')}.{ending}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+def guarded(name: str, body: str) -> str:
+    return f"// For a test.\n#ifndef {name}\n#define {name}\n{body}\n#endif\n"
+
+
+def places(text: str) -> dict[str, str]:
+    """Where each line that holds `mark_…` says it comes from, as ``file:line``."""
+    found = {}
+    name, number = "", 0
+    for line in text.splitlines():
+        if line.startswith("#line "):
+            _, after, quoted = line.split(" ", 2)
+            name, number = quoted.strip('"'), int(after) - 1
+            continue
+        number += 1
+        if "mark_" in line:
+            found[line.strip()] = f"{name}:{number}"
+    return found
+
+
+def test_lines_are_marked_with_the_file_they_come_from(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        a_cl='mark_1\n#include "room/b.h"\nmark_2\n',
+        room__b_h=guarded("ROOM_B_H", 'mark_3\n#include "room/c.h"\nmark_4'),
+        room__c_h=guarded("ROOM_C_H", "\n\nmark_5"),
+    )
+    assert places(expand("a.cl", tmp_path)) == {
+        "mark_1": "a.cl:1",
+        "mark_2": "a.cl:3",
+        "mark_3": "room/b.h:4",
+        "mark_4": "room/b.h:6",
+        "mark_5": "room/c.h:6",
+    }
+
+
+def test_a_guarded_header_is_taken_in_once(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        a_cl='#include "b.h"\n#include "c.h"\n#include "b.h"\n',
+        b_h=guarded("B_H", "mark_b"),
+        c_h=guarded("C_H", '#include "b.h"\nmark_c'),
+    )
+    text = expand("a.cl", tmp_path)
+    assert text.count("mark_b") == 1
+    assert "#include" not in text
+
+
+def test_a_header_of_an_untaken_branch_is_still_there_for_the_others(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        a_cl='#if LANES == 1\n#include "b.h"\n#else\n#include "c.h"\n#endif\n#include "b.h"\n#include "b.h"\n',
+        b_h=guarded("B_H", "mark_b"),
+        c_h=guarded("C_H", '#include "b.h"'),
+    )
+    # Once in each branch and once after: which of them counts is for the guard to say. The last is surely idle.
+    assert expand("a.cl", tmp_path).count("mark_b") == 3
+
+
+def test_text_without_a_guard_is_taken_in_each_time(tmp_path: Path) -> None:
+    write(tmp_path, a_cl='#define X 1\n#include "b.inc"\n#undef X\n#include "b.inc"\n', b_inc="mark_b\n")
+    assert expand("a.cl", tmp_path).count("mark_b") == 2
+
+
+def test_includes_in_comments_are_no_includes(tmp_path: Path) -> None:
+    write(
+        tmp_path, a_cl='// #include "x.h"\n/* now\n#include "y.h"\n*/\n  #  include "b.h" // really\n', b_h="mark_b\n"
+    )
+    assert places(expand("a.cl", tmp_path)) == {"mark_b": "b.h:1"}
+
+
+def test_a_folder_with_blanks_and_an_entry_elsewhere(tmp_path: Path) -> None:
+    root = tmp_path / "with blanks"
+    write(root, b_h=guarded("B_H", "mark_b"))
+    entry = tmp_path / "elsewhere.cl"
+    entry.write_text('#include "b.h"\nmark_a\n')
+    assert places(expand(str(entry), root)) == {"mark_b": "b.h:4", "mark_a": f"{entry}:2"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('#include "rom/b.h"\n', r'a\.cl:1: kernel file "rom/b\.h" is not in .*; did you mean "room/b\.h"\?'),
+        ("\n#include <b.h>\n", r"a\.cl:2: includes are quoted"),
+        ('#include "../b.h"\n', r'a\.cl:1: "\.\./b\.h" leaves the kernels folder'),
+        ('#include "a.cl"\n', r"includes form a cycle \(a\.cl:1 -> a\.cl\)"),
+        ('#include "room/b.h"\n', r"includes form a cycle \(room/b\.h:4 -> c\.h:4 -> room/b\.h\)"),
+        ('#include "bytes.h"\n', r'"bytes\.h" cannot be read'),
+    ],
+)
+def test_faults_name_file_and_line(tmp_path: Path, text: str, message: str) -> None:
+    write(
+        tmp_path,
+        a_cl=text,
+        room__b_h=guarded("ROOM_B_H", '#include "c.h"'),
+        c_h=guarded("C_H", '#include "room/b.h"'),
+    )
+    (tmp_path / "bytes.h").write_bytes(b"\xff\xfe")
+    with pytest.raises(RenderError, match=message):
+        expand("a.cl", tmp_path)
+
+
+def test_definitions_come_first_and_change_the_hash(tmp_path: Path) -> None:
+    write(tmp_path, a_cl="mark_a\n")
+    one = load_source("a.cl", {"LANES": 1, "EYES": "two words"}, tmp_path)
+    two = load_source("a.cl", {"LANES": 2, "EYES": "two words"}, tmp_path)
+    assert one.text.startswith("#pragma OPENCL FP_CONTRACT OFF\n#define EYES two words\n#define LANES 1\n#line 1")
+    assert one.sha256 != two.sha256
+
+
+def test_the_hash_of_the_kernels_sees_names_and_contents(tmp_path: Path) -> None:
+    write(tmp_path, a_cl="1", b_h="2")
+    first = kernels_sha256(tmp_path)
+    (tmp_path / "b.h").rename(tmp_path / "c.h")
+    second = kernels_sha256(tmp_path)
+    (tmp_path / "c.h").write_text("3")
+    assert len({first, second, kernels_sha256(tmp_path)}) == 3
+
+
+def test_every_entry_point_of_the_tree_expands() -> None:
+    from clrender.resources import kernels_folder
+
+    entries = sorted(kernels_folder().rglob("*.cl"))
+    assert entries
+    for entry in entries:
+        assert "#include" not in expand(entry.relative_to(kernels_folder()).as_posix())
