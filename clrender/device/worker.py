@@ -28,6 +28,9 @@ _CPU_LANES: Final = 16
 _GPU_WORK_GROUP: Final = 64
 _SAMPLES_BYTES: Final = 96 << 20
 _MOST_SAMPLES_PER_PASS: Final = 16
+_SMALL_TREE: Final = 16
+"""With so few nodes, lanes' rays stay together: setting one out alone costs more than the rest of the tree."""
+
 _BLOCK_SLOTS: Final = BLOCK * BLOCK
 
 
@@ -108,7 +111,7 @@ class DeviceWorker:
         self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
         self._kernel = kernel
         self._rate = 0.0
-        self._samples: Buffer | None = None
+        self._kept: dict[str, Buffer] = {}
         named = {**self._arrays.buffers, "settings": self._settings_buffer}
         self._scene_arguments = [named[name] for name in scene_array_names()]
 
@@ -116,6 +119,8 @@ class DeviceWorker:
         defines: dict[str, int | str] = {"LANES": self._lanes}
         if cut.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
+        if self._arrays.tree.node_count <= _SMALL_TREE:
+            defines["PACKET_PARTS"] = 0
         stack = 96
         while stack < self._arrays.tree.stack_entries:
             stack *= 2
@@ -149,7 +154,7 @@ class DeviceWorker:
             When the driver fails.
         """
         device, slots = self.device, unit.slot_count
-        sums, counts = device.empty(48 * slots), device.empty(4 * slots)
+        sums, counts = self._buffer("sums", 48 * slots), self._buffer("counts", 4 * slots)
         self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
         blocks_inside = self._inside(unit)
         samples = rays = shadow_rays = deepest = done = 0
@@ -177,8 +182,6 @@ class DeviceWorker:
         result = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
         device.read(sums, result[0])
         device.read(counts, result[1])
-        device.release(sums)
-        device.release(counts)
         return UnitSums(*result, samples, rays, shadow_rays, deepest, complete)
 
     def _inside(self, unit: Unit) -> npt.NDArray[np.int64]:
@@ -197,7 +200,8 @@ class DeviceWorker:
         begin = time.perf_counter()
         items = -(-part.slot_count // self._lanes)
         items = -(-items // self._group) * self._group
-        samples, stats = self._samples_buffer(12 * part.slot_count * part.sample_count), device.empty(16 * items)
+        samples = self._buffer("samples", 12 * part.slot_count * part.sample_count)
+        stats = self._buffer("stats", 16 * items)
         span = [
             np.uint32(number) for number in (part.first_slot, part.slot_count, part.first_sample, part.sample_count)
         ]
@@ -212,7 +216,6 @@ class DeviceWorker:
         self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail])
         counted = np.empty((items, 4), np.uint32)
         device.read(stats, counted)
-        device.release(stats)
         seconds = time.perf_counter() - begin
         self.busy_seconds += seconds
         self._rate = part.slot_count * part.sample_count / max(seconds, 1e-4)
@@ -222,13 +225,14 @@ class DeviceWorker:
             int(counted[:, 2].max()),
         )
 
-    def _samples_buffer(self, nbytes: int) -> Buffer:
-        """The samples of a launch; one buffer serves all, because fresh memory costs more than rendering into it."""
-        if self._samples is None or self._samples.nbytes < nbytes:
-            if self._samples is not None:
-                self.device.release(self._samples)
-            self._samples = self.device.empty(nbytes)
-        return self._samples
+    def _buffer(self, name: str, nbytes: int) -> Buffer:
+        """A buffer kept for all launches, because fresh memory costs more than rendering into it."""
+        kept = self._kept.get(name)
+        if kept is None or kept.nbytes < nbytes:
+            if kept is not None:
+                self.device.release(kept)
+            kept = self._kept[name] = self.device.empty(nbytes)
+        return kept
 
     def _passes(self, slots: int, left: int) -> int:
         """Samples of a pixel in the next launches."""
@@ -251,8 +255,9 @@ class DeviceWorker:
     def release(self) -> None:
         """Give the device's memory back."""
         self.device.release(self._settings_buffer)
-        if self._samples is not None:
-            self.device.release(self._samples)
+        for buffer in self._kept.values():
+            self.device.release(buffer)
+        self._kept.clear()
         self._arrays.release()
 
 

@@ -9,6 +9,7 @@
 #define INV_PI 0.318309886183791f
 #define EPSILON 5.9604645e-8f          // 2^-24: the relative error of one rounding
 #define FAR 3.0e38f                    // further than any hit, and finite: infinity times zero is not a number
+#define NEVER 3.4e38f                  // further than FAR: where a ray enters a box that it does not enter
 
 typedef struct {
     vfloat x, y, z;

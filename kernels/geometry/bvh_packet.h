@@ -9,7 +9,7 @@
 
 // With so few lanes left, they part. 0: never, as on a GPU, where one lane walks the tree and nothing is left to part.
 #ifndef PACKET_PARTS
-#define PACKET_PARTS (LANES / 8)
+#define PACKET_PARTS (LANES / 4)
 #endif
 
 typedef struct {
@@ -50,10 +50,16 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
 static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, uint id, int any_hit, vfloat* nearest,
                         vuint* primitive) {
     const vfloat at = greater(distance, entered);
-    const vmask nearer = (at < *nearest) | ((at == *nearest) & (splat_uint(id) < *primitive));
-    const vmask keep = hit & nearer & (at > BOX_START) & (ray->from != id) & (ray->to != id);
-    *nearest = keep ? (any_hit ? splat(-1.0f) : at) : *nearest;
-    *primitive = keep ? splat_uint(id) : *primitive;
+    const vmask allowed = hit & (at > BOX_START) & (ray->from != id);
+    if (any_hit) {
+        const vmask keep = allowed & (at <= *nearest) & (ray->to != id);
+        *nearest = keep ? splat(-1.0f) : *nearest;
+        *primitive = keep ? splat_uint(id) : *primitive;
+    } else {
+        const vmask keep = allowed & ((at < *nearest) | ((at == *nearest) & (splat_uint(id) < *primitive)));
+        *nearest = keep ? at : *nearest;
+        *primitive = keep ? splat_uint(id) : *primitive;
+    }
 }
 
 // Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.
@@ -152,29 +158,15 @@ static void packet_alone(const Bvh* bvh, PacketRay* ray, const PartedRays* parte
 
 // Push the children that any lane enters, the farthest first. Returns the new top of the stack.
 static int packet_children(const PacketRay* ray, __global const float* node, uint* stack, vfloat* stack_near, int top) {
-    vfloat entered[8];
-    uint order[8];               // where the child's box begins for the first lane that enters it, and its number in the last bits
-    int count = 0;
     for (int i = 0; i < 8 && as_uint(node[BVH_CHILD + i]) != BVH_EMPTY; ++i) {
         vfloat near, far;
         box_interval_lanes(node[i] - ray->origin.x, node[8 + i] - ray->origin.y, node[16 + i] - ray->origin.z,
                            node[24 + i] - ray->origin.x, node[32 + i] - ray->origin.y, node[40 + i] - ray->origin.z,
                            ray->inverse.x, ray->inverse.y, ray->inverse.z, &near, &far);
-        entered[i] = (near <= far) & (near <= ray->nearest) ? near : splat(FAR);
-        const uint key = (as_uint(lane_least(entered[i])) & ~7u) | (uint)i;
-        int slot = count++;
-        while (slot > 0 && order[slot - 1] < key) {
-            order[slot] = order[slot - 1];
-            --slot;
-        }
-        order[slot] = key;
-    }
-    for (int k = 0; k < count; ++k) {
-        if (order[k] >= (as_uint(FAR) & ~7u)) continue;
-        const uint i = order[k] & 7u;
-        ++top;
-        stack[top] = as_uint(node[BVH_CHILD + i]);
-        stack_near[top] = entered[i];
+        const vmask enters = (near <= far) & (near <= ray->nearest);
+        stack[top + 1] = as_uint(node[BVH_CHILD + i]);
+        stack_near[top + 1] = enters ? near : splat(NEVER);
+        top += lane_any(enters) ? 1 : 0;
     }
     return top;
 }

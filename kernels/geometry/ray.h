@@ -10,7 +10,7 @@ typedef struct {
     vec3 direction;      // of any length; distances along the ray are multiples of it
     vfloat limit;        // nothing beyond this distance counts
     vuint from;          // the flat primitive the ray starts on, which it cannot hit again, or NONE
-    vuint to;            // the primitive it is aimed at, which cannot shade itself, or NONE
+    vuint to;            // of a shadow ray: the primitive it is aimed at, which cannot shade itself, or NONE
 } Ray;
 
 typedef struct {

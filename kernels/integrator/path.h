@@ -33,10 +33,9 @@ typedef struct {
 } Branch;
 
 static void path_start(const Scene* scene, vmask start, Path* path) {
-    vfloat film_x, film_y, lens_u, lens_v;
+    vfloat film_x, film_y;
     pool_film(scene->settings, &path->sample, &film_x, &film_y);
-    sampler_get(path->sample.sampler, SET_LENS, &lens_u, &lens_v);
-    ray_replace(&path->ray, perspective_ray(scene, film_x, film_y, lens_u, lens_v), start);
+    ray_replace(&path->ray, perspective_ray(scene, film_x, film_y, path->sample.sampler), start);
     path->throughput = choose(start, vec3_all(1.0f), path->throughput);
     path->radiance = choose(start, vec3_all(0.0f), path->radiance);
     path->depth = start ? splat_uint(0u) : path->depth;

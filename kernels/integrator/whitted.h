@@ -25,10 +25,9 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         // Lanes without a ray take the next sample of the pool
         if (lane_any(!alive)) {
             const vmask start = pool_take(settings, pool, !alive, &sample);
-            vfloat film_x, film_y, lens_u, lens_v;
+            vfloat film_x, film_y;
             pool_film(settings, &sample, &film_x, &film_y);
-            sampler_get(sample.sampler, SET_LENS, &lens_u, &lens_v);
-            ray_replace(&ray, perspective_ray(scene, film_x, film_y, lens_u, lens_v), start);
+            ray_replace(&ray, perspective_ray(scene, film_x, film_y, sample.sampler), start);
             throughput = choose(start, vec3_all(1.0f), throughput);
             radiance = choose(start, vec3_all(0.0f), radiance);
             depth = start ? splat_uint(0u) : depth;
