@@ -45,25 +45,22 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
     return p;
 }
 
-// Keep the hit where it is nearer; of equally near ones the lowest number, so that the order of visits does not matter. `entered`
-// is where the rays enter the leaf's box.
+// Keep the hit where it is nearer; of equally near ones the lowest number, so that the order of visits does not matter: a hit with
+// a lower number may be as far as the one that is kept, which is to be nearer than the next larger float. `entered` is where the
+// rays enter the leaf's box, NEVER for those that do not. A distance that is not a number is never nearer.
 static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, uint id, int any_hit, vfloat* nearest,
                         vuint* primitive) {
-    const vfloat at = greater(distance, entered);
-    const vmask allowed = hit & (at > BOX_START) & (ray->from != id);
-    if (any_hit) {
-        const vmask keep = allowed & (at <= *nearest) & (ray->to != id);
-        *nearest = keep ? splat(-1.0f) : *nearest;
-        *primitive = keep ? splat_uint(id) : *primitive;
-    } else {
-        const vmask keep = allowed & ((at < *nearest) | ((at == *nearest) & (splat_uint(id) < *primitive)));
-        *nearest = keep ? at : *nearest;
-        *primitive = keep ? splat_uint(id) : *primitive;
-    }
+    const vfloat at = distance < entered ? entered : distance;
+    const vuint one = splat_uint(id) < *primitive ? splat_uint(1u) : splat_uint(0u);
+    const vfloat limit = vfloat_from_bits(vfloat_bits(*nearest) + one);
+    const vmask other = any_hit ? (ray->from != id) & (ray->to != id) : ray->from != id;
+    const vmask keep = (hit & other) & (at > BOX_START) & (at < limit);
+    *nearest = keep ? (any_hit ? splat(-1.0f) : at) : *nearest;
+    *primitive = keep ? splat_uint(id) : *primitive;
 }
 
 // Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.
-static void packet_triangles(PacketRay* ray, __global const float* pack, vmask active, vfloat entered, int any_hit) {
+static void packet_triangles(PacketRay* ray, __global const float* pack, vfloat entered, int any_hit) {
     vfloat nearest = ray->nearest;
     vuint primitive = ray->primitive;
     for (int i = 0; i < 8; ++i, ++pack) {
@@ -74,8 +71,8 @@ static void packet_triangles(PacketRay* ray, __global const float* pack, vmask a
         const vec3 c = vec3_of(pack[48] - ray->origin.x, pack[56] - ray->origin.y, pack[64] - ray->origin.z);
         const vec3 ta = packet_turn(ray, a), tb = packet_turn(ray, b), tc = packet_turn(ray, c);
         vfloat u, v, w;
-        const vmask hit = active & triangle_hit_lanes(ta.x, ta.y, ta.z, tb.x, tb.y, tb.z, tc.x, tc.y, tc.z, ray->shear.x,
-                                                      ray->shear.y, &u, &v, &w);
+        const vmask hit = triangle_hit_lanes(ta.x, ta.y, ta.z, tb.x, tb.y, tb.z, tc.x, tc.y, tc.z, ray->shear.x, ray->shear.y,
+                                             &u, &v, &w);
         const vfloat distance = triangle_distance_lanes(u, v, w, ta.z, tb.z, tc.z, ray->shear.z);
         packet_keep(ray, hit, distance, entered, id, any_hit, &nearest, &primitive);
     }
@@ -83,7 +80,7 @@ static void packet_triangles(PacketRay* ray, __global const float* pack, vmask a
     ray->primitive = primitive;
 }
 
-static void packet_rounds(PacketRay* ray, __global const float* pack, vmask active, vfloat entered, int any_hit) {
+static void packet_rounds(PacketRay* ray, __global const float* pack, vfloat entered, int any_hit) {
     for (int i = 0; i < 8; ++i, ++pack) {
         const uint id = as_uint(pack[ROUND_PACK_ID]);
         if (id == NONE) break;
@@ -96,7 +93,7 @@ static void packet_rounds(PacketRay* ray, __global const float* pack, vmask acti
             hit = disk_hit_lanes(to.x, to.y, to.z, splat(radius), splat(nx), splat(ny), splat(nz), d.x, d.y, d.z, &distance);
         else
             hit = sphere_hit_lanes(to.x, to.y, to.z, splat(radius), d.x, d.y, d.z, &distance);
-        packet_keep(ray, hit & active, distance, entered, id, any_hit, &ray->nearest, &ray->primitive);
+        packet_keep(ray, hit, distance, entered, id, any_hit, &ray->nearest, &ray->primitive);
     }
 }
 
@@ -196,9 +193,9 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
 #endif
                 top = packet_children(ray, bvh->nodes + index * BVH_NODE_WORDS, stack, stack_near, top);
         } else if (reference & BVH_ROUND)
-            packet_rounds(ray, bvh->round_packs + index * ROUND_PACK_WORDS, wants, entered, any_hit);
+            packet_rounds(ray, bvh->round_packs + index * ROUND_PACK_WORDS, entered, any_hit);
         else
-            packet_triangles(ray, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, wants, entered, any_hit);
+            packet_triangles(ray, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, entered, any_hit);
     }
 }
 

@@ -25,7 +25,7 @@ static int any_of_eight(int8 m) {
 static void single_keep(SingleRay* ray, int8 hit, float8 distance, float entered, __global const float* ids, int any_hit) {
     float at[8];
     int hits[8];
-    const float8 clamped = distance > entered ? distance : (float8)(entered);
+    const float8 clamped = distance < entered ? (float8)(entered) : distance;
     vstore8(clamped, 0, at);
     vstore8(hit & (clamped > BOX_START) & (clamped <= ray->nearest), 0, hits);
     for (int i = 0; i < 8; ++i) {

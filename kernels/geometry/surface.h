@@ -30,9 +30,9 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat ro
     const vec3 pa = packet_turn(&packet, sub(a, ray->origin)), pb = packet_turn(&packet, sub(b, ray->origin)),
                pc = packet_turn(&packet, sub(c, ray->origin));
     vfloat u, v, w;
-    const vmask hit = triangle_hit_lanes(pa.x, pa.y, pa.z, pb.x, pb.y, pb.z, pc.x, pc.y, pc.z, packet.shear.x, packet.shear.y,
-                                         &u, &v, &w);
-    const vfloat inverse = splat(1.0f) / (hit ? u + v + w : splat(1.0f));
+    triangle_hit_lanes(pa.x, pa.y, pa.z, pb.x, pb.y, pb.z, pc.x, pc.y, pc.z, packet.shear.x, packet.shear.y, &u, &v, &w);
+    const vfloat sum = u + v + w;
+    const vfloat inverse = splat(1.0f) / (sum != 0.0f ? sum : splat(1.0f));
     const vfloat weight_b = v * inverse, weight_c = w * inverse;
     const vec3 ab = sub(b, a), ac = sub(c, a);
     const vec3 step_b = scale(ab, weight_b), step_c = scale(ac, weight_c);
@@ -48,11 +48,11 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat ro
         vfloat n[16];
         lane_rows(scene->normal_rows, smooth ? s->primitive : splat_uint(0u), n);
         const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
-        const vec3 sum = vec3_of(fma(weight_a, n[0], fma(weight_b, n[3], weight_c * n[6])),
+        const vec3 normal = vec3_of(fma(weight_a, n[0], fma(weight_b, n[3], weight_c * n[6])),
                                  fma(weight_a, n[1], fma(weight_b, n[4], weight_c * n[7])),
                                  fma(weight_a, n[2], fma(weight_b, n[5], weight_c * n[8])));
-        const vmask usable = smooth & (inner(sum, sum) > 1.0e-12f) & (inner(sum, s->normal) > 0.0f);
-        s->shading = choose(usable, unit(sum), s->normal);
+        const vmask usable = smooth & (inner(normal, normal) > 1.0e-12f) & (inner(normal, s->normal) > 0.0f);
+        s->shading = choose(usable, unit(normal), s->normal);
     }
 }
 

@@ -50,7 +50,7 @@ static vuint light_choose(const Scene* scene, vuint bits, vuint* rest) {
     return keep ? entry : alias;
 }
 
-static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light, vfloat probability, vfloat u, vfloat v) {
+static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light, vfloat u, vfloat v) {
     const Light_ l = light_at(scene, light);
     const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
     const vec3 b = vec3_of(l.row[9], l.row[10], l.row[11]);
@@ -67,10 +67,10 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light
     const vec3 to = sub(on_light, origin);
     const vfloat distance2 = inner(to, to);
     LightSample s;
-    s.direction = unit(to);
+    s.direction = direction_of(to);
     s.target = choose(point, a, clear);
     s.radiance = choose(point, scale(l.radiance, splat(1.0f) / (distance2 > 0.0f ? distance2 : splat(1.0f))), l.radiance);
-    s.pdf = (point | directional) ? probability : area.pdf * probability;
+    s.pdf = (point | directional) ? l.probability : area.pdf * l.probability;
     s.primitive = (triangle | sphere | disk) ? l.primitive : splat_uint(NONE);
     s.delta = point | directional;
     s.infinite = directional | environment;
@@ -78,7 +78,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light
         const vec3 to_infinity = choose(environment, warp_sphere(u, v), negate(a));
         s.direction = choose(s.infinite, to_infinity, s.direction);
         s.target = choose(s.infinite, to_infinity, s.target);
-        s.pdf = environment ? probability * WARP_SPHERE_PDF : s.pdf;
+        s.pdf = environment ? l.probability * WARP_SPHERE_PDF : s.pdf;
     }
     return s;
 }
@@ -86,8 +86,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light
 static LightSample light_sample(const Scene* scene, vec3 origin, vuint bits_u, vuint bits_v) {
     vuint rest;
     const vuint light = light_choose(scene, bits_u, &rest);
-    return light_sample_one(scene, origin, light, lane_gather(scene->light_rows, light * 16u + 4u), unit_interval(rest),
-                            unit_interval(bits_v));
+    return light_sample_one(scene, origin, light, unit_interval(rest), unit_interval(bits_v));
 }
 
 // Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance. An environment has no centre and
