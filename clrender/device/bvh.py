@@ -27,6 +27,12 @@ CHUNK: Final = 1024
 _WORK_GROUP: Final = 16
 _SORT_BITS: Final = 63
 
+# A full leaf tests eight triangles against one ray for the price of one, and takes least memory. In a small scene all rays go
+# together, where each triangle costs as much as two boxes, and a wall alone in its box is soon left out.
+_LEAF_MOST: Final = 8
+_LEAF_MOST_OF_FEW: Final = 2
+_FEW_PRIMITIVES: Final = 256
+
 _Arguments: TypeAlias = "list[Buffer | np.generic]"
 
 
@@ -110,6 +116,7 @@ class _Builder:
     def __init__(self, device: Device, source: SourceArrays) -> None:
         self.device = device
         self.source = source
+        self._leaf_most = _u(_LEAF_MOST if source.primitive_count > _FEW_PRIMITIVES else _LEAF_MOST_OF_FEW)
         defines = {"LANES": 1}
         self._order = device.program("geometry/build_order.cl", defines)
         self._merge = device.program("geometry/build_merge.cl", defines)
@@ -199,7 +206,7 @@ class _Builder:
             slots, counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
             arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(source.primitive_count), slots]
-            arguments += [_u(task_count), *counts, *(_u(number) for number in made)]
+            arguments += [_u(task_count), self._leaf_most, *counts, *(_u(number) for number in made)]
             arguments += [source.vertices, source.triangles, source.rounds, _u(source.triangle_count)]
             arguments += [node_buffer, triangle_buffer, round_buffer, next_tasks]
             self._each(self._collapse, "build_collapse", task_count, arguments)
@@ -218,7 +225,7 @@ class _Builder:
         while task_count:
             slots, counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [tree.members, slots, _u(task_count), counts[0], next_tasks]
+            arguments: _Arguments = [tree.members, slots, _u(task_count), self._leaf_most, counts[0], next_tasks]
             self._each(self._collapse, "build_next_tasks", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
             self._release(slots, *counts, tasks)
@@ -229,7 +236,16 @@ class _Builder:
     def _count(self, tree: _BinaryTree, tasks: Buffer, task_count: int) -> tuple[Buffer, list[Buffer], list[int]]:
         slots = self.device.empty(32 * task_count)
         counts = [self.device.empty(4 * task_count) for _ in range(3)]
-        arguments: _Arguments = [tree.boxes, tree.members, tree.children, tasks, _u(task_count), slots, *counts]
+        arguments: _Arguments = [
+            tree.boxes,
+            tree.members,
+            tree.children,
+            tasks,
+            _u(task_count),
+            self._leaf_most,
+            slots,
+            *counts,
+        ]
         self._each(self._collapse, "build_collapse_count", task_count, arguments)
         return slots, counts, [self._scan(buffer, task_count) for buffer in counts]
 

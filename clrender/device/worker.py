@@ -28,7 +28,7 @@ _CPU_LANES: Final = 16
 _GPU_WORK_GROUP: Final = 64
 _SAMPLES_BYTES: Final = 96 << 20
 _MOST_SAMPLES_PER_PASS: Final = 16
-_SMALL_TREE: Final = 16
+_SMALL_TREE: Final = 64
 """With so few nodes, lanes' rays stay together: setting one out alone costs more than the rest of the tree."""
 
 _BLOCK_SLOTS: Final = BLOCK * BLOCK

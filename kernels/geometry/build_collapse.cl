@@ -1,15 +1,15 @@
 // From the binary tree to the wide one of geometry/bvh.h, level by level from the root: a node opens the child with the largest
-// box until it has eight; up to eight primitives of one kind become a leaf.
+// box until it has eight; up to `leaf_most` primitives of one kind, eight at most, become a leaf.
 #include "geometry/build.h"
 
-static int collapse_is_leaf(uint members) {
+static int collapse_is_leaf(uint members, uint leaf_most) {
     const uint kinds = members & ~MEMBERS_COUNT;
-    return (members & MEMBERS_COUNT) <= 8u && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ROUND);
+    return (members & MEMBERS_COUNT) <= leaf_most && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ROUND);
 }
 
 // Each task is a binary node that becomes a wide one: its children, and how many of them are nodes, packs of triangles, of rounds.
 __kernel void build_collapse_count(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
-                                   __global const uint* tasks, uint task_count, __global uint* slots,
+                                   __global const uint* tasks, uint task_count, uint leaf_most, __global uint* slots,
                                    __global uint* inner, __global uint* triangle_packs, __global uint* round_packs) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
@@ -20,7 +20,7 @@ __kernel void build_collapse_count(__global const float* node_boxes, __global co
         int open = -1;
         float largest = -1.0f;
         for (uint i = 0; i < count; ++i) {
-            if (collapse_is_leaf(members[child[i]])) continue;
+            if (collapse_is_leaf(members[child[i]], leaf_most)) continue;
             const float area = box_area(box_load(node_boxes, child[i]));
             const float bounded_area = area < FAR ? area : FAR;
             if (bounded_area > largest) {
@@ -38,7 +38,7 @@ __kernel void build_collapse_count(__global const float* node_boxes, __global co
         const uint node = i < count ? child[i] : NONE;
         slots[(size_t)task * 8 + i] = node;
         if (node == NONE) continue;
-        if (!collapse_is_leaf(members[node])) ++inners;
+        if (!collapse_is_leaf(members[node], leaf_most)) ++inners;
         else if (members[node] & MEMBERS_TRIANGLE) ++triangles;
         else ++rounds;
     }
@@ -49,13 +49,13 @@ __kernel void build_collapse_count(__global const float* node_boxes, __global co
 
 // The tasks of the next level, where nothing else is wanted of this one.
 __kernel void build_next_tasks(__global const uint* members, __global const uint* slots, uint task_count,
-                               __global const uint* inner, __global uint* next_tasks) {
+                               uint leaf_most, __global const uint* inner, __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
     uint next = inner[task];
     for (uint i = 0; i < 8; ++i) {
         const uint child = slots[(size_t)task * 8 + i];
-        if (child != NONE && !collapse_is_leaf(members[child])) next_tasks[next++] = child;
+        if (child != NONE && !collapse_is_leaf(members[child], leaf_most)) next_tasks[next++] = child;
     }
 }
 
@@ -103,7 +103,7 @@ static void collapse_round_pack(__global float* pack, const uint primitives[8], 
 // Writes the nodes and packs of a level and the tasks of the next. `first_*`: how many of each exist from earlier levels.
 __kernel void build_collapse(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
                              __global const uint* order, uint leaf_count, __global const uint* slots, uint task_count,
-                             __global const uint* inner, __global const uint* triangle_offsets, __global const uint* round_offsets,
+                             uint leaf_most, __global const uint* inner, __global const uint* triangle_offsets, __global const uint* round_offsets,
                              uint first_node, uint first_triangle_pack, uint first_round_pack, __global const float* vertices,
                              __global const uint* triangles, __global const Round* rounds, uint triangle_count,
                              __global float* nodes, __global float* triangle_packs, __global float* round_packs,
@@ -120,7 +120,7 @@ __kernel void build_collapse(__global const float* node_boxes, __global const ui
         if (child != NONE) {
             b = box_load(node_boxes, child);
             uint primitives[8];
-            if (!collapse_is_leaf(members[child])) {
+            if (!collapse_is_leaf(members[child], leaf_most)) {
                 reference = first_node + task_count + next;
                 next_tasks[next++] = child;
             } else {

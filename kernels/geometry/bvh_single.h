@@ -14,11 +14,7 @@ typedef struct {
     uint primitive;      // its number
 } SingleRay;
 
-static int any_of_eight(int8 m) {
-    const int4 q = m.lo | m.hi;
-    const int2 p = q.lo | q.hi;
-    return p.x | p.y;
-}
+static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
 
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.
 // `entered` is where the ray enters the leaf's box.
