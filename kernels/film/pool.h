@@ -43,6 +43,13 @@ static Pool pool_open(__global const Settings* settings, __global float* samples
     return pool;
 }
 
+static PoolSample pool_no_sample(void) {
+    PoolSample sample;
+    sample.slot = sample.number = sample.pixel_x = sample.pixel_y = splat_uint(0u);
+    sample.sampler.seed = sample.sampler.index = splat_uint(0u);
+    return sample;
+}
+
 static int pool_empty(const Pool* pool) { return pool->next >= LANES * pool->sample_count; }
 
 // Give each idle lane a sample while there are any; lanes outside the image get none, but use theirs up.

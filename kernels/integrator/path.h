@@ -32,6 +32,31 @@ typedef struct {
     vuint left;              // rays that have still to leave
 } Branch;
 
+// No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
+static Path path_none(void) {
+    Path path;
+    path.alive = path.diffused = splat_uint(0u) != splat_uint(0u);
+    path.depth = splat_uint(0u);
+    path.material_pdf = splat(0.0f);
+    path.throughput = path.radiance = vec3_all(0.0f);
+    path.ray.origin = vec3_all(0.0f);
+    path.ray.direction = vec3_all(1.0f);
+    path.ray.limit = splat(FAR);
+    path.ray.from = path.ray.to = splat_uint(NONE);
+    path.sample = pool_no_sample();
+    return path;
+}
+
+static Branch path_no_branch(const Path* path) {
+    Branch branch;
+    branch.ray = path->ray;
+    branch.hit.distance = splat(0.0f);
+    branch.hit.primitive = splat_uint(0u);
+    branch.throughput = vec3_all(0.0f);
+    branch.depth = branch.left = splat_uint(0u);
+    return branch;
+}
+
 static void path_start(const Scene* scene, vmask start, Path* path) {
     vfloat film_x, film_y;
     pool_film(scene->settings, &path->sample, &film_x, &film_y);
@@ -41,6 +66,7 @@ static void path_start(const Scene* scene, vmask start, Path* path) {
     path->depth = start ? splat_uint(0u) : path->depth;
     path->material_pdf = start ? splat(0.0f) : path->material_pdf;
     path->diffused = path->diffused & !start;
+    path->alive = path->alive | start;
 }
 
 // The weight of a sample found with density `a` when it could have been found with density `b` too (balance heuristic).
@@ -50,7 +76,7 @@ static vfloat path_weight(vfloat a, vfloat b) {
 }
 
 // Light that the ray ran into: from a surface that shines, or from outside the scene.
-static vec3 path_emission(const Scene* scene, const Path* path, const Surface* surface, vmask hit, uint shadow_rays) {
+static vec3 path_emission(const Scene* scene, const Path* path, const Surface* surface, vmask hit) {
     vfloat pdf, outside_pdf;
     vec3 emitted = light_environment(scene, &outside_pdf);
     pdf = hit ? splat(0.0f) : outside_pdf;
@@ -63,7 +89,7 @@ static vec3 path_emission(const Scene* scene, const Path* path, const Surface* s
     }
     const uint strategy = scene->settings->strategy;
     const vmask only_here = path->material_pdf == 0.0f;
-    vfloat weight = path_weight(path->material_pdf, pdf * (float)shadow_rays);
+    vfloat weight = path_weight(path->material_pdf, pdf * (float)scene->settings->shadow_rays);
     if (strategy == STRATEGY_LIGHTS) weight = splat(0.0f);
     if (strategy == STRATEGY_MATERIALS) weight = splat(1.0f);
     weight = only_here ? splat(1.0f) : weight;
@@ -96,34 +122,82 @@ static vmask path_roulette(const Scene* scene, Path* path, const Surface* surfac
     return goes_on;
 }
 
+// Light from sampled points of the lights, as far as nothing is in the way.
+static void path_add_direct(const Scene* scene, Path* path, const Surface* surface, const Bsdf* bsdf, vmask lit, PoolStats* stats) {
+    const uint shadow_rays = scene->settings->shadow_rays, indirect_rays = scene->settings->indirect_rays;
+    for (uint m = 0; m < shadow_rays; ++m) {
+        vuint bits_u, bits_v;
+        Sampler sampler = path->sample.sampler;
+        sampler.index = sampler.index * shadow_rays + m;
+        sampler_bounce_bits(sampler, SET_LIGHT, path->depth, &bits_u, &bits_v);
+        const LightSample light = light_sample(scene, surface->point, bits_u, bits_v);
+        vec3 direct = path_direct(scene, bsdf, &light, shadow_rays, 1u);
+        if (indirect_rays != 1)
+            direct = choose(path->diffused, direct, path_direct(scene, bsdf, &light, shadow_rays, indirect_rays));
+        const vmask asked = lit & (largest(direct) > 0.0f);
+        const Ray shadow_ray = light_shadow_ray(surface, &light);
+        const vmask blocked = traverse_occluded(&scene->bvh, &shadow_ray, asked);
+        const vec3 arriving = mul(path->throughput, direct);
+        path->radiance = choose(asked & !blocked, add(path->radiance, arriving), path->radiance);
+        stats->shadow_rays += lane_count(asked);
+        stats->deepest = pool_deepest(stats->deepest, path->depth + 1u, asked);
+    }
+}
+
+// Choose where the light came from, and let the roulette decide whether to look there. Returns where the path goes on.
+static vmask path_scatter(const Scene* scene, Path* path, const Surface* surface, const Bsdf* bsdf, vmask may_scatter) {
+    vuint bits_u, bits_v;
+    sampler_bounce_bits(path->sample.sampler, SET_MATERIAL, path->depth, &bits_u, &bits_v);
+    const BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
+    path->throughput = mul(path->throughput, next.weight);
+    path->depth = path->depth + 1u;
+    path->material_pdf = next.pdf;
+    path->ray = surface_leave(surface, next.direction);
+    vmask goes_on = may_scatter & (largest(path->throughput) > 0.0f);
+    if (scene->settings->indirect_rays == 0) goes_on = goes_on & !bsdf->smooth;
+    if (scene->settings->roulette != ROULETTE_NONE) {
+        sampler_hash_bits(path->sample.sampler, path->depth * SETS_PER_BOUNCE + SET_ROULETTE, &bits_u, &bits_v);
+        goes_on = goes_on & path_roulette(scene, path, surface, bits_u);
+    }
+    return goes_on;
+}
+
+// Several rays leave the first diffuse hit: remember it. Each of them carries its share of the throughput and has its own place in
+// the sequence of random numbers.
+static void path_branch(Path* path, Branch* branch, Hit hit, vmask opens, uint rays) {
+    const vec3 share = scale(path->throughput, splat(1.0f) / (float)rays);
+    ray_replace(&branch->ray, path->ray, opens);
+    branch->hit.distance = opens ? hit.distance : branch->hit.distance;
+    branch->hit.primitive = opens ? hit.primitive : branch->hit.primitive;
+    branch->throughput = choose(opens, share, branch->throughput);
+    branch->depth = opens ? path->depth : branch->depth;
+    branch->left = opens ? splat_uint(rays - 1u) : branch->left;
+    path->throughput = choose(opens, share, path->throughput);
+    path->sample.sampler.index = opens ? path->sample.sampler.index * rays : path->sample.sampler.index;
+}
+
+// Go back to the branch for the next of its rays.
+static void path_resume(Path* path, Branch* branch, vmask resumes) {
+    branch->left = resumes ? branch->left - 1u : branch->left;
+    ray_replace(&path->ray, branch->ray, resumes);
+    path->throughput = choose(resumes, branch->throughput, path->throughput);
+    path->depth = resumes ? branch->depth : path->depth;
+    path->sample.sampler.index = resumes ? path->sample.sampler.index + 1u : path->sample.sampler.index;
+    path->diffused = path->diffused & !resumes;
+}
+
 static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     __global const Settings* settings = scene->settings;
-    const uint shadow_rays = settings->shadow_rays, indirect_rays = settings->indirect_rays, max_depth = settings->max_depth;
-    Path path;
-    Branch branch;
-    path.alive = splat_uint(0u) != splat_uint(0u);
-    path.diffused = path.alive;
-    path.depth = splat_uint(0u);
-    path.material_pdf = splat(0.0f);
-    path.throughput = path.radiance = vec3_all(0.0f);
-    path.ray.origin = vec3_all(0.0f);
-    path.ray.direction = vec3_of(splat(0.0f), splat(0.0f), splat(1.0f));
-    path.ray.limit = splat(FAR);
-    path.ray.from = path.ray.to = splat_uint(NONE);
-    branch.ray = path.ray;
-    branch.hit.distance = splat(0.0f);
-    branch.hit.primitive = splat_uint(0u);
-    branch.throughput = vec3_all(0.0f);
-    branch.depth = branch.left = splat_uint(0u);
+    const uint indirect_rays = settings->indirect_rays;
+    Path path = path_none();
+    Branch branch = path_no_branch(&path);
     vmask resumes = path.alive;
 
     for (;;) {
         // Lanes without a path take the next sample of the pool
-        const vmask idle = !path.alive;
-        if (lane_any(idle)) {
-            const vmask started = pool_take(settings, pool, idle, &path.sample);
+        if (lane_any(!path.alive)) {
+            const vmask started = pool_take(settings, pool, !path.alive, &path.sample);
             if (lane_any(started)) path_start(scene, started, &path);
-            path.alive = path.alive | started;
             if (!lane_any(path.alive)) {
                 if (pool_empty(pool)) break;
                 continue;
@@ -133,85 +207,36 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         // Find the nearest surface along each ray; a path that resumes at its branch knows it already
         const vmask traced = path.alive & !resumes;
         Hit hit = traverse_nearest(&scene->bvh, &path.ray, traced);
-        stats->rays += lane_count(traced);
         hit.distance = resumes ? branch.hit.distance : hit.distance;
         hit.primitive = resumes ? branch.hit.primitive : hit.primitive;
         const vmask found = path.alive & (hit.primitive != NONE);
         const Surface surface = surface_at(scene, &path.ray, hit, found);
-
-        // Add the light the ray ran into
-        const vec3 emission = path_emission(scene, &path, &surface, found, shadow_rays);
-        path.radiance = choose(traced, add(path.radiance, emission), path.radiance);
+        stats->rays += lane_count(traced);
         stats->deepest = pool_deepest(stats->deepest, path.depth, traced);
 
-        // Add light from sampled points of the lights, as far as nothing is in the way
-        const vmask may_scatter = found & (path.depth < max_depth);
+        // Add the light the ray ran into
+        const vec3 emission = path_emission(scene, &path, &surface, found);
+        path.radiance = choose(traced, add(path.radiance, emission), path.radiance);
+
+        // Add light that comes straight from the lights
         const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
+        const vmask may_scatter = found & (path.depth < settings->max_depth);
         const vmask diffuse = may_scatter & bsdf.smooth;
-        const vmask first_diffuse = diffuse & !path.diffused;
         const vmask lit = diffuse & !resumes;
-        vuint bits_u, bits_v;
-        if (settings->light_count > 0 && lane_any(lit)) {
-            for (uint m = 0; m < shadow_rays; ++m) {
-                Sampler sampler = path.sample.sampler;
-                sampler.index = sampler.index * shadow_rays + m;
-                sampler_bounce_bits(sampler, SET_LIGHT, path.depth, &bits_u, &bits_v);
-                const LightSample light = light_sample(scene, surface.point, bits_u, bits_v);
-                const vec3 later = path_direct(scene, &bsdf, &light, shadow_rays, 1u);
-                const vec3 first = indirect_rays == 1 ? later : path_direct(scene, &bsdf, &light, shadow_rays, indirect_rays);
-                const vec3 direct = choose(first_diffuse, first, later);
-                const vmask asked = lit & (largest(direct) > 0.0f);
-                const Ray shadow_ray = light_shadow_ray(&surface, &light);
-                const vmask blocked = traverse_occluded(&scene->bvh, &shadow_ray, asked);
-                stats->shadow_rays += lane_count(asked);
-                const vec3 arriving = mul(path.throughput, direct);
-                path.radiance = choose(asked & !blocked, add(path.radiance, arriving), path.radiance);
-                stats->deepest = pool_deepest(stats->deepest, path.depth + 1u, asked);
-            }
-        }
+        if (settings->light_count > 0 && lane_any(lit)) path_add_direct(scene, &path, &surface, &bsdf, lit, stats);
 
-        // Remember the first diffuse hit when several rays leave it
-        vfloat ray_count = splat(1.0f);
-        if (indirect_rays > 1 && lane_any(first_diffuse)) {
-            const vmask opens = first_diffuse & !resumes;
-            ray_replace(&branch.ray, path.ray, opens);
-            branch.hit.distance = opens ? hit.distance : branch.hit.distance;
-            branch.hit.primitive = opens ? hit.primitive : branch.hit.primitive;
-            branch.throughput =
-                choose(opens, scale(path.throughput, splat(1.0f) / (float)indirect_rays), branch.throughput);
-            branch.depth = opens ? path.depth : branch.depth;
-            branch.left = opens ? splat_uint(indirect_rays - 1u) : branch.left;
-            path.throughput = choose(opens, branch.throughput, path.throughput);
-            path.sample.sampler.index = opens ? path.sample.sampler.index * indirect_rays : path.sample.sampler.index;
-            ray_count = first_diffuse ? splat((float)indirect_rays) : ray_count;
-        }
+        // Go on in a sampled direction; the first diffuse hit may send out several rays
+        const vmask first_diffuse = diffuse & !path.diffused;
+        if (indirect_rays > 1 && lane_any(first_diffuse & !resumes))
+            path_branch(&path, &branch, hit, first_diffuse & !resumes, indirect_rays);
         path.diffused = path.diffused | diffuse;
-
-        // Choose where the light came from, and let the roulette decide whether to look there
-        sampler_bounce_bits(path.sample.sampler, SET_MATERIAL, path.depth, &bits_u, &bits_v);
-        const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
-        path.throughput = mul(path.throughput, next.weight);
-        path.depth = path.depth + 1u;
-        vmask goes_on = may_scatter & (largest(path.throughput) > 0.0f);
-        if (indirect_rays == 0) goes_on = goes_on & !diffuse;
-        if (settings->roulette != ROULETTE_NONE) {
-            sampler_hash_bits(path.sample.sampler, path.depth * SETS_PER_BOUNCE + SET_ROULETTE, &bits_u, &bits_v);
-            goes_on = goes_on & path_roulette(scene, &path, &surface, bits_u);
-        }
-        path.ray = surface_leave(&surface, next.direction);
-        path.material_pdf = next.pdf * ray_count;
+        const vmask goes_on = path_scatter(scene, &path, &surface, &bsdf, may_scatter);
+        if (indirect_rays > 1) path.material_pdf = path.material_pdf * (first_diffuse ? splat((float)indirect_rays) : splat(1.0f));
 
         // A path that ended resumes at its branch while rays are left there, else it is delivered
         const vmask ended = path.alive & !goes_on;
         resumes = ended & (branch.left > 0u);
-        if (indirect_rays > 1 && lane_any(resumes)) {
-            branch.left = resumes ? branch.left - 1u : branch.left;
-            ray_replace(&path.ray, branch.ray, resumes);
-            path.throughput = choose(resumes, branch.throughput, path.throughput);
-            path.depth = resumes ? branch.depth : path.depth;
-            path.sample.sampler.index = resumes ? path.sample.sampler.index + 1u : path.sample.sampler.index;
-            path.diffused = path.diffused & !resumes;
-        }
+        if (indirect_rays > 1 && lane_any(resumes)) path_resume(&path, &branch, resumes);
         const vmask done = ended & !resumes;
         if (lane_any(done)) pool_deliver(pool, &path.sample, path.radiance, done);
         path.alive = path.alive & !done;

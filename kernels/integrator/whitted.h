@@ -11,7 +11,7 @@
 
 static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     __global const Settings* settings = scene->settings;
-    PoolSample sample;
+    PoolSample sample = pool_no_sample();
     Ray ray;
     vec3 throughput = vec3_all(0.0f), radiance = vec3_all(0.0f);
     vuint depth = splat_uint(0u);
@@ -19,7 +19,6 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     ray.origin = ray.direction = vec3_all(1.0f);
     ray.limit = splat(FAR);
     ray.from = ray.to = splat_uint(NONE);
-    sample.slot = sample.number = sample.pixel_x = sample.pixel_y = sample.sampler.seed = sample.sampler.index = depth;
 
     for (;;) {
         // Lanes without a ray take the next sample of the pool
