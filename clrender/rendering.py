@@ -11,20 +11,19 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from clrender import layout
 from clrender.device import select
 from clrender.device.source import kernels_sha256
 from clrender.device.worker import Cut, DeviceWorker
-from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
 from clrender.schedule import Plan, Tally, run
+from clrender.settings import INTEGRATORS, RenderSettings, settings_for
 from clrender.version import __version__
 from clrender.work import tile_side
 
@@ -32,72 +31,7 @@ if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.scene import Scene
 
-__all__ = ["Progress", "RenderSettings", "RenderedImage", "render"]
-
-_INTEGRATORS: Final = {
-    "path": ("integrator/path.cl", "integrator_path"),
-    "direct": ("integrator/path.cl", "integrator_path"),
-    "whitted": ("integrator/whitted.cl", "integrator_whitted"),
-}
-_ROULETTES: Final = {
-    "none": layout.ROULETTE_NONE,
-    "throughput": layout.ROULETTE_THROUGHPUT,
-    "absorption": layout.ROULETTE_ABSORPTION,
-}
-_STRATEGIES: Final = {
-    "both": layout.STRATEGY_BOTH,
-    "lights": layout.STRATEGY_LIGHTS,
-    "materials": layout.STRATEGY_MATERIALS,
-}
-
-
-@dataclass(frozen=True)
-class RenderSettings:
-    """What is asked for. The first group decides the image, the second only how it is computed.
-
-    Attributes
-    ----------
-    spp, width, height, seed : int
-    integrator : str
-        ``path``, ``direct`` or ``whitted``.
-    shadow_rays, indirect_rays : int
-        To sampled lights at a diffuse hit; from the first diffuse hit.
-    max_depth : int or None
-        Scattering events at most; None: no limit.
-    roulette : str
-        ``throughput``, ``absorption`` or ``none``.
-    absorption : float or None
-        Probability to end a path, for every material; None: each material's own.
-    sampling : str
-        How light from surfaces is found: ``both`` (weighted), ``lights`` or ``materials`` alone.
-    tile, samples_per_pass, work_group, lanes, traversal
-        How work is cut; None: by the device.
-    time_limit : float or None
-        Seconds after which to stop.
-    """
-
-    spp: int = 64
-    width: int = 800
-    height: int = 800
-    seed: int = 0
-    integrator: str = "path"
-    shadow_rays: int = 1
-    indirect_rays: int = 1
-    max_depth: int | None = None
-    roulette: str = "throughput"
-    absorption: float | None = None
-    sampling: str = "both"
-    tile: int = 64
-    samples_per_pass: int | None = None
-    work_group: int | None = None
-    lanes: int | None = None
-    traversal: str | None = None
-    time_limit: float | None = None
-
-    def request(self) -> dict[str, Any]:
-        """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
-        names = ("width", "height", "seed", "integrator", "shadow_rays", "indirect_rays", "max_depth", "roulette")
-        return {name: getattr(self, name) for name in (*names, "absorption", "sampling")}
+__all__ = ["Progress", "RenderedImage", "render"]
 
 
 @dataclass(frozen=True)
@@ -219,7 +153,7 @@ def render(
         When a device fails and no other is left.
     """
     begin = time.perf_counter()
-    wanted = _settings(scene, size, settings)
+    wanted = settings_for(scene, size, settings)
     tell = notify or (lambda line: None)
     flat = flatten(scene, wanted.width, wanted.height)
     for warning in flat.warnings:
@@ -263,33 +197,6 @@ def render(
     return RenderedImage(linear, stats, film, not tally.complete)
 
 
-def _settings(scene: Scene, size: tuple[int, int] | None, given: Mapping[str, Any]) -> RenderSettings:
-    """The settings of this render: those given, else the scene's, else the defaults; checked."""
-    known = {field.name for field in dataclasses.fields(RenderSettings)}
-    for name in given:
-        if name not in known:
-            raise UsageError(f"render() has no setting {name!r}; it has {', '.join(sorted(known))}")
-    values = {**scene.render.model_dump(), "width": scene.image.width, "height": scene.image.height}
-    if size is not None:
-        values["width"], values["height"] = size
-    wanted = RenderSettings(**{**values, **given})
-    for name, least, most in (
-        ("spp", 1, 2**20), ("width", 1, 65536), ("height", 1, 65536), ("seed", 0, 2**32 - 1), ("shadow_rays", 1, 4096),
-        ("indirect_rays", 0, 4096), ("tile", 1, 65536),
-    ):  # fmt: skip
-        value = getattr(wanted, name)
-        if not isinstance(value, (int, np.integer)) or not least <= value <= most:
-            raise UsageError(f"{name} is {value!r}; it must be a whole number from {least} to {most}")
-    for name, choices in (("integrator", _INTEGRATORS), ("roulette", _ROULETTES), ("sampling", _STRATEGIES)):
-        if getattr(wanted, name) not in choices:
-            raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")
-    if wanted.lanes not in (None, 1, 4, 8, 16):
-        raise UsageError(f"lanes is {wanted.lanes!r}; it must be 1, 4, 8 or 16")
-    if wanted.absorption is not None and not 0.0 <= wanted.absorption < 1.0:
-        raise UsageError(f"absorption is {wanted.absorption!r}; it must be at least 0 and below 1")
-    return wanted
-
-
 def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
     if absorption is None:
         return flat
@@ -299,23 +206,9 @@ def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
 
 
 def _workers(devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int) -> list[DeviceWorker]:
-    settings = np.zeros(1, layout.dtype("Settings"))
-    values: dict[str, int] = {
-        "width": wanted.width,
-        "height": wanted.height,
-        "tile": tile,
-        "seed": wanted.seed,
-        "shadow_rays": wanted.shadow_rays,
-        "indirect_rays": 0 if wanted.integrator == "direct" else wanted.indirect_rays,
-        "max_depth": layout.NONE if wanted.max_depth is None else wanted.max_depth,
-        "roulette": _ROULETTES[wanted.roulette],
-        "strategy": _STRATEGIES[wanted.sampling],
-    }
-    for name, value in values.items():
-        settings[name] = value
     cut = Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
-    entry, kernel = _INTEGRATORS[wanted.integrator]
-    return [DeviceWorker(each, flat, settings, entry, kernel, cut) for each in devices]
+    entry, kernel = INTEGRATORS[wanted.integrator]
+    return [DeviceWorker(each, flat, wanted.struct(tile), entry, kernel, cut) for each in devices]
 
 
 def _stats(
@@ -334,13 +227,16 @@ def _stats(
         "scene_sha256": scene.sha256(),
         "kernel_sha256": kernels_sha256(),
         "version": __version__,
+        "width": wanted.width,
+        "height": wanted.height,
         "spp": wanted.spp,
-        **wanted.request(),
+        "seed": wanted.seed,
+        "integrator": wanted.integrator,
+        "settings": {**wanted.request(), "spp": wanted.spp},
         "samples": tally.samples,
         "rays": tally.rays,
         "shadow_rays": tally.shadow_rays,
         "max_depth": tally.deepest,
-        "max_depth_limit": wanted.max_depth,
         "nonfinite_samples": tally.samples - film.samples,
         **times,
         "msamples_per_second": tally.samples / seconds / 1e6,

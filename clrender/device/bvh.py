@@ -27,8 +27,8 @@ CHUNK: Final = 1024
 _WORK_GROUP: Final = 16
 _SORT_BITS: Final = 63
 
-# A full leaf tests eight triangles against one ray for the price of one, and takes least memory. In a small scene all rays go
-# together, where each triangle costs as much as two boxes, and a wall alone in its box is soon left out.
+# A full leaf tests eight triangles against one ray for the price of one, and takes least memory. In a small scene all
+# rays go together, where each triangle costs as much as two boxes, and a wall alone in its box is soon left out.
 _LEAF_MOST: Final = 8
 _LEAF_MOST_OF_FEW: Final = 2
 _FEW_PRIMITIVES: Final = 256

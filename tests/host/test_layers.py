@@ -18,6 +18,7 @@ LAYERS = (
     ("cli",),
     ("__init__",),
     ("rendering",),
+    ("settings",),
     ("compare", "flip"),
     ("schedule",),
     ("device",),
