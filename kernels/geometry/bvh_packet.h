@@ -51,12 +51,12 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
 static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, uint id, int any_hit, vfloat* nearest,
                         vuint* primitive) {
     const vfloat at = distance < entered ? entered : distance;
-    const vuint one = splat_uint(id) < *primitive ? splat_uint(1u) : splat_uint(0u);
+    const vuint one = any_hit ? splat_uint(1u) : (splat_uint(id) < *primitive ? splat_uint(1u) : splat_uint(0u));
     const vfloat limit = vfloat_from_bits(vfloat_bits(*nearest) + one);
     const vmask other = any_hit ? (ray->from != id) & (ray->to != id) : ray->from != id;
     const vmask keep = (hit & other) & (at > BOX_START) & (at < limit);
     *nearest = keep ? (any_hit ? splat(-1.0f) : at) : *nearest;
-    *primitive = keep ? splat_uint(id) : *primitive;
+    if (!any_hit) *primitive = keep ? splat_uint(id) : *primitive;
 }
 
 // Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.

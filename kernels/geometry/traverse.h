@@ -31,7 +31,7 @@ static Hit traverse_nearest(const Bvh* bvh, const Ray* ray, vmask active) {
 static vmask traverse_occluded(const Bvh* bvh, const Ray* ray, vmask active) {
     PacketRay packet = packet_ray(ray, active);
     traverse(bvh, &packet, 1);
-    return packet.primitive != NONE;
+    return active & (packet.nearest < 0.0f);
 }
 
 #endif
