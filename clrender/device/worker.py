@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
+from clrender.device.bvh import STACK
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
 from clrender.work import BLOCK, Unit, UnitSums
 
@@ -25,6 +26,7 @@ SLICE_SECONDS: Final = 0.15
 """What a launch should last: short enough for progress, Ctrl-C and drivers with a watchdog."""
 
 _CPU_LANES: Final = 16
+_CPU_WORK_GROUP: Final = 4
 _GPU_WORK_GROUP: Final = 64
 _SAMPLES_BYTES: Final = 96 << 20
 _MOST_SAMPLES_PER_PASS: Final = 16
@@ -105,7 +107,7 @@ class DeviceWorker:
         self._settings_buffer = device.upload(self._settings)
         self.build_seconds = time.perf_counter() - begin
         self._lanes = cut.lanes or _lanes(device)
-        self._group = cut.work_group or (1 if device.is_cpu else min(_GPU_WORK_GROUP, device.max_work_group))
+        self._group = cut.work_group or min(_CPU_WORK_GROUP if device.is_cpu else _GPU_WORK_GROUP, device.max_work_group)
         self._per_pass = cut.samples_per_pass
         self._program = device.program(entry, self._defines(cut))
         self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
@@ -119,12 +121,12 @@ class DeviceWorker:
         defines: dict[str, int | str] = {"LANES": self._lanes}
         if cut.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
-        if self._arrays.tree.node_count <= _SMALL_TREE:
-            defines["PACKET_PARTS"] = 0
-        stack = 96
+        if self._lanes >= 4 and self._arrays.tree.node_count <= _SMALL_TREE:
+            defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
+        stack = STACK
         while stack < self._arrays.tree.stack_entries:
             stack *= 2
-        if stack > 96:
+        if stack > STACK:
             defines["BVH_STACK"] = stack
         return defines
 

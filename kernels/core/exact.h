@@ -35,9 +35,11 @@ static vec3 along(vec3 a, vec3 b, vfloat s) { return vec3_of(fma(b.x, s, a.x), f
 
 static vfloat inner(vec3 a, vec3 b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 static vfloat absolute(vfloat x) { return vfloat_from_bits(vfloat_bits(x) & 0x7fffffffu); }
-// |magnitude| with the sign of `sign`
+// |magnitude| with the sign of `sign`. Zero counts as positive, and so does what a driver may take for zero: they agree neither
+// about its sign nor about numbers below the smallest normal one.
 static vfloat with_sign(vfloat magnitude, vfloat sign) {
-    return vfloat_from_bits((vfloat_bits(magnitude) & 0x7fffffffu) | (vfloat_bits(sign) & 0x80000000u));
+    const vfloat size = absolute(magnitude);
+    return sign <= -1.1754944e-38f ? -size : size;
 }
 static vfloat bounded(vfloat x, float low, float high) { return lesser(greater(x, splat(low)), splat(high)); }
 static vfloat root(vfloat x) { return sqrt(greater(x, splat(0.0f))); }
@@ -60,12 +62,11 @@ static vec3 direction_of(vec3 a) {
     return scale(a, splat(1.0f) / sqrt(l2 > 0.0f ? l2 : splat(1.0f)));
 }
 
-// Unit vector along any a. Scaled by the largest component first, so that neither 1e-30 nor 1e30 is lost; zero stays zero.
+// Unit vector along any a. Scaled by a power of two first, exactly, so that neither 1e-30 nor 1e30 is lost; zero stays zero.
 static vec3 unit(vec3 a) {
     const vfloat m = greater(absolute(a.x), greater(absolute(a.y), absolute(a.z)));
-    const vfloat inverse = (vfloat)(1.0f) / (m > 0.0f ? m : splat(1.0f));
-    const vec3 b = scale(a, inverse);
-    return direction_of(b);
+    const vfloat inverse = vfloat_from_bits(0x7f000000u - (vfloat_bits(m) & 0x7f800000u));
+    return direction_of(scale(a, inverse));
 }
 
 // cos and sin of 2π u, u in [0, 1): quadrant, then minimax polynomials on [−π/4, π/4] (Cody & Waite's reduction is exact here,

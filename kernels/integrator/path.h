@@ -96,18 +96,17 @@ static vec3 path_emission(const Scene* scene, const Path* path, const Surface* s
     return scale(mul(path->throughput, emitted), weight);
 }
 
-// One light, sampled: its part of the radiance leaving the surface, before anything in the way is considered.
+// One light, sampled: its part of the radiance leaving the surface, before anything in the way is considered. With the balance
+// heuristic, weight / density is one over the sum of all densities that could have found the point.
 static vec3 path_direct(const Scene* scene, const Bsdf* bsdf, const LightSample* light, uint shadow_rays, uint material_rays) {
     vfloat material_pdf;
     const vec3 f = bsdf_eval(bsdf, light->direction, &material_pdf);
-    const vmask usable = light->pdf > 0.0f;
     const uint strategy = scene->settings->strategy;
-    vfloat weight = path_weight(light->pdf * (float)shadow_rays, material_pdf * (float)material_rays);
-    if (strategy == STRATEGY_LIGHTS || material_rays == 0) weight = splat(1.0f);
-    if (strategy == STRATEGY_MATERIALS && material_rays != 0) weight = splat(0.0f);
-    weight = light->delta ? splat(1.0f) : weight;
-    const vfloat share = weight / ((usable ? light->pdf : splat(1.0f)) * (float)shadow_rays);
-    return choose(usable, scale(mul(f, light->radiance), share), vec3_all(0.0f));
+    const vmask only_here = strategy == STRATEGY_LIGHTS ? light->pdf > 0.0f : light->delta;
+    const vmask usable = strategy == STRATEGY_MATERIALS && material_rays != 0 ? light->delta : light->pdf > 0.0f;
+    const vfloat other = only_here ? splat(0.0f) : material_pdf * (float)material_rays;
+    const vfloat density = light->pdf * (float)shadow_rays + other;
+    return choose(usable, scale(mul(f, light->radiance), splat(1.0f) / (usable ? density : splat(1.0f))), vec3_all(0.0f));
 }
 
 // Whether the path goes on after this vertex, and its throughput divided by the probability that it does.
