@@ -6,6 +6,7 @@ into the queue for the others. The film does not depend on any of it, because it
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
 from collections import deque
@@ -24,6 +25,8 @@ __all__ = ["Plan", "Tally", "run"]
 
 _UNIT_SLOTS: Final = 1 << 17
 _UNIT_SAMPLES: Final = 16
+_UNREAD: Final = 8
+"""Events that may wait to be dealt with: results are large, and a fast device must not pile up an image of them."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +157,7 @@ def run(
     RenderError
         When every worker died; the message is the last one's.
     """
-    units, events = _Queue(plan.units()), queue.SimpleQueue[_Event]()
+    units, events = _Queue(plan.units()), queue.Queue[_Event](_UNREAD)
     stop = threading.Event()
 
     def wanted() -> bool:
@@ -186,20 +189,32 @@ def run(
                     _bury(tally, event)
     finally:
         stop.set()
-        for thread in threads:
-            thread.join()
+        _end(threads, events)
     if len(tally.failures) == len(workers):
         raise RenderError(tally.failures[-1])
     tally.complete = tally.complete and tally.samples == plan.width * plan.height * plan.spp
     return tally
 
 
+def _end(threads: Sequence[threading.Thread], events: queue.Queue[_Event]) -> None:
+    """Wait for the threads; nobody listens any more, but none may be kept waiting for that."""
+    for thread in threads:
+        while thread.is_alive():
+            with contextlib.suppress(queue.Empty):
+                while True:
+                    events.get_nowait()
+            thread.join(0.05)
+
+
 def _work(
-    number: int, worker: Worker, units: _Queue, events: queue.SimpleQueue[_Event], should_stop: Callable[[], bool]
+    number: int, worker: Worker, units: _Queue, events: queue.Queue[_Event], should_stop: Callable[[], bool]
 ) -> None:
     """Life of a worker's thread: take a unit, do it, say what came of it."""
+    told = [0, 0]
 
     def on_slice(samples: int, rays: int) -> None:
+        told[0] += samples
+        told[1] += rays
         events.put(_Event(number, progress=(samples, rays)))
 
     error: BaseException | None = None
@@ -207,10 +222,12 @@ def _work(
         unit = units.take()
         if unit is None:
             break
+        told = [0, 0]
         try:
             result = worker.render(unit, on_slice, should_stop)
-        except Exception as problem:
+        except BaseException as problem:
             error = problem
+            events.put(_Event(number, progress=(-told[0], -told[1])))
             units.done(give_back=unit)
         else:
             events.put(_Event(number, unit, result))

@@ -14,6 +14,9 @@ __all__ = ["Unit", "UnitSums", "Worker", "slot_count", "tile_side", "tile_slots"
 BLOCK = 4
 """Side of the blocks a tile is made of, ``kernels/film/slot.h``."""
 
+LARGEST_TILE = 1024
+"""A tile's sums take 52 bytes a pixel on the device and once more here, so a larger one would only cost memory."""
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -81,9 +84,8 @@ class Worker(Protocol):
 
 
 def tile_side(tile: int, width: int, height: int) -> int:
-    """Side of a tile that is really used: a multiple of `BLOCK`, and no larger than the image needs."""
-    whole = max(width, height)
-    return -(-min(tile, whole) // BLOCK) * BLOCK
+    """Side of a tile that is really used: a multiple of `BLOCK`, no larger than the image needs nor `LARGEST_TILE`."""
+    return -(-min(tile, max(width, height), LARGEST_TILE) // BLOCK) * BLOCK
 
 
 def slot_count(width: int, height: int, tile: int) -> int:

@@ -1,8 +1,8 @@
 """Has the device build the tree that its rays walk: order, merge, collapse.
 
 The kernels are in ``kernels/geometry/build_*.cl``; this file only says which of them runs when, and how large their
-buffers are. The result is the same bits on every device, and an image does not depend on it at all: the tree decides
-how fast a hit is found, never which.
+buffers are. The result is the same bits on every device, whatever order its work-items run in. Another tree over the
+same primitives would find the same hits, but for roundings of their distances: none is before its leaf's box begins.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from clrender.errors import RenderError
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device, Program
 
-__all__ = ["NODE_WORDS", "ROUND_PACK_WORDS", "TRIANGLE_PACK_WORDS", "Bvh", "SourceArrays", "build"]
+__all__ = ["CHUNK", "NODE_WORDS", "ROUND_PACK_WORDS", "STACK", "TRIANGLE_PACK_WORDS", "Bvh", "SourceArrays", "build"]
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
 NODE_WORDS: Final = 56
 TRIANGLE_PACK_WORDS: Final = 80
 ROUND_PACK_WORDS: Final = 64
 CHUNK: Final = 1024
+STACK: Final = 96
+"""Entries a traversal has room for unless the host asks for more."""
 _WORK_GROUP: Final = 16
 _SORT_BITS: Final = 63
 

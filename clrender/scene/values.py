@@ -12,6 +12,7 @@ __all__ = [
     "COORDINATE_LIMIT",
     "INLINE_LIMIT",
     "PIXEL_LIMIT",
+    "POWER_LIMIT",
     "SHAPE_LIMIT",
     "Absorption",
     "Color",
@@ -31,8 +32,10 @@ __all__ = [
     "length",
 ]
 
-COORDINATE_LIMIT: Final = 1e15
-"""Largest magnitude of a coordinate (metres) and of a radiometric quantity: its square still fits single precision."""
+COORDINATE_LIMIT: Final = 1e12
+"""Largest magnitude of a coordinate, metres: its cube, which the distance of a triangle needs, fits single precision."""
+POWER_LIMIT: Final = 1e15
+"""Largest magnitude of a radiometric quantity: its square fits single precision."""
 PIXEL_LIMIT: Final = 2**30
 SHAPE_LIMIT: Final = 2**20
 """Most shapes, and most lights, of one scene."""
@@ -42,7 +45,7 @@ INLINE_LIMIT: Final = 2**22
 Finite = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Coordinate = Annotated[Finite, Field(ge=-COORDINATE_LIMIT, le=COORDINATE_LIMIT)]
 Length = Annotated[Finite, Field(gt=0.0, le=COORDINATE_LIMIT)]
-Power = Annotated[Finite, Field(ge=0.0, le=COORDINATE_LIMIT)]
+Power = Annotated[Finite, Field(ge=0.0, le=POWER_LIMIT)]
 Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 Index = Annotated[Finite, Field(gt=0.0, le=1000.0)]
 Count = Annotated[int, Strict()]

@@ -33,12 +33,14 @@ static void box_save(__global float* boxes, size_t index, Box b) {
         boxes[index * 6 + 3 + k] = b.high[k];
     }
 }
+// Into a box of its own: rusticl (Mesa 22.3) lets what a function does to a struct that it was given by value reach the caller's.
 static Box box_union(Box a, Box b) {
+    Box both;
     for (int k = 0; k < 3; ++k) {
-        a.low[k] = lesser(a.low[k], b.low[k]);
-        a.high[k] = greater(a.high[k], b.high[k]);
+        both.low[k] = lesser(a.low[k], b.low[k]);
+        both.high[k] = greater(a.high[k], b.high[k]);
     }
-    return a;
+    return both;
 }
 static Box box_empty(void) {
     Box b;
@@ -49,6 +51,16 @@ static Box box_empty(void) {
 static float box_area(Box b) {
     const float x = b.high[0] - b.low[0], y = b.high[1] - b.low[1], z = b.high[2] - b.low[2];
     return fma(x, y, fma(y, z, z * x));
+}
+
+// Half the extents of the box of a sphere, or of a disk with this unit normal. (Of 1 − n² along an axis little would be left where
+// the disk is nearly square to it; the sum of the other squares keeps its digits.)
+static void round_extents(float extent[3], float radius, float nx, float ny, float nz) {
+    const float x2 = nx * nx, y2 = ny * ny, z2 = nz * nz;
+    const int disk = x2 + y2 + z2 > 0.0f;
+    extent[0] = radius * (disk ? sqrt(y2 + z2) : 1.0f) * BOX_SLACK;
+    extent[1] = radius * (disk ? sqrt(x2 + z2) : 1.0f) * BOX_SLACK;
+    extent[2] = radius * (disk ? sqrt(x2 + y2) : 1.0f) * BOX_SLACK;
 }
 
 #endif

@@ -50,24 +50,23 @@ static vfloat sphere_spread(vec3 origin, vec3 center, vfloat radius) {
     return outside ? sine2 / (splat(1.0f) + root(splat(1.0f) - sine2)) : splat(0.0f);
 }
 
-// A point in `facing` = +1 shines outwards, −1 inwards. From outside the cone that the sphere fills is sampled, from inside its area.
+// `facing` = +1 shines outwards: the cone that the sphere fills is sampled, from outside it. −1 shines inwards: its area is. (Which of
+// the two is not asked of the origin: it may lie on the sphere itself, to either side by a rounding.)
 static vfloat sphere_pdf(vec3 origin, vec3 center, vfloat radius, vfloat facing, vec3 point, vec3 normal) {
     const vfloat spread = sphere_spread(origin, center, radius);
-    const vmask outside = spread > 0.0f;
-    const vfloat cone = facing > 0.0f ? warp_cone_pdf(outside ? spread : splat(1.0f)) : splat(0.0f);
-    const vfloat within = area_pdf(origin, point, normal, radius * radius * (4.0f * PI));
-    return outside ? cone : within;
+    const vfloat cone = spread > 0.0f ? warp_cone_pdf(spread > 0.0f ? spread : splat(1.0f)) : splat(0.0f);
+    return facing > 0.0f ? cone : area_pdf(origin, point, normal, radius * radius * (4.0f * PI));
 }
 
 static AreaSample sphere_sample(vec3 origin, vec3 center, vfloat radius, vfloat facing, vfloat u, vfloat v) {
     const vfloat spread = sphere_spread(origin, center, radius);
-    const vmask outside = spread > 0.0f;
     const vec3 to = sub(center, origin);
     const vec3 direction = frame_to_world(frame_around(unit(to)), warp_cone(u, v, spread));
     vfloat distance;
     const vmask hit = sphere_hit_lanes(to.x, to.y, to.z, radius, direction.x, direction.y, direction.z, &distance);
     const vfloat at = hit ? distance : inner(to, direction);       // the cone's rim may miss by a rounding
-    const vec3 outward = choose(outside, unit(sub(along(origin, direction, at), center)), warp_sphere(u, v));
+    const vec3 seen = unit(sub(along(origin, direction, at), center));
+    const vec3 outward = choose(facing > 0.0f, seen, warp_sphere(u, v));
     AreaSample s;
     s.point = along(center, outward, radius);
     s.normal = scale(outward, facing);

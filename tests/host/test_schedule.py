@@ -1,0 +1,442 @@
+"""Every sample is done exactly once, whoever does it, in whatever order, and whoever dies; the film cannot tell."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, suppress
+from functools import cache
+from typing import Any, Final
+from unittest.mock import patch
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from clrender.errors import DeviceError, RenderError
+from clrender.film import Film
+from clrender.image_io import image_sha256
+from clrender.schedule import Plan, run
+from clrender.work import BLOCK, Unit, UnitSums, slot_count, tile_side, tile_slots
+
+OnSlice = Callable[[int, int], None] | None
+ShouldStop = Callable[[], bool] | None
+
+PATIENCE: Final = 30.0
+"""Seconds after which a thread that still waits counts as hanging."""
+
+
+def pixel_of(slot: int, width: int, tile: int) -> tuple[int, int]:
+    """(column, row) of a slot, as `slot_block` and `slot_pixel` of kernels/film/slot.h say, number by number."""
+    number, inside = divmod(slot, tile * tile)
+    row, column = divmod(number, -(-width // tile))
+    block_row, block_column = divmod(inside // 16, tile // 4)
+    return column * tile + block_column * 4 + slot % 4, row * tile + block_row * 4 + slot // 4 % 4
+
+
+def sample_words(x: int, y: int, sample: int) -> list[int]:
+    """What a sample adds to the three sums of its pixel: any 128-bit numbers of its own, of both signs."""
+    mixed = [(x * 0x9E3779B97F4A7C15 + y * 0xC2B2AE3D27D4EB4F + sample * 0x165667B19E3779F9 + c) for c in range(3)]
+    return [((m * m) >> 7) % 2**118 - 2**117 for m in mixed]
+
+
+def to_words(value: int) -> list[int]:
+    return [(value >> (32 * k)) & 0xFFFFFFFF for k in range(4)]
+
+
+class FakeWorker:
+    """Does what a device does, in Python; `before` may delay, stop or kill it."""
+
+    def __init__(self, plan: Plan, name: str = "fake", before: Callable[[int, Unit], None] | None = None) -> None:
+        self.plan = plan
+        self.name = name
+        self.before = before
+        self.done: list[Unit] = []
+        self.asked = 0
+
+    def render(self, unit: Unit, on_slice: OnSlice = None, should_stop: ShouldStop = None) -> UnitSums:
+        """All samples of a unit, one sample of every pixel after the other, as far as it may."""
+        self.asked += 1
+        plan, rays = self.plan, 0
+        inside = [
+            (index, x, y)
+            for index in range(unit.slot_count)
+            for x, y in (pixel_of(unit.first_slot + index, plan.width, plan.tile),)
+            if x < plan.width and y < plan.height
+        ]
+        totals = [[0, 0, 0] for _ in range(unit.slot_count)]
+        counts = np.zeros(unit.slot_count, np.uint32)
+        complete = True
+        for sample in range(unit.first_sample, unit.first_sample + unit.sample_count):
+            if should_stop is not None and should_stop():
+                complete = False
+                break
+            for index, x, y in inside:
+                for channel, value in enumerate(sample_words(x, y, sample)):
+                    totals[index][channel] += value
+                counts[index] += 1
+            rays += 3 * len(inside)
+            if on_slice is not None:
+                on_slice(len(inside), 3 * len(inside))
+            if self.before is not None:
+                self.before(self.asked, unit)
+        if complete:
+            self.done.append(unit)
+        sums = np.array([[to_words(value) for value in slot] for slot in totals], np.uint32)
+        return UnitSums(sums, counts, int(counts.sum()), rays, rays // 2, unit.first_sample + 1, complete)
+
+
+def plan_for(width: int, height: int, spp: int, tile: int = 64) -> Plan:
+    return Plan(width, height, spp, tile_side(tile, width, height))
+
+
+@cache
+def expected_sums(plan: Plan) -> npt.NDArray[np.uint64]:
+    """(height, width, 3, 2) sums of all samples, straight from the definition."""
+    result = np.empty((plan.height, plan.width, 3, 2), np.uint64)
+    for y in range(plan.height):
+        for x in range(plan.width):
+            totals = np.sum([[int(v) for v in sample_words(x, y, s)] for s in range(plan.spp)], axis=0, dtype=object)
+            for channel, value in enumerate(totals):
+                result[y, x, channel] = [int(value) & (2**64 - 1), (int(value) >> 64) & (2**64 - 1)]
+    return result
+
+
+def assert_whole(plan: Plan, film: Film) -> None:
+    assert (film.counts == plan.spp).all()
+    np.testing.assert_array_equal(np.concatenate(film.bands()), expected_sums(plan))
+
+
+def small_units(plan: Plan, samples: int = 2) -> Iterator[Unit]:
+    """The plan's work in many small pieces: single tiles, few samples."""
+    area = plan.tile * plan.tile
+    for sample in range(0, plan.spp, samples):
+        for slot in range(0, slot_count(plan.width, plan.height, plan.tile), area):
+            yield Unit(slot, area, sample, min(samples, plan.spp - sample))
+
+
+def cut_as(units: Callable[[Plan], Iterator[Unit]]) -> AbstractContextManager[Any]:
+    """While it lasts, plans are cut into these units."""
+    return patch.object(Plan, "units", units)
+
+
+def no_threads_left(before: int) -> bool:
+    end = time.monotonic() + PATIENCE
+    while threading.active_count() > before and time.monotonic() < end:
+        time.sleep(0.01)
+    return threading.active_count() == before
+
+
+# --- the plan --------------------------------------------------------------------------------------------------------
+
+SIZES = [
+    (1, 1, 1, 64),
+    (1, 37, 5, 16),
+    (53, 1, 17, 8),
+    (48, 40, 33, 16),
+    (20, 20, 16, 65536),
+    (5, 3, 2, 1),
+    (64, 64, 1, 64),
+]
+
+
+@pytest.mark.parametrize(("width", "height", "spp", "tile"), SIZES)
+def test_units_cover_every_sample_of_every_slot_once(width: int, height: int, spp: int, tile: int) -> None:
+    plan = plan_for(width, height, spp, tile)
+    seen = np.zeros((slot_count(width, height, plan.tile), spp), int)
+    for unit in plan.units():
+        assert unit.first_slot % plan.tile**2 == 0 and unit.slot_count % plan.tile**2 == 0, "whole tiles"
+        assert unit.sample_count >= 1 and unit.slot_count >= 1
+        seen[unit.first_slot : unit.first_slot + unit.slot_count, unit.first_sample :][:, : unit.sample_count] += 1
+    assert (seen == 1).all()
+
+
+def test_units_refine_the_whole_image_and_stay_small() -> None:
+    units = list(Plan(8192, 8192, 40, 64).units())
+    assert [unit.first_sample for unit in units] == sorted(unit.first_sample for unit in units)
+    assert max(52 * unit.slot_count for unit in units) <= 8 << 20, "bytes a unit's sums take"
+
+
+@pytest.mark.parametrize(("tile", "width", "height", "side"), [
+    (64, 800, 600, 64), (1, 800, 600, 4), (6, 800, 600, 8), (64, 5, 3, 8), (64, 1, 1, 4), (65536, 100, 7, 100),
+])  # fmt: skip
+def test_side_of_a_tile(tile: int, width: int, height: int, side: int) -> None:
+    assert tile_side(tile, width, height) == side
+
+
+@pytest.mark.parametrize(("width", "height"), [(8192, 8192), (65536, 16), (16, 65536), (65536, 65536)])
+def test_a_tile_never_takes_much_memory(width: int, height: int) -> None:
+    """However large the tile that is asked for: a unit is at least one tile, and nothing of the image depends on it."""
+    assert 52 * tile_side(65536, width, height) ** 2 <= 64 << 20
+
+
+@pytest.mark.parametrize("tile", [4, 8, 20, 64])
+def test_slots_of_a_tile_are_those_of_the_kernels(tile: int) -> None:
+    order = tile_slots(tile)
+    assert sorted(order.tolist()) == list(range(tile * tile))
+    for place, slot in enumerate(order.tolist()):
+        assert pixel_of(slot, tile, tile) == (place % tile, place // tile)
+    assert BLOCK == 4
+
+
+# --- doing it --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+@pytest.mark.parametrize(("width", "height", "spp", "tile"), SIZES)
+def test_any_number_of_workers_gives_the_same_film(width: int, height: int, spp: int, tile: int, count: int) -> None:
+    plan, before = plan_for(width, height, spp, tile), threading.active_count()
+    workers = [FakeWorker(plan, f"fake {number}") for number in range(count)]
+    film = Film(width, height)
+    with cut_as(small_units):
+        tally = run(plan, workers, film)
+    assert_whole(plan, film)
+    done = [unit for worker in workers for unit in worker.done]
+    assert sorted(done, key=repr) == sorted(small_units(plan), key=repr), "each unit once"
+    assert tally.complete and tally.failures == []
+    assert (tally.samples, tally.rays) == (width * height * spp, 3 * width * height * spp)
+    assert tally.deepest == max(unit.first_sample for unit in done) + 1
+    assert [each.name for each in tally.workers] == [worker.name for worker in workers]
+    assert sum(each.samples for each in tally.workers) == tally.samples
+    assert [each.units for each in tally.workers] == [len(worker.done) for worker in workers]
+    assert no_threads_left(before)
+
+
+def test_the_units_of_the_plan_itself_do_as_well() -> None:
+    plan = plan_for(37, 11, 20, 8)
+    film = Film(37, 11)
+    assert run(plan, [FakeWorker(plan)], film).complete
+    assert_whole(plan, film)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    size=st.tuples(st.integers(1, 30), st.integers(1, 30)),
+    spp=st.integers(1, 5),
+    tile=st.integers(1, 40),
+    workers=st.integers(1, 4),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_shuffled_units_merge_to_the_same_film(
+    size: tuple[int, int], spp: int, tile: int, workers: int, seed: int
+) -> None:
+    plan = plan_for(*size, spp, tile)
+    rng = np.random.default_rng(seed)
+
+    def shuffled(plan: Plan) -> Iterator[Unit]:
+        units = list(small_units(plan, int(rng.integers(1, spp + 1))))
+        rng.shuffle(units)
+        return iter(units)
+
+    film = Film(*size)
+    with cut_as(shuffled):
+        run(plan, [FakeWorker(plan) for _ in range(workers)], film)
+    assert_whole(plan, film)
+
+
+def test_two_films_of_half_the_units_merge_to_the_whole() -> None:
+    plan = plan_for(23, 14, 9, 8)
+    units = list(small_units(plan))
+    halves = []
+    for start in (0, 1):
+        film = Film(23, 14)
+        with patch.object(Plan, "units", return_value=iter(units[start::2])):
+            tally = run(plan, [FakeWorker(plan)], film)
+        assert not tally.complete, "some samples of the plan are missing"
+        halves.append(film)
+    halves[0].merge(halves[1])
+    assert_whole(plan, halves[0])
+
+
+# --- workers that die ------------------------------------------------------------------------------------------------
+
+
+def dies_at(number: int, error: Exception) -> Callable[[int, Unit], None]:
+    def before(asked: int, unit: Unit) -> None:
+        if asked >= number:
+            raise error
+
+    return before
+
+
+@pytest.mark.parametrize("number", [1, 2, 5])
+@pytest.mark.parametrize("error", [RenderError("out of resources"), DeviceError("cannot build")])
+def test_units_of_a_dead_worker_are_done_by_the_others(number: int, error: Exception) -> None:
+    plan, before = plan_for(30, 22, 6, 8), threading.active_count()
+    together = threading.Barrier(2)
+
+    def in_step(asked: int, unit: Unit) -> None:
+        if asked <= number:
+            with suppress(threading.BrokenBarrierError):
+                together.wait(PATIENCE)
+
+    def badly(asked: int, unit: Unit) -> None:
+        in_step(asked, unit)
+        if asked == number:
+            together.abort()
+            raise error
+
+    good, bad = FakeWorker(plan, "good", in_step), FakeWorker(plan, "bad", badly)
+    film = Film(30, 22)
+    with cut_as(lambda plan: small_units(plan, 1)):
+        tally = run(plan, [bad, good], film)
+    assert_whole(plan, film)
+    assert tally.complete
+    assert tally.failures == [str(error)]
+    assert [(each.name, each.requeued) for each in tally.workers] == [("bad", 1), ("good", 0)]
+    assert len(bad.done) == number - 1
+    assert no_threads_left(before)
+
+
+def test_idle_workers_wait_for_units_that_may_come_back() -> None:
+    """The last unit is held by one that dies late: by then the other has nothing to do, and must not have left."""
+    plan = plan_for(8, 8, 1, 4)
+    began, other_idle = threading.Event(), threading.Event()
+
+    def dies_last(asked: int, unit: Unit) -> None:
+        began.set()
+        other_idle.wait(PATIENCE)
+        time.sleep(0.05)
+        raise RenderError("at last")
+
+    def does_the_rest(asked: int, unit: Unit) -> None:
+        began.wait(PATIENCE)
+        if asked == 3:
+            other_idle.set()
+
+    bad, good = FakeWorker(plan, "bad", dies_last), FakeWorker(plan, "good", does_the_rest)
+    film = Film(8, 8)
+    with cut_as(lambda plan: small_units(plan, 1)):
+        tally = run(plan, [bad, good], film)
+    assert_whole(plan, film)
+    assert tally.complete and tally.failures == ["at last"]
+    assert len(good.done) == 4
+
+
+def test_when_all_are_dead_the_render_fails_with_the_last_reason() -> None:
+    plan, before = plan_for(30, 22, 6, 8), threading.active_count()
+    workers = [FakeWorker(plan, f"{n}", dies_at(n, RenderError(f"reason {n}"))) for n in (1, 2, 3)]
+    with cut_as(small_units), pytest.raises(RenderError, match=r"^reason \d$"):
+        run(plan, workers, Film(30, 22))
+    assert no_threads_left(before)
+
+
+def test_a_fault_of_the_program_is_not_taken_for_a_dead_device() -> None:
+    plan, before = plan_for(30, 22, 6, 8), threading.active_count()
+    workers = [FakeWorker(plan, "a", dies_at(2, ZeroDivisionError("a bug"))), FakeWorker(plan, "b")]
+    with cut_as(small_units), pytest.raises(ZeroDivisionError, match="a bug"):
+        run(plan, workers, Film(30, 22))
+    assert no_threads_left(before)
+
+
+def test_progress_never_counts_what_was_lost() -> None:
+    plan = plan_for(16, 16, 8, 8)
+    told: list[tuple[int, int]] = []
+    tell = lambda samples, rays: told.append((samples, rays))  # noqa: E731
+    bad, good = FakeWorker(plan, "bad", dies_at(3, RenderError("gone"))), FakeWorker(plan, "good")
+    with cut_as(lambda plan: small_units(plan, 4)):
+        tally = run(plan, [bad, good], Film(16, 16), tell)
+    assert tally.complete
+    assert told[-1] == (tally.samples, tally.rays) == (16 * 16 * 8, 3 * 16 * 16 * 8)
+    assert max(told) == told[-1]
+
+
+# --- stopping --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize("after", [0, 1, 7, 60])
+def test_stopped_in_the_middle_the_film_holds_what_is_reported(workers: int, after: int) -> None:
+    plan, before = plan_for(21, 18, 40, 8), threading.active_count()
+    slices = 0
+
+    def tell(samples: int, rays: int) -> None:
+        nonlocal slices
+        slices += 1
+
+    film = Film(21, 18)
+    with cut_as(lambda plan: small_units(plan, 16)):
+        tally = run(plan, [FakeWorker(plan) for _ in range(workers)], film, tell, lambda: slices >= after)
+    assert not tally.complete
+    assert film.samples == tally.samples < 21 * 18 * 40
+    assert (tally.samples == 0) == (after == 0)
+    # Whatever is there is right: in each pixel, the sums of as many of its first samples in each block as were done.
+    counts = film.counts
+    assert counts.max() <= 40
+    for y, x in np.argwhere(counts == 40):
+        np.testing.assert_array_equal(np.concatenate(film.bands())[y, x], expected_sums(plan)[y, x])
+    assert no_threads_left(before)
+
+
+def test_a_stop_that_comes_with_the_last_sample_is_no_interruption() -> None:
+    plan = plan_for(8, 8, 4, 8)
+    done = 0
+
+    def tell(samples: int, rays: int) -> None:
+        nonlocal done
+        done = samples
+
+    tally = run(plan, [FakeWorker(plan)], Film(8, 8), tell, lambda: done >= 8 * 8 * 4)
+    assert tally.complete
+
+
+def test_an_exception_of_whoever_watches_ends_all_threads() -> None:
+    plan, before = plan_for(30, 22, 400, 8), threading.active_count()
+
+    def tell(samples: int, rays: int) -> None:
+        raise KeyboardInterrupt
+
+    begun = time.monotonic()
+    with cut_as(small_units), pytest.raises(KeyboardInterrupt):
+        run(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), tell)
+    assert time.monotonic() - begun < PATIENCE
+    assert no_threads_left(before)
+
+
+# --- memory ----------------------------------------------------------------------------------------------------------
+
+
+def test_workers_wait_for_a_film_that_is_slower_than_they(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results that wait to be added take memory: a fast device must not pile up a whole image of them."""
+    plan, before = plan_for(64, 64, 4, 4), threading.active_count()
+    film = Film(64, 64)
+    lock, waiting, most = threading.Lock(), 0, 0
+    add = film.add
+
+    def slow_add(*arguments: Any) -> None:
+        nonlocal waiting
+        time.sleep(0.002)
+        with lock:
+            waiting -= 1
+        add(*arguments)
+
+    class Counted(FakeWorker):
+        def render(self, unit: Unit, on_slice: OnSlice = None, should_stop: ShouldStop = None) -> UnitSums:
+            nonlocal waiting, most
+            result = super().render(unit, on_slice, should_stop)
+            with lock:
+                waiting += 1
+                most = max(most, waiting)
+            return result
+
+    monkeypatch.setattr(film, "add", slow_add)
+    with cut_as(lambda plan: small_units(plan, 2)):
+        tally = run(plan, [Counted(plan), Counted(plan)], film)
+    assert tally.complete
+    assert len(list(small_units(plan, 2))) == 512
+    assert most <= 16
+    assert_whole(plan, film)
+    assert no_threads_left(before)
+
+
+def test_the_hash_of_the_image_does_not_depend_on_the_cut() -> None:
+    hashes = set()
+    for tile, workers in ((4, 1), (16, 2), (64, 3)):
+        plan = plan_for(19, 33, 5, tile)
+        film = Film(19, 33)
+        run(plan, [FakeWorker(plan) for _ in range(workers)], film)
+        hashes.add(image_sha256(film.mean()))
+    assert len(hashes) == 1

@@ -1,0 +1,137 @@
+"""What the table of equal hashes is made of: scenes, the ways to cut the work, and a render of one on given devices."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+from unittest.mock import patch
+
+import numpy as np
+
+import clrender
+from clrender.schedule import Plan
+from clrender.work import Unit, slot_count
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.rendering import RenderedImage
+
+__all__ = [
+    "LANES",
+    "SCENES",
+    "SPP",
+    "TRAVERSALS",
+    "WIDTH_HEIGHT",
+    "Cutting",
+    "covering",
+    "product",
+    "render",
+    "small_units",
+]
+
+SCENES: Final = ("room", "room-glass", "cornell", "bumpy")
+WIDTH_HEIGHT: Final = (50, 39)
+"""No multiple of a tile's side, nor of a block's."""
+SPP: Final = 20
+"""More than a unit's 16 samples, and no multiple of what goes into a launch."""
+
+LANES: Final = (1, 4, 8, 16)
+TRAVERSALS: Final = ("packet", "single")
+TILES: Final = (16, 64, 65536)
+PASSES: Final = (1, 4, 16)
+WORK_GROUPS: Final = (16, 64)
+ORDERS: Final = ("in order", "shuffled")
+
+
+@dataclass(frozen=True)
+class Cutting:
+    """One way to cut the work of a render; none of it may change a bit.
+
+    Attributes
+    ----------
+    lanes, tile, samples_per_pass, work_group : int or None
+    traversal : str or None
+        None, as for the numbers: as the device would choose.
+    order : str
+        ``in order``, or ``shuffled``: single tiles and few samples in random order.
+    """
+
+    lanes: int | None = None
+    traversal: str | None = None
+    tile: int = 64
+    samples_per_pass: int | None = None
+    work_group: int | None = None
+    order: str = "in order"
+
+    def __str__(self) -> str:
+        words = [f"lanes {self.lanes}", f"{self.traversal}", f"tile {self.tile}", f"pass {self.samples_per_pass}"]
+        return ", ".join([*words, f"group {self.work_group}", self.order])
+
+
+def product(lanes: Sequence[int] = LANES, traversals: Sequence[str] = TRAVERSALS) -> Iterator[Cutting]:
+    """Every combination, those of one program together."""
+    for values in itertools.product(lanes, traversals, TILES, PASSES, WORK_GROUPS, ORDERS):
+        yield Cutting(*values)
+
+
+def covering(lanes: Sequence[int] = LANES, traversals: Sequence[str] = TRAVERSALS) -> list[Cutting]:
+    """Few combinations among which every value of every choice meets every value of every other.
+
+    Greedy: next comes the combination with the most pairs not met yet.
+    """
+    everything = [tuple(vars(each).values()) for each in product(lanes, traversals)]
+    pairs = {each: set(itertools.combinations(enumerate(each), 2)) for each in everything}
+    missing = set().union(*pairs.values())
+    chosen: list[Cutting] = []
+    while missing:
+        best = max(everything, key=lambda each: len(pairs[each] & missing))
+        missing -= pairs[best]
+        chosen.append(Cutting(*best))
+    return chosen
+
+
+def small_units(plan: Plan, samples: int = 5, seed: int = 1) -> Iterator[Unit]:
+    """The plan's work as single tiles of few samples, in random order."""
+    area = plan.tile * plan.tile
+    units = [
+        Unit(slot, area, sample, min(samples, plan.spp - sample))
+        for sample in range(0, plan.spp, samples)
+        for slot in range(0, slot_count(plan.width, plan.height, plan.tile), area)
+    ]
+    order = np.random.default_rng(seed).permutation(len(units))
+    return iter([units[index] for index in order])
+
+
+def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None, **settings: Any) -> RenderedImage:
+    """A built-in scene on these very devices, whose programs stay built from one render to the next.
+
+    Parameters
+    ----------
+    scene : str
+    devices : sequence of Device
+    cutting : Cutting, optional
+        Default: as the devices choose.
+    **settings
+        Others of the render; the size and the samples of the table where they are not given.
+    """
+    cutting = cutting or Cutting()
+    with ExitStack() as stack:
+        stack.enter_context(patch("clrender.rendering.select", return_value=list(devices)))
+        if cutting.order == "shuffled":
+            stack.enter_context(patch.object(Plan, "units", small_units))
+        return clrender.render(
+            clrender.load(scene),
+            **{
+                "size": WIDTH_HEIGHT,
+                "spp": SPP,
+                "lanes": cutting.lanes,
+                "traversal": cutting.traversal,
+                "tile": cutting.tile,
+                "samples_per_pass": cutting.samples_per_pass,
+                "work_group": cutting.work_group,
+                **settings,
+            },
+        )

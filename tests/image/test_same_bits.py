@@ -1,0 +1,269 @@
+"""The promise: an image is a function of scene, settings and seed, to the bit; not of devices, or of how work is cut.
+
+By default every pair of choices occurs on the first device, and the others take part where their compilers are quick.
+The full product is slow, and `scripts/same_bits` prints it as a table.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from image_support import LANES, SCENES, SPP, TRAVERSALS, WIDTH_HEIGHT, Cutting, covering, product, render, small_units
+
+import clrender
+from clrender import schedule
+from clrender.device import Device
+from clrender.device.worker import Cut, DeviceWorker
+from clrender.film import Film
+from clrender.flatten import flatten
+from clrender.image_io import image_sha256
+from clrender.schedule import Plan
+from clrender.settings import INTEGRATORS, RenderSettings
+from clrender.work import Unit, UnitSums, tile_side
+
+ROOT = Path(__file__).resolve().parents[2]
+GPU_LIKE = "rusticl"
+"""Its compiler needs minutes and gigabytes for anything but what it uses by itself: one lane, as a GPU."""
+
+
+def sha(scene: str, devices: list[Device], cutting: Cutting | None = None, **settings: Any) -> str:
+    image = render(scene, devices, cutting, **settings)
+    assert not image.interrupted
+    assert image.stats["nonfinite_samples"] == 0
+    return str(image.stats["image_sha256"])
+
+
+@pytest.fixture(scope="module")
+def expected(all_devices: list[Device]) -> dict[str, str]:
+    """The hash of each scene, from the first device left to itself."""
+    hashes = {scene: sha(scene, all_devices[:1]) for scene in SCENES}
+    assert len(set(hashes.values())) == len(SCENES)
+    return hashes
+
+
+# --- how work is cut -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cutting", covering(), ids=str)
+def test_every_pair_of_choices(all_devices: list[Device], expected: dict[str, str], cutting: Cutting) -> None:
+    for scene in SCENES:
+        assert sha(scene, all_devices[:1], cutting) == expected[scene], scene
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("traversal", TRAVERSALS)
+@pytest.mark.parametrize("lanes", LANES)
+def test_every_combination(all_devices: list[Device], expected: dict[str, str], lanes: int, traversal: str) -> None:
+    for device in all_devices:
+        if GPU_LIKE in device.info.platform and (lanes, traversal) != (1, "packet"):
+            continue
+        for cutting in product((lanes,), (traversal,)):
+            for scene in SCENES:
+                assert sha(scene, [device], cutting) == expected[scene], f"{scene}, {cutting}, {device.info.title}"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"integrator": "whitted"},
+        {"integrator": "direct", "shadow_rays": 3},
+        {"indirect_rays": 3, "shadow_rays": 2, "max_depth": 4},
+        {"roulette": "absorption"},
+        {"roulette": "none", "max_depth": 7, "sampling": "materials"},
+        {"sampling": "lights", "seed": 4294967295, "absorption": 0.25},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("scene", ["room", "bumpy"])
+def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dict[str, Any]) -> None:
+    """Several rays from a hit, ends by roulette: what lanes do differently at a time must come to the same."""
+    one = Cutting(1, "packet", 16, 1, 16, "shuffled")
+    assert sha(scene, all_devices[:1], one, **settings) == sha(scene, all_devices[:1], **settings)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 70), (130, 1), (3, 5)], ids=str)
+def test_odd_sizes(all_devices: list[Device], size: tuple[int, int]) -> None:
+    hashes = {
+        sha("room", all_devices[:1], cutting, size=size)
+        for cutting in (Cutting(), Cutting(16, "packet", 4, 1, 16, "shuffled"), Cutting(1, "packet", 65536, 16, 16))
+    }
+    assert len(hashes) == 1
+
+
+def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+    changes: list[dict[str, Any]] = [{"seed": 1}, {"spp": SPP - 1}, {"size": (39, 50)}, {"max_depth": 3}]
+    hashes = {sha("room", all_devices[:1], **change) for change in changes}
+    assert len(hashes | {expected["room"]}) == len(changes) + 1
+
+
+# --- drivers and devices ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene: str) -> None:
+    """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
+    for device in all_devices:
+        other = Cutting(tile=32, samples_per_pass=16, work_group=64)
+        if GPU_LIKE not in device.info.platform:
+            other = Cutting(4, "single", 16, 4, 16, "shuffled")
+        for cutting in (Cutting(), other):
+            assert sha(scene, [device], cutting) == expected[scene], f"{cutting} on {device.info.title}"
+
+
+def test_all_drivers_share_one_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+    image = render("room", all_devices, Cutting(tile=8, order="shuffled"))
+    assert image.stats["image_sha256"] == expected["room"]
+    assert len(image.stats["devices"]) == len(all_devices)
+    assert sum(each["samples"] for each in image.stats["devices"]) == SPP * WIDTH_HEIGHT[0] * WIDTH_HEIGHT[1]
+
+
+def test_two_devices_of_one_driver_share_an_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+    """Both halves of the processor as devices of their own where the driver can split it, else the device twice."""
+    halves = [Device(all_devices[0].info, handle) for handle in split(all_devices[0])]
+    image = render("room-glass", halves, Cutting(tile=8, order="shuffled"))
+    assert image.stats["image_sha256"] == expected["room-glass"]
+    assert [each["units"] > 0 for each in image.stats["devices"]] == [True, True]
+
+
+def split(device: Device) -> list[Any]:
+    """Two handles to open."""
+    import pyopencl as cl
+
+    handle: Any = device._handle
+    equally: Any = cl.device_partition_property.EQUALLY
+    if device.info.compute_units >= 2 and equally in (handle.partition_properties or []):
+        return list(handle.create_sub_devices([equally, device.info.compute_units // 2]))[:2]
+    return [handle, handle]
+
+
+SHARED = """
+import sys
+import clrender
+image = clrender.render(clrender.load("bumpy"), device="all", size=({width}, {height}), spp={spp}, tile=16)
+assert len(image.stats["devices"]) == 2, image.stats["devices"]
+print(image.stats["image_sha256"])
+"""
+
+
+@pytest.mark.slow
+def test_two_drivers_inside_pocl(
+    all_devices: list[Device], expected: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """PoCL's device with threads beside the one without, in a process of its own: they are chosen before it loads."""
+    library = next(device.info.library for device in all_devices if "pocl" in device.info.version.lower())
+    (tmp_path / "pocl.icd").write_text(f"{library}\n")
+    monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
+    monkeypatch.setenv("POCL_DEVICES", "pthread basic")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    code = SHARED.format(width=WIDTH_HEIGHT[0], height=WIDTH_HEIGHT[1], spp=SPP)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [expected["bumpy"]]
+
+
+@pytest.mark.slow
+@pytest.mark.oclgrind
+@pytest.mark.skipif(shutil.which("oclgrind") is None, reason="Oclgrind is not installed")
+def test_oclgrind(all_devices: list[Device], monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interpreter, so that nothing of the hardware's can help: small images, as it would render and in 16 lanes."""
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{Path(__file__).parent}")
+    settings = "size=(32, 32), spp=1"
+    for scene in SCENES:
+        for cutting in ("Cutting()", "Cutting(1, 'single', 16, 1, 16)"):
+            code = (
+                "from clrender.device import select; from image_support import *; "
+                f"print(render({scene!r}, select('oclgrind'), {cutting}, {settings}).stats['image_sha256'])"
+            )
+            command = ["oclgrind", sys.executable, "-W", "ignore", "-c", code]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+            assert done.stdout.split()[-1] == sha(scene, all_devices[:1], size=(32, 32), spp=1), f"{scene}, {cutting}"
+
+
+# --- parts of an image -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "which",
+    [lambda number, unit: number % 2, lambda number, unit: unit.first_sample >= SPP // 2],
+    ids=["every other unit", "first and second half of the samples"],
+)
+def test_two_renders_merged_as_films(
+    all_devices: list[Device], expected: dict[str, str], which: Callable[[int, Unit], int]
+) -> None:
+    whole = small_units
+
+    def part(wanted: int) -> Callable[[Plan], Iterator[Unit]]:
+        return lambda plan: (unit for number, unit in enumerate(whole(plan)) if which(number, unit) == wanted)
+
+    films = []
+    for wanted in (1, 0):
+        with patch("image_support.small_units", part(wanted)):
+            image = render("cornell", all_devices[:1], Cutting(tile=16, order="shuffled"))
+        assert image.interrupted, "some samples are missing"
+        films.append(image.film)
+    films[0].merge(films[1])
+    assert image_sha256(films[0].mean()) == expected["cornell"]
+
+
+def test_a_film_goes_through_a_file(all_devices: list[Device], expected: dict[str, str], tmp_path: Path) -> None:
+    image = render("room", all_devices[:1])
+    image.save(tmp_path / "room.film")
+    film = Film.load(tmp_path / "room.film")
+    assert image_sha256(film.mean()) == expected["room"] == film.provenance["image_sha256"]
+    assert image_sha256(film.develop()) == expected["room"]
+
+
+class _Recording:
+    """A worker that remembers which units it finished."""
+
+    def __init__(self, worker: DeviceWorker) -> None:
+        self.worker = worker
+        self.name = worker.name
+        self.finished: list[Unit] = []
+
+    def render(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> UnitSums:
+        """As the worker; a unit here is a single launch, so it is finished or not begun."""
+        sums = self.worker.render(unit, on_slice, should_stop)
+        assert sums.complete or sums.samples == 0
+        if sums.complete:
+            self.finished.append(unit)
+        return sums
+
+
+def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: dict[str, str]) -> None:
+    settings = RenderSettings(spp=SPP, width=WIDTH_HEIGHT[0], height=WIDTH_HEIGHT[1])
+    plan = Plan(settings.width, settings.height, SPP, tile_side(16, settings.width, settings.height))
+    units = list(small_units(plan))
+    film = Film(settings.width, settings.height)
+    flat = flatten(clrender.load("bumpy"), settings.width, settings.height)
+    slices = 0
+
+    def tell(samples: int, rays: int) -> None:
+        nonlocal slices
+        slices += 1
+
+    def after(stop: int) -> Callable[[], bool]:
+        return lambda: slices >= stop
+
+    while units:
+        worker = DeviceWorker(all_devices[0], flat, settings.struct(plan.tile), *INTEGRATORS["path"], Cut(None, 16, 16))
+        recording = _Recording(worker)
+        with patch.object(Plan, "units", return_value=iter(units)):
+            schedule.run(plan, [recording], film, tell, after(slices + 11))
+        worker.release()
+        assert recording.finished, "each go gets somewhere"
+        units = [unit for unit in units if unit not in recording.finished]
+    assert slices > 40
+    assert np.unique(film.counts).tolist() == [SPP]
+    assert image_sha256(film.mean()) == expected["bumpy"]

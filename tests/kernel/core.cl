@@ -1,0 +1,98 @@
+// Operations of core/, one result a lane or a work-item, for tests.
+#include "core/frame.h"
+
+// values: float [count]. tables: float [rows][16]. results: uint [24][count], the same number in all lanes of a work-item where it
+// is the work-item's.
+__kernel void core_lanes(__global const float* values, __global const float* tables, uint rows, uint count,
+                         __global uint* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    const vfloat x = lane_load(values + at);
+    const vuint row = vuint_from_int(vint_of(absolute(x) * 1000.0f)) % rows;
+    const vmask high = x > 0.25f, low = x < -0.25f;
+    vuint out[24];
+    out[0] = splat_uint(lane_any(high) ? 1u : 0u);
+    out[1] = splat_uint((uint)lane_count(high));
+    out[2] = splat_uint(as_uint(lane_least(x)));
+    out[3] = lane_rank(high);
+    out[4] = lane_index();
+    out[5] = splat_uint(lane_largest_uint(row));
+    out[6] = vfloat_bits(lane_gather(tables, row * 16u + 5u));
+    out[7] = (high | low) ? splat_uint(1u) : splat_uint(0u);
+    out[8] = (!high & !low) ? splat_uint(1u) : splat_uint(0u);
+    out[9] = splat_uint(lane_any(!(high | low)) ? 1u : 0u);
+    out[10] = splat_uint((uint)lane_count(!high));
+    out[11] = (high != low) ? splat_uint(1u) : splat_uint(0u);
+    out[12] = vfloat_bits(lesser(x, splat(0.5f)));
+    out[13] = vfloat_bits(greater(x, splat(0.5f)));
+    out[14] = splat_uint(lane_any(high & low) ? 1u : 0u);
+    vfloat columns[16];
+    lane_rows(tables, row, columns);
+    // Which column is where, in few outputs: those of other rows have other digits.
+    out[15] = vfloat_bits(columns[0]);
+    out[16] = vfloat_bits(columns[1]);
+    out[17] = vfloat_bits(columns[6]);
+    out[18] = vfloat_bits(columns[7]);
+    out[19] = vfloat_bits(columns[9]);
+    out[20] = vfloat_bits(columns[15]);
+    vfloat sum = splat(0.0f);
+    for (int k = 0; k < 16; ++k) sum = fma(columns[k], splat((float)(1 << k)), sum);
+    out[21] = vfloat_bits(sum);
+    float alone[LANES];
+    lane_store(x, alone);
+    out[22] = vfloat_bits(lane_restore(alone));
+    out[23] = vuint_of(vint_of(absolute(x) * 100.0f));
+    for (int k = 0; k < 24; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}
+
+// values: float [6][count], two vectors a and b. results: float [25][count].
+__kernel void core_exact(__global const float* values, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    vfloat in[6];
+    for (int k = 0; k < 6; ++k) in[k] = lane_load(values + (size_t)k * count + at);
+    const vec3 a = vec3_of(in[0], in[1], in[2]), b = vec3_of(in[3], in[4], in[5]);
+    const vec3 cross = outer(a, b), along_a = unit(a), directed = direction_of(a), stepped = along(a, b, in[0]);
+    vfloat out[25];
+    out[0] = inner(a, b);
+    out[1] = difference_of_products(in[0], in[1], in[2], in[3]);
+    out[2] = cross.x, out[3] = cross.y, out[4] = cross.z;
+    out[5] = along_a.x, out[6] = along_a.y, out[7] = along_a.z;
+    out[8] = directed.x, out[9] = directed.y, out[10] = directed.z;
+    out[11] = stepped.x, out[12] = stepped.y, out[13] = stepped.z;
+    out[14] = root(in[0]);
+    out[15] = with_sign(in[0], in[1]);
+    out[16] = absolute(in[0]);
+    out[17] = bounded(in[0], -0.5f, 0.75f);
+    out[18] = magnitude(a);
+    out[19] = largest(a);
+    const vec3 chosen = choose(in[0] < in[1], a, b);
+    out[20] = chosen.x, out[21] = chosen.y, out[22] = chosen.z;
+    const vec3 other = sub(mul(add(a, b), scale(a, in[3])), negate(b));
+    out[23] = other.x, out[24] = other.z;
+    for (int k = 0; k < 25; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}
+
+// values: float [count], turns. results: float [2][count].
+__kernel void core_cos_sin(__global const float* values, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    vfloat c, s;
+    cos_sin_turn(lane_load(values + at), &c, &s);
+    lane_save(c, results + at);
+    lane_save(s, results + count + at);
+}
+
+// values: float [6][count], a unit normal and any vector. results: float [12][count]: tangent, bitangent, the vector to local and
+// back.
+__kernel void core_frame(__global const float* values, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    vfloat in[6];
+    for (int k = 0; k < 6; ++k) in[k] = lane_load(values + (size_t)k * count + at);
+    const Frame f = frame_around(vec3_of(in[0], in[1], in[2]));
+    const vec3 inside = frame_to_local(f, vec3_of(in[3], in[4], in[5])), outside = frame_to_world(f, inside);
+    const vfloat out[12] = {f.tangent.x, f.tangent.y, f.tangent.z, f.bitangent.x, f.bitangent.y, f.bitangent.z,
+                            inside.x, inside.y, inside.z, outside.x, outside.y, outside.z};
+    for (int k = 0; k < 12; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}

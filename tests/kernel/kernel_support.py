@@ -1,0 +1,202 @@
+"""What the kernel tests share: flat scenes made from arrays, rays, and the traversals run on a device."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender import layout
+from clrender.device.bvh import STACK, Bvh, SourceArrays, build
+from clrender.flatten import FlatScene
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.device.device import Buffer
+
+__all__ = ["FOLDER", "Hits", "Rays", "Tree", "flat_scene", "rounds_of", "trace", "trace_every_leaf", "tree_on"]
+
+FOLDER = Path(__file__).resolve().parent
+WORK_GROUP = 16
+FAR = np.float32(3.0e38)
+
+Floats = npt.NDArray[np.float32]
+Uints = npt.NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Rays in single precision.
+
+    Attributes
+    ----------
+    origins, directions : (n, 3) float32
+    limits : (n,) float32
+        Below zero: the ray is not traced.
+    starts, ends : (n,) uint32
+        The primitive each leaves and the one it is aimed at, or `layout.NONE`.
+    """
+
+    origins: Floats
+    directions: Floats
+    limits: Floats
+    starts: Uints
+    ends: Uints
+
+    @classmethod
+    def of(cls, origins: npt.ArrayLike, directions: npt.ArrayLike, limits: npt.ArrayLike = FAR) -> Rays:
+        """Rays that leave nothing and are aimed at nothing; the arguments are broadcast and rounded."""
+        o, d = np.broadcast_arrays(np.asarray(origins, np.float32), np.asarray(directions, np.float32))
+        none = np.full(len(o), layout.NONE, np.uint32)
+        limit = np.broadcast_to(np.asarray(limits, np.float32), len(o))
+        return cls(np.ascontiguousarray(o), np.ascontiguousarray(d), np.ascontiguousarray(limit), none, none)
+
+    def __len__(self) -> int:
+        return len(self.origins)
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What was found.
+
+    Attributes
+    ----------
+    distances : (n,) float32
+        In multiples of the direction; the limit where nothing was hit.
+    primitives : (n,) uint32
+    occluded : (n,) bool
+        Whether anything but `Rays.ends` is in the way.
+    """
+
+    distances: Floats
+    primitives: Uints
+    occluded: npt.NDArray[np.bool_]
+
+
+def rounds_of(
+    centers: npt.ArrayLike, radii: npt.ArrayLike, normals: npt.ArrayLike = (0.0, 0.0, 0.0)
+) -> npt.NDArray[np.void]:
+    """Rows of spheres, or with unit normals of disks."""
+    places = np.atleast_2d(np.asarray(centers, np.float64))
+    rows = np.zeros(len(places), layout.dtype("Round"))
+    rows["center_radius"][:, :3] = places
+    rows["center_radius"][:, 3] = radii
+    rows["normal"][:, :3] = normals
+    rows["normal"][:, 3] = np.where(np.any(rows["normal"][:, :3] != 0, axis=1), 0.0, 1.0)
+    return rows
+
+
+def flat_scene(
+    vertices: npt.ArrayLike = (), triangles: npt.ArrayLike = (), rounds: npt.NDArray[np.void] | None = None
+) -> FlatScene:
+    """A scene of one shape for the triangles and one for all spheres and disks, in exactly these numbers.
+
+    Unlike one that comes from a file it may hold degenerate triangles, or nothing at all.
+
+    Parameters
+    ----------
+    vertices : (v, 3) float
+    triangles : (t, 3) int
+    rounds : (r,) `Round`, optional
+    """
+    rounds = np.zeros(0, layout.dtype("Round")) if rounds is None else rounds
+    points = np.asarray(vertices, np.float32).reshape(-1, 3)
+    corners = np.asarray(triangles, np.uint32).reshape(-1, 3)
+    shapes = np.zeros(2, layout.dtype("Shape"))
+    shapes["first_primitive"] = 0, len(corners)
+    shapes["first_light"] = layout.NONE
+    arrays: Mapping[str, npt.NDArray[Any]] = {
+        "vertices": points,
+        "normals": np.zeros((1, 3), np.float32),
+        "triangles": corners,
+        "rounds": rounds,
+        "primitive_shape": np.repeat(np.array([0, 1], np.uint32), [len(corners), len(rounds)]),
+        "shapes": shapes,
+        "materials": np.zeros(1, layout.dtype("Material")),
+        "lights": np.zeros(1, layout.dtype("Light")),
+    }
+    padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
+    camera = np.zeros(1, layout.dtype("Camera"))
+    return FlatScene(padded, camera, layout.NONE, len(corners), len(rounds), 0, "")
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A tree on a device, and what the traversals need to know of it."""
+
+    device: Device
+    bvh: Bvh
+
+    @property
+    def buffers(self) -> list[Buffer]:
+        return [self.bvh.nodes, self.bvh.triangle_packs, self.bvh.round_packs]
+
+
+@contextmanager
+def tree_on(device: Device, scene: FlatScene) -> Iterator[Tree]:
+    """Build a scene's tree, and give its memory back at the end."""
+    arrays = [device.upload(scene.arrays[name]) for name in ("vertices", "triangles", "rounds")]
+    vertices, triangles, rounds = arrays
+    count = scene.triangle_count + scene.round_count
+    bvh = build(device, SourceArrays(vertices, triangles, rounds, scene.triangle_count, count))
+    try:
+        yield Tree(device, bvh)
+    finally:
+        for buffer in (*arrays, bvh.nodes, bvh.triangle_packs, bvh.round_packs):
+            device.release(buffer)
+
+
+def trace(tree: Tree, rays: Rays, lanes: int = 16, single: bool = False, parts: int | None = None) -> Hits:
+    """Nearest hit and any hit of every ray, as the integrators ask for them.
+
+    Parameters
+    ----------
+    tree : Tree
+    rays : Rays
+    lanes : int
+    single : bool
+        Each ray alone from the root on.
+    parts : int, optional
+        With so few lanes left, rays of a packet part; the kernels' own number when absent.
+    """
+    defines: dict[str, int | str] = {"LANES": lanes}
+    if single:
+        defines["TRAVERSAL_SINGLE"] = 1
+    if parts is not None:
+        defines["PACKET_PARTS"] = parts
+    if tree.bvh.stack_entries > STACK:
+        defines["BVH_STACK"] = tree.bvh.stack_entries
+    return _launch(tree, rays, "trace", defines, [])
+
+
+def trace_every_leaf(tree: Tree, rays: Rays) -> Hits:
+    """The nearest hits by their definition: every leaf that the ray enters is looked into. No word of occlusion."""
+    return _launch(tree, rays, "trace_every_leaf", {"LANES": 1}, [np.uint32(tree.bvh.node_count)])
+
+
+def _launch(tree: Tree, rays: Rays, kernel: str, defines: Mapping[str, int | str], extra: list[np.generic]) -> Hits:
+    device, lanes = tree.device, int(defines["LANES"])
+    count = -(-max(len(rays), 1) // 16) * 16
+    numbers = np.full((7, count), -1.0, np.float32)
+    numbers[:3, : len(rays)] = rays.origins.T
+    numbers[3:6, : len(rays)] = rays.directions.T
+    numbers[6, : len(rays)] = rays.limits
+    ends = np.full((2, count), layout.NONE, np.uint32)
+    ends[0, : len(rays)], ends[1, : len(rays)] = rays.starts, rays.ends
+    buffers = [device.upload(numbers), device.upload(ends), device.empty(4 * count), device.empty(8 * count)]
+    program = device.program(FOLDER / "trace.cl", defines)
+    size = -(-count // lanes // WORK_GROUP) * WORK_GROUP
+    arguments: list[Any] = [*tree.buffers, *extra, *buffers[:2], np.uint32(count), *buffers[2:]]
+    device.launch(program, kernel, size, WORK_GROUP, arguments)
+    distances, hits = np.empty(count, np.float32), np.zeros((2, count), np.uint32)
+    device.read(buffers[2], distances)
+    device.read(buffers[3], hits)
+    for buffer in buffers:
+        device.release(buffer)
+    n = len(rays)
+    return Hits(distances[:n], hits[0, :n], hits[1, :n] != 0)

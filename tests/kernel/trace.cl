@@ -1,0 +1,72 @@
+// Given rays through a given tree: what the traversals find, and what a loop over every leaf finds.
+#include "geometry/traverse.h"
+
+static Ray trace_load(__global const float* rays, __global const uint* ends, uint count, size_t at) {
+    Ray ray;
+    ray.origin = vec3_of(lane_load(rays + at), lane_load(rays + count + at), lane_load(rays + 2 * (size_t)count + at));
+    ray.direction = vec3_of(lane_load(rays + 3 * (size_t)count + at), lane_load(rays + 4 * (size_t)count + at),
+                            lane_load(rays + 5 * (size_t)count + at));
+    ray.limit = lane_load(rays + 6 * (size_t)count + at);
+    ray.from = lane_load(ends + at);
+    ray.to = splat_uint(NONE);
+    return ray;
+}
+
+static Bvh trace_tree(__global const float* nodes, __global const float* triangle_packs, __global const float* round_packs) {
+    Bvh bvh;
+    bvh.nodes = nodes;
+    bvh.triangle_packs = triangle_packs;
+    bvh.round_packs = round_packs;
+    bvh.root = 0;
+    return bvh;
+}
+
+// rays: float [7][count], origin, direction, limit. ends: uint [2][count], from and to. A ray with a limit below zero is not traced.
+// distances: float [count]. hits: uint [2][count], the primitive, and whether anything but `to` is in the way. count: a multiple
+// of LANES.
+__kernel void trace(__global const float* nodes, __global const float* triangle_packs, __global const float* round_packs,
+                    __global const float* rays, __global const uint* ends, uint count, __global float* distances,
+                    __global uint* hits) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    const Bvh bvh = trace_tree(nodes, triangle_packs, round_packs);
+    Ray ray = trace_load(rays, ends, count, at);
+    const vmask active = ray.limit >= 0.0f;
+    const Hit hit = traverse_nearest(&bvh, &ray, active);
+    lane_save(hit.distance, distances + at);
+    lane_save(hit.primitive, hits + at);
+    ray.to = lane_load(ends + count + at);
+    const vmask blocked = traverse_occluded(&bvh, &ray, active);
+    lane_save(blocked ? splat_uint(1u) : splat_uint(0u), hits + count + at);
+}
+
+// The definition, without a tree: every primitive of every leaf whose box the ray enters (geometry/box.h). For LANES = 1.
+__kernel void trace_every_leaf(__global const float* nodes, __global const float* triangle_packs,
+                               __global const float* round_packs, uint node_count, __global const float* rays,
+                               __global const uint* ends, uint count, __global float* distances, __global uint* hits) {
+#if LANES == 1
+    const size_t at = get_global_id(0);
+    if (at >= count) return;
+    const Ray ray = trace_load(rays, ends, count, at);
+    PacketRay one = packet_ray(&ray, 1);
+    for (uint number = 0; number < node_count; ++number) {
+        __global const float* node = nodes + (size_t)number * BVH_NODE_WORDS;
+        for (int i = 0; i < 8; ++i) {
+            const uint reference = as_uint(node[BVH_CHILD + i]);
+            if (reference == BVH_EMPTY || !(reference & BVH_LEAF)) continue;
+            float near, far;
+            box_interval_lanes(node[i] - one.origin.x, node[8 + i] - one.origin.y, node[16 + i] - one.origin.z,
+                               node[24 + i] - one.origin.x, node[32 + i] - one.origin.y, node[40 + i] - one.origin.z,
+                               one.inverse.x, one.inverse.y, one.inverse.z, &near, &far);
+            if (!(near <= far)) continue;
+            const size_t index = reference & BVH_INDEX;
+            if (reference & BVH_ROUND)
+                packet_rounds(&one, round_packs + index * ROUND_PACK_WORDS, near, 0);
+            else
+                packet_triangles(&one, triangle_packs + index * TRIANGLE_PACK_WORDS, near, 0);
+        }
+    }
+    distances[at] = one.nearest;
+    hits[at] = one.primitive;
+#endif
+}

@@ -1,0 +1,229 @@
+"""The tree as it lies in a device's memory, checked word by word, and other trees to compare its cost with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from kernel_support import Tree
+
+from clrender import layout
+from clrender.device.bvh import NODE_WORDS, ROUND_PACK_WORDS, TRIANGLE_PACK_WORDS
+
+if TYPE_CHECKING:
+    from clrender.flatten import FlatScene
+
+__all__ = ["Words", "bounds_of", "check", "cost", "download", "median_cost", "stack_needed", "sweep_cost"]
+
+# kernels/geometry/bvh.h
+EMPTY, LEAF, ROUND, INDEX = 0xFFFFFFFF, 0x80000000, 0x40000000, 0x3FFFFFFF
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Words:
+    """A tree's memory.
+
+    Attributes
+    ----------
+    nodes : (n, 56) float32
+    triangle_packs : (t, 80) float32
+    round_packs : (r, 64) float32
+    """
+
+    nodes: npt.NDArray[np.float32]
+    triangle_packs: npt.NDArray[np.float32]
+    round_packs: npt.NDArray[np.float32]
+
+    @property
+    def references(self) -> npt.NDArray[np.uint32]:
+        return np.ascontiguousarray(self.nodes[:, 48:]).view(np.uint32)
+
+    @property
+    def low(self) -> Floats:
+        return self.nodes[:, :24].reshape(-1, 3, 8).transpose(0, 2, 1).astype(np.float64)
+
+    @property
+    def high(self) -> Floats:
+        return self.nodes[:, 24:48].reshape(-1, 3, 8).transpose(0, 2, 1).astype(np.float64)
+
+
+def download(tree: Tree) -> Words:
+    """Read a tree back."""
+    counts = (tree.bvh.node_count, tree.bvh.triangle_pack_count, tree.bvh.round_pack_count)
+    arrays = []
+    for buffer, count, words in zip(
+        tree.buffers, counts, (NODE_WORDS, TRIANGLE_PACK_WORDS, ROUND_PACK_WORDS), strict=True
+    ):
+        array = np.empty((count, words), np.float32)
+        tree.device.read(buffer, array)
+        arrays.append(array)
+    return Words(*arrays)
+
+
+def bounds_of(scene: FlatScene) -> tuple[Floats, Floats]:
+    """Smallest boxes of all primitives, in double precision."""
+    corners = scene.arrays["vertices"][scene.arrays["triangles"][: scene.triangle_count]].astype(np.float64)
+    rounds = scene.arrays["rounds"][: scene.round_count]
+    center, radius = (
+        rounds["center_radius"][:, :3].astype(np.float64),
+        rounds["center_radius"][:, 3:].astype(np.float64),
+    )
+    normal = rounds["normal"][:, :3].astype(np.float64)
+    disk = (normal != 0).any(1, keepdims=True)
+    squares = (normal**2).sum(1, keepdims=True)
+    extent = radius * np.where(disk, np.sqrt(np.maximum(squares - normal**2, 0) / np.where(disk, squares, 1)), 1.0)
+    low = np.concatenate([corners.min(1), center - extent])
+    return low, np.concatenate([corners.max(1), center + extent])
+
+
+def check(words: Words, scene: FlatScene) -> None:
+    """Raise AssertionError unless the words are a tree over the scene.
+
+    Every primitive is in one leaf, with its own numbers, every node and pack has one parent, a node's box is the union
+    of its children's, and a leaf's holds its primitives with room for roundings but little more.
+    """
+    references = words.references
+    used = references != EMPTY
+    assert (np.diff(used.astype(int), axis=1) <= 0).all(), "children fill the front"
+    leaf = used & ((references & LEAF) != 0)
+    round_leaf = leaf & ((references & ROUND) != 0)
+    inner = references[used & ~leaf]
+    assert np.array_equal(np.sort(inner), np.arange(1, len(words.nodes))), "every node but the root has one parent"
+    for packs, leaves in ((words.triangle_packs, leaf & ~round_leaf), (words.round_packs, round_leaf)):
+        assert np.array_equal(np.sort(references[leaves] & INDEX), np.arange(len(packs))), "every pack has one parent"
+
+    parent, slot = np.nonzero(used & ~leaf)
+    low, high = words.low, words.high
+    below = references[parent, slot]
+    # Slots that are not used hold a box that no union feels.
+    assert np.array_equal(low[parent, slot], low[below].min(1)), "a box is the union of those in it"
+    assert np.array_equal(high[parent, slot], high[below].max(1)), "a box is the union of those in it"
+
+    triangle_ids = np.ascontiguousarray(words.triangle_packs[:, 72:]).view(np.uint32)
+    round_ids = np.ascontiguousarray(words.round_packs[:, 56:]).view(np.uint32)
+    ids = np.concatenate([triangle_ids[triangle_ids != layout.NONE], round_ids[round_ids != layout.NONE]])
+    assert np.array_equal(np.sort(ids), np.arange(scene.triangle_count + scene.round_count)), "each is in one leaf"
+    assert (triangle_ids[triangle_ids != layout.NONE] < scene.triangle_count).all()
+    for kind in (triangle_ids, round_ids):
+        full = kind != layout.NONE
+        assert full[:, :1].all(), "no pack is empty"
+        assert (np.diff(full.astype(int), axis=1) <= 0).all(), "primitives fill the front"
+    _check_numbers(words, scene, triangle_ids, round_ids)
+    exact_low, exact_high = bounds_of(scene)
+    for pack_ids, leaves in ((triangle_ids, leaf & ~round_leaf), (round_ids, round_leaf)):
+        parent, slot = np.nonzero(leaves)
+        mine = pack_ids[references[parent, slot] & INDEX]
+        safe = np.where(mine == layout.NONE, mine[:, :1], mine)
+        inner_low, inner_high = exact_low[safe].min(1), exact_high[safe].max(1)
+        box_low, box_high = low[parent, slot], high[parent, slot]
+        assert (box_low <= inner_low).all(), "a leaf's box holds what is in it"
+        assert (box_high >= inner_high).all(), "a leaf's box holds what is in it"
+        size = (inner_high - inner_low).max(1, keepdims=True)
+        room = 2e-6 * size + 4e-7 * np.maximum(np.abs(inner_low), np.abs(inner_high))
+        assert (inner_low - box_low <= room).all(), "and little more"
+        assert (box_high - inner_high <= room).all(), "and little more"
+
+
+def _check_numbers(
+    words: Words, scene: FlatScene, triangle_ids: npt.NDArray[np.uint32], round_ids: npt.NDArray[np.uint32]
+) -> None:
+    pack, slot = np.nonzero(triangle_ids != layout.NONE)
+    corners = scene.arrays["vertices"][scene.arrays["triangles"][triangle_ids[pack, slot]]].reshape(-1, 9)
+    stored = words.triangle_packs[:, :72].reshape(-1, 9, 8)[pack, :, slot]
+    assert np.array_equal(stored.view(np.uint32), corners.view(np.uint32)), "packs hold the vertices to the bit"
+    pack, slot = np.nonzero(round_ids != layout.NONE)
+    rows = scene.arrays["rounds"][round_ids[pack, slot] - scene.triangle_count]
+    wanted = np.concatenate([rows["center_radius"], rows["normal"][:, :3]], axis=1)
+    stored = words.round_packs[:, :56].reshape(-1, 7, 8)[pack, :, slot]
+    assert np.array_equal(stored, wanted), "packs hold the spheres and disks to the bit"
+
+
+def stack_needed(words: Words) -> tuple[int, int]:
+    """Entries that a traversal needs that enters every child, in the worst order; and levels of the tree."""
+    references = words.references
+    used = references != EMPTY
+    inner = used & ((references & LEAF) == 0)
+    need, levels = np.ones(len(words.nodes), int), np.ones(len(words.nodes), int)
+    # A node's number is larger than its parent's, so going backwards meets children first.
+    for node in range(len(words.nodes) - 1, -1, -1):
+        children = references[node][inner[node]]
+        others = int(used[node].sum()) - 1
+        # The child that is entered first finds all of its siblings on the stack.
+        need[node] = max([others + 1, *(others + need[children])])
+        levels[node] = 1 + max(levels[children], default=0)
+    return int(need[0]), int(levels[0])
+
+
+def _half_area(low: Floats, high: Floats) -> Floats:
+    x, y, z = np.moveaxis(np.maximum(high - low, 0), -1, 0)
+    area: Floats = x * y + y * z + z * x
+    return area
+
+
+def cost(words: Words) -> float:
+    """Nodes and packs that a random line through the root's box visits on average (surface area heuristic)."""
+    used = words.references != EMPTY
+    low, high = words.low, words.high
+    root = _half_area(low[0][used[0]].min(0), high[0][used[0]].max(0))
+    return float(1 + _half_area(low, high)[used].sum() / root)
+
+
+Split = Callable[[Floats, Floats], tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]]
+
+
+def sweep_cost(low: Floats, high: Floats) -> float:
+    """The cost of a tree whose every split is the best one along the three axes, made eight wide as the builder's."""
+    return _cost_of(low, high, _best_split)
+
+
+def median_cost(low: Floats, high: Floats) -> float:
+    """The same with splits in the middle of the order along the widest axis."""
+    return _cost_of(low, high, _median_split)
+
+
+def _median_split(low: Floats, high: Floats) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    center = low + high
+    order = np.argsort(center[:, int(np.ptp(center, axis=0).argmax())], kind="stable")
+    return order[: len(order) // 2], order[len(order) // 2 :]
+
+
+def _best_split(low: Floats, high: Floats) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    best = np.inf
+    chosen = _median_split(low, high)
+    count = np.arange(1, len(low))
+    for axis in range(3):
+        order = np.argsort(low[:, axis] + high[:, axis], kind="stable")
+        a, b = low[order], high[order]
+        left = _half_area(np.minimum.accumulate(a), np.maximum.accumulate(b))[:-1]
+        right = _half_area(np.minimum.accumulate(a[::-1]), np.maximum.accumulate(b[::-1]))[::-1][1:]
+        # Whole packs of eight, as the leaves are.
+        price = left * -(-count // 8) + right * -(-(len(low) - count) // 8)
+        if price.min() < best:
+            best, at = price.min(), int(price.argmin()) + 1
+            chosen = order[:at], order[at:]
+    return chosen
+
+
+def _cost_of(low: Floats, high: Floats, split: Split) -> float:
+    whole = float(_half_area(low.min(0), high.max(0)))
+    total = whole
+    tasks = [(low, high)]
+    while tasks:
+        children = [tasks.pop()]
+        while len(children) < 8:
+            areas = [float(_half_area(a.min(0), b.max(0))) if len(a) > 8 else -1.0 for a, b in children]
+            largest = int(np.argmax(areas))
+            if areas[largest] < 0:
+                break
+            a, b = children[largest]
+            first, second = split(a, b)
+            children[largest] = a[first], b[first]
+            children.append((a[second], b[second]))
+        total += sum(float(_half_area(a.min(0), b.max(0))) for a, b in children)
+        tasks += [child for child in children if len(child[0]) > 8]
+    return total / whole
