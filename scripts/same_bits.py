@@ -26,7 +26,7 @@ __all__: list[str] = []
 
 _INTERPRETED: Final = {"size": (32, 32), "spp": 1}
 """What Oclgrind can do in minutes; a reference of the same size stands beside it."""
-_HELP: Final = """Without an option: every driver that passes the probe, and Oclgrind where it is installed. A row stands
+_HELP: Final = """Without an option: every driver that passes the probe, and Oclgrind where it is there. A row stands
 for 36 renders of each scene: tiles of 16, 64 and the whole image x 1, 4 and 16 samples in a launch x groups of 16 and
 64 work-items x units in order and shuffled. rusticl is asked for one lane and the packet traversal only, as it is used:
 its compiler takes a quarter of an hour and 9 GiB for four lanes."""

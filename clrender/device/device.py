@@ -141,6 +141,8 @@ class Device:
         # Any option that lets the compiler round differently would cost the equal bits on all drivers.
         # -w: some drivers write warnings to stderr, which is the user's.
         self.options = "-cl-std=CL1.2 -w" + (" -cl-fp32-correctly-rounded-divide-sqrt" if rounded else "")
+        if "oclgrind" in info.platform.lower():
+            self.options += " -cl-opt-disable"  # the interpreter does not know all that its own optimiser writes
         self.compile_seconds = 0.0
         self.allocated_bytes = 0
         self.launches = 0

@@ -44,9 +44,10 @@ def alias_table(
         return probability, threshold, alias
     lacking = np.cumsum(1.0 - share[light])
     spare = np.cumsum(share[heavy] - 1.0)
-    # A light entry meets the first heavy one whose spare reaches beyond what the light ones before it took.
+    # A light entry meets the first heavy one that the light ones before it did not overdraw. One used up exactly
+    # still counts, as it does below: it gives once more and becomes light itself.
     before = np.concatenate([[0.0], lacking[:-1]])
-    giver = np.minimum(np.searchsorted(spare, before, side="right"), len(heavy) - 1)
+    giver = np.minimum(np.searchsorted(spare, before, side="left"), len(heavy) - 1)
     threshold[light] = share[light]
     alias[light] = heavy[giver]
     # A heavy entry is used up by the first light one that takes more than is left; the last one ends exactly at 1.

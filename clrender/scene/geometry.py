@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +115,7 @@ def _product(a: Sequence[Vector], b: Sequence[Vector]) -> tuple[Vector, Vector, 
     return tuple(tuple(_dot(row, column) for column in columns) for row in a)  # type: ignore[return-value]
 
 
+@lru_cache(maxsize=1024)  # most shapes of a large scene have the same one: none
 def affine(transform: Transform) -> Affine:
     """The map that a transform of the scene file stands for: scale, then x, y, z rotation, then translation."""
     if transform.matrix is not None:

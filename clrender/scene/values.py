@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 COORDINATE_LIMIT: Final = 1e12
-"""Largest magnitude of a coordinate, metres: its cube, which the distance of a triangle needs, fits single precision."""
+"""Largest magnitude of a coordinate, metres: its cube, which a triangle's distance needs, fits single precision."""
 POWER_LIMIT: Final = 1e15
 """Largest magnitude of a radiometric quantity: its square fits single precision."""
 PIXEL_LIMIT: Final = 2**30

@@ -129,7 +129,7 @@ static void path_add_direct(const Scene* scene, Path* path, const Surface* surfa
         Sampler sampler = path->sample.sampler;
         sampler.index = sampler.index * shadow_rays + m;
         sampler_bounce_bits(sampler, SET_LIGHT, path->depth, &bits_u, &bits_v);
-        const LightSample light = light_sample(scene, surface->point, bits_u, bits_v);
+        const LightSample light = light_sample(scene, surface->point, surface->primitive, bits_u, bits_v);
         vec3 direct = path_direct(scene, bsdf, &light, shadow_rays, 1u);
         if (indirect_rays != 1)
             direct = choose(path->diffused, direct, path_direct(scene, bsdf, &light, shadow_rays, indirect_rays));

@@ -50,7 +50,7 @@ static vuint light_choose(const Scene* scene, vuint bits, vuint* rest) {
     return keep ? entry : alias;
 }
 
-static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light, vfloat u, vfloat v) {
+static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, vuint light, vfloat u, vfloat v) {
     const Light_ l = light_at(scene, light);
     const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
     const vec3 b = vec3_of(l.row[9], l.row[10], l.row[11]);
@@ -71,6 +71,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light
     s.target = choose(point, a, clear);
     s.radiance = choose(point, scale(l.radiance, splat(1.0f) / (distance2 > 0.0f ? distance2 : splat(1.0f))), l.radiance);
     s.pdf = (point | directional) ? l.probability : area.pdf * l.probability;
+    s.pdf = (l.primitive == own) & !(sphere & (b.y < 0.0f)) ? splat(0.0f) : s.pdf;
     s.primitive = (triangle | sphere | disk) ? l.primitive : splat_uint(NONE);
     s.delta = point | directional;
     s.infinite = directional | environment;
@@ -83,10 +84,12 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint light
     return s;
 }
 
-static LightSample light_sample(const Scene* scene, vec3 origin, vuint bits_u, vuint bits_v) {
+// A light for the point `origin` of the primitive `own`. Only from inside a sphere does a surface see itself; what else it would send
+// to itself is made of rounding errors.
+static LightSample light_sample(const Scene* scene, vec3 origin, vuint own, vuint bits_u, vuint bits_v) {
     vuint rest;
     const vuint light = light_choose(scene, bits_u, &rest);
-    return light_sample_one(scene, origin, light, unit_interval(rest), unit_interval(bits_v));
+    return light_sample_one(scene, origin, own, light, unit_interval(rest), unit_interval(bits_v));
 }
 
 // Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance. An environment has no centre and

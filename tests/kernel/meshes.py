@@ -135,4 +135,4 @@ def aimed(points: Points, faces: Faces, origins: Points, kind: str, rng: np.rand
     target = start + along * np.where(rng.integers(0, 2, (n, 1)) == 0, t, near)
     direction = target - origins
     aside = rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-9, -3, (n, 1))
-    return direction + aside * np.linalg.norm(direction, axis=1, keepdims=True)
+    return np.asarray(direction + aside * np.linalg.norm(direction, axis=1, keepdims=True), np.float64)

@@ -111,7 +111,7 @@ def scene_named(name: str) -> FlatScene:
         "mixed": lambda: mixed(rng),
         "far away": lambda: of_triangles(rng.uniform(-1, 1, (1000, 3, 3)) * 0.01 + [1e5, -3e5, 2e5]),
     }
-    return scenes[name]()
+    return scenes[name]()  # type: ignore[no-untyped-call]
 
 
 NAMES = (
