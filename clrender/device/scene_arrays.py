@@ -56,7 +56,8 @@ class SceneArrays:
         self.tree = bvh.build(device, bvh.SourceArrays(vertices, corners, rounds, triangles, primitives))
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
-            "primitive_rows": device.empty(64 * max(primitives, 1)),
+            # Lanes without a hit read row 0 and the shape it names, so there has to be one.
+            "primitive_rows": device.empty(64 * primitives) if primitives else device.upload(np.zeros(16, np.float32)),
             "normal_rows": device.empty(64 * (max(triangles, 1) if smooth else 1)),
             "shape_rows": device.empty(64 * len(scene.arrays["shapes"])),
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),

@@ -1,0 +1,194 @@
+"""Has every kernel work on small things, on the first device there is, and prints what came out.
+
+``python interpreted.py NAME …`` with names as of `perform`; test_oclgrind.py starts it inside Oclgrind, and calls
+`perform` itself on another device, for comparison.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+import numpy as np
+from meshes import icosphere
+
+from clrender import layout
+from clrender.device.arithmetic import check as arithmetic_check
+from clrender.device.bvh import CHUNK
+from clrender.device.device import Buffer, Device, DeviceInfo, Program
+from clrender.device.discover import drivers, load_platforms
+from clrender.device.worker import Cut, DeviceWorker
+from clrender.flatten import flatten
+from clrender.scene import Scene
+from clrender.work import Unit, slot_count
+
+if TYPE_CHECKING:
+    from clrender.flatten import FlatScene
+
+__all__ = ["RENDERS", "Run", "perform"]
+
+WIDTH: Final = 7
+HEIGHT: Final = 6
+TILE: Final = 8
+
+
+@dataclass(frozen=True)
+class Run:
+    """One render.
+
+    Attributes
+    ----------
+    kernel : str
+        ``path`` or ``whitted``.
+    lanes : int
+    traversal : str
+    samples : int
+    large : bool
+        With a mesh whose triangles need more than one chunk of the builder's sort, and a tree of several levels.
+    """
+
+    kernel: str
+    lanes: int
+    traversal: str = "packet"
+    samples: int = 1
+    large: bool = False
+
+
+RENDERS: Final = {
+    "path-1": Run("path", 1, samples=2),
+    "path-4": Run("path", 4),
+    "path-8-single": Run("path", 8, "single"),
+    "path-16": Run("path", 16, samples=2),
+    "path-1-large": Run("path", 1, large=True),
+    "path-8-large": Run("path", 8, large=True),
+    "path-16-large-single": Run("path", 16, "single", large=True),
+    "whitted-4": Run("whitted", 4),
+    "whitted-1-large": Run("whitted", 1, samples=2, large=True),
+}
+
+
+def scene(large: bool, folder: Path) -> FlatScene:
+    """Triangles, smooth and flat, spheres, disks; every material; every kind of light, in front and behind and around.
+
+    A mesh file is written into `folder`.
+    """
+    points, faces = icosphere(3 if large else 0)
+    lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in (points * 0.4 + [-0.8, 0.3, 0.2]).tolist()]
+    lines += [f"vn {x:.7f} {y:.7f} {z:.7f}" for x, y, z in points.tolist()]
+    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in (faces + 1).tolist()]
+    (folder / "ball.obj").write_text("\n".join([*lines, ""]))
+    color = (0.7, 0.6, 0.5)
+    shapes = [
+        {"type": "quad", "origin": (-3, -0.5, 3), "edge_u": (6, 0, 0), "edge_v": (0, 0, -6), "material": "matt"},
+        {"type": "box", "center": (0.8, -0.2, -0.6), "size": (0.7, 0.6, 0.7), "material": "mirror"},
+        {"type": "tetrahedron", "vertices": ((-0.2, -0.5, 0.9), (0.3, -0.5, 1.0), (0.0, -0.5, 1.4), (0.0, 0.0, 1.1))},
+        {"type": "sphere", "center": (0.2, 0.1, 0.3), "radius": 0.4, "material": "glass"},
+        {"type": "sphere", "center": (1.1, 0.6, 0.5), "radius": 0.2, "emission": (3, 2, 1), "material": "matt"},
+        {"type": "disk", "center": (-0.5, 1.2, 0.5), "normal": (0.3, -1, 0), "radius": 0.3, "emission": (4, 4, 4)},
+        {"type": "disk", "center": (0, 0.5, -1.5), "normal": (0, 0.2, 1), "radius": 0.8, "material": "mirror"},
+        {"type": "triangle", "vertices": ((-1, 1.5, -0.5), (0, 1.5, -0.5), (-0.5, 1.5, 0.5)), "emission": (2, 3, 4)},
+        {"type": "mesh", "file": "ball.obj", "material": "matt"},
+    ]
+    described = {
+        "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
+        "materials": {
+            "matt": {"type": "lambert", "reflectance": color},
+            "mirror": {"type": "mirror", "reflectance": color},
+            "glass": {"type": "dielectric", "ior": 1.5},
+        },
+        "shapes": shapes,
+        "lights": [
+            {"type": "point", "position": (0.5, 1.8, 1.5), "intensity": (1, 1, 1)},
+            {"type": "directional", "direction": (0.2, -1, -0.3), "irradiance": (0.5, 0.4, 0.3)},
+            {"type": "environment", "radiance": (0.2, 0.2, 0.2)},
+        ],
+    }
+    return flatten(Scene.model_validate(described).placed("everything", folder), WIDTH, HEIGHT)
+
+
+def render(device: Device, run: Run) -> str:
+    """Hash of the sums of an image."""
+    settings = np.zeros(1, layout.dtype("Settings"))
+    for name, value in {
+        "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": 2, "indirect_rays": 2,
+        "max_depth": 6, "roulette": layout.ROULETTE_THROUGHPUT,
+    }.items():  # fmt: skip
+        settings[name] = value
+    entry = "integrator/path.cl", "integrator_path"
+    if run.kernel == "whitted":
+        entry = "integrator/whitted.cl", "integrator_whitted"
+    with tempfile.TemporaryDirectory() as folder:
+        flat = scene(run.large, Path(folder))
+    worker = DeviceWorker(device, flat, settings, *entry, Cut(run.lanes, 2, None, run.traversal))
+    sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples))
+    worker.release()
+    assert sums.complete
+    assert sums.counts.sum() == run.samples * WIDTH * HEIGHT
+    return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes()).hexdigest()
+
+
+def scan(device: Device) -> str:
+    """Prefix sums of more numbers than one chunk has, which a tree needs only from thousands of primitives on."""
+    numbers = np.random.default_rng(70).integers(0, 1000, 3000, dtype=np.uint32)
+    program = device.program("geometry/build_order.cl", {"LANES": 1})
+    chunks = -(-len(numbers) // CHUNK)
+    buffers = [device.upload(numbers), device.empty(4 * chunks), device.empty(4)]
+    device.launch(program, "build_scan", 16, 16, [buffers[0], np.uint32(len(numbers)), buffers[1]])
+    device.launch(program, "build_scan", 16, 16, [buffers[1], np.uint32(chunks), buffers[2]])
+    device.launch(program, "build_scan_add", 3008, 16, [buffers[0], np.uint32(len(numbers)), buffers[1]])
+    result = np.empty_like(numbers)
+    device.read(buffers[0], result)
+    assert np.array_equal(result, np.cumsum(numbers) - numbers)
+    return "right"
+
+
+def arithmetic(device: Device) -> str:
+    """The check of single operations, which every device goes through."""
+    differences = arithmetic_check(device)
+    assert differences == [], differences
+    return "right"
+
+
+def perform(device: Device, name: str) -> str:
+    """Do what is named: ``scan``, ``arithmetic``, or one of `RENDERS`; gives what has to be the same on all devices."""
+    others = {"scan": scan, "arithmetic": arithmetic}
+    return others[name](device) if name in others else render(device, RENDERS[name])
+
+
+class _Interpreter(Device):
+    """Notes what was launched, and gives no memory back.
+
+    Oclgrind 21.10 says of a buffer in the place of a released, smaller one that what lies beyond the smaller one's end
+    was never written, whatever is written there.
+    """
+
+    kept: ClassVar[list[Buffer]] = []
+    launched: ClassVar[set[str]] = set()
+
+    def release(self, buffer: Buffer) -> None:
+        self.kept.append(buffer)
+
+    def launch(self, program: Program, kernel: str, global_size: int, local_size: int, args: Sequence[Any]) -> None:
+        self.launched.add(kernel)
+        super().launch(program, kernel, global_size, local_size, args)
+
+
+def open_first() -> Device:
+    """The first device of the process's drivers, without a probe: under Oclgrind the interpreter, and it alone."""
+    platform = load_platforms(drivers())[0]
+    handle = platform.get_devices()[0]
+    info = DeviceInfo(0, handle.name, platform.name, handle.driver_version, "cpu", 1, 2**30, version=platform.version)
+    return _Interpreter(info, handle)
+
+
+if __name__ == "__main__":
+    opened = open_first()
+    print("device", opened.info.platform, flush=True)
+    for each in sys.argv[1:]:
+        print(each, perform(opened, each), flush=True)
+    print("launched", *sorted(_Interpreter.launched), flush=True)
