@@ -1,0 +1,106 @@
+// What is sampled, and with which density, for tests: one sample a lane.
+#include "light/light.h"
+#include "material/bsdf.h"
+
+// bits: uint [2][count]. setting: of the warp. results: float [4][count], the sample and its density.
+#define WARP_DISK 0
+#define WARP_COSINE_HEMISPHERE 1
+#define WARP_SPHERE 2
+#define WARP_CONE 3
+#define WARP_TRIANGLE 4
+__kernel void sampling_warp(__global const float* bits, uint which, float setting, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    const vfloat u = unit_interval(vfloat_bits(lane_load(bits + at))), v = unit_interval(vfloat_bits(lane_load(bits + count + at)));
+    vec3 sample = vec3_all(0.0f);
+    vfloat pdf = splat(0.0f);
+    if (which == WARP_DISK) warp_disk(u, v, &sample.x, &sample.y);
+    if (which == WARP_COSINE_HEMISPHERE) {
+        sample = warp_cosine_hemisphere(u, v);
+        pdf = warp_cosine_hemisphere_pdf(sample.z);
+    }
+    if (which == WARP_SPHERE) {
+        sample = warp_sphere(u, v);
+        pdf = splat(WARP_SPHERE_PDF);
+    }
+    if (which == WARP_CONE) {
+        sample = warp_cone(u, v, splat(setting));
+        pdf = warp_cone_pdf(splat(setting));
+    }
+    if (which == WARP_TRIANGLE) warp_triangle(u, v, &sample.x, &sample.y);
+    lane_save(sample.x, results + at);
+    lane_save(sample.y, results + count + at);
+    lane_save(sample.z, results + 2 * (size_t)count + at);
+    lane_save(pdf, results + 3 * (size_t)count + at);
+}
+
+// numbers: uint [2][count], the pixel and the sample's number. results: uint [2][count].
+__kernel void sampling_sequence(__global const float* numbers, uint seed, uint set, uint stratified, uint count,
+                                __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    const Sampler sampler = sampler_start(seed, vfloat_bits(lane_load(numbers + at)), vfloat_bits(lane_load(numbers + count + at)));
+    vuint a, b;
+    if (stratified) sampler_bits(sampler, splat_uint(set), &a, &b);
+    else sampler_hash_bits(sampler, splat_uint(set), &a, &b);
+    lane_save(vfloat_from_bits(a), results + at);
+    lane_save(vfloat_from_bits(b), results + count + at);
+}
+
+// One material on a plane whose normal is z, seen along `direction`. results: float [11][count]: the direction taken, its weight and
+// density, then f |cos| of it and the density as they are evaluated.
+__kernel void sampling_bsdf(__global const float* bits, uint kind, float ior, uint front, float4 shading, float4 direction,
+                            uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    Surface s;
+    s.normal = vec3_of(splat(0.0f), splat(0.0f), splat(1.0f));
+    s.shading = vec3_from(shading);
+    s.front = splat_uint(front) != 0u;
+    s.color = vec3_of(splat(0.5f), splat(0.25f), splat(1.0f));
+    s.ior = splat(ior);
+    s.kind = splat_uint(kind);
+    const Bsdf bsdf = bsdf_at(&s, vec3_from(direction));
+    const BsdfSample taken = bsdf_sample(&bsdf, vfloat_bits(lane_load(bits + at)), vfloat_bits(lane_load(bits + count + at)));
+    vfloat out[11], density;
+    const vec3 f = bsdf_eval(&bsdf, taken.direction, &density);
+    out[0] = taken.direction.x, out[1] = taken.direction.y, out[2] = taken.direction.z;
+    out[3] = taken.weight.x, out[4] = taken.weight.y, out[5] = taken.weight.z;
+    out[6] = taken.pdf;
+    out[7] = f.x, out[8] = f.y, out[9] = f.z;
+    out[10] = density;
+    for (int k = 0; k < 11; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}
+
+// Lights seen from `origin`. results: float [8][count]: direction and density of a sample and the primitive it lies on, as bits; then
+// what a ray in that direction meets: the primitive, the density with which that would have been sampled, and how far that
+// point is from where it was to be.
+__kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4 origin, uint count, __global float* results) {
+    SCENE_COLLECT(scene);
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    const vec3 from = vec3_from(origin);
+    const LightSample light = light_sample(&scene, from, splat_uint(NONE), vfloat_bits(lane_load(bits + at)),
+                                           vfloat_bits(lane_load(bits + count + at)));
+    Ray ray;
+    ray.origin = from;
+    ray.direction = light.direction;
+    ray.limit = splat(FAR);
+    ray.from = ray.to = splat_uint(NONE);
+    const vmask all = light.pdf == light.pdf;
+    const Hit hit = traverse_nearest(&scene.bvh, &ray, all);
+    const vmask found = hit.primitive != NONE;
+    const Surface surface = surface_at(&scene, &ray, hit, found);
+    vfloat density, outside;
+    light_emitted(&scene, &surface, from, &density);
+    light_environment(&scene, &outside);
+    const vec3 off = sub(surface.point, light.target);
+    vfloat out[8];
+    out[0] = light.direction.x, out[1] = light.direction.y, out[2] = light.direction.z;
+    out[3] = light.pdf;
+    out[4] = vfloat_from_bits(light.primitive);
+    out[5] = vfloat_from_bits(hit.primitive);
+    out[6] = found ? density : outside;
+    out[7] = found ? magnitude(off) : splat(0.0f);
+    for (int k = 0; k < 8; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}
