@@ -21,7 +21,7 @@ __all__ = ["CHUNK", "NODE_WORDS", "ROUND_PACK_WORDS", "STACK", "TRIANGLE_PACK_WO
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
 NODE_WORDS: Final = 56
-TRIANGLE_PACK_WORDS: Final = 80
+TRIANGLE_PACK_WORDS: Final = 120
 ROUND_PACK_WORDS: Final = 64
 CHUNK: Final = 1024
 STACK: Final = 96

@@ -54,6 +54,7 @@ static vec3 outer(vec3 a, vec3 b) {
                    difference_of_products(a.x, b.y, a.y, b.x));
 }
 static vfloat largest(vec3 a) { return greater(a.x, greater(a.y, a.z)); }
+static vfloat largest_size(vec3 a) { return greater(absolute(a.x), greater(absolute(a.y), absolute(a.z))); }
 static vfloat magnitude(vec3 a) { return sqrt(inner(a, a)); }
 
 // Unit vector along a, whose length is neither tiny nor huge; zero stays zero.
@@ -64,7 +65,7 @@ static vec3 direction_of(vec3 a) {
 
 // Unit vector along any a. Scaled by a power of two first, exactly, so that neither 1e-30 nor 1e30 is lost; zero stays zero.
 static vec3 unit(vec3 a) {
-    const vfloat m = greater(absolute(a.x), greater(absolute(a.y), absolute(a.z)));
+    const vfloat m = largest_size(a);
     const vfloat inverse = vfloat_from_bits(0x7f000000u - (vfloat_bits(m) & 0x7f800000u));
     return direction_of(scale(a, inverse));
 }

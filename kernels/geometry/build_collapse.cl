@@ -80,10 +80,18 @@ static uint collapse_primitives(__global const uint2* children, __global const u
 static void collapse_triangle_pack(__global float* pack, const uint primitives[8], uint count, __global const float* vertices,
                                    __global const uint* triangles) {
     for (uint i = 0; i < 8; ++i) {
-        for (uint corner = 0; corner < 3; ++corner) {
-            const size_t v = i < count ? (size_t)triangles[(size_t)primitives[i] * 3 + corner] * 3 : 0;
-            for (uint k = 0; k < 3; ++k) pack[(corner * 3 + k) * 8 + i] = i < count ? vertices[v + k] : 0.0f;
+        vec3 corner[3];
+        for (uint c = 0; c < 3; ++c) {
+            corner[c] = vec3_all(0.0f);
+            if (i >= count) continue;
+            const size_t v = (size_t)triangles[(size_t)primitives[i] * 3 + c] * 3;
+            corner[c] = vec3_of(vertices[v], vertices[v + 1], vertices[v + 2]);
         }
+        const Triangle t = triangle_of(corner[0], corner[1], corner[2]);
+        const vec3 rows[4] = {t.a, t.ba, t.ac, t.normal};
+        for (uint k = 0; k < 4; ++k) pack[k * 24 + i] = rows[k].x, pack[k * 24 + 8 + i] = rows[k].y, pack[k * 24 + 16 + i] = rows[k].z;
+        pack[96 + i] = t.size;
+        pack[104 + i] = t.unsure;
         pack[TRIANGLE_PACK_ID + i] = as_float(i < count ? primitives[i] : NONE);
     }
 }

@@ -2,9 +2,8 @@
 // stable and every sum is of integers.
 #include "geometry/build.h"
 
-// The primitives' boxes. The triangle test is exact about triangles that are out of place by a rounding of their own size, so a ray
-// can hit one whose true box it passes by that much, and nothing else there: boxes are larger than what is in them by more than
-// that (tests/kernel/test_watertight.py has leaks without it). An axis along which the primitive is flat has no such error, and
+// The primitives' boxes, larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one
+// beside it, and the tests of spheres and disks let in what passes by that much. But an axis along which the primitive is flat
 // stays flat, so that a ray leaving a wall does not enter the wall's box again.
 __kernel void build_boxes(__global const float* vertices, __global const uint* triangles, __global const Round* rounds,
                           uint triangle_count, uint count, __global float* boxes) {

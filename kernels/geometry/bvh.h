@@ -15,9 +15,10 @@
 #define BVH_HIGH 24
 #define BVH_CHILD 48
 
-// Vertices A, B, C, three axes each, eight numbers each; then the primitives' numbers, NONE where the pack is not full.
-#define TRIANGLE_PACK_WORDS 80
-#define TRIANGLE_PACK_ID 72
+// Triangles as triangle.h prepares them, eight numbers each: a, ba, ac, normal, three axes each, size, unsure; then the primitives'
+// numbers, NONE where the pack is not full.
+#define TRIANGLE_PACK_WORDS 120
+#define TRIANGLE_PACK_ID 112
 // Centre x, y, z, radius, normal x, y, z (zero for a sphere); then the primitives' numbers.
 #define ROUND_PACK_WORDS 64
 #define ROUND_PACK_ID 56

@@ -13,31 +13,19 @@
 #endif
 
 typedef struct {
-    vec3 origin, direction, inverse, shear;
-    vmask main_x, main_y;        // the ray's main axis is x; is y
+    vec3 origin, direction, inverse;
+    vfloat slack;                // for the triangle test
     vuint from, to;
     vfloat nearest;
     vuint primitive;
 } PacketRay;
 
-// A vector with its axes turned so that z is the ray's main one.
-static vec3 packet_turn(const PacketRay* ray, vec3 v) {
-    return vec3_of(ray->main_x ? v.y : (ray->main_y ? v.z : v.x), ray->main_x ? v.z : (ray->main_y ? v.x : v.y),
-                   ray->main_x ? v.x : (ray->main_y ? v.y : v.z));
-}
-
 static PacketRay packet_ray(const Ray* ray, vmask active) {
     PacketRay p;
     p.origin = ray->origin;
     p.direction = ray->direction;
-    const vec3 size = vec3_of(absolute(ray->direction.x), absolute(ray->direction.y), absolute(ray->direction.z));
-    p.main_x = (size.x > size.y) & (size.x > size.z);
-    p.main_y = (size.y > size.z) & !p.main_x;
-    const vec3 d = ray->direction;
-    const vec3 turned = packet_turn(&p, d);
-    const vfloat z = splat(1.0f) / turned.z;
-    p.shear = vec3_of(turned.x * z, turned.y * z, z);
-    p.inverse = vec3_of(box_inverse(d.x), box_inverse(d.y), box_inverse(d.z));
+    p.inverse = vec3_of(box_inverse(ray->direction.x), box_inverse(ray->direction.y), box_inverse(ray->direction.z));
+    p.slack = largest_size(ray->direction) * TRIANGLE_SLACK;
     p.from = ray->from;
     p.to = ray->to;
     p.nearest = active ? ray->limit : splat(-1.0f);
@@ -66,14 +54,13 @@ static void packet_triangles(PacketRay* ray, __global const float* pack, vfloat 
     for (int i = 0; i < 8; ++i, ++pack) {
         const uint id = as_uint(pack[TRIANGLE_PACK_ID]);
         if (id == NONE) break;
-        const vec3 a = vec3_of(pack[0] - ray->origin.x, pack[8] - ray->origin.y, pack[16] - ray->origin.z);
-        const vec3 b = vec3_of(pack[24] - ray->origin.x, pack[32] - ray->origin.y, pack[40] - ray->origin.z);
-        const vec3 c = vec3_of(pack[48] - ray->origin.x, pack[56] - ray->origin.y, pack[64] - ray->origin.z);
-        const vec3 ta = packet_turn(ray, a), tb = packet_turn(ray, b), tc = packet_turn(ray, c);
-        vfloat u, v, w;
-        const vmask hit = triangle_hit_lanes(ta.x, ta.y, ta.z, tb.x, tb.y, tb.z, tc.x, tc.y, tc.z, ray->shear.x, ray->shear.y,
-                                             &u, &v, &w);
-        const vfloat distance = triangle_distance_lanes(u, v, w, ta.z, tb.z, tc.z, ray->shear.z);
+        const vec3 to = vec3_of(pack[0] - ray->origin.x, pack[8] - ray->origin.y, pack[16] - ray->origin.z);
+        const vfloat nx = splat(pack[72]), ny = splat(pack[80]), nz = splat(pack[88]);
+        vfloat determinant, b, c;
+        const vmask hit = triangle_hit_lanes(to.x, to.y, to.z, splat(pack[24]), splat(pack[32]), splat(pack[40]), splat(pack[48]),
+                                             splat(pack[56]), splat(pack[64]), nx, ny, nz, splat(pack[96]), splat(pack[104]),
+                                             ray->direction.x, ray->direction.y, ray->direction.z, ray->slack, &determinant, &b, &c);
+        const vfloat distance = triangle_distance_lanes(to.x, to.y, to.z, nx, ny, nz, determinant);
         packet_keep(ray, hit, distance, entered, id, any_hit, &nearest, &primitive);
     }
     ray->nearest = nearest;
@@ -99,8 +86,7 @@ static void packet_rounds(PacketRay* ray, __global const float* pack, vfloat ent
 
 // What one ray alone needs, lane by lane in private arrays.
 typedef struct {
-    float origin[3][LANES], direction[3][LANES], inverse[3][LANES], shear[3][LANES];
-    int main_x[LANES], main_y[LANES];
+    float origin[3][LANES], direction[3][LANES], inverse[3][LANES], slack[LANES];
     uint from[LANES], to[LANES];
 } PartedRays;
 
@@ -110,10 +96,8 @@ static void packet_part(const PacketRay* ray, PartedRays* parted) {
     STORE(origin);
     STORE(direction);
     STORE(inverse);
-    STORE(shear);
 #undef STORE
-    lane_store(ray->main_x, parted->main_x);
-    lane_store(ray->main_y, parted->main_y);
+    lane_store(ray->slack, parted->slack);
     lane_store(ray->from, parted->from);
     lane_store(ray->to, parted->to);
 }
@@ -135,12 +119,8 @@ static void packet_alone(const Bvh* bvh, PacketRay* ray, const PartedRays* parte
             one.origin[k] = parted->origin[k][lane];
             one.direction[k] = parted->direction[k][lane];
             one.inverse[k] = parted->inverse[k][lane];
-            one.shear[k] = parted->shear[k][lane];
         }
-        const uint main_axis = parted->main_x[lane] ? 0u : parted->main_y[lane] ? 1u : 2u;
-        one.axis[0] = main_axis == 2u ? 0u : main_axis + 1u;
-        one.axis[1] = main_axis == 0u ? 2u : main_axis - 1u;
-        one.axis[2] = main_axis;
+        one.slack = parted->slack[lane];
         one.from = parted->from[lane];
         one.to = parted->to[lane];
         one.nearest = nearest[lane];

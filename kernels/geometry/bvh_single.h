@@ -7,8 +7,7 @@
 #include "types.h"
 
 typedef struct {
-    float origin[3], direction[3], inverse[3], shear[3];
-    uint axis[3];        // of the turned frame: axis[2] is the main one
+    float origin[3], direction[3], inverse[3], slack;
     uint from, to;
     float nearest;       // distance of the nearest hit so far; negative once an occluder was found
     uint primitive;      // its number
@@ -36,15 +35,15 @@ static void single_keep(SingleRay* ray, int8 hit, float8 distance, float entered
 }
 
 static void single_triangles(SingleRay* ray, __global const float* pack, float entered, int any_hit) {
-    const uint x = ray->axis[0], y = ray->axis[1], z = ray->axis[2];
-    const float8 az = vload8(z, pack) - ray->origin[z], bz = vload8(3 + z, pack) - ray->origin[z], cz = vload8(6 + z, pack) - ray->origin[z];
-    float8 u, v, w;
-    const int8 hit = triangle_hit_pack(
-        vload8(x, pack) - ray->origin[x], vload8(y, pack) - ray->origin[y], az, vload8(3 + x, pack) - ray->origin[x],
-        vload8(3 + y, pack) - ray->origin[y], bz, vload8(6 + x, pack) - ray->origin[x], vload8(6 + y, pack) - ray->origin[y], cz,
-        (float8)(ray->shear[0]), (float8)(ray->shear[1]), &u, &v, &w);
+    const float8 to_x = vload8(0, pack) - ray->origin[0], to_y = vload8(1, pack) - ray->origin[1], to_z = vload8(2, pack) - ray->origin[2];
+    const float8 nx = vload8(9, pack), ny = vload8(10, pack), nz = vload8(11, pack);
+    float8 determinant, b, c;
+    const int8 hit = triangle_hit_pack(to_x, to_y, to_z, vload8(3, pack), vload8(4, pack), vload8(5, pack), vload8(6, pack),
+                                       vload8(7, pack), vload8(8, pack), nx, ny, nz, vload8(12, pack), vload8(13, pack),
+                                       (float8)(ray->direction[0]), (float8)(ray->direction[1]), (float8)(ray->direction[2]),
+                                       (float8)(ray->slack), &determinant, &b, &c);
     if (!any_of_eight(hit)) return;
-    const float8 distance = triangle_distance_pack(u, v, w, az, bz, cz, (float8)(ray->shear[2]));
+    const float8 distance = triangle_distance_pack(to_x, to_y, to_z, nx, ny, nz, determinant);
     single_keep(ray, hit, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);
 }
 

@@ -22,26 +22,22 @@ typedef struct {
     vuint kind;          // MATERIAL_*
 } Surface;
 
-// Triangles: the barycentric weights are found again as the traversal found them, sixteen at a time, which is cheaper than
-// carrying them along; the point is then on the plane to within the rounding of its coordinates, however far the ray came.
+// Triangles: the barycentric weights are found again, in all lanes at once, which is cheaper than carrying them along. The point is
+// then on the triangle to within the rounding of its coordinates, however far the ray came.
 static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat row[16], vmask smooth, Surface* s) {
     const vec3 a = vec3_of(row[0], row[1], row[2]), b = vec3_of(row[3], row[4], row[5]), c = vec3_of(row[6], row[7], row[8]);
-    const PacketRay packet = packet_ray(ray, smooth);
-    const vec3 pa = packet_turn(&packet, sub(a, ray->origin)), pb = packet_turn(&packet, sub(b, ray->origin)),
-               pc = packet_turn(&packet, sub(c, ray->origin));
-    vfloat u, v, w;
-    triangle_hit_lanes(pa.x, pa.y, pa.z, pb.x, pb.y, pb.z, pc.x, pc.y, pc.z, packet.shear.x, packet.shear.y, &u, &v, &w);
-    const vfloat sum = u + v + w;
-    const vfloat inverse = splat(1.0f) / (sum != 0.0f ? sum : splat(1.0f));
-    const vfloat weight_b = v * inverse, weight_c = w * inverse;
-    const vec3 ab = sub(b, a), ac = sub(c, a);
+    const vec3 ab = sub(b, a), ac = sub(c, a), normal = outer(ab, ac), across = outer(sub(a, ray->origin), ray->direction);
+    const vfloat determinant = inner(normal, ray->direction);
+    const vfloat inverse = splat(1.0f) / (determinant != 0.0f ? determinant : splat(1.0f));
+    const vfloat weight_b = bounded(inner(across, ac) * inverse, 0.0f, 1.0f);
+    const vfloat weight_c = lesser(greater(-inner(across, ab) * inverse, splat(0.0f)), splat(1.0f) - weight_b);
     const vec3 step_b = scale(ab, weight_b), step_c = scale(ac, weight_c);
     s->point = add(a, add(step_b, step_c));
-    s->error = scale(vec3_of(absolute(a.x) + absolute(step_b.x) + absolute(step_c.x),
-                             absolute(a.y) + absolute(step_b.y) + absolute(step_c.y),
-                             absolute(a.z) + absolute(step_b.z) + absolute(step_c.z)),
-                     splat(8.0f * EPSILON));
-    s->normal = unit(outer(ab, ac));
+    // That far the plane of a neighbour may seem to stand out of this one's: the error of its normal, over the length of its edges.
+    s->error = scale(vec3_of(absolute(a.x) + absolute(ab.x) + absolute(ac.x), absolute(a.y) + absolute(ab.y) + absolute(ac.y),
+                             absolute(a.z) + absolute(ab.z) + absolute(ac.z)),
+                     splat(16.0f * EPSILON));
+    s->normal = unit(normal);
     s->shading = s->normal;
     s->from = s->primitive;
     if (lane_any(smooth)) {

@@ -2,10 +2,10 @@
 #include "geometry/surface.h"
 
 // rays: float [6][count], origin and direction. leaving: float [3][count], the second direction; its sign is turned to the side of
-// the normal if `outwards`, else to the other. hits: uint [2][count], what each of the two rays hit. points: float [3][count], where
-// the second one leaves.
+// the normal if `outwards`, else to the other. hits: uint [2][count], what each of the two rays hit. seconds: float [6][count], the
+// second ray.
 __kernel void leave(SCENE_PARAMETERS __global const float* rays, __global const float* leaving, uint outwards, uint count,
-                    __global uint* hits, __global float* points) {
+                    __global uint* hits, __global float* seconds) {
     SCENE_COLLECT(scene);
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
@@ -26,7 +26,6 @@ __kernel void leave(SCENE_PARAMETERS __global const float* rays, __global const 
     const Hit second = traverse_nearest(&scene.bvh, &next, found);
     lane_save(first.primitive, hits + at);
     lane_save(second.primitive, hits + count + at);
-    lane_save(surface.point.x, points + at);
-    lane_save(surface.point.y, points + count + at);
-    lane_save(surface.point.z, points + 2 * (size_t)count + at);
+    const vfloat out[6] = {next.origin.x, next.origin.y, next.origin.z, next.direction.x, next.direction.y, next.direction.z};
+    for (int k = 0; k < 6; ++k) lane_save(out[k], seconds + (size_t)k * count + at);
 }

@@ -3,14 +3,13 @@
 The bounds follow from the kernels' arithmetic; EPS is 2^-24, one rounding, and `a` a vertex or centre relative to the
 ray's origin, which the kernels round once by component.
 
-**Triangles** (kernels/geometry/triangle.inc). The sheared vertex p = a.xy - s a.z has |error| <= EPS |a.x| (of a) + 4
-EPS |s a.z| (1 of a.z, 3 of s = d.x (1/d.z)) + EPS |p|, and |s| <= 1, so at most 6 EPS R along both axes with R the
-largest coordinate of the three a, and less than 9 EPS R across. The signs of the edge functions are exact, so the
-kernel decides exactly about a triangle whose corners are at most `reach` = 9 EPS R out of place: it must hit where
-the ray passes inside by more than that, and must miss where it passes outside by more. The depth is a mean of a.z
-with weights that are off by few EPS: 12 EPS R, 4 more for the weights that the box is met with, 5 for the box itself,
-at most 24 EPS R; and as the corners may be out of place by `reach`, that times the plane's slope. The depth also lies
-between the corners' own.
+**Triangles** (kernels/geometry/triangle.inc). With s = |a|_1, m the largest component of the direction, e the largest
+one of the edges: the weights are off by less than 32 EPS m e s and the determinant's error, and the kernel allows for that much and more,
+so it must hit where the exact weights are not negative, and must miss where one is below twice that. A component of
+the normal is off by 2 EPS of its own and by what rounding took from one edge, times the other, twice; the determinant
+by the sum of that over the components and 3 EPS of their magnitudes, times m; the distance times the determinant by
+the normal's error times s, and 4 EPS of its terms. Where the determinant is twice its error or less, give or take, the
+triangle is seen edge-on and is not there; beside the triangle, the distance may be that of the box.
 
 **Spheres** (sphere.inc). The line's distance from the centre is off by EPS |a| (of a), EPS |g|, 8 EPS |a| along the
 ray, which adds less than itself, and 3 EPS of both squares: `reach` = 10 EPS (|a| + r). Half the chord moves with it.
@@ -73,49 +72,33 @@ def _relative(points: npt.NDArray[np.float32], rays: Rays) -> Floats:
 
 def triangles(rays: Rays, corners: npt.NDArray[np.float32]) -> Candidates:
     """Candidates of (t, 3, 3) triangles."""
-    d = rays.directions.astype(np.float64)
-    size = np.abs(d)
-    main = np.where((size[:, 0] > size[:, 1]) & (size[:, 0] > size[:, 2]), 0, np.where(size[:, 1] > size[:, 2], 1, 2))
-    turn = (main[:, None] + [1, 2, 0]) % 3
-    d = np.take_along_axis(d, turn, 1)
-    turned = [np.take_along_axis(_relative(corners[:, k], rays), turn[:, None], 2) for k in range(3)]
-    far = np.max([np.abs(a).max(2) for a in turned], axis=0)
-    depth = np.stack([a[..., 2] for a in turned])
+    d = rays.directions.astype(np.float64)[:, None]
+    vertices = corners.astype(np.float64)
+    ab, ac = vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0]
+    normal = np.cross(ab, ac)
+    size = np.maximum(np.abs(ab), np.abs(ac)).max(1)
+    to = _relative(corners[:, 0], rays)
+    away, main = np.abs(to).sum(2), np.abs(d).max(2)
+    across = np.cross(to, d)
+    determinant = (normal * d).sum(2)
+    sign = np.where(determinant < 0, -1.0, 1.0)
+    b, c = (across * ac).sum(2) * sign, -(across * ab).sum(2) * sign
+    least = np.minimum(np.minimum(b, c), np.abs(determinant) - b - c)
+    lost = [np.abs(edge - edge.astype(np.float32)).max(1) for edge in (ab, ac)]
+    edges = 2 * (lost[0] * np.abs(ac).max(1) + lost[1] * np.abs(ab).max(1))
+    unsure = (3 * edges + 5 * EPS * np.abs(normal).sum(1)) * main
+    edge_on = 2.125 * unsure * (1 + 16 * EPS) + 1e-36
+    allowed = 32 * EPS * main * size * away + edge_on
     with np.errstate(all="ignore"):
-        flat = [a[..., :2] - a[..., 2:] * (d[:, :2] / d[:, 2:])[:, None] for a in turned]
-        p, q, r = flat
-        u, v, w = (_cross(a, b) for a, b in ((r, q), (p, r), (q, p)))
-        area = u + v + w
-        inside = ((np.minimum(np.minimum(u, v), w) >= 0) | (np.maximum(np.maximum(u, v), w) <= 0)) & (area != 0)
-        edge = np.minimum(np.minimum(_to_segment(p, q), _to_segment(q, r)), _to_segment(r, p))
-        z = (u * depth[0] + v * depth[1] + w * depth[2]) / area
-        slope_vector = (depth[1] - depth[0])[..., None] * (r - p) - (depth[2] - depth[0])[..., None] * (q - p)
-        slope = np.linalg.norm(slope_vector, axis=-1) / np.abs(area)
-        reach, rounding = 9 * EPS * far, 24 * EPS * far
-        per = np.abs(d[:, 2:])
-        forward = np.sign(d[:, 2:])
-        tolerance = (rounding + reach * slope) / per
-        distance = z / d[:, 2:]
-        ends = np.sort(np.stack([depth.min(0) * forward, depth.max(0) * forward]), axis=0)
-        low, high = (ends[0] - rounding) / per, (ends[1] + rounding) / per
-        sure = inside & (edge > reach) & (distance > tolerance)
-    possible = (inside | (edge <= reach)) & (high > 0)
-    loose = ~np.isfinite(distance) | ~np.isfinite(tolerance)
-    return Candidates(sure, possible, distance, tolerance, low, high, loose)
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    result: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return result
-
-
-def _to_segment(p: Floats, q: Floats) -> Floats:
-    """Distance of the origin from a segment."""
-    along = q - p
-    length2 = (along**2).sum(-1)
-    t = np.clip(-(p * along).sum(-1) / np.where(length2 > 0, length2, 1.0), 0.0, 1.0)
-    result: Floats = np.linalg.norm(p + t[..., None] * along, axis=-1)
-    return result
+        distance = (to * normal).sum(2) / determinant
+        flat_error = edges * away + 6 * EPS * (np.abs(to) * np.abs(normal)).sum(2)
+        error = (flat_error + np.abs(distance) * unsure) / (np.abs(determinant) - unsure)
+        tolerance = error + 8 * EPS * np.abs(distance) + 1e-37
+    inside = least >= 0
+    sure = inside & (np.abs(determinant) - unsure > edge_on) & (distance > tolerance)
+    possible = (least >= -2 * allowed) & (np.abs(determinant) + unsure > edge_on)
+    nothing = np.zeros_like(distance)
+    return Candidates(sure, possible, distance, tolerance, nothing, nothing + np.inf, ~inside)
 
 
 def _in_box(rays: Rays, center: Floats, radius: Floats, slack: Floats) -> tuple[Floats, Floats]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+import reference
 from kernel_support import FOLDER, Rays, flat_scene, rounds_of, trace, tree_on
 from meshes import CLOSED, aimed, box, icosphere, inside
 
@@ -77,8 +78,8 @@ def test_nothing_escapes_in_ten_million_rays(device: Device, name: str) -> None:
 
 def left(
     device: Device, flat: FlatScene, origins: Points, directions: Points, leaving: Points, outwards: bool
-) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], Points]:
-    """What rays hit, what rays from there hit, and where these leave."""
+) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], Rays]:
+    """What rays hit, what rays from there hit, and these rays."""
     arrays = SceneArrays(device, flat)
     settings = np.zeros(1, layout.dtype("Settings"))
     settings["triangle_count"] = flat.triangle_count
@@ -90,20 +91,20 @@ def left(
     buffers += [
         device.upload(np.ascontiguousarray(leaving.T, np.float32)),
         device.empty(8 * count),
-        device.empty(12 * count),
+        device.empty(24 * count),
     ]
     named = {**arrays.buffers, "settings": buffers[0]}
     arguments: list[Any] = [named[name] for name in scene_array_names()]
     arguments += [buffers[1], buffers[2], np.uint32(outwards), np.uint32(count), *buffers[3:]]
     program = device.program(FOLDER / "leave.cl", {"LANES": 16})
     device.launch(program, "leave", -(-count // 256) * 16, 16, arguments)
-    hits, points = np.empty((2, count), np.uint32), np.empty((3, count), np.float32)
+    hits, seconds = np.empty((2, count), np.uint32), np.empty((6, count), np.float32)
     device.read(buffers[3], hits)
-    device.read(buffers[4], points)
+    device.read(buffers[4], seconds)
     for buffer in buffers:
         device.release(buffer)
     arrays.release()
-    return hits[0], hits[1], points.T.astype(np.float64)
+    return hits[0], hits[1], Rays.of(seconds[:3].T, seconds[3:].T)
 
 
 def around(count: int, rng: np.random.Generator) -> tuple[Points, Points, Points]:
@@ -121,12 +122,21 @@ def around(count: int, rng: np.random.Generator) -> tuple[Points, Points, Points
     return start, toward, leaving / np.linalg.norm(leaving, axis=1, keepdims=True)
 
 
+def at_rim(rays: Rays, number: int, flat: FlatScene, triangle: int) -> bool:
+    """Whether one of the rays passes beside that triangle, but near enough that it may be said to hit."""
+    corners = flat.arrays["vertices"][flat.arrays["triangles"][triangle]]
+    one = Rays.of(rays.origins[number][None], rays.directions[number][None])
+    seen = reference.triangles(one, corners[None])
+    return bool((seen.possible & seen.loose).all())
+
+
 @pytest.mark.parametrize("place", [*PLACES])
 @pytest.mark.parametrize("body", ["sphere", "icosphere", "box"])
 def test_a_ray_leaves_a_convex_body_for_good_or_comes_to_its_other_side(device: Device, body: str, place: str) -> None:
     """Outwards nothing is hit, whatever the angle; inwards always something, and of a mesh another triangle.
 
-    But where two sides meet at a right angle or a sharper one, and the point is as near to the edge as its rounding
+    A few of the rays that almost lie in the surface may hit the rim of the next triangle, as far as its test lets a ray
+    pass beside it: those are looked at in double precision. And where two sides meet at a right angle or a sharper one, and the point is as near to the edge as its rounding
     could be, a ray that begins a rounding inside of one side may begin outside of the other. Those few are left out.
     """
     rng = np.random.default_rng(50)
@@ -140,7 +150,8 @@ def test_a_ray_leaves_a_convex_body_for_good_or_comes_to_its_other_side(device: 
         flat = flat_scene(points @ matrix.T + shift, faces)
     origins, directions, leaving = start @ matrix.T + shift, toward @ matrix.T, leaving @ matrix.T
     for outwards in (True, False):
-        first, second, place_of = left(device, flat, origins, directions, leaving, outwards)
+        first, second, rays = left(device, flat, origins, directions, leaving, outwards)
+        place_of = rays.origins.astype(np.float64)
         hit = first != layout.NONE
         assert hit.mean() > 0.9
         if body == "box":
@@ -150,6 +161,10 @@ def test_a_ray_leaves_a_convex_body_for_good_or_comes_to_its_other_side(device: 
             assert (to_edge > rounding)[hit].mean() > 0.98
             hit &= to_edge > rounding
         again = second[hit] != layout.NONE
+        if outwards and body != "sphere":
+            beside = [at_rim(rays, i, flat, second[i]) for i in np.flatnonzero(hit)[again]]
+            assert len(beside) < 1e-3 * len(again)
+            again[again] = ~np.array(beside, bool)
         wrong = again if outwards else ~again
         side = "outwards" if outwards else "inwards"
         assert not wrong.any(), f"{wrong.sum()} of {hit.sum()} rays go wrong {side}"

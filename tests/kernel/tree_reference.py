@@ -31,7 +31,7 @@ class Words:
     Attributes
     ----------
     nodes : (n, 56) float32
-    triangle_packs : (t, 80) float32
+    triangle_packs : (t, 120) float32
     round_packs : (r, 64) float32
     """
 
@@ -104,7 +104,7 @@ def check(words: Words, scene: FlatScene) -> None:
     assert np.array_equal(low[parent, slot], low[below].min(1)), "a box is the union of those in it"
     assert np.array_equal(high[parent, slot], high[below].max(1)), "a box is the union of those in it"
 
-    triangle_ids = np.ascontiguousarray(words.triangle_packs[:, 72:]).view(np.uint32)
+    triangle_ids = np.ascontiguousarray(words.triangle_packs[:, 112:]).view(np.uint32)
     round_ids = np.ascontiguousarray(words.round_packs[:, 56:]).view(np.uint32)
     ids = np.concatenate([triangle_ids[triangle_ids != layout.NONE], round_ids[round_ids != layout.NONE]])
     assert np.array_equal(np.sort(ids), np.arange(scene.triangle_count + scene.round_count)), "each is in one leaf"
@@ -133,9 +133,19 @@ def _check_numbers(
     words: Words, scene: FlatScene, triangle_ids: npt.NDArray[np.uint32], round_ids: npt.NDArray[np.uint32]
 ) -> None:
     pack, slot = np.nonzero(triangle_ids != layout.NONE)
-    corners = scene.arrays["vertices"][scene.arrays["triangles"][triangle_ids[pack, slot]]].reshape(-1, 9)
-    stored = words.triangle_packs[:, :72].reshape(-1, 9, 8)[pack, :, slot]
-    assert np.array_equal(stored.view(np.uint32), corners.view(np.uint32)), "packs hold the vertices to the bit"
+    a, b, c = scene.arrays["vertices"][scene.arrays["triangles"][triangle_ids[pack, slot]]].transpose(1, 0, 2)
+    stored = words.triangle_packs[:, :112].reshape(-1, 14, 8)[pack, :, slot]
+    assert np.array_equal(stored[:, :3].view(np.uint32), a.view(np.uint32)), "packs hold A to the bit"
+    for edge, exact in ((stored[:, 3:6], a.astype(np.float64) - b), (stored[:, 6:9], c.astype(np.float64) - a)):
+        assert np.array_equal(edge, exact.astype(np.float32)), "packs hold the edges, rounded once"
+    edges = stored[:, 3:9].astype(np.float64).reshape(-1, 2, 3)
+    normal = np.cross(edges[:, 1], edges[:, 0])
+    assert (np.abs(stored[:, 9:12] - normal) <= 2**-23 * np.abs(normal) + 1e-38).all(), "packs hold the normal"
+    assert np.array_equal(stored[:, 12], np.abs(edges).max((1, 2))), "packs hold the largest component of the edges"
+    # Twice the error of the determinant of such a normal, over 32 roundings: see reference.triangles.
+    exactly = np.cross(b.astype(np.float64) - a, c.astype(np.float64) - a)
+    wrong = (np.abs(normal - exactly) + 2**-23 * np.abs(normal)).sum(1) + 3 * 2**-24 * np.abs(normal).sum(1)
+    assert (stored[:, 13] * 32 * 2**-24 >= 2 * wrong - 1e-37).all(), "packs bound the normal's error"
     pack, slot = np.nonzero(round_ids != layout.NONE)
     rows = scene.arrays["rounds"][round_ids[pack, slot] - scene.triangle_count]
     wanted = np.concatenate([rows["center_radius"], rows["normal"][:, :3]], axis=1)
