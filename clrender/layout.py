@@ -135,9 +135,9 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("environment", "uint", "index of the environment light, or NONE"),
         ("triangle_count", "uint", "primitives below it are triangles, the rest rounds"),
         ("primitive_count", "uint", ""),
+        ("lights_equal", "uint", "1: each light of the alias table keeps its own entry"),
         ("padding_0", "uint", ""),
         ("padding_1", "uint", ""),
-        ("padding_2", "uint", ""),
     ),
 }
 

@@ -7,9 +7,8 @@
 
 // Rows are sixteen floats (core/lane.h, lane_rows); kernels/geometry/rows.cl writes them.
 #define SCENE_ARRAYS(X)                                                                                                     \
-    X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal; [9] its shape */                          \
+    X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal, facing; then what it is made of */        \
     X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
-    X(float, shape_rows)     /* colour, absorption, kind, ior, roughness, first primitive, first light, flags */            \
     X(float, light_rows)     /* radiance, kind, probability, primitive, then its geometry or position */                    \
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
     X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
@@ -21,6 +20,9 @@
 #define SCENE_MEMBER_(type, name) __global const type* name;
 #define SCENE_PARAMETER_(type, name) __global const type *name,
 #define SCENE_COPY_(type, name) scene.name = name;
+
+// The last number of a primitive's row: the kind of material below this bit, the flags of the shape from it on.
+#define ROW_FLAGS 16u
 
 typedef struct {
     SCENE_ARRAYS(SCENE_MEMBER_)

@@ -77,9 +77,9 @@ typedef struct {
     uint environment;           // index of the environment light, or NONE
     uint triangle_count;        // primitives below it are triangles, the rest rounds
     uint primitive_count;
+    uint lights_equal;          // 1: each light of the alias table keeps its own entry
     uint padding_0;
     uint padding_1;
-    uint padding_2;
 } Settings;
 
 #endif

@@ -56,10 +56,9 @@ class SceneArrays:
         self.tree = bvh.build(device, bvh.SourceArrays(vertices, corners, rounds, triangles, primitives))
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
-            # Lanes without a hit read row 0 and the shape it names, so there has to be one.
+            # Lanes without a hit read row 0, so there has to be one.
             "primitive_rows": device.empty(64 * primitives) if primitives else device.upload(np.zeros(16, np.float32)),
             "normal_rows": device.empty(64 * (max(triangles, 1) if smooth else 1)),
-            "shape_rows": device.empty(64 * len(scene.arrays["shapes"])),
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             "nodes": self.tree.nodes,
@@ -70,12 +69,11 @@ class SceneArrays:
         geometry: list[Buffer | np.generic] = [vertices, corners, rounds]
         count, offset = np.uint32(primitives), np.uint32(triangles)
         rows = self.buffers["primitive_rows"]
-        self._rows("primitives", primitives, [*geometry, arrays["primitive_shape"], offset, count, rows])
+        made_of = [arrays[name] for name in ("primitive_shape", "shapes", "materials")]
+        self._rows("primitives", primitives, [*geometry, *made_of, offset, count, rows])
         if smooth:
             self._rows("normals", triangles, [arrays["normals"], corners, offset, self.buffers["normal_rows"]])
-        shapes, lights = len(scene.arrays["shapes"]), len(scene.arrays["lights"])
-        rows = self.buffers["shape_rows"]
-        self._rows("shapes", shapes, [arrays["shapes"], arrays["materials"], np.uint32(shapes), rows])
+        lights = len(scene.arrays["lights"])
         light_rows = [self.buffers["light_rows"], self.buffers["light_alias"]]
         self._rows("lights", lights, [arrays["lights"], *geometry, offset, np.uint32(lights), *light_rows])
         device.finish()
@@ -84,7 +82,7 @@ class SceneArrays:
 
     def _rows(self, name: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         if count:
-            program = self._device.program("geometry/rows.cl")
+            program = self._device.program("geometry/rows.cl", {"LANES": 1})
             self._device.launch(program, f"rows_{name}", -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
 
     def release(self) -> None:

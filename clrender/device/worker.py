@@ -67,7 +67,7 @@ class DeviceWorker:
     device : Device
     scene : FlatScene
     settings : (1,) `Settings`
-        `triangle_count`, `primitive_count`, `light_count` and `environment` are filled in here.
+        What depends on the scene is filled in here.
     entry, kernel : str
         The integrator: its file and its kernel.
     cut : Cut
@@ -105,6 +105,7 @@ class DeviceWorker:
         self._settings["primitive_count"] = scene.triangle_count + scene.round_count
         self._settings["light_count"] = scene.light_count
         self._settings["environment"] = scene.environment
+        self._settings["lights_equal"] = bool((scene.arrays["lights"]["alias_threshold"] >= 1.0).all())
         self._settings_buffer = device.upload(self._settings)
         self.build_seconds = time.perf_counter() - begin
         self._lanes = cut.lanes or _lanes(device)

@@ -57,17 +57,21 @@ static vfloat largest(vec3 a) { return greater(a.x, greater(a.y, a.z)); }
 static vfloat largest_size(vec3 a) { return greater(absolute(a.x), greater(absolute(a.y), absolute(a.z))); }
 static vfloat magnitude(vec3 a) { return sqrt(inner(a, a)); }
 
-// Unit vector along a, whose length is neither tiny nor huge; zero stays zero.
-static vec3 direction_of(vec3 a) {
-    const vfloat l2 = inner(a, a);
-    return scale(a, splat(1.0f) / sqrt(l2 > 0.0f ? l2 : splat(1.0f)));
-}
+static vfloat inverse_or_one(vfloat a) { return splat(1.0f) / (a > 0.0f ? a : splat(1.0f)); }
 
-// Unit vector along any a. Scaled by a power of two first, exactly, so that neither 1e-30 nor 1e30 is lost; zero stays zero.
-static vec3 unit(vec3 a) {
-    const vfloat m = largest_size(a);
-    const vfloat inverse = vfloat_from_bits(0x7f000000u - (vfloat_bits(m) & 0x7f800000u));
-    return direction_of(scale(a, inverse));
+// Unit vector along a, whose length is neither tiny nor huge; zero stays zero.
+static vec3 direction_of(vec3 a) { return scale(a, inverse_or_one(magnitude(a))); }
+// The same, where the length is 1 but for roundings: a step of Newton's.
+static vec3 direction_again(vec3 a) { return scale(a, fma(inner(a, a), splat(-0.5f), splat(1.5f))); }
+
+// A power of two that brings the vector's largest component to [1, 2), so that neither 1e-30 nor 1e30 is lost; of zero, any.
+static vfloat inverse_scale(vec3 a) { return vfloat_from_bits(0x7f000000u - (vfloat_bits(largest_size(a)) & 0x7f800000u)); }
+// Unit vector along any a; zero stays zero.
+static vec3 unit(vec3 a) { return direction_of(scale(a, inverse_scale(a))); }
+// One over the length of any a.
+static vfloat inverse_magnitude(vec3 a) {
+    const vfloat s = inverse_scale(a);
+    return inverse_or_one(magnitude(scale(a, s))) * s;
 }
 
 // cos and sin of 2π u, u in [0, 1): quadrant, then minimax polynomials on [−π/4, π/4] (Cody & Waite's reduction is exact here,

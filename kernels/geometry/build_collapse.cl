@@ -88,7 +88,7 @@ static void collapse_triangle_pack(__global float* pack, const uint primitives[8
             corner[c] = vec3_of(vertices[v], vertices[v + 1], vertices[v + 2]);
         }
         const Triangle t = triangle_of(corner[0], corner[1], corner[2]);
-        const vec3 rows[4] = {t.a, t.ba, t.ac, t.normal};
+        const vec3 rows[4] = {t.a, t.ab, t.ca, t.normal};
         for (uint k = 0; k < 4; ++k) pack[k * 24 + i] = rows[k].x, pack[k * 24 + 8 + i] = rows[k].y, pack[k * 24 + 16 + i] = rows[k].z;
         pack[96 + i] = t.size;
         pack[104 + i] = t.unsure;

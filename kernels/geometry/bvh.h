@@ -15,7 +15,7 @@
 #define BVH_HIGH 24
 #define BVH_CHILD 48
 
-// Triangles as triangle.h prepares them, eight numbers each: a, ba, ac, normal, three axes each, size, unsure; then the primitives'
+// Triangles as triangle.h prepares them, eight numbers each: a, ab, ca, normal, three axes each, size, unsure; then the primitives'
 // numbers, NONE where the pack is not full.
 #define TRIANGLE_PACK_WORDS 120
 #define TRIANGLE_PACK_ID 112

@@ -15,6 +15,7 @@
 typedef struct {
     vec3 origin, direction, inverse;
     vfloat slack;                // for the triangle test
+    vfloat inverse2;             // one over the direction's square
     vuint from, to;
     vfloat nearest;
     vuint primitive;
@@ -25,6 +26,7 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
     p.origin = ray->origin;
     p.direction = ray->direction;
     p.inverse = vec3_of(box_inverse(ray->direction.x), box_inverse(ray->direction.y), box_inverse(ray->direction.z));
+    p.inverse2 = inverse_or_one(inner(ray->direction, ray->direction));
     p.slack = largest_size(ray->direction) * TRIANGLE_SLACK;
     p.from = ray->from;
     p.to = ray->to;
@@ -54,13 +56,13 @@ static void packet_triangles(PacketRay* ray, __global const float* pack, vfloat 
     for (int i = 0; i < 8; ++i, ++pack) {
         const uint id = as_uint(pack[TRIANGLE_PACK_ID]);
         if (id == NONE) break;
-        const vec3 to = vec3_of(pack[0] - ray->origin.x, pack[8] - ray->origin.y, pack[16] - ray->origin.z);
+        const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
         const vfloat nx = splat(pack[72]), ny = splat(pack[80]), nz = splat(pack[88]);
         vfloat determinant, b, c;
-        const vmask hit = triangle_hit_lanes(to.x, to.y, to.z, splat(pack[24]), splat(pack[32]), splat(pack[40]), splat(pack[48]),
+        const vmask hit = triangle_hit_lanes(from.x, from.y, from.z, splat(pack[24]), splat(pack[32]), splat(pack[40]), splat(pack[48]),
                                              splat(pack[56]), splat(pack[64]), nx, ny, nz, splat(pack[96]), splat(pack[104]),
                                              ray->direction.x, ray->direction.y, ray->direction.z, ray->slack, &determinant, &b, &c);
-        const vfloat distance = triangle_distance_lanes(to.x, to.y, to.z, nx, ny, nz, determinant);
+        const vfloat distance = triangle_distance_lanes(from.x, from.y, from.z, nx, ny, nz, determinant);
         packet_keep(ray, hit, distance, entered, id, any_hit, &nearest, &primitive);
     }
     ray->nearest = nearest;
@@ -79,14 +81,14 @@ static void packet_rounds(PacketRay* ray, __global const float* pack, vfloat ent
         if (nx != 0.0f || ny != 0.0f || nz != 0.0f)
             hit = disk_hit_lanes(to.x, to.y, to.z, splat(radius), splat(nx), splat(ny), splat(nz), d.x, d.y, d.z, &distance);
         else
-            hit = sphere_hit_lanes(to.x, to.y, to.z, splat(radius), d.x, d.y, d.z, &distance);
+            hit = sphere_hit_lanes(to.x, to.y, to.z, splat(radius), d.x, d.y, d.z, ray->inverse2, &distance);
         packet_keep(ray, hit, distance, entered, id, any_hit, &ray->nearest, &ray->primitive);
     }
 }
 
 // What one ray alone needs, lane by lane in private arrays.
 typedef struct {
-    float origin[3][LANES], direction[3][LANES], inverse[3][LANES], slack[LANES];
+    float origin[3][LANES], direction[3][LANES], inverse[3][LANES], slack[LANES], inverse2[LANES];
     uint from[LANES], to[LANES];
 } PartedRays;
 
@@ -98,6 +100,7 @@ static void packet_part(const PacketRay* ray, PartedRays* parted) {
     STORE(inverse);
 #undef STORE
     lane_store(ray->slack, parted->slack);
+    lane_store(ray->inverse2, parted->inverse2);
     lane_store(ray->from, parted->from);
     lane_store(ray->to, parted->to);
 }
@@ -121,6 +124,7 @@ static void packet_alone(const Bvh* bvh, PacketRay* ray, const PartedRays* parte
             one.inverse[k] = parted->inverse[k][lane];
         }
         one.slack = parted->slack[lane];
+        one.inverse2 = parted->inverse2[lane];
         one.from = parted->from[lane];
         one.to = parted->to[lane];
         one.nearest = nearest[lane];
@@ -137,9 +141,9 @@ static void packet_alone(const Bvh* bvh, PacketRay* ray, const PartedRays* parte
 static int packet_children(const PacketRay* ray, __global const float* node, uint* stack, vfloat* stack_near, int top) {
     for (int i = 0; i < 8 && as_uint(node[BVH_CHILD + i]) != BVH_EMPTY; ++i) {
         vfloat near, far;
-        box_interval_lanes(node[i] - ray->origin.x, node[8 + i] - ray->origin.y, node[16 + i] - ray->origin.z,
-                           node[24 + i] - ray->origin.x, node[32 + i] - ray->origin.y, node[40 + i] - ray->origin.z,
-                           ray->inverse.x, ray->inverse.y, ray->inverse.z, &near, &far);
+        box_interval_lanes(ray->origin.x - node[i], ray->origin.y - node[8 + i], ray->origin.z - node[16 + i],
+                           ray->origin.x - node[24 + i], ray->origin.y - node[32 + i], ray->origin.z - node[40 + i],
+                           -ray->inverse.x, -ray->inverse.y, -ray->inverse.z, &near, &far);
         const vmask enters = (near <= far) & (near <= ray->nearest);
         stack[top + 1] = as_uint(node[BVH_CHILD + i]);
         stack_near[top + 1] = enters ? near : splat(NEVER);

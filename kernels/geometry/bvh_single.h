@@ -7,7 +7,7 @@
 #include "types.h"
 
 typedef struct {
-    float origin[3], direction[3], inverse[3], slack;
+    float origin[3], direction[3], inverse[3], slack, inverse2;
     uint from, to;
     float nearest;       // distance of the nearest hit so far; negative once an occluder was found
     uint primitive;      // its number
@@ -35,15 +35,15 @@ static void single_keep(SingleRay* ray, int8 hit, float8 distance, float entered
 }
 
 static void single_triangles(SingleRay* ray, __global const float* pack, float entered, int any_hit) {
-    const float8 to_x = vload8(0, pack) - ray->origin[0], to_y = vload8(1, pack) - ray->origin[1], to_z = vload8(2, pack) - ray->origin[2];
+    const float8 from_x = ray->origin[0] - vload8(0, pack), from_y = ray->origin[1] - vload8(1, pack), from_z = ray->origin[2] - vload8(2, pack);
     const float8 nx = vload8(9, pack), ny = vload8(10, pack), nz = vload8(11, pack);
     float8 determinant, b, c;
-    const int8 hit = triangle_hit_pack(to_x, to_y, to_z, vload8(3, pack), vload8(4, pack), vload8(5, pack), vload8(6, pack),
+    const int8 hit = triangle_hit_pack(from_x, from_y, from_z, vload8(3, pack), vload8(4, pack), vload8(5, pack), vload8(6, pack),
                                        vload8(7, pack), vload8(8, pack), nx, ny, nz, vload8(12, pack), vload8(13, pack),
                                        (float8)(ray->direction[0]), (float8)(ray->direction[1]), (float8)(ray->direction[2]),
                                        (float8)(ray->slack), &determinant, &b, &c);
     if (!any_of_eight(hit)) return;
-    const float8 distance = triangle_distance_pack(to_x, to_y, to_z, nx, ny, nz, determinant);
+    const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
     single_keep(ray, hit, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);
 }
 
@@ -54,7 +54,7 @@ static void single_rounds(SingleRay* ray, __global const float* pack, float ente
     const float8 to_x = cx - ray->origin[0], to_y = cy - ray->origin[1], to_z = cz - ray->origin[2];
     const int8 disk = (nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f);
     float8 sphere_distance, disk_distance;
-    const int8 sphere = sphere_hit_pack(to_x, to_y, to_z, radius, dx, dy, dz, &sphere_distance);
+    const int8 sphere = sphere_hit_pack(to_x, to_y, to_z, radius, dx, dy, dz, (float8)(ray->inverse2), &sphere_distance);
     const int8 flat = disk_hit_pack(to_x, to_y, to_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
     const int8 hit = disk ? flat : sphere;
     if (!any_of_eight(hit)) return;

@@ -1,5 +1,6 @@
 // The tables that shading reads lane by lane, rows of sixteen floats (scene.h), from the arrays of the host.
-#include "types.h"
+#include "core/exact.h"
+#include "scene.h"
 
 static void rows_put(__global float* row, const float values[16]) {
     for (int k = 0; k < 16; ++k) row[k] = values[k];
@@ -17,13 +18,22 @@ static void rows_geometry(float row[9], uint primitive, uint triangle_count, __g
     }
 }
 
+// Its geometry, then colour, absorption, index of refraction, light or NONE, and the material's kind with the shape's flags above it.
 __kernel void rows_primitives(__global const float* vertices, __global const uint* triangles, __global const Round* rounds,
-                              __global const uint* primitive_shape, uint triangle_count, uint count, __global float* rows) {
+                              __global const uint* primitive_shape, __global const Shape* shapes, __global const Material* materials,
+                              uint triangle_count, uint count, __global float* rows) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
+    const Shape s = shapes[primitive_shape[i]];
+    const Material m = materials[s.material];
+    const uint light = s.first_light == NONE ? NONE : s.first_light + (i - s.first_primitive);
     float row[16] = {0.0f};
     rows_geometry(row, i, triangle_count, vertices, triangles, rounds);
-    row[9] = as_float(primitive_shape[i]);
+    row[9] = m.color.x, row[10] = m.color.y, row[11] = m.color.z;
+    row[12] = m.color.w;
+    row[13] = m.ior;
+    row[14] = as_float(light);
+    row[15] = as_float(m.kind | (s.flags << ROW_FLAGS));
     rows_put(rows + (size_t)i * 16, row);
 }
 
@@ -35,18 +45,8 @@ __kernel void rows_normals(__global const float* normals, __global const uint* t
     rows_put(rows + (size_t)i * 16, row);
 }
 
-__kernel void rows_shapes(__global const Shape* shapes, __global const Material* materials, uint count, __global float* rows) {
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) return;
-    const Shape s = shapes[i];
-    const Material m = materials[s.material];
-    const float row[16] = {m.color.x, m.color.y, m.color.z, m.color.w, as_float(m.kind), m.ior, m.roughness,
-                           as_float(s.first_primitive), as_float(s.first_light), as_float(s.flags), 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
-    rows_put(rows + (size_t)i * 16, row);
-}
-
-// After the six numbers every light has: a triangle's vertices; a sphere's or disk's centre, (radius, facing, 0) and normal; a
-// point's position; a directional light's direction.
+// After the six numbers every light has: a triangle's A, B − A, C − A and one over the length of their cross product, twice the area; a
+// sphere's or disk's centre, (radius, facing, 0) and normal; a point's position; a directional light's direction.
 __kernel void rows_lights(__global const Light* lights, __global const float* vertices, __global const uint* triangles,
                           __global const Round* rounds, uint triangle_count, uint count, __global float* rows,
                           __global float* alias) {
@@ -58,7 +58,11 @@ __kernel void rows_lights(__global const Light* lights, __global const float* ve
         float g[9];
         rows_geometry(g, l.primitive, triangle_count, vertices, triangles, rounds);
         if (l.primitive < triangle_count) {
-            for (int k = 0; k < 9; ++k) row[6 + k] = g[k];
+            const vec3 a = vec3_of(g[0], g[1], g[2]), ab = sub(vec3_of(g[3], g[4], g[5]), a), ac = sub(vec3_of(g[6], g[7], g[8]), a);
+            row[6] = a.x, row[7] = a.y, row[8] = a.z;
+            row[9] = ab.x, row[10] = ab.y, row[11] = ab.z;
+            row[12] = ac.x, row[13] = ac.y, row[14] = ac.z;
+            row[15] = inverse_magnitude(outer(ab, ac));
         } else {
             row[6] = g[0], row[7] = g[1], row[8] = g[2];
             row[9] = g[3], row[10] = g[7];

@@ -73,21 +73,20 @@ static void surface_round(const Ray* ray, vfloat distance, const vfloat row[16],
 
 static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask active) {
     Surface s;
-    vfloat row[16], shape[16];
+    vfloat row[16];
     s.primitive = active ? hit.primitive : splat_uint(0u);
     lane_rows(scene->primitive_rows, s.primitive, row);
-    lane_rows(scene->shape_rows, vfloat_bits(row[9]), shape);
-    s.color = vec3_of(shape[0], shape[1], shape[2]);
-    s.absorption = shape[3];
-    s.kind = vfloat_bits(shape[4]);
-    s.ior = shape[5];
+    s.color = vec3_of(row[9], row[10], row[11]);
+    s.absorption = row[12];
+    s.ior = row[13];
+    s.light = vfloat_bits(row[14]);
+    const vuint kind_and_flags = vfloat_bits(row[15]);
+    s.kind = kind_and_flags & ((1u << ROW_FLAGS) - 1u);
     const vmask round = s.primitive >= scene->settings->triangle_count;
-    const vmask smooth = active & !round & ((vfloat_bits(shape[9]) & SHAPE_SMOOTH) != 0u);
+    const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
     surface_triangle(scene, ray, row, smooth, &s);
     if (lane_any(round)) surface_round(ray, hit.distance, row, round, &s);
     s.front = inner(s.normal, ray->direction) < 0.0f;
-    const vuint first_light = vfloat_bits(shape[8]);
-    s.light = first_light != NONE ? first_light + s.primitive - vfloat_bits(shape[7]) : splat_uint(NONE);
     return s;
 }
 

@@ -10,32 +10,36 @@
 #define TRIANGLE_EDGE_ON 1.0e-36f
 
 typedef struct {
-    vec3 a, ba, ac;      // the vertex A, A − B, C − A
+    vec3 a, ab, ca;      // the vertex A, B − A, A − C
     vec3 normal;         // (B − A) × (C − A)
     vfloat size;         // the largest component of the edges
     vfloat unsure;       // twice the error of the determinant, for a direction whose largest component is 1, over TRIANGLE_SLACK
 } Triangle;
 
-// What rounding took away from b − a, exactly (Knuth's two-sum), to within its sign.
-static vfloat triangle_lost(vfloat a, vfloat b, vfloat difference) {
+// What rounding took away from b − a, exactly (Knuth's two-sum), but for its sign.
+static vfloat triangle_lost_of(vfloat a, vfloat b, vfloat difference) {
     const vfloat back = b - difference;
     return absolute((back - a) - ((back + difference) - b));
+}
+// Of its components the largest.
+static vfloat triangle_lost(vec3 a, vec3 b, vec3 difference) {
+    return largest_size(vec3_of(triangle_lost_of(a.x, b.x, difference.x), triangle_lost_of(a.y, b.y, difference.y),
+                                triangle_lost_of(a.z, b.z, difference.z)));
 }
 
 static Triangle triangle_of(vec3 a, vec3 b, vec3 c) {
     Triangle t;
     t.a = a;
-    t.ba = sub(a, b);
-    t.ac = sub(c, a);
-    t.normal = outer(t.ac, t.ba);
-    const vfloat size_ba = largest_size(t.ba), size_ac = largest_size(t.ac);
-    t.size = greater(size_ba, size_ac);
+    t.ab = sub(b, a);
+    t.ca = sub(a, c);
+    t.normal = outer(t.ca, t.ab);
+    const vfloat size_ab = largest_size(t.ab), size_ca = largest_size(t.ca);
+    t.size = greater(size_ab, size_ca);
     // Each component of the normal is off by two roundings of its own, and by the edges' errors times the other edge, twice; the three
     // products of the determinant by three roundings.
-    const vfloat lost_ba = largest_size(vec3_of(triangle_lost(b.x, a.x, t.ba.x), triangle_lost(b.y, a.y, t.ba.y), triangle_lost(b.z, a.z, t.ba.z)));
-    const vfloat lost_ac = largest_size(vec3_of(triangle_lost(a.x, c.x, t.ac.x), triangle_lost(a.y, c.y, t.ac.y), triangle_lost(a.z, c.z, t.ac.z)));
+    const vfloat lost_ab = triangle_lost(a, b, t.ab), lost_ca = triangle_lost(c, a, t.ca);
     const vfloat rounding = (absolute(t.normal.x) + absolute(t.normal.y) + absolute(t.normal.z)) * (5.0f * EPSILON);
-    const vfloat edges = fma(lost_ba, size_ac, lost_ac * size_ba) * 6.0f;
+    const vfloat edges = fma(lost_ab, size_ca, lost_ca * size_ab) * 6.0f;
     t.unsure = (rounding + edges) * (2.125f / TRIANGLE_SLACK);
     return t;
 }

@@ -71,8 +71,7 @@ static void path_start(const Scene* scene, vmask start, Path* path) {
 
 // The weight of a sample found with density `a` when it could have been found with density `b` too (balance heuristic).
 static vfloat path_weight(vfloat a, vfloat b) {
-    const vfloat sum = a + b;
-    return sum > 0.0f ? a / (sum > 0.0f ? sum : splat(1.0f)) : splat(0.0f);
+    return a * inverse_or_one(a + b);
 }
 
 // Light that the ray ran into: from a surface that shines, or from outside the scene.
@@ -106,7 +105,7 @@ static vec3 path_direct(const Scene* scene, const Bsdf* bsdf, const LightSample*
     const vmask usable = strategy == STRATEGY_MATERIALS && material_rays != 0 ? light->delta : light->pdf > 0.0f;
     const vfloat other = only_here ? splat(0.0f) : material_pdf * (float)material_rays;
     const vfloat density = light->pdf * (float)shadow_rays + other;
-    return choose(usable, scale(mul(f, light->radiance), splat(1.0f) / (usable ? density : splat(1.0f))), vec3_all(0.0f));
+    return choose(usable, scale(mul(f, light->radiance), inverse_or_one(density)), vec3_all(0.0f));
 }
 
 // Whether the path goes on after this vertex, and its throughput divided by the probability that it does.
@@ -117,7 +116,7 @@ static vmask path_roulette(const Scene* scene, Path* path, const Surface* surfac
     if (roulette == ROULETTE_THROUGHPUT)
         survival = path->depth >= 4u ? lesser(largest(path->throughput), splat(0.95f)) : splat(1.0f);
     const vmask goes_on = unit_interval(bits) < survival;
-    path->throughput = scale(path->throughput, splat(1.0f) / (survival > 0.0f ? survival : splat(1.0f)));
+    path->throughput = scale(path->throughput, inverse_or_one(survival));
     return goes_on;
 }
 

@@ -16,28 +16,24 @@ typedef struct {
     vfloat pdf;          // per steradian
 } AreaSample;
 
-// Density by area turned into density by solid angle, for a point on the light seen from `origin`.
-static vfloat area_pdf(vec3 origin, vec3 point, vec3 normal, vfloat area) {
-    const vec3 to = sub(point, origin);
-    const vfloat distance2 = inner(to, to);
-    const vfloat cosine = -inner(to, normal) / sqrt(distance2 > 0.0f ? distance2 : splat(1.0f));
-    const vmask seen = (cosine > 0.0f) & (area > 0.0f) & (distance2 > 0.0f);
-    return seen ? distance2 / ((seen ? cosine : splat(1.0f)) * area) : splat(0.0f);
+// Density by area, 1/area, turned into density by solid angle, for the point of the light `to` away from where it is seen.
+static vfloat area_pdf(vec3 to, vec3 normal, vfloat inverse_area) {
+    const vfloat distance2 = inner(to, to), slope = -inner(to, normal);      // the distance times the cosine at the light
+    const vmask seen = slope > 0.0f;
+    return seen ? distance2 * sqrt(distance2) * inverse_area / (seen ? slope : splat(1.0f)) : splat(0.0f);
 }
 
-static vfloat triangle_area(vec3 a, vec3 b, vec3 c) { return magnitude(outer(sub(b, a), sub(c, a))) * 0.5f; }
-
-static AreaSample triangle_sample(vec3 origin, vec3 a, vec3 b, vec3 c, vfloat u, vfloat v) {
+// `inverse` is one over the length of ab × ac.
+static AreaSample triangle_sample(vec3 origin, vec3 a, vec3 ab, vec3 ac, vfloat inverse, vfloat u, vfloat v) {
     vfloat weight_b, weight_c;
     warp_triangle(u, v, &weight_b, &weight_c);
-    const vec3 ab = sub(b, a), ac = sub(c, a);
     AreaSample s;
     s.point = along(along(a, ab, weight_b), ac, weight_c);
-    s.normal = unit(outer(ab, ac));
+    s.normal = scale(outer(ab, ac), inverse);
     s.error = scale(vec3_of(absolute(a.x) + absolute(ab.x) + absolute(ac.x), absolute(a.y) + absolute(ab.y) + absolute(ac.y),
                             absolute(a.z) + absolute(ab.z) + absolute(ac.z)),
                     splat(8.0f * EPSILON));
-    s.pdf = area_pdf(origin, s.point, s.normal, triangle_area(a, b, c));
+    s.pdf = area_pdf(sub(s.point, origin), s.normal, inverse * 2.0f);
     return s;
 }
 
@@ -55,7 +51,7 @@ static vfloat sphere_spread(vec3 origin, vec3 center, vfloat radius) {
 static vfloat sphere_pdf(vec3 origin, vec3 center, vfloat radius, vfloat facing, vec3 point, vec3 normal) {
     const vfloat spread = sphere_spread(origin, center, radius);
     const vfloat cone = spread > 0.0f ? warp_cone_pdf(spread > 0.0f ? spread : splat(1.0f)) : splat(0.0f);
-    return facing > 0.0f ? cone : area_pdf(origin, point, normal, radius * radius * (4.0f * PI));
+    return facing > 0.0f ? cone : area_pdf(sub(point, origin), normal, inverse_or_one(radius * radius * (4.0f * PI)));
 }
 
 static AreaSample sphere_sample(vec3 origin, vec3 center, vfloat radius, vfloat facing, vfloat u, vfloat v) {
@@ -63,7 +59,7 @@ static AreaSample sphere_sample(vec3 origin, vec3 center, vfloat radius, vfloat 
     const vec3 to = sub(center, origin);
     const vec3 direction = frame_to_world(frame_around(unit(to)), warp_cone(u, v, spread));
     vfloat distance;
-    const vmask hit = sphere_hit_lanes(to.x, to.y, to.z, radius, direction.x, direction.y, direction.z, &distance);
+    const vmask hit = sphere_hit_lanes(to.x, to.y, to.z, radius, direction.x, direction.y, direction.z, splat(1.0f), &distance);
     const vfloat at = hit ? distance : inner(to, direction);       // the cone's rim may miss by a rounding
     const vec3 seen = unit(sub(along(origin, direction, at), center));
     const vec3 outward = choose(facing > 0.0f, seen, warp_sphere(u, v));
@@ -85,7 +81,7 @@ static AreaSample disk_sample(vec3 origin, vec3 center, vfloat radius, vec3 norm
     s.normal = normal;
     s.error = scale(vec3_of(absolute(center.x) + radius, absolute(center.y) + radius, absolute(center.z) + radius),
                     splat(8.0f * EPSILON));
-    s.pdf = area_pdf(origin, s.point, normal, radius * radius * PI);
+    s.pdf = area_pdf(sub(s.point, origin), normal, inverse_or_one(radius * radius * PI));
     return s;
 }
 

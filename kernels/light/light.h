@@ -40,6 +40,10 @@ static vuint light_choose(const Scene* scene, vuint bits, vuint* rest) {
     const uint count = scene->settings->light_count;
     vuint left;
     const vuint entry = sampler_pick(bits, count, &left);
+    if (scene->settings->lights_equal) {
+        *rest = left;
+        return entry;
+    }
     const vfloat threshold = lane_gather(scene->light_alias, entry * 2u);
     const vuint alias = vfloat_bits(lane_gather(scene->light_alias, entry * 2u + 1u));
     const vfloat u = unit_interval(left);
@@ -57,7 +61,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     const vec3 c = vec3_of(l.row[12], l.row[13], l.row[14]);
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
     const vmask point = l.kind == LIGHT_POINT, directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
-    AreaSample area = triangle_sample(origin, a, b, c, u, v);
+    AreaSample area = triangle_sample(origin, a, b, c, l.row[15], u, v);
     if (lane_any(sphere)) area = area_sample_choose(sphere, sphere_sample(origin, a, b.x, b.y, u, v), area);
     if (lane_any(disk)) area = area_sample_choose(disk, disk_sample(origin, a, b.x, c, u, v), area);
 
@@ -69,7 +73,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     LightSample s;
     s.direction = direction_of(to);
     s.target = choose(point, a, clear);
-    s.radiance = choose(point, scale(l.radiance, splat(1.0f) / (distance2 > 0.0f ? distance2 : splat(1.0f))), l.radiance);
+    s.radiance = choose(point, scale(l.radiance, inverse_or_one(distance2)), l.radiance);
     s.pdf = (point | directional) ? l.probability : area.pdf * l.probability;
     s.pdf = (l.primitive == own) & !(sphere & (b.y < 0.0f)) ? splat(0.0f) : s.pdf;
     s.primitive = (triangle | sphere | disk) ? l.primitive : splat_uint(NONE);
@@ -101,17 +105,17 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint ligh
     const vec3 c = vec3_of(l.row[12], l.row[13], l.row[14]);
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
     const vmask directional = l.kind == LIGHT_DIRECTIONAL;
-    const vec3 center = choose(triangle, scale(add(add(a, b), c), splat(1.0f / 3.0f)), a);
+    const vec3 center = choose(triangle, along(a, add(b, c), splat(1.0f / 3.0f)), a);
     const vec3 to = sub(center, origin);
     const vfloat distance2 = inner(to, to);
     LightSample s;
     s.direction = choose(directional, negate(a), unit(to));
     s.target = choose(directional, negate(a), center);
-    const vec3 normal = choose(triangle, unit(outer(sub(b, a), sub(c, a))), c);
+    const vec3 normal = choose(triangle, scale(outer(b, c), l.row[15]), c);
     const vfloat facing = greater(-inner(s.direction, normal), splat(0.0f));
     const vfloat disk_area = b.x * b.x * PI;
-    const vfloat size = triangle ? triangle_area(a, b, c) * facing : (disk ? disk_area * facing : (sphere ? disk_area : splat(1.0f)));
-    const vfloat spread = directional ? splat(1.0f) : size / (distance2 > 0.0f ? distance2 : splat(1.0f));
+    const vfloat size = triangle ? inverse_or_one(l.row[15]) * 0.5f * facing : (disk ? disk_area * facing : (sphere ? disk_area : splat(1.0f)));
+    const vfloat spread = directional ? splat(1.0f) : size * inverse_or_one(distance2);
     s.radiance = scale(l.radiance, spread);
     s.pdf = l.kind == LIGHT_ENVIRONMENT ? splat(0.0f) : splat(1.0f);
     s.primitive = (triangle | sphere | disk) ? l.primitive : splat_uint(NONE);
@@ -126,12 +130,12 @@ static vec3 light_emitted(const Scene* scene, const Surface* s, vec3 origin, vfl
     const vmask shines = (s->light != NONE) & s->front;
     const Light_ l = light_at(scene, shines ? s->light : splat_uint(0u));
     const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
-    const vec3 b = vec3_of(l.row[9], l.row[10], l.row[11]);
-    const vec3 c = vec3_of(l.row[12], l.row[13], l.row[14]);
+    const vfloat radius = l.row[9], facing = l.row[10];
     const vmask sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
-    const vfloat area = disk ? b.x * b.x * PI : triangle_area(a, b, c);
-    vfloat density = area_pdf(origin, s->point, s->normal, area);
-    if (lane_any(sphere)) density = sphere ? sphere_pdf(origin, a, b.x, b.y, s->point, s->normal) : density;
+    vfloat inverse_area = l.row[15] * 2.0f;
+    if (lane_any(disk)) inverse_area = disk ? inverse_or_one(radius * radius * PI) : inverse_area;
+    vfloat density = area_pdf(sub(s->point, origin), s->normal, inverse_area);
+    if (lane_any(sphere)) density = sphere ? sphere_pdf(origin, a, radius, facing, s->point, s->normal) : density;
     *pdf = shines ? density * l.probability : splat(0.0f);
     return choose(shines, l.radiance, vec3_all(0.0f));
 }

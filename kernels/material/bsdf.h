@@ -63,7 +63,7 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
         s.weight = choose(delta, choose(mirror, mirror_weight, glass_weight), s.weight);
         s.pdf = delta ? splat(0.0f) : s.pdf;
     }
-    s.direction = direction_of(frame_to_world(b->frame, wi));
+    s.direction = direction_again(frame_to_world(b->frame, wi));
     // A direction on the other side of the geometry than it is of the shading normal carries no light.
     const vmask crossed = (inner(s.direction, b->side) > 0.0f) != (wi.z > 0.0f);
     s.weight = choose(crossed, vec3_all(0.0f), s.weight);

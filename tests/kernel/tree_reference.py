@@ -136,7 +136,7 @@ def _check_numbers(
     a, b, c = scene.arrays["vertices"][scene.arrays["triangles"][triangle_ids[pack, slot]]].transpose(1, 0, 2)
     stored = words.triangle_packs[:, :112].reshape(-1, 14, 8)[pack, :, slot]
     assert np.array_equal(stored[:, :3].view(np.uint32), a.view(np.uint32)), "packs hold A to the bit"
-    for edge, exact in ((stored[:, 3:6], a.astype(np.float64) - b), (stored[:, 6:9], c.astype(np.float64) - a)):
+    for edge, exact in ((stored[:, 3:6], b.astype(np.float64) - a), (stored[:, 6:9], a.astype(np.float64) - c)):
         assert np.array_equal(edge, exact.astype(np.float32)), "packs hold the edges, rounded once"
     edges = stored[:, 3:9].astype(np.float64).reshape(-1, 2, 3)
     normal = np.cross(edges[:, 1], edges[:, 0])
