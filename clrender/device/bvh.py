@@ -21,19 +21,13 @@ __all__ = ["CHUNK", "NODE_WORDS", "ROUND_PACK_WORDS", "STACK", "TRIANGLE_PACK_WO
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
 NODE_WORDS: Final = 56
-TRIANGLE_PACK_WORDS: Final = 120
+TRIANGLE_PACK_WORDS: Final = 128
 ROUND_PACK_WORDS: Final = 64
 CHUNK: Final = 1024
 STACK: Final = 96
 """Entries a traversal has room for unless the host asks for more."""
 _WORK_GROUP: Final = 16
 _SORT_BITS: Final = 63
-
-# A full leaf tests eight triangles against one ray for the price of one, and takes least memory. In a small scene all
-# rays go together, where each triangle costs as much as two boxes, and a wall alone in its box is soon left out.
-_LEAF_MOST: Final = 8
-_LEAF_MOST_OF_FEW: Final = 2
-_FEW_PRIMITIVES: Final = 256
 
 _Arguments: TypeAlias = "list[Buffer | np.generic]"
 
@@ -45,8 +39,10 @@ class SourceArrays:
     vertices: Buffer
     triangles: Buffer
     rounds: Buffer
+    primitive_shape: Buffer
+    shapes: Buffer
     triangle_count: int
-    primitive_count: int
+    round_count: int
 
 
 @dataclass(frozen=True)
@@ -83,7 +79,7 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     ----------
     device : Device
     source : SourceArrays
-        At most 2**29 primitives.
+        At most 2**29 triangles, spheres and disks.
 
     Returns
     -------
@@ -94,7 +90,7 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     RenderError
         When there are too many primitives, or the device has no memory for them.
     """
-    count = source.primitive_count
+    count = source.triangle_count + source.round_count
     if count > 1 << 29:
         raise RenderError(f"the scene has {count} triangles and spheres and the tree holds {1 << 29}: split the scene")
     builder = _Builder(device, source)
@@ -118,11 +114,25 @@ class _Builder:
     def __init__(self, device: Device, source: SourceArrays) -> None:
         self.device = device
         self.source = source
-        self._leaf_most = _u(_LEAF_MOST if source.primitive_count > _FEW_PRIMITIVES else _LEAF_MOST_OF_FEW)
         defines = {"LANES": 1}
         self._order = device.program("geometry/build_order.cl", defines)
         self._merge = device.program("geometry/build_merge.cl", defines)
         self._collapse = device.program("geometry/build_collapse.cl", defines)
+        self._units, self._triangle_units = self._paired()
+        self._count_units = self._triangle_units + source.round_count
+
+    def _paired(self) -> tuple[Buffer, int]:
+        """What stands in the tree for the triangles: one for each, or for two that are a parallelogram."""
+        device, source, count = self.device, self.source, self.source.triangle_count
+        if count == 0:
+            return device.empty(4), 0
+        units, places = device.empty(4 * count), device.empty(4 * count)
+        head: _Arguments = [source.vertices, source.triangles, source.primitive_shape, source.shapes, _u(count)]
+        self._each(self._order, "build_starts", count, [*head, places])
+        total = self._scan(places, count)
+        self._each(self._order, "build_units", count, [*head, places, units])
+        device.release(places)
+        return units, total
 
     def empty(self) -> Bvh:
         node = np.zeros(NODE_WORDS, np.float32)
@@ -132,14 +142,14 @@ class _Builder:
         return Bvh(upload(node), *packs, 1, 0, 0, 1)
 
     def order(self) -> tuple[Buffer, Buffer]:
-        """Primitives in Morton order, and their boxes in their own."""
-        source, count = self.source, self.source.primitive_count
+        """Units in Morton order, and their boxes in their own."""
+        source, count = self.source, self._count_units
         boxes = self.device.empty(24 * count)
         self._each(
             self._order,
             "build_boxes",
             count,
-            [source.vertices, source.triangles, source.rounds, _u(source.triangle_count), _u(count), boxes],
+            [self._units, source.vertices, source.triangles, source.rounds, _u(self._triangle_units), _u(count), boxes],
         )
         bounds, length, centers = boxes, count, 1
         while length > 1 or centers:
@@ -168,12 +178,12 @@ class _Builder:
         return values
 
     def merge(self, order: Buffer, boxes: Buffer) -> _BinaryTree:
-        """The binary tree over the ordered primitives; consumes `boxes`."""
-        device, count = self.device, self.source.primitive_count
+        """The binary tree over the ordered units; consumes `boxes`."""
+        device, count = self.device, self._count_units
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
         children = device.empty(8 * 2 * count)
         clusters, merged, nearest = (device.empty(4 * count) for _ in range(3))
-        arguments: _Arguments = [boxes, order, _u(self.source.triangle_count), _u(count), node_boxes, members, clusters]
+        arguments: _Arguments = [boxes, order, _u(self._triangle_units), _u(count), node_boxes, members, clusters]
         self._each(self._merge, "build_leaves", count, arguments)
         device.release(boxes)
         length, next_node = count, count
@@ -207,16 +217,17 @@ class _Builder:
         while task_count:
             slots, counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(source.primitive_count), slots]
-            arguments += [_u(task_count), self._leaf_most, *counts, *(_u(number) for number in made)]
-            arguments += [source.vertices, source.triangles, source.rounds, _u(source.triangle_count)]
+            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(self._count_units), slots]
+            arguments += [_u(task_count), *counts, *(_u(number) for number in made)]
+            arguments += [self._units, source.vertices, source.triangles, source.rounds]
+            arguments += [_u(self._triangle_units), _u(source.triangle_count)]
             arguments += [node_buffer, triangle_buffer, round_buffer, next_tasks]
             self._each(self._collapse, "build_collapse", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
             self._release(slots, *counts, tasks)
             tasks, task_count = next_tasks, totals[0]
             levels += 1
-        self._release(tasks, order, tree.boxes, tree.members, tree.children)
+        self._release(tasks, order, self._units, tree.boxes, tree.members, tree.children)
         return Bvh(node_buffer, triangle_buffer, round_buffer, made[0], made[1], made[2], levels)
 
     def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
@@ -227,7 +238,7 @@ class _Builder:
         while task_count:
             slots, counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [tree.members, slots, _u(task_count), self._leaf_most, counts[0], next_tasks]
+            arguments: _Arguments = [tree.members, slots, _u(task_count), counts[0], next_tasks]
             self._each(self._collapse, "build_next_tasks", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
             self._release(slots, *counts, tasks)
@@ -244,7 +255,6 @@ class _Builder:
             tree.children,
             tasks,
             _u(task_count),
-            self._leaf_most,
             slots,
             *counts,
         ]

@@ -53,7 +53,9 @@ class SceneArrays:
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.round_count
         arrays = {name: device.upload(array) for name, array in scene.arrays.items()}
         vertices, corners, rounds = arrays["vertices"], arrays["triangles"], arrays["rounds"]
-        self.tree = bvh.build(device, bvh.SourceArrays(vertices, corners, rounds, triangles, primitives))
+        shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
+        source = bvh.SourceArrays(vertices, corners, rounds, shape_of, shapes, triangles, scene.round_count)
+        self.tree = bvh.build(device, source)
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so there has to be one.
@@ -69,8 +71,7 @@ class SceneArrays:
         geometry: list[Buffer | np.generic] = [vertices, corners, rounds]
         count, offset = np.uint32(primitives), np.uint32(triangles)
         rows = self.buffers["primitive_rows"]
-        made_of = [arrays[name] for name in ("primitive_shape", "shapes", "materials")]
-        self._rows("primitives", primitives, [*geometry, *made_of, offset, count, rows])
+        self._rows("primitives", primitives, [*geometry, shape_of, shapes, arrays["materials"], offset, count, rows])
         if smooth:
             self._rows("normals", triangles, [arrays["normals"], corners, offset, self.buffers["normal_rows"]])
         lights = len(scene.arrays["lights"])

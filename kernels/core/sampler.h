@@ -2,7 +2,7 @@
 //
 // Owen-scrambled Sobol points (Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4) 2020) in padded sets of two dimensions,
 // each set with its own shuffle and scrambles. Sobol's first two dimensions need no tables: bit reversal, and Pascal's triangle
-// modulo two as a five-step butterfly. Integers only. Deep bounces, where stratification is lost anyway, take a plain hash.
+// modulo two as a five-step butterfly. Integers only.
 #ifndef CORE_SAMPLER_H
 #define CORE_SAMPLER_H
 
@@ -20,7 +20,6 @@ typedef struct {
 #define SET_MATERIAL 3u
 #define SET_ROULETTE 4u
 #define SETS_PER_BOUNCE 3u
-#define STRATIFIED_BOUNCES 4u
 
 // Wellons' low-bias mixer of 32 bits (hash-prospector, 2018).
 static vuint hash(vuint x) {
@@ -88,13 +87,7 @@ static void sampler_get(Sampler s, uint set, vfloat* a, vfloat* b) {
 }
 // The same for a set of the path's vertex at `bounce`, as bits.
 static void sampler_bounce_bits(Sampler s, uint set, vuint bounce, vuint* a, vuint* b) {
-    const vuint number = bounce * SETS_PER_BOUNCE + set;
-    const vmask stratified = bounce < STRATIFIED_BOUNCES;
-    vuint p = splat_uint(0u), q = splat_uint(0u);
-    sampler_hash_bits(s, number, a, b);
-    if (lane_any(stratified)) sampler_bits(s, number, &p, &q);
-    *a = stratified ? p : *a;
-    *b = stratified ? q : *b;
+    sampler_bits(s, bounce * SETS_PER_BOUNCE + set, a, b);
 }
 
 // Choose among n by a number of 32 random bits: the choice, and what is left of the number as new bits.

@@ -9,8 +9,10 @@
 // Work-items of the sort and the scans go through this many elements one after the other.
 #define BUILD_CHUNK 1024u
 
-// The binary tree: nodes [0, n) are the primitives in Morton order, the others follow as they are made. `members` of a node:
-// how many primitives, and of which kinds.
+// What stands in the tree are units: triangles and pairs of them as `build_units` lists them, then spheres and disks.
+//
+// The binary tree: nodes [0, n) are the units in Morton order, the others follow as they are made. `members` of a node:
+// how many units, and of which kinds.
 #define MEMBERS_COUNT 0x3fffffffu
 #define MEMBERS_TRIANGLE 0x40000000u
 #define MEMBERS_ROUND 0x80000000u
@@ -18,6 +20,12 @@
 typedef struct {
     float low[3], high[3];
 } Box;
+
+// A corner of a triangle.
+static vec3 build_vertex(__global const float* vertices, __global const uint* triangles, size_t corner) {
+    const size_t v = (size_t)triangles[corner] * 3;
+    return vec3_of(vertices[v], vertices[v + 1], vertices[v + 2]);
+}
 
 static Box box_load(__global const float* boxes, size_t index) {
     Box b;

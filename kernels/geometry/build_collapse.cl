@@ -1,15 +1,15 @@
 // From the binary tree to the wide one of geometry/bvh.h, level by level from the root: a node opens the child with the largest
-// box until it has eight; up to `leaf_most` primitives of one kind, eight at most, become a leaf.
+// box until it has eight; up to eight units of one kind become a leaf, which one ray is tested against at the price of one.
 #include "geometry/build.h"
 
-static int collapse_is_leaf(uint members, uint leaf_most) {
+static int collapse_is_leaf(uint members) {
     const uint kinds = members & ~MEMBERS_COUNT;
-    return (members & MEMBERS_COUNT) <= leaf_most && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ROUND);
+    return (members & MEMBERS_COUNT) <= 8u && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ROUND);
 }
 
 // Each task is a binary node that becomes a wide one: its children, and how many of them are nodes, packs of triangles, of rounds.
 __kernel void build_collapse_count(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
-                                   __global const uint* tasks, uint task_count, uint leaf_most, __global uint* slots,
+                                   __global const uint* tasks, uint task_count, __global uint* slots,
                                    __global uint* inner, __global uint* triangle_packs, __global uint* round_packs) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
@@ -20,7 +20,7 @@ __kernel void build_collapse_count(__global const float* node_boxes, __global co
         int open = -1;
         float largest = -1.0f;
         for (uint i = 0; i < count; ++i) {
-            if (collapse_is_leaf(members[child[i]], leaf_most)) continue;
+            if (collapse_is_leaf(members[child[i]])) continue;
             const float area = box_area(box_load(node_boxes, child[i]));
             const float bounded_area = area < FAR ? area : FAR;
             if (bounded_area > largest) {
@@ -38,7 +38,7 @@ __kernel void build_collapse_count(__global const float* node_boxes, __global co
         const uint node = i < count ? child[i] : NONE;
         slots[(size_t)task * 8 + i] = node;
         if (node == NONE) continue;
-        if (!collapse_is_leaf(members[node], leaf_most)) ++inners;
+        if (!collapse_is_leaf(members[node])) ++inners;
         else if (members[node] & MEMBERS_TRIANGLE) ++triangles;
         else ++rounds;
     }
@@ -49,26 +49,26 @@ __kernel void build_collapse_count(__global const float* node_boxes, __global co
 
 // The tasks of the next level, where nothing else is wanted of this one.
 __kernel void build_next_tasks(__global const uint* members, __global const uint* slots, uint task_count,
-                               uint leaf_most, __global const uint* inner, __global uint* next_tasks) {
+                               __global const uint* inner, __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
     uint next = inner[task];
     for (uint i = 0; i < 8; ++i) {
         const uint child = slots[(size_t)task * 8 + i];
-        if (child != NONE && !collapse_is_leaf(members[child], leaf_most)) next_tasks[next++] = child;
+        if (child != NONE && !collapse_is_leaf(members[child])) next_tasks[next++] = child;
     }
 }
 
-// The primitives below a node that becomes a leaf, in order.
-static uint collapse_primitives(__global const uint2* children, __global const uint* order, uint leaf_count, uint node,
-                                uint primitives[8]) {
+// The units below a node that becomes a leaf, in order.
+static uint collapse_units(__global const uint2* children, __global const uint* order, uint leaf_count, uint node,
+                           uint units[8]) {
     uint stack[8];
     uint top = 0, count = 0;
     stack[top++] = node;
     while (top > 0) {
         const uint at = stack[--top];
         if (at < leaf_count) {
-            primitives[count++] = order[at];
+            units[count++] = order[at];
         } else {
             stack[top++] = children[at].y;
             stack[top++] = children[at].x;
@@ -77,43 +77,46 @@ static uint collapse_primitives(__global const uint2* children, __global const u
     return count;
 }
 
-static void collapse_triangle_pack(__global float* pack, const uint primitives[8], uint count, __global const float* vertices,
-                                   __global const uint* triangles) {
+static void collapse_triangle_pack(__global float* pack, const uint members[8], uint count, __global const uint* units,
+                                   __global const float* vertices, __global const uint* triangles) {
     for (uint i = 0; i < 8; ++i) {
-        vec3 corner[3];
-        for (uint c = 0; c < 3; ++c) {
-            corner[c] = vec3_all(0.0f);
-            if (i >= count) continue;
-            const size_t v = (size_t)triangles[(size_t)primitives[i] * 3 + c] * 3;
-            corner[c] = vec3_of(vertices[v], vertices[v + 1], vertices[v + 2]);
-        }
-        const Triangle t = triangle_of(corner[0], corner[1], corner[2]);
+        const uint unit = i < count ? units[members[i]] : NONE;
+        vec3 corner[6];
+        for (uint k = 0; k < 6; ++k) corner[k] = vec3_all(0.0f);
+        const int pair = i < count && (unit & BVH_PAIR);
+        for (uint k = 0; k < (i < count ? (pair ? 6u : 3u) : 0u); ++k)
+            corner[k] = build_vertex(vertices, triangles, (size_t)(unit & ~BVH_PAIR) * 3 + k);
+        Triangle t = triangle_of(corner[0], corner[1], corner[2]);
+        if (pair) t = triangle_pair_of(corner[0], corner[1], corner[2], corner[5]);
         const vec3 rows[4] = {t.a, t.ab, t.ca, t.normal};
         for (uint k = 0; k < 4; ++k) pack[k * 24 + i] = rows[k].x, pack[k * 24 + 8 + i] = rows[k].y, pack[k * 24 + 16 + i] = rows[k].z;
         pack[96 + i] = t.size;
         pack[104 + i] = t.unsure;
-        pack[TRIANGLE_PACK_ID + i] = as_float(i < count ? primitives[i] : NONE);
+        pack[112 + i] = t.diagonal;
+        pack[TRIANGLE_PACK_ID + i] = as_float(unit);
     }
 }
 
-static void collapse_round_pack(__global float* pack, const uint primitives[8], uint count, __global const Round* rounds,
-                                uint triangle_count) {
+static void collapse_round_pack(__global float* pack, const uint members[8], uint count, __global const Round* rounds,
+                                uint triangle_units, uint triangle_count) {
     for (uint i = 0; i < 8; ++i) {
         Round r = {(float4)(0.0f, 0.0f, 0.0f, 0.0f), (float4)(0.0f, 0.0f, 0.0f, 0.0f)};
-        if (i < count) r = rounds[primitives[i] - triangle_count];
+        const uint number = i < count ? members[i] - triangle_units : NONE;
+        if (i < count) r = rounds[number];
         pack[i] = r.center_radius.x, pack[8 + i] = r.center_radius.y, pack[16 + i] = r.center_radius.z;
         pack[24 + i] = r.center_radius.w;
         pack[32 + i] = r.normal.x, pack[40 + i] = r.normal.y, pack[48 + i] = r.normal.z;
-        pack[ROUND_PACK_ID + i] = as_float(i < count ? primitives[i] : NONE);
+        pack[ROUND_PACK_ID + i] = as_float(i < count ? number + triangle_count : NONE);
     }
 }
 
 // Writes the nodes and packs of a level and the tasks of the next. `first_*`: how many of each exist from earlier levels.
 __kernel void build_collapse(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
                              __global const uint* order, uint leaf_count, __global const uint* slots, uint task_count,
-                             uint leaf_most, __global const uint* inner, __global const uint* triangle_offsets, __global const uint* round_offsets,
-                             uint first_node, uint first_triangle_pack, uint first_round_pack, __global const float* vertices,
-                             __global const uint* triangles, __global const Round* rounds, uint triangle_count,
+                             __global const uint* inner, __global const uint* triangle_offsets, __global const uint* round_offsets,
+                             uint first_node, uint first_triangle_pack, uint first_round_pack, __global const uint* units,
+                             __global const float* vertices, __global const uint* triangles, __global const Round* rounds,
+                             uint triangle_units, uint triangle_count,
                              __global float* nodes, __global float* triangle_packs, __global float* round_packs,
                              __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
@@ -127,19 +130,19 @@ __kernel void build_collapse(__global const float* node_boxes, __global const ui
         Box b = box_empty();
         if (child != NONE) {
             b = box_load(node_boxes, child);
-            uint primitives[8];
-            if (!collapse_is_leaf(members[child], leaf_most)) {
+            uint held[8];
+            if (!collapse_is_leaf(members[child])) {
                 reference = first_node + task_count + next;
                 next_tasks[next++] = child;
             } else {
-                const uint count = collapse_primitives(children, order, leaf_count, child, primitives);
+                const uint count = collapse_units(children, order, leaf_count, child, held);
                 if (members[child] & MEMBERS_TRIANGLE) {
-                    collapse_triangle_pack(triangle_packs + (size_t)triangle_pack * TRIANGLE_PACK_WORDS, primitives, count, vertices,
-                                           triangles);
+                    collapse_triangle_pack(triangle_packs + (size_t)triangle_pack * TRIANGLE_PACK_WORDS, held, count, units,
+                                           vertices, triangles);
                     reference = BVH_LEAF | triangle_pack++;
                 } else {
-                    collapse_round_pack(round_packs + (size_t)round_pack * ROUND_PACK_WORDS, primitives, count, rounds,
-                                        triangle_count);
+                    collapse_round_pack(round_packs + (size_t)round_pack * ROUND_PACK_WORDS, held, count, rounds,
+                                        triangle_units, triangle_count);
                     reference = BVH_LEAF | BVH_ROUND | round_pack++;
                 }
             }

@@ -7,13 +7,13 @@
 #define MERGE_RADIUS 16
 
 // Leaves of the binary tree, in Morton order.
-__kernel void build_leaves(__global const float* boxes, __global const uint* order, uint triangle_count, uint count,
+__kernel void build_leaves(__global const float* boxes, __global const uint* order, uint triangle_units, uint count,
                            __global float* node_boxes, __global uint* members, __global uint* clusters) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
-    const uint primitive = order[i];
-    box_save(node_boxes, i, box_load(boxes, primitive));
-    members[i] = 1u | (primitive < triangle_count ? MEMBERS_TRIANGLE : MEMBERS_ROUND);
+    const uint unit = order[i];
+    box_save(node_boxes, i, box_load(boxes, unit));
+    members[i] = 1u | (unit < triangle_units ? MEMBERS_TRIANGLE : MEMBERS_ROUND);
     clusters[i] = i;
 }
 

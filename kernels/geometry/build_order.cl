@@ -1,19 +1,54 @@
-// First steps of the tree: the primitives' boxes, and the primitives in the order of their Morton codes. Deterministic: the sort is
-// stable and every sum is of integers.
+// First steps of the tree: what stands in it as one, its boxes, and its order by Morton codes. Deterministic: the sort is stable and
+// every sum is of integers.
 #include "geometry/build.h"
+
+// Whether triangle i and the next are the halves A B C and A C D of a parallelogram, to within the rounding of its corners, which is
+// tested at the price of one triangle. Only every second triangle of a shape is asked, so that none is in two pairs.
+static int build_is_pair(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
+                         __global const Shape* shapes, uint triangle_count, uint i) {
+    if (i + 1 >= triangle_count || primitive_shape[i] != primitive_shape[i + 1]) return 0;
+    if ((i - shapes[primitive_shape[i]].first_primitive) % 2u) return 0;
+    vec3 corner[6];
+    for (uint k = 0; k < 6; ++k) corner[k] = build_vertex(vertices, triangles, (size_t)i * 3 + k);
+    const vec3 a = corner[0], b = corner[1], c = corner[2], d = corner[5];
+    const vec3 other = sub(a, corner[3]), again = sub(c, corner[4]);
+    if (largest_size(other) != 0.0f || largest_size(again) != 0.0f) return 0;
+    const float coordinate = greater(greater(largest_size(a), largest_size(b)), greater(largest_size(c), largest_size(d)));
+    const vec3 normal = outer(sub(b, a), sub(d, a));
+    return largest_size(normal) > 0.0f && parallelogram_gap(a, b, c, d) <= coordinate * (8.0f * EPSILON);
+}
+
+// For each triangle whether something begins with it: not with the second of a pair.
+__kernel void build_starts(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
+                           __global const Shape* shapes, uint triangle_count, __global uint* starts) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= triangle_count) return;
+    starts[i] = i > 0 && build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i - 1) ? 0u : 1u;
+}
+
+// The triangles and pairs, by the sums of the above.
+__kernel void build_units(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
+                          __global const Shape* shapes, uint triangle_count, __global const uint* places, __global uint* units) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= triangle_count) return;
+    if (i > 0 && build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i - 1)) return;
+    const int pair = build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i);
+    units[places[i]] = pair ? i | BVH_PAIR : i;
+}
 
 // The primitives' boxes, larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one
 // beside it, and the tests of spheres and disks let in what passes by that much. But an axis along which the primitive is flat
 // stays flat, so that a ray leaving a wall does not enter the wall's box again.
-__kernel void build_boxes(__global const float* vertices, __global const uint* triangles, __global const Round* rounds,
-                          uint triangle_count, uint count, __global float* boxes) {
+__kernel void build_boxes(__global const uint* units, __global const float* vertices, __global const uint* triangles,
+                          __global const Round* rounds, uint triangle_units, uint count, __global float* boxes) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     Box b = box_empty();
     float slack = 0.0f, extent[3];
-    if (i < triangle_count) {
-        for (int corner = 0; corner < 3; ++corner) {
-            const size_t v = (size_t)triangles[(size_t)i * 3 + corner] * 3;
+    if (i < triangle_units) {
+        const uint first = units[i] & ~BVH_PAIR, corners = units[i] & BVH_PAIR ? 6 : 3;
+        for (uint corner = 0; corner < corners; ++corner) {
+            const size_t v = (size_t)triangles[(size_t)first * 3 + corner] * 3;
             for (int k = 0; k < 3; ++k) {
                 b.low[k] = lesser(b.low[k], vertices[v + k]);
                 b.high[k] = greater(b.high[k], vertices[v + k]);
@@ -24,7 +59,7 @@ __kernel void build_boxes(__global const float* vertices, __global const uint* t
             slack = greater(slack, extent[k] * (8.0f * EPSILON));
         }
     } else {
-        const Round r = rounds[i - triangle_count];
+        const Round r = rounds[i - triangle_units];
         const float center[3] = {r.center_radius.x, r.center_radius.y, r.center_radius.z};
         round_extents(extent, r.center_radius.w, r.normal.x, r.normal.y, r.normal.z);
         for (int k = 0; k < 3; ++k) {

@@ -15,10 +15,11 @@
 #define BVH_HIGH 24
 #define BVH_CHILD 48
 
-// Triangles as triangle.h prepares them, eight numbers each: a, ab, ca, normal, three axes each, size, unsure; then the primitives'
-// numbers, NONE where the pack is not full.
-#define TRIANGLE_PACK_WORDS 120
-#define TRIANGLE_PACK_ID 112
+// Triangles as triangle.h prepares them, eight numbers each: a, ab, ca, normal, three axes each, size, unsure, diagonal; then the
+// primitives' numbers, NONE where the pack is not full. With BVH_PAIR the primitive and the next one are a parallelogram.
+#define TRIANGLE_PACK_WORDS 128
+#define TRIANGLE_PACK_ID 120
+#define BVH_PAIR 0x80000000u
 // Centre x, y, z, radius, normal x, y, z (zero for a sphere); then the primitives' numbers.
 #define ROUND_PACK_WORDS 64
 #define ROUND_PACK_ID 56

@@ -37,16 +37,18 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
 
 // Keep the hit where it is nearer; of equally near ones the lowest number, so that the order of visits does not matter: a hit with
 // a lower number may be as far as the one that is kept, which is to be nearer than the next larger float. `entered` is where the
-// rays enter the leaf's box, NEVER for those that do not. A distance that is not a number is never nearer.
-static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, uint id, int any_hit, vfloat* nearest,
-                        vuint* primitive) {
+// rays enter the leaf's box, NEVER for those that do not. A ray hits none of [first, last] that starts there, nor, in search of any hit,
+// is it shaded by what it is aimed at. A distance that is not a number is never nearer.
+static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, vuint id, uint first, uint last, int any_hit,
+                        vfloat* nearest, vuint* primitive) {
     const vfloat at = distance < entered ? entered : distance;
-    const vuint one = any_hit ? splat_uint(1u) : (splat_uint(id) < *primitive ? splat_uint(1u) : splat_uint(0u));
+    const vuint one = any_hit ? splat_uint(1u) : (id < *primitive ? splat_uint(1u) : splat_uint(0u));
     const vfloat limit = vfloat_from_bits(vfloat_bits(*nearest) + one);
-    const vmask other = any_hit ? (ray->from != id) & (ray->to != id) : ray->from != id;
+    const vuint most = splat_uint(last - first);
+    const vmask other = any_hit ? (ray->from - first > most) & (ray->to - first > most) : ray->from - first > most;
     const vmask keep = (hit & other) & (at > BOX_START) & (at < limit);
     *nearest = keep ? (any_hit ? splat(-1.0f) : at) : *nearest;
-    if (!any_hit) *primitive = keep ? splat_uint(id) : *primitive;
+    if (!any_hit) *primitive = keep ? id : *primitive;
 }
 
 // Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.
@@ -54,16 +56,19 @@ static void packet_triangles(PacketRay* ray, __global const float* pack, vfloat 
     vfloat nearest = ray->nearest;
     vuint primitive = ray->primitive;
     for (int i = 0; i < 8; ++i, ++pack) {
-        const uint id = as_uint(pack[TRIANGLE_PACK_ID]);
-        if (id == NONE) break;
+        const uint word = as_uint(pack[TRIANGLE_PACK_ID]);
+        if (word == NONE) break;
+        const uint first = word & ~BVH_PAIR, last = first + (word >> 31);
         const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
         const vfloat nx = splat(pack[72]), ny = splat(pack[80]), nz = splat(pack[88]);
         vfloat determinant, b, c;
         const vmask hit = triangle_hit_lanes(from.x, from.y, from.z, splat(pack[24]), splat(pack[32]), splat(pack[40]), splat(pack[48]),
-                                             splat(pack[56]), splat(pack[64]), nx, ny, nz, splat(pack[96]), splat(pack[104]),
+                                             splat(pack[56]), splat(pack[64]), nx, ny, nz, splat(pack[96]), splat(pack[104]), splat(pack[112]),
                                              ray->direction.x, ray->direction.y, ray->direction.z, ray->slack, &determinant, &b, &c);
         const vfloat distance = triangle_distance_lanes(from.x, from.y, from.z, nx, ny, nz, determinant);
-        packet_keep(ray, hit, distance, entered, id, any_hit, &nearest, &primitive);
+        vuint id = splat_uint(first);
+        if (!any_hit && last != first) id = c > b ? splat_uint(last) : id;
+        packet_keep(ray, hit, distance, entered, id, first, last, any_hit, &nearest, &primitive);
     }
     ray->nearest = nearest;
     ray->primitive = primitive;
@@ -82,7 +87,7 @@ static void packet_rounds(PacketRay* ray, __global const float* pack, vfloat ent
             hit = disk_hit_lanes(to.x, to.y, to.z, splat(radius), splat(nx), splat(ny), splat(nz), d.x, d.y, d.z, &distance);
         else
             hit = sphere_hit_lanes(to.x, to.y, to.z, splat(radius), d.x, d.y, d.z, ray->inverse2, &distance);
-        packet_keep(ray, hit, distance, entered, id, any_hit, &ray->nearest, &ray->primitive);
+        packet_keep(ray, hit, distance, entered, splat_uint(id), id, id, any_hit, &ray->nearest, &ray->primitive);
     }
 }
 

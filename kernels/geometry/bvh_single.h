@@ -16,17 +16,20 @@ typedef struct {
 static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
 
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.
-// `entered` is where the ray enters the leaf's box.
-static void single_keep(SingleRay* ray, int8 hit, float8 distance, float entered, __global const float* ids, int any_hit) {
+// `entered` is where the ray enters the leaf's box, `later` where it hits the second of a pair.
+static void single_keep(SingleRay* ray, int8 hit, int8 later, float8 distance, float entered, __global const float* ids, int any_hit) {
     float at[8];
-    int hits[8];
+    int hits[8], seconds[8];
     const float8 clamped = distance < entered ? (float8)(entered) : distance;
     vstore8(clamped, 0, at);
+    vstore8(later, 0, seconds);
     vstore8(hit & (clamped > BOX_START) & (clamped <= ray->nearest), 0, hits);
     for (int i = 0; i < 8; ++i) {
         if (!hits[i]) continue;
-        const uint id = as_uint(ids[i]);
-        if (id == NONE || id == ray->from || id == ray->to) continue;
+        const uint word = as_uint(ids[i]);
+        const uint first = word & ~BVH_PAIR, pair = word >> 31;
+        if (word == NONE || ray->from - first <= pair || ray->to - first <= pair) continue;
+        const uint id = first + (seconds[i] ? pair : 0u);
         if (at[i] < ray->nearest || (at[i] == ray->nearest && id < ray->primitive)) {
             ray->nearest = any_hit ? -1.0f : at[i];
             ray->primitive = id;
@@ -39,12 +42,12 @@ static void single_triangles(SingleRay* ray, __global const float* pack, float e
     const float8 nx = vload8(9, pack), ny = vload8(10, pack), nz = vload8(11, pack);
     float8 determinant, b, c;
     const int8 hit = triangle_hit_pack(from_x, from_y, from_z, vload8(3, pack), vload8(4, pack), vload8(5, pack), vload8(6, pack),
-                                       vload8(7, pack), vload8(8, pack), nx, ny, nz, vload8(12, pack), vload8(13, pack),
+                                       vload8(7, pack), vload8(8, pack), nx, ny, nz, vload8(12, pack), vload8(13, pack), vload8(14, pack),
                                        (float8)(ray->direction[0]), (float8)(ray->direction[1]), (float8)(ray->direction[2]),
                                        (float8)(ray->slack), &determinant, &b, &c);
     if (!any_of_eight(hit)) return;
     const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
-    single_keep(ray, hit, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);
+    single_keep(ray, hit, c > b, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);
 }
 
 static void single_rounds(SingleRay* ray, __global const float* pack, float entered, int any_hit) {
@@ -58,7 +61,7 @@ static void single_rounds(SingleRay* ray, __global const float* pack, float ente
     const int8 flat = disk_hit_pack(to_x, to_y, to_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
     const int8 hit = disk ? flat : sphere;
     if (!any_of_eight(hit)) return;
-    single_keep(ray, hit, disk ? disk_distance : sphere_distance, entered, pack + ROUND_PACK_ID, any_hit);
+    single_keep(ray, hit, (int8)(0), disk ? disk_distance : sphere_distance, entered, pack + ROUND_PACK_ID, any_hit);
 }
 
 // Everything below `start`, whose box the ray enters at `entered`, nearest boxes first. With any_hit it ends at the first occluder.

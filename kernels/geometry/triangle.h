@@ -14,6 +14,7 @@ typedef struct {
     vec3 normal;         // (B − A) × (C − A)
     vfloat size;         // the largest component of the edges
     vfloat unsure;       // twice the error of the determinant, for a direction whose largest component is 1, over TRIANGLE_SLACK
+    vfloat diagonal;     // 1; of a parallelogram, the two triangles A B C and A C D as one, 0: its normal is (B − A) × (D − A), ca is A − D
 } Triangle;
 
 // What rounding took away from b − a, exactly (Knuth's two-sum), but for its sign.
@@ -27,20 +28,44 @@ static vfloat triangle_lost(vec3 a, vec3 b, vec3 difference) {
                                 triangle_lost_of(a.z, b.z, difference.z)));
 }
 
+// A zero that all drivers write alike: they do not agree about its sign.
+static vec3 triangle_without_signed_zero(vec3 a) {
+    return vec3_of(a.x == 0.0f ? splat(0.0f) : a.x, a.y == 0.0f ? splat(0.0f) : a.y, a.z == 0.0f ? splat(0.0f) : a.z);
+}
+
+// Products of the edges are taken with the edges near 1, or what a small triangle's lose by rounding would be below the smallest normal
+// number, about which drivers do not agree either.
 static Triangle triangle_of(vec3 a, vec3 b, vec3 c) {
     Triangle t;
     t.a = a;
     t.ab = sub(b, a);
     t.ca = sub(a, c);
-    t.normal = outer(t.ca, t.ab);
-    const vfloat size_ab = largest_size(t.ab), size_ca = largest_size(t.ca);
-    t.size = greater(size_ab, size_ca);
+    t.size = greater(largest_size(t.ab), largest_size(t.ca));
+    t.diagonal = splat(1.0f);
+    const vfloat up = inverse_scale(vec3_of(t.size, t.size, t.size)), down = inverse_scale(vec3_of(up, up, up));
+    const vec3 ab = scale(t.ab, up), ca = scale(t.ca, up), normal = outer(ca, ab);
     // Each component of the normal is off by two roundings of its own, and by the edges' errors times the other edge, twice; the three
     // products of the determinant by three roundings.
-    const vfloat lost_ab = triangle_lost(a, b, t.ab), lost_ca = triangle_lost(c, a, t.ca);
-    const vfloat rounding = (absolute(t.normal.x) + absolute(t.normal.y) + absolute(t.normal.z)) * (5.0f * EPSILON);
-    const vfloat edges = fma(lost_ab, size_ca, lost_ca * size_ab) * 6.0f;
-    t.unsure = (rounding + edges) * (2.125f / TRIANGLE_SLACK);
+    const vfloat lost_ab = triangle_lost(a, b, t.ab) * up, lost_ca = triangle_lost(c, a, t.ca) * up;
+    const vfloat rounding = (absolute(normal.x) + absolute(normal.y) + absolute(normal.z)) * (5.0f * EPSILON);
+    const vfloat edges = fma(lost_ab, largest_size(ca), lost_ca * largest_size(ab)) * 6.0f;
+    t.normal = triangle_without_signed_zero(scale(scale(normal, down), down));
+    t.unsure = (rounding + edges) * (2.125f / TRIANGLE_SLACK) * down * down;
+    return t;
+}
+
+// How far C is from where a parallelogram would have it, |(B − A) − (C − D)|₁, with what rounding may hide.
+static vfloat parallelogram_gap(vec3 a, vec3 b, vec3 c, vec3 d) {
+    const vec3 ab = sub(b, a), dc = sub(c, d), gap = sub(ab, dc);
+    const vfloat lost = triangle_lost(a, b, ab) + triangle_lost(d, c, dc);
+    return (absolute(gap.x) + absolute(gap.y) + absolute(gap.z)) * 1.000001f + lost * 3.0f;
+}
+
+// The triangles A B C and A C D as one. A gap moves the weights by no more than 2 m size gap.
+static Triangle triangle_pair_of(vec3 a, vec3 b, vec3 c, vec3 d) {
+    Triangle t = triangle_of(a, b, d);
+    t.unsure = t.unsure + parallelogram_gap(a, b, c, d) * t.size * (2.0f / TRIANGLE_SLACK);
+    t.diagonal = splat(0.0f);
     return t;
 }
 

@@ -140,10 +140,11 @@ class Tree:
 @contextmanager
 def tree_on(device: Device, scene: FlatScene) -> Iterator[Tree]:
     """Build a scene's tree, and give its memory back at the end."""
-    arrays = [device.upload(scene.arrays[name]) for name in ("vertices", "triangles", "rounds")]
-    vertices, triangles, rounds = arrays
-    count = scene.triangle_count + scene.round_count
-    bvh = build(device, SourceArrays(vertices, triangles, rounds, scene.triangle_count, count))
+    names = ("vertices", "triangles", "rounds", "primitive_shape", "shapes")
+    arrays = [device.upload(scene.arrays[name]) for name in names]
+    vertices, triangles, rounds, shape_of, shapes = arrays
+    source = SourceArrays(vertices, triangles, rounds, shape_of, shapes, scene.triangle_count, scene.round_count)
+    bvh = build(device, source)
     try:
         yield Tree(device, bvh)
     finally:

@@ -4,12 +4,16 @@ The bounds follow from the kernels' arithmetic; EPS is 2^-24, one rounding, and 
 ray's origin, which the kernels round once by component.
 
 **Triangles** (kernels/geometry/triangle.inc). With s = |a|_1, m the largest component of the direction, e the largest
-one of the edges: the weights are off by less than 32 EPS m e s and the determinant's error, and the kernel allows for that much and more,
-so it must hit where the exact weights are not negative, and must miss where one is below twice that. A component of
-the normal is off by 2 EPS of its own and by what rounding took from one edge, times the other, twice; the determinant
-by the sum of that over the components and 3 EPS of their magnitudes, times m; the distance times the determinant by
-the normal's error times s, and 4 EPS of its terms. Where the determinant is twice its error or less, give or take, the
-triangle is seen edge-on and is not there; beside the triangle, the distance may be that of the box.
+one of the edges: the weights are off by less than 32 EPS m e s and the determinant's error, and the kernel allows for
+that much and more, so it must hit where the exact weights are not negative, and must miss where one is below twice
+that. A component of the normal is off by 2 EPS of its own and by what rounding took from one edge, times the other,
+twice; the determinant by the sum of that over the components and 3 EPS of their magnitudes, times m; the distance times
+the determinant by the normal's error times s, and 4 EPS of its terms. Where the determinant is twice its error or less,
+give or take, the triangle is seen edge-on and is not there; beside the triangle, the distance may be that of the box.
+
+Triangles 2k and 2k + 1 that are a parallelogram but for a gap of 8 EPS of the largest coordinate are tested as one, of
+the edges AB and AD: the gap moves weights and determinant by 2 m e gap and the plane by the gap, and which of the two
+is hit is told by a difference of two weights.
 
 **Spheres** (sphere.inc). The line's distance from the centre is off by EPS |a| (of a), EPS |g|, 8 EPS |a| along the
 ray, which adds less than itself, and 3 EPS of both squares: `reach` = 10 EPS (|a| + r). Half the chord moves with it.
@@ -76,7 +80,6 @@ def triangles(rays: Rays, corners: npt.NDArray[np.float32]) -> Candidates:
     vertices = corners.astype(np.float64)
     ab, ac = vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0]
     normal = np.cross(ab, ac)
-    size = np.maximum(np.abs(ab), np.abs(ac)).max(1)
     to = _relative(corners[:, 0], rays)
     away, main = np.abs(to).sum(2), np.abs(d).max(2)
     across = np.cross(to, d)
@@ -84,14 +87,18 @@ def triangles(rays: Rays, corners: npt.NDArray[np.float32]) -> Candidates:
     sign = np.where(determinant < 0, -1.0, 1.0)
     b, c = (across * ac).sum(2) * sign, -(across * ab).sum(2) * sign
     least = np.minimum(np.minimum(b, c), np.abs(determinant) - b - c)
+
+    ab, ac, gap = _tested(vertices)
+    size = np.maximum(np.abs(ab), np.abs(ac)).max(1)
     lost = [np.abs(edge - edge.astype(np.float32)).max(1) for edge in (ab, ac)]
     edges = 2 * (lost[0] * np.abs(ac).max(1) + lost[1] * np.abs(ab).max(1))
     unsure = (3 * edges + 5 * EPS * np.abs(normal).sum(1)) * main
-    edge_on = 2.125 * unsure * (1 + 16 * EPS) + 1e-36
-    allowed = 32 * EPS * main * size * away + edge_on
+    edge_on = (2.125 * unsure + 2 * gap * size * main) * (1 + 16 * EPS) + 1e-36
+    unsure = unsure + 2 * gap * size * main
+    allowed = (32 * EPS * main * size * away + edge_on) * np.where(gap > 0, 2, 1)
     with np.errstate(all="ignore"):
         distance = (to * normal).sum(2) / determinant
-        flat_error = edges * away + 6 * EPS * (np.abs(to) * np.abs(normal)).sum(2)
+        flat_error = edges * away + 6 * EPS * (np.abs(to) * np.abs(normal)).sum(2) + gap * np.abs(normal).sum(1)
         error = (flat_error + np.abs(distance) * unsure) / (np.abs(determinant) - unsure)
         tolerance = error + 8 * EPS * np.abs(distance) + 1e-37
     inside = least >= 0
@@ -99,6 +106,22 @@ def triangles(rays: Rays, corners: npt.NDArray[np.float32]) -> Candidates:
     possible = (least >= -2 * allowed) & (np.abs(determinant) + unsure > edge_on)
     nothing = np.zeros_like(distance)
     return Candidates(sure, possible, distance, tolerance, nothing, nothing + np.inf, ~inside)
+
+
+def _tested(vertices: Floats) -> tuple[Floats, Floats, Floats]:
+    """Edges that each triangle is tested by, and the gap of the pair that it belongs to; 0 when it belongs to none."""
+    ab, ac = vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0]
+    gap = np.zeros(len(vertices))
+    first, second = vertices[: len(vertices) // 2 * 2 : 2], vertices[1::2]
+    shared = (first[:, 0] == second[:, 0]).all(1) & (first[:, 2] == second[:, 1]).all(1)
+    off = np.abs(first[:, 1] - first[:, 0] - first[:, 2] + second[:, 2]).sum(1)
+    largest = np.maximum(np.abs(first).max((1, 2)), np.abs(second).max((1, 2)))
+    pair = np.flatnonzero(shared & (off <= 8.01 * EPS * largest))
+    for half in (0, 1):
+        ab[2 * pair + half] = first[pair, 1] - first[pair, 0]
+        ac[2 * pair + half] = second[pair, 2] - second[pair, 0]
+        gap[2 * pair + half] = np.maximum(off[pair], 1e-300)
+    return ab, ac, gap
 
 
 def _in_box(rays: Rays, center: Floats, radius: Floats, slack: Floats) -> tuple[Floats, Floats]:

@@ -50,6 +50,9 @@ def soup(rng: np.random.Generator, count: int = 120) -> Points:
         corners[i, :, i % 3] = corners[i, 0, i % 3]
     corners[2 * k : 2 * k + 3, 2] = corners[2 * k : 2 * k + 3, 1]
     corners[2 * k + 3] = corners[2 * k + 3, 0]
+    # Parallelograms, A B C and A C D, but for the rounding of their corners.
+    first = corners[-2 * k :: 2]
+    corners[-2 * k + 1 :: 2] = np.stack([first[:, 0], first[:, 2], first[:, 0] + first[:, 2] - first[:, 1]], 1)
     return corners
 
 

@@ -136,8 +136,9 @@ def test_a_ray_leaves_a_convex_body_for_good_or_comes_to_its_other_side(device: 
     """Outwards nothing is hit, whatever the angle; inwards always something, and of a mesh another triangle.
 
     A few of the rays that almost lie in the surface may hit the rim of the next triangle, as far as its test lets a ray
-    pass beside it: those are looked at in double precision. And where two sides meet at a right angle or a sharper one, and the point is as near to the edge as its rounding
-    could be, a ray that begins a rounding inside of one side may begin outside of the other. Those few are left out.
+    pass beside it: those are looked at in double precision. And where two sides meet at a right angle or a sharper one,
+    and the point is as near to the edge as its rounding could be, a ray that begins a rounding inside of one side may
+    begin outside of the other. Those few are left out.
     """
     rng = np.random.default_rng(50)
     count = 32000

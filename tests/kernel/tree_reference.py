@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Words", "bounds_of", "check", "cost", "download", "median_cost", "stack_needed", "sweep_cost"]
 
 # kernels/geometry/bvh.h
-EMPTY, LEAF, ROUND, INDEX = 0xFFFFFFFF, 0x80000000, 0x40000000, 0x3FFFFFFF
+EMPTY, LEAF, ROUND, INDEX, PAIR = 0xFFFFFFFF, 0x80000000, 0x40000000, 0x3FFFFFFF, np.uint32(0x80000000)
 
 Floats = npt.NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Words:
     Attributes
     ----------
     nodes : (n, 56) float32
-    triangle_packs : (t, 120) float32
+    triangle_packs : (t, 128) float32
     round_packs : (r, 64) float32
     """
 
@@ -104,18 +104,22 @@ def check(words: Words, scene: FlatScene) -> None:
     assert np.array_equal(low[parent, slot], low[below].min(1)), "a box is the union of those in it"
     assert np.array_equal(high[parent, slot], high[below].max(1)), "a box is the union of those in it"
 
-    triangle_ids = np.ascontiguousarray(words.triangle_packs[:, 112:]).view(np.uint32)
+    triangle_ids = np.ascontiguousarray(words.triangle_packs[:, 120:]).view(np.uint32)
     round_ids = np.ascontiguousarray(words.round_packs[:, 56:]).view(np.uint32)
-    ids = np.concatenate([triangle_ids[triangle_ids != layout.NONE], round_ids[round_ids != layout.NONE]])
+    pairs = (triangle_ids != layout.NONE) & ((triangle_ids & PAIR) != 0)
+    triangle_ids = np.where(pairs, triangle_ids & ~PAIR, triangle_ids)
+    seconds = triangle_ids[pairs] + np.uint32(1)
+    ids = np.concatenate([triangle_ids[triangle_ids != layout.NONE], seconds, round_ids[round_ids != layout.NONE]])
     assert np.array_equal(np.sort(ids), np.arange(scene.triangle_count + scene.round_count)), "each is in one leaf"
     assert (triangle_ids[triangle_ids != layout.NONE] < scene.triangle_count).all()
     for kind in (triangle_ids, round_ids):
         full = kind != layout.NONE
         assert full[:, :1].all(), "no pack is empty"
         assert (np.diff(full.astype(int), axis=1) <= 0).all(), "primitives fill the front"
-    _check_numbers(words, scene, triangle_ids, round_ids)
+    _check_numbers(words, scene, triangle_ids, pairs, round_ids)
     exact_low, exact_high = bounds_of(scene)
-    for pack_ids, leaves in ((triangle_ids, leaf & ~round_leaf), (round_ids, round_leaf)):
+    with_seconds = np.concatenate([triangle_ids, np.where(pairs, triangle_ids + np.uint32(1), layout.NONE)], axis=1)
+    for pack_ids, leaves in ((with_seconds, leaf & ~round_leaf), (round_ids, round_leaf)):
         parent, slot = np.nonzero(leaves)
         mine = pack_ids[references[parent, slot] & INDEX]
         safe = np.where(mine == layout.NONE, mine[:, :1], mine)
@@ -130,11 +134,24 @@ def check(words: Words, scene: FlatScene) -> None:
 
 
 def _check_numbers(
-    words: Words, scene: FlatScene, triangle_ids: npt.NDArray[np.uint32], round_ids: npt.NDArray[np.uint32]
+    words: Words,
+    scene: FlatScene,
+    triangle_ids: npt.NDArray[np.uint32],
+    pairs: npt.NDArray[np.bool_],
+    round_ids: npt.NDArray[np.uint32],
 ) -> None:
     pack, slot = np.nonzero(triangle_ids != layout.NONE)
-    a, b, c = scene.arrays["vertices"][scene.arrays["triangles"][triangle_ids[pack, slot]]].transpose(1, 0, 2)
-    stored = words.triangle_packs[:, :112].reshape(-1, 14, 8)[pack, :, slot]
+    pair = pairs[pack, slot]
+    number = triangle_ids[pack, slot].astype(np.int64)
+    a, b, c = scene.arrays["vertices"][scene.arrays["triangles"][number]].transpose(1, 0, 2)
+    again_a, again_c, d = scene.arrays["vertices"][scene.arrays["triangles"][number + pair]].transpose(1, 0, 2)
+    assert np.array_equal(again_a[pair], a[pair]) and np.array_equal(again_c[pair], c[pair]), "pairs share A and C"
+    gap = np.abs((b.astype(np.float64) - a) - (c.astype(np.float64) - d)).sum(1)
+    largest = np.abs(np.stack([a, b, c, d])).max((0, 2))
+    assert (gap <= 8 * 2**-24 * largest)[pair].all(), "pairs are parallelograms"
+    c = np.where(pair[:, None], d, c)
+    stored = words.triangle_packs[:, :120].reshape(-1, 15, 8)[pack, :, slot]
+    assert np.array_equal(stored[:, 14], np.where(pair, 0.0, 1.0)), "packs tell pairs from triangles"
     assert np.array_equal(stored[:, :3].view(np.uint32), a.view(np.uint32)), "packs hold A to the bit"
     for edge, exact in ((stored[:, 3:6], b.astype(np.float64) - a), (stored[:, 6:9], a.astype(np.float64) - c)):
         assert np.array_equal(edge, exact.astype(np.float32)), "packs hold the edges, rounded once"
@@ -145,6 +162,7 @@ def _check_numbers(
     # Twice the error of the determinant of such a normal, over 32 roundings: see reference.triangles.
     exactly = np.cross(b.astype(np.float64) - a, c.astype(np.float64) - a)
     wrong = (np.abs(normal - exactly) + 2**-23 * np.abs(normal)).sum(1) + 3 * 2**-24 * np.abs(normal).sum(1)
+    wrong += np.where(pair, gap * stored[:, 12], 0.0)
     assert (stored[:, 13] * 32 * 2**-24 >= 2 * wrong - 1e-37).all(), "packs bound the normal's error"
     pack, slot = np.nonzero(round_ids != layout.NONE)
     rows = scene.arrays["rounds"][round_ids[pack, slot] - scene.triangle_count]
