@@ -36,7 +36,7 @@ __kernel void build_units(__global const float* vertices, __global const uint* t
     units[places[i]] = pair ? i | BVH_PAIR : i;
 }
 
-// The primitives' boxes, larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one
+// Boxes, larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one
 // beside it, and the tests of spheres and disks let in what passes by that much. But an axis along which the primitive is flat
 // stays flat, so that a ray leaving a wall does not enter the wall's box again.
 __kernel void build_boxes(__global const uint* units, __global const float* vertices, __global const uint* triangles,

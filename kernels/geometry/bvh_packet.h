@@ -37,10 +37,10 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
 
 // Keep the hit where it is nearer; of equally near ones the lowest number, so that the order of visits does not matter: a hit with
 // a lower number may be as far as the one that is kept, which is to be nearer than the next larger float. `entered` is where the
-// rays enter the leaf's box, NEVER for those that do not. A ray hits none of [first, last] that starts there, nor, in search of any hit,
-// is it shaded by what it is aimed at. A distance that is not a number is never nearer.
-static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, vuint id, uint first, uint last, int any_hit,
-                        vfloat* nearest, vuint* primitive) {
+// rays enter the leaf's box, NEVER for those that do not. A ray that starts on one of [first, last] hits none of them, nor, in search of
+// any hit, does one that is aimed at them. A distance that is not a number is never nearer.
+static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat entered, vuint id, uint first, uint last,
+                        int any_hit, vfloat* nearest, vuint* primitive) {
     const vfloat at = distance < entered ? entered : distance;
     const vuint one = any_hit ? splat_uint(1u) : (id < *primitive ? splat_uint(1u) : splat_uint(0u));
     const vfloat limit = vfloat_from_bits(vfloat_bits(*nearest) + one);
@@ -62,9 +62,10 @@ static void packet_triangles(PacketRay* ray, __global const float* pack, vfloat 
         const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
         const vfloat nx = splat(pack[72]), ny = splat(pack[80]), nz = splat(pack[88]);
         vfloat determinant, b, c;
-        const vmask hit = triangle_hit_lanes(from.x, from.y, from.z, splat(pack[24]), splat(pack[32]), splat(pack[40]), splat(pack[48]),
-                                             splat(pack[56]), splat(pack[64]), nx, ny, nz, splat(pack[96]), splat(pack[104]), splat(pack[112]),
-                                             ray->direction.x, ray->direction.y, ray->direction.z, ray->slack, &determinant, &b, &c);
+        const vec3 d = ray->direction;
+        const vmask hit = triangle_hit_lanes(from.x, from.y, from.z, splat(pack[24]), splat(pack[32]), splat(pack[40]),
+                                             splat(pack[48]), splat(pack[56]), splat(pack[64]), nx, ny, nz, splat(pack[96]),
+                                             splat(pack[104]), splat(pack[112]), d.x, d.y, d.z, ray->slack, &determinant, &b, &c);
         const vfloat distance = triangle_distance_lanes(from.x, from.y, from.z, nx, ny, nz, determinant);
         vuint id = splat_uint(first);
         if (!any_hit && last != first) id = c > b ? splat_uint(last) : id;

@@ -17,7 +17,8 @@ static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
 
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.
 // `entered` is where the ray enters the leaf's box, `later` where it hits the second of a pair.
-static void single_keep(SingleRay* ray, int8 hit, int8 later, float8 distance, float entered, __global const float* ids, int any_hit) {
+static void single_keep(SingleRay* ray, int8 hit, int8 later, float8 distance, float entered, __global const float* ids,
+                        int any_hit) {
     float at[8];
     int hits[8], seconds[8];
     const float8 clamped = distance < entered ? (float8)(entered) : distance;
@@ -38,13 +39,14 @@ static void single_keep(SingleRay* ray, int8 hit, int8 later, float8 distance, f
 }
 
 static void single_triangles(SingleRay* ray, __global const float* pack, float entered, int any_hit) {
-    const float8 from_x = ray->origin[0] - vload8(0, pack), from_y = ray->origin[1] - vload8(1, pack), from_z = ray->origin[2] - vload8(2, pack);
+    const float8 from_x = ray->origin[0] - vload8(0, pack), from_y = ray->origin[1] - vload8(1, pack);
+    const float8 from_z = ray->origin[2] - vload8(2, pack);
     const float8 nx = vload8(9, pack), ny = vload8(10, pack), nz = vload8(11, pack);
     float8 determinant, b, c;
     const int8 hit = triangle_hit_pack(from_x, from_y, from_z, vload8(3, pack), vload8(4, pack), vload8(5, pack), vload8(6, pack),
-                                       vload8(7, pack), vload8(8, pack), nx, ny, nz, vload8(12, pack), vload8(13, pack), vload8(14, pack),
-                                       (float8)(ray->direction[0]), (float8)(ray->direction[1]), (float8)(ray->direction[2]),
-                                       (float8)(ray->slack), &determinant, &b, &c);
+                                       vload8(7, pack), vload8(8, pack), nx, ny, nz, vload8(12, pack), vload8(13, pack),
+                                       vload8(14, pack), (float8)(ray->direction[0]), (float8)(ray->direction[1]),
+                                       (float8)(ray->direction[2]), (float8)(ray->slack), &determinant, &b, &c);
     if (!any_of_eight(hit)) return;
     const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
     single_keep(ray, hit, c > b, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);

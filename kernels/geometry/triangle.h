@@ -4,7 +4,7 @@
 
 #include "core/exact.h"
 
-#define TRIANGLE_SLACK (32.0f * EPSILON)
+#define TRIANGLE_SLACK (10.0f * EPSILON)
 
 // No determinant so small is told from zero: on zero's sign, and on what is smaller than a normal number, drivers do not agree.
 #define TRIANGLE_EDGE_ON 1.0e-36f
@@ -14,7 +14,7 @@ typedef struct {
     vec3 normal;         // (B − A) × (C − A)
     vfloat size;         // the largest component of the edges
     vfloat unsure;       // twice the error of the determinant, for a direction whose largest component is 1, over TRIANGLE_SLACK
-    vfloat diagonal;     // 1; of a parallelogram, the two triangles A B C and A C D as one, 0: its normal is (B − A) × (D − A), ca is A − D
+    vfloat diagonal;     // 1; 0 for a parallelogram, the two triangles A B C and A C D as one: D stands for C in the above
 } Triangle;
 
 // What rounding took away from b − a, exactly (Knuth's two-sum), but for its sign.
@@ -33,8 +33,8 @@ static vec3 triangle_without_signed_zero(vec3 a) {
     return vec3_of(a.x == 0.0f ? splat(0.0f) : a.x, a.y == 0.0f ? splat(0.0f) : a.y, a.z == 0.0f ? splat(0.0f) : a.z);
 }
 
-// Products of the edges are taken with the edges near 1, or what a small triangle's lose by rounding would be below the smallest normal
-// number, about which drivers do not agree either.
+// Products of the edges are taken with the edges near 1, or what a small triangle's lose by rounding would be below the smallest
+// normal number, about which drivers do not agree either.
 static Triangle triangle_of(vec3 a, vec3 b, vec3 c) {
     Triangle t;
     t.a = a;
@@ -44,8 +44,8 @@ static Triangle triangle_of(vec3 a, vec3 b, vec3 c) {
     t.diagonal = splat(1.0f);
     const vfloat up = inverse_scale(vec3_of(t.size, t.size, t.size)), down = inverse_scale(vec3_of(up, up, up));
     const vec3 ab = scale(t.ab, up), ca = scale(t.ca, up), normal = outer(ca, ab);
-    // Each component of the normal is off by two roundings of its own, and by the edges' errors times the other edge, twice; the three
-    // products of the determinant by three roundings.
+    // Each component of the normal is off by two roundings of its own, and by the edges' errors times the other edge, twice; the
+    // three products of the determinant by three roundings.
     const vfloat lost_ab = triangle_lost(a, b, t.ab) * up, lost_ca = triangle_lost(c, a, t.ca) * up;
     const vfloat rounding = (absolute(normal.x) + absolute(normal.y) + absolute(normal.z)) * (5.0f * EPSILON);
     const vfloat edges = fma(lost_ab, largest_size(ca), lost_ca * largest_size(ab)) * 6.0f;

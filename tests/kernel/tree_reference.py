@@ -159,11 +159,11 @@ def _check_numbers(
     normal = np.cross(edges[:, 1], edges[:, 0])
     assert (np.abs(stored[:, 9:12] - normal) <= 2**-23 * np.abs(normal) + 1e-38).all(), "packs hold the normal"
     assert np.array_equal(stored[:, 12], np.abs(edges).max((1, 2))), "packs hold the largest component of the edges"
-    # Twice the error of the determinant of such a normal, over 32 roundings: see reference.triangles.
+    # Twice the error of the determinant of such a normal, over 10 roundings: see reference.triangles.
     exactly = np.cross(b.astype(np.float64) - a, c.astype(np.float64) - a)
     wrong = (np.abs(normal - exactly) + 2**-23 * np.abs(normal)).sum(1) + 3 * 2**-24 * np.abs(normal).sum(1)
     wrong += np.where(pair, gap * stored[:, 12], 0.0)
-    assert (stored[:, 13] * 32 * 2**-24 >= 2 * wrong - 1e-37).all(), "packs bound the normal's error"
+    assert (stored[:, 13] * 10 * 2**-24 >= 2 * wrong - 1e-37).all(), "packs bound the normal's error"
     pack, slot = np.nonzero(round_ids != layout.NONE)
     rows = scene.arrays["rounds"][round_ids[pack, slot] - scene.triangle_count]
     wanted = np.concatenate([rows["center_radius"], rows["normal"][:, :3]], axis=1)

@@ -390,8 +390,7 @@ def test_sets_and_pixels_have_nothing_in_common(evidence: Evidence, device: Devi
     pixels = np.arange(COUNT)
     first = sequence(device, pixels, 5, 2, stratified) / 2.0**32
     for name, other in {
-        "next set": sequence(device, pixels, 5, 3, stratified),
-        "next bounce": sequence(device, pixels, 5, 5, stratified),
+        **{f"set {other}": sequence(device, pixels, 5, other, stratified) for other in (0, 3, 4, 5, 8, 18, 34)},
         "next pixel": sequence(device, pixels + 1, 5, 2, stratified),
         "next row": sequence(device, pixels + 800, 5, 2, stratified),
     }.items():
