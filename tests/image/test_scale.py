@@ -62,8 +62,8 @@ def ball_scene(folder: Path, divisions: int) -> tuple[Path, int]:
 
 
 def assert_invisible(image: npt.NDArray[np.float32]) -> None:
-    # A ray that leaves a facet of a convex body never comes back: every path ends in the environment. But one that passes
-    # its outline by a few millionths of the distance may be taken for one that hits the far side from within.
+    # A ray that leaves a facet of a convex body never comes back: every path ends in the environment. But one that
+    # passes its outline by a few millionths of the distance may be taken for one that hits the far side from within.
     lost = 1.0 - image.astype(np.float64)
     assert lost.min() > -1e-5
     assert (lost > 1e-5).mean() < 1e-4

@@ -4,8 +4,8 @@ The bounds follow from the kernels' arithmetic; EPS is 2^-24, one rounding, and 
 ray's origin, which the kernels round once by component.
 
 **Triangles** (kernels/geometry/triangle.inc). With s = |a|_1, m the largest component of the direction, e the largest
-one of the edges: the weights are off by less than 10 EPS m e (s + 6 e) and the determinant's error, and the kernel allows
-for that much, so it must hit where the exact weights are not negative, and must miss where one is below twice
+one of the edges: the weights are off by less than 10 EPS m e (s + 6 e) and the determinant's error, and the kernel
+allows for that much, so it must hit where the exact weights are not negative, and must miss where one is below twice
 that. A component of the normal is off by 2 EPS of its own and by what rounding took from one edge, times the other,
 twice; the determinant by the sum of that over the components and 3 EPS of their magnitudes, times m; the distance times
 the determinant by the normal's error times s, and 4 EPS of its terms. Where the determinant is twice its error or less,
