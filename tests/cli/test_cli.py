@@ -212,3 +212,24 @@ def test_a_reader_that_leaves_is_no_error(tmp_path: Path) -> None:
         child.stdout.close()
         assert child.stderr.read() == ""
     assert read_image(tmp_path / "a.npy").shape == (3, 3, 3)
+
+
+# --- bench -----------------------------------------------------------------------------------------------------------
+
+
+def test_bench_prints_a_line_a_run_and_a_table() -> None:
+    result = run("bench", "S1", "--size", "16x16", "--spp", "1", "--repeats", "2")
+    assert result.returncode == 0, result.stderr
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [(line["scene"], line["renderer"], line["repeat"]) for line in lines] == [
+        ("S1", "clrender", k) for k in (0, 1)
+    ]
+    assert lines[0]["image_sha256"] == lines[1]["image_sha256"]
+    assert lines[0]["paths"] == 256 and lines[0]["mpaths_per_second"] > 0
+    assert re.search(r"^S1 +clrender +\d", result.stderr, re.M)
+
+
+def test_bench_refuses_what_it_does_not_know() -> None:
+    assert_refused(run("bench", "S9"), "S9", "S3-1M")
+    assert_refused(run("bench", "S1", "--peer", "blender=python"), "blender", "mitsuba")
+    assert "S3-4M" in run("bench", "--list").stdout

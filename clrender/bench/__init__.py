@@ -1,0 +1,7 @@
+"""Speed, measured so that it can be believed: the same scenes for clrender and its peers, runs in turns, ratios."""
+
+from clrender.bench.measure import Run, measure, summary
+from clrender.bench.peers import PEERS, Peer, peer_from
+from clrender.bench.scenes import SCENES, write_scene
+
+__all__ = ["PEERS", "SCENES", "Peer", "Run", "measure", "peer_from", "summary", "write_scene"]

@@ -1,0 +1,65 @@
+"""`clrender bench`: how fast clrender is here, and its peers beside it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import click
+
+from clrender.cli.options import number, size
+
+__all__ = ["bench"]
+
+
+@click.command()
+@click.argument("names", metavar="[SCENE]...", nargs=-1)
+@click.option("--size", "wanted", type=size, default="800x800", show_default=True, help="Pixels.")
+@click.option("--spp", type=number(1, 2**24, whole=True), default=16, show_default=True, help="Samples a pixel.")
+@click.option(
+    "--repeats", type=number(1, 1000, whole=True), default=3, show_default=True, help="Turns; one more does not count."
+)
+@click.option("-d", "--device", help="As of `clrender render`.")
+@click.option(
+    "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
+)
+@click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
+def bench(
+    names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
+    listed: bool,
+) -> None:  # fmt: skip
+    """Render benchmark scenes (S1 and S2 without a name) and print a line of JSON a run.
+
+    Paths have 14 segments and no roulette. Runs of clrender and its peers are taken in turns; rates are by CPU time, as
+    an idle machine would give. The table at the end is on stderr.
+    """
+    from clrender.bench import PEERS, SCENES, measure, peer_from, summary, write_scene
+    from clrender.bench.peers import Task
+
+    if listed:
+        for name, description in SCENES.items():
+            click.echo(f"{name:<8}  {description}")
+        click.echo(f"\npeers: {', '.join(PEERS)}")
+        return
+    others = [peer_from(text) for text in peers]
+    with tempfile.TemporaryDirectory(prefix="clrender-bench-") as folder:
+        scenes = []
+        for name in names or ("S1", "S2"):
+            place = Path(folder) / name
+            place.mkdir(exist_ok=True)
+            scenes.append((name, write_scene(name, place)))
+        runs = measure(
+            scenes, others, Task(*wanted, spp), repeats, device, lambda run: click.echo(json.dumps(run.line()))
+        )
+    click.echo(_table(summary(runs)), err=True)
+
+
+def _table(rows: list[dict[str, Any]]) -> str:
+    lines = [f"{'scene':<8}  {'renderer':<15}  {'Mpaths/s':>8}  {'lowest':>7}  {'highest':>7}  clrender is"]
+    for row in rows:
+        ratio = f"{row['ratio']:.2f} times as fast" if "ratio" in row else ""
+        numbers = f"{row['mpaths_per_second']:>8.3f}  {row['lowest']:>7.3f}  {row['highest']:>7.3f}"
+        lines.append(f"{row['scene']:<8}  {row['renderer']:<15}  {numbers}  {ratio}".rstrip())
+    return "\n".join(lines)

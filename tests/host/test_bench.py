@@ -1,0 +1,87 @@
+"""The benchmark: its scenes, its arithmetic, and peers that are not there or fail."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clrender
+from clrender.bench import SCENES, Peer, Run, peer_from, summary, write_scene
+from clrender.bench.peers import PEERS, Task
+from clrender.errors import RenderError, UsageError
+from clrender.flatten import flatten
+
+TRIANGLES = {"S1": 28, "S1-tess": 28 + 10240, "S2": 28, "S2-tess": 28 + 10240, "S3-10k": 16 + 9680, "S4": 24 + 1000}
+
+
+@pytest.mark.parametrize("name", TRIANGLES)
+def test_scenes_are_what_they_say(tmp_path: Path, name: str) -> None:
+    scene = clrender.load(str(write_scene(name, tmp_path)))
+    flat = flatten(scene, 8, 8)
+    assert flat.triangle_count == TRIANGLES[name]
+    assert flat.round_count == (0 if name.endswith("tess") else 2)
+    assert flat.light_count == (1000 if name == "S4" else 4)
+    assert flat.warnings == ()
+    corners = flat.arrays["vertices"][flat.arrays["triangles"]]
+    assert (corners.min((0, 1)) >= [-2.001, -0.001, -2.001]).all()
+    assert (corners.max((0, 1)) <= [2.001, 4.001, 6.001]).all()
+
+
+def test_the_body_is_closed(tmp_path: Path) -> None:
+    """Every edge has a triangle on either side, by position: the faces of the icosahedron share no vertices."""
+    flat = flatten(clrender.load(str(write_scene("S3-10k", tmp_path))), 8, 8)
+    faces = flat.arrays["triangles"][flat.arrays["primitive_shape"][: flat.triangle_count] == 8]
+    assert len(faces) == 9680
+    places = np.unique(np.round(flat.arrays["vertices"], 5), axis=0, return_inverse=True)[1].reshape(-1)[faces]
+    edges = np.concatenate([places[:, [0, 1]], places[:, [1, 2]], places[:, [2, 0]]])
+    forward, counts = np.unique(edges, axis=0, return_counts=True)
+    assert (counts == 1).all()
+    assert np.array_equal(forward, np.unique(edges[:, ::-1], axis=0))
+
+
+def test_every_scene_has_a_description_and_no_other_is_known(tmp_path: Path) -> None:
+    assert all(SCENES.values())
+    with pytest.raises(UsageError, match="no benchmark scene 'S9'"):
+        write_scene("S9", tmp_path)
+
+
+def run(renderer: str, repeat: int, cpu: float) -> Run:
+    return Run("S1", renderer, repeat, 2 * cpu, cpu, 1_000_000, {})
+
+
+def test_the_summary_is_of_medians_turn_by_turn() -> None:
+    # Turn 1 was slow for both, so the ratio of medians would be another than the median of ratios.
+    runs = [run("clrender", 0, 1.0), run("mitsuba", 0, 2.0), run("clrender", 1, 4.0), run("mitsuba", 1, 12.0)]
+    runs += [run("clrender", 2, 1.0), run("mitsuba", 2, 2.5)]
+    own, peer = summary(runs)
+    assert own["renderer"] == "clrender" and "ratio" not in own
+    assert own["mpaths_per_second"] == round(runs[0].rate, 4)
+    assert (peer["lowest"], peer["highest"]) == (round(runs[3].rate, 4), round(runs[1].rate, 4))
+    assert peer["ratio"] == 2.5
+
+
+def test_peers_by_name() -> None:
+    assert peer_from("mitsuba=/a/python") == Peer("mitsuba", "/a/python")
+    for text in ("mitsuba", "mitsuba=", "blender=/a/python"):
+        with pytest.raises(UsageError, match="NAME=PYTHON"):
+            peer_from(text)
+    assert all((Path(clrender.__file__).parent / "bench" / script).is_file() for script, *_ in PEERS.values())
+
+
+def test_peers_that_are_not_there_or_fail(tmp_path: Path) -> None:
+    with pytest.raises(RenderError, match="cannot be started"):
+        Peer("mitsuba", str(tmp_path / "python")).run(tmp_path, Task(8, 8, 1))
+    # This Python has no Mitsuba.
+    with pytest.raises(RenderError, match="mitsuba failed with exit status 1: ModuleNotFoundError"):
+        Peer("mitsuba", sys.executable).run(tmp_path, Task(8, 8, 1))
+
+
+def test_a_run_is_a_line_of_json() -> None:
+    line = json.loads(json.dumps(run("clrender", 0, 0.5).line()))
+    assert line["paths"] == 1_000_000
+    assert line["mpaths_per_second"] == pytest.approx(2.0 * line["processors"])
+    assert line["mpaths_per_second_wall"] == pytest.approx(1.0)
