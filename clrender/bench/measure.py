@@ -7,10 +7,10 @@ import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import clrender
-from clrender.bench.peers import OWN, Task
+from clrender.bench.peers import OWN, SEGMENTS, Task
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from clrender.bench.peers import Peer
 
 __all__ = ["Run", "measure", "summary"]
-
-SEGMENTS: Final = 14
-"""Of a path, from the camera to a light: the depth at which renderers are compared, without roulette."""
 
 
 @dataclass(frozen=True)

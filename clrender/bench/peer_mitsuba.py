@@ -1,6 +1,6 @@
 """Renders a benchmark scene with Mitsuba 3 and prints what it took; run by a Python that has Mitsuba, not clrender.
 
-``python peer_mitsuba.py VARIANT SCENE.json WIDTH HEIGHT SPP``
+``python peer_mitsuba.py VARIANT SCENE.json WIDTH HEIGHT SPP SEGMENTS``
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import numpy as np
 
 __all__: list[str] = []
 
-SEGMENTS = 14
 NO_ROULETTE = 100_000
 
 
@@ -69,13 +68,13 @@ def flat_mesh(name: str, vertices: Any, faces: Any, bsdf: dict[str, Any], emissi
     return mesh
 
 
-def load(path: Path, width: int, height: int, spp: int) -> Any:
+def load(path: Path, width: int, height: int, spp: int, segments: int) -> Any:
     described = json.loads(path.read_text(encoding="utf-8"))
     camera, materials = described["camera"], described["materials"]
     transform = mitsuba.ScalarTransform4f().look_at(origin=camera["position"], target=camera["target"], up=[0, 1, 0])
     scene: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": SEGMENTS, "rr_depth": NO_ROULETTE},
+        "integrator": {"type": "path", "max_depth": segments, "rr_depth": NO_ROULETTE},
         "sensor": {
             "type": "perspective", "fov": camera["vertical_fov"], "fov_axis": "y", "to_world": transform,
             "film": {
@@ -114,9 +113,9 @@ def load(path: Path, width: int, height: int, spp: int) -> Any:
 def main() -> None:
     begin = time.perf_counter()
     variant, path, *numbers = sys.argv[1:]
-    width, height, spp = map(int, numbers)
+    width, height, spp, segments = map(int, numbers)
     mitsuba.set_variant(variant)
-    scene = load(Path(path), width, height, spp)
+    scene = load(Path(path), width, height, spp, segments)
     vector = variant.startswith("llvm")
     if vector:
         drjit.eval()

@@ -11,9 +11,11 @@ from typing import Any, Final
 
 from clrender.errors import RenderError, UsageError
 
-__all__ = ["OWN", "PEERS", "Peer", "Task", "peer_from"]
+__all__ = ["OWN", "PEERS", "SEGMENTS", "Peer", "Task", "peer_from"]
 
 OWN: Final = "clrender"
+SEGMENTS: Final = 14
+"""Of a path, from the camera to a light: the depth at which renderers are compared, without roulette."""
 _FOLDER: Final = Path(__file__).resolve().parent
 PEERS: Final[Mapping[str, tuple[str, ...]]] = {
     "mitsuba": ("peer_mitsuba.py", "llvm_ad_rgb"),
@@ -24,7 +26,7 @@ PEERS: Final[Mapping[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Task:
-    """What every renderer is to do: so many pixels and samples, paths of 14 segments, no roulette, no filter."""
+    """What every renderer is to do: so many pixels and samples, paths of `SEGMENTS` segments, no roulette, no filter."""
 
     width: int
     height: int
@@ -61,7 +63,7 @@ class Peer:
             When the peer cannot be started or fails.
         """
         script, *told = PEERS[self.name]
-        numbers = [str(number) for number in (task.width, task.height, task.spp)]
+        numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS)]
         command = [self.python, str(_FOLDER / script), *told, str(scene), *numbers]
         try:
             done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -44,11 +44,11 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat ro
         vfloat n[16];
         lane_rows(scene->normal_rows, smooth ? s->primitive : splat_uint(0u), n);
         const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
-        const vec3 normal = vec3_of(fma(weight_a, n[0], fma(weight_b, n[3], weight_c * n[6])),
+        const vec3 blend = vec3_of(fma(weight_a, n[0], fma(weight_b, n[3], weight_c * n[6])),
                                  fma(weight_a, n[1], fma(weight_b, n[4], weight_c * n[7])),
                                  fma(weight_a, n[2], fma(weight_b, n[5], weight_c * n[8])));
-        const vmask usable = smooth & (inner(normal, normal) > 1.0e-12f) & (inner(normal, s->normal) > 0.0f);
-        s->shading = choose(usable, unit(normal), s->normal);
+        const vmask usable = smooth & (inner(blend, blend) > 1.0e-12f) & (inner(blend, s->normal) > 0.0f);
+        s->shading = choose(usable, unit(blend), s->normal);
     }
 }
 
