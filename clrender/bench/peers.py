@@ -26,7 +26,7 @@ PEERS: Final[Mapping[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Task:
-    """What every renderer is to do: so many pixels and samples, paths of `SEGMENTS` segments, no roulette, no filter."""
+    """What every renderer is to do: so many pixels and samples, paths of `SEGMENTS`, no roulette, no filter."""
 
     width: int
     height: int
