@@ -67,6 +67,11 @@ class Bvh:
     levels: int
 
     @property
+    def nbytes(self) -> int:
+        """Size of nodes and packs."""
+        return self.nodes.nbytes + self.triangle_packs.nbytes + self.round_packs.nbytes
+
+    @property
     def stack_entries(self) -> int:
         """Entries a traversal may have to keep at once."""
         return 7 * self.levels + 1

@@ -31,8 +31,10 @@ _GPU_WORK_GROUP: Final = 64
 _LONE_WORK_GROUP: Final = 16
 _SAMPLES_BYTES: Final = 96 << 20
 _MOST_SAMPLES_PER_PASS: Final = 16
-_SMALL_TREE: Final = 64
+_SMALL_TREE: Final = 8
 """With so few nodes, lanes' rays stay together: setting one out alone costs more than the rest of the tree."""
+_NEAR_BYTES: Final = 3 << 19
+"""Of a tree that the processor has at hand: in a larger one, memory is asked for ahead."""
 
 _BLOCK_SLOTS: Final = BLOCK * BLOCK
 
@@ -125,6 +127,8 @@ class DeviceWorker:
             defines["TRAVERSAL_SINGLE"] = 1
         if self._lanes >= 4 and self._arrays.tree.node_count <= _SMALL_TREE:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
+        elif self._lanes >= 4 and self._arrays.tree.nbytes > _NEAR_BYTES:
+            defines["BVH_PREFETCH"] = 1
         stack = STACK
         while stack < self._arrays.tree.stack_entries:
             stack *= 2

@@ -1,6 +1,6 @@
-// The rays of all lanes through the tree together, each box and primitive against all of them, while they agree; where only a few
-// of them still want a subtree, each of those goes on alone (Benthin, Wald, Woop, Ernst, "Combining single and packet-ray tracing
-// for arbitrary ray distributions", 2012).
+// The rays of all lanes through the tree together, each box and primitive against all of them, while they agree; a subtree that only
+// a few of them want is left to each of those alone, once all else is done and the rays are as short as they get (Benthin, Wald,
+// Woop, Ernst, "Combining single and packet-ray tracing for arbitrary ray distributions", 2012).
 #ifndef GEOMETRY_BVH_PACKET_H
 #define GEOMETRY_BVH_PACKET_H
 
@@ -92,55 +92,43 @@ static void packet_rounds(PacketRay* ray, __global const float* pack, vfloat ent
     }
 }
 
-// What one ray alone needs, lane by lane in private arrays.
-typedef struct {
-    float origin[3][LANES], direction[3][LANES], inverse[3][LANES], slack[LANES], inverse2[LANES];
-    uint from[LANES], to[LANES];
-} PartedRays;
+// Hand a subtree to the lanes that want it.
+static void packet_hand_over(SingleRays* rays, vmask wants, uint reference, vfloat entered) {
+    int wanted[LANES];
+    float enters[LANES];
+    lane_store(wants, wanted);
+    lane_store(entered, enters);
+    for (int lane = 0; lane < LANES; ++lane) {
+        rays->stack[lane][rays->top[lane] + 1] = single_entry(reference, enters[lane]);
+        rays->top[lane] += wanted[lane] ? 1 : 0;
+    }
+}
 
-static void packet_part(const PacketRay* ray, PartedRays* parted) {
+// The lanes' rays, each alone through what was handed to it.
+static void packet_alone(const Bvh* bvh, PacketRay* ray, SingleRays* rays, int any_hit) {
 #define STORE(name)                                                                                                         \
-    lane_store(ray->name.x, parted->name[0]), lane_store(ray->name.y, parted->name[1]), lane_store(ray->name.z, parted->name[2])
+    lane_store(ray->name.x, rays->name[0]), lane_store(ray->name.y, rays->name[1]), lane_store(ray->name.z, rays->name[2])
     STORE(origin);
     STORE(direction);
     STORE(inverse);
 #undef STORE
-    lane_store(ray->slack, parted->slack);
-    lane_store(ray->inverse2, parted->inverse2);
-    lane_store(ray->from, parted->from);
-    lane_store(ray->to, parted->to);
+    const vuint flipped = splat_uint(BVH_HIGH - BVH_LOW), not_flipped = splat_uint(0u);
+    lane_store((ray->inverse.x < 0.0f ? flipped : not_flipped), rays->flip[0]);
+    lane_store((ray->inverse.y < 0.0f ? flipped : not_flipped), rays->flip[1]);
+    lane_store((ray->inverse.z < 0.0f ? flipped : not_flipped), rays->flip[2]);
+    lane_store(ray->slack, rays->slack);
+    lane_store(ray->inverse2, rays->inverse2);
+    lane_store(ray->from, rays->from);
+    lane_store(ray->to, rays->to);
+    lane_store(ray->nearest, rays->nearest);
+    lane_store(ray->primitive, rays->primitive);
+    bvh_single(bvh, rays, any_hit);
+    ray->nearest = lane_restore(rays->nearest);
+    ray->primitive = lane_restore(rays->primitive);
 }
 
-// The lanes in `wants`, one after the other, each alone through everything below `reference`.
-static void packet_alone(const Bvh* bvh, PacketRay* ray, const PartedRays* parted, vmask wants, uint reference, vfloat entered,
-                         int any_hit) {
-    int wanted[LANES];
-    float nearest[LANES], enters[LANES];
-    uint primitive[LANES];
-    lane_store(wants, wanted);
-    lane_store(entered, enters);
-    lane_store(ray->nearest, nearest);
-    lane_store(ray->primitive, primitive);
-    for (int lane = 0; lane < LANES; ++lane) {
-        if (!wanted[lane]) continue;
-        SingleRay one;
-        for (int k = 0; k < 3; ++k) {
-            one.origin[k] = parted->origin[k][lane];
-            one.direction[k] = parted->direction[k][lane];
-            one.inverse[k] = parted->inverse[k][lane];
-        }
-        one.slack = parted->slack[lane];
-        one.inverse2 = parted->inverse2[lane];
-        one.from = parted->from[lane];
-        one.to = parted->to[lane];
-        one.nearest = nearest[lane];
-        one.primitive = primitive[lane];
-        bvh_single(bvh, &one, reference, enters[lane], any_hit);
-        nearest[lane] = one.nearest;
-        primitive[lane] = one.primitive;
-    }
-    ray->nearest = lane_restore(nearest);
-    ray->primitive = lane_restore(primitive);
+static void packet_none_alone(SingleRays* rays) {
+    for (int lane = 0; lane < LANES; ++lane) rays->top[lane] = -1;
 }
 
 // Push the children that any lane enters, the farthest first. Returns the new top of the stack.
@@ -160,8 +148,9 @@ static int packet_children(const PacketRay* ray, __global const float* node, uin
 
 __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay* ray, int any_hit) {
 #if PACKET_PARTS > 0
-    PartedRays parted;
-    packet_part(ray, &parted);
+    SingleRays alone;
+    int handed_over = 0;
+    packet_none_alone(&alone);
 #endif
     uint stack[BVH_STACK];
     vfloat stack_near[BVH_STACK];
@@ -177,9 +166,10 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
         const size_t index = reference & BVH_INDEX;
         if (!(reference & BVH_LEAF)) {
 #if PACKET_PARTS > 0
-            if (lane_count(wants) <= PACKET_PARTS)
-                packet_alone(bvh, ray, &parted, wants, reference, entered, any_hit);
-            else
+            if (lane_count(wants) <= PACKET_PARTS) {
+                packet_hand_over(&alone, wants, reference, entered);
+                if (++handed_over % SINGLE_STARTS == 0) packet_alone(bvh, ray, &alone, any_hit);
+            } else
 #endif
                 top = packet_children(ray, bvh->nodes + index * BVH_NODE_WORDS, stack, stack_near, top);
         } else if (reference & BVH_ROUND)
@@ -187,6 +177,9 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
         else
             packet_triangles(ray, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, entered, any_hit);
     }
+#if PACKET_PARTS > 0
+    if (handed_over > 0) packet_alone(bvh, ray, &alone, any_hit);
+#endif
 }
 
 #endif

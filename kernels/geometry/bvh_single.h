@@ -1,4 +1,7 @@
-// One ray through the tree: against the eight boxes of a node or the eight members of a pack at a time.
+// Rays that go through the tree each on its own: against the eight boxes of a node or the eight members of a pack at a time.
+//
+// They take turns, a node or a pack each: while one waits for memory the others go on. No step has a branch on what the ray meets,
+// which no processor predicts.
 #ifndef GEOMETRY_BVH_SINGLE_H
 #define GEOMETRY_BVH_SINGLE_H
 
@@ -6,111 +9,164 @@
 #include "geometry/wide.h"
 #include "types.h"
 
+// Subtrees that may be handed to a ray before it sets out.
+#define SINGLE_STARTS 32
+// Beyond what a ray needs below one of them, a step writes all eight children, and counts only those that the ray enters.
+#define SINGLE_STACK (BVH_STACK + SINGLE_STARTS + 8)
+
+// The lanes' rays, and what each has still to visit: a reference, and above it the bits of the distance where the ray enters.
 typedef struct {
-    float origin[3], direction[3], inverse[3], slack, inverse2;
-    uint from, to;
-    float nearest;       // distance of the nearest hit so far; negative once an occluder was found
-    uint primitive;      // its number
-} SingleRay;
+    float origin[3][LANES], direction[3][LANES], inverse[3][LANES], slack[LANES], inverse2[LANES];
+    uint flip[3][LANES];         // from the low planes of a node's boxes to the high ones where the ray goes down the axis, else 0
+    uint from[LANES], to[LANES];
+    float nearest[LANES];        // distance of the nearest hit so far; negative once an occluder was found
+    uint primitive[LANES];       // its number
+    int top[LANES];              // of the stack; -1 where it is empty
+    ulong stack[LANES][SINGLE_STACK];
+} SingleRays;
 
 static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
+static int count_of_eight(int8 m) { return (int)(popcount(as_ulong(convert_char8(m))) >> 3); }
+static float least_of_eight(float8 x) {
+    const float4 h = x.lo < x.hi ? x.lo : x.hi;
+    const float2 p = h.lo < h.hi ? h.lo : h.hi;
+    return p.x < p.y ? p.x : p.y;
+}
+static uint least_uint_of_eight(uint8 x) {
+    const uint4 h = x.lo < x.hi ? x.lo : x.hi;
+    const uint2 p = h.lo < h.hi ? h.lo : h.hi;
+    return p.x < p.y ? p.x : p.y;
+}
+
+static ulong single_entry(uint reference, float entered) { return (ulong)as_uint(entered) << 32 | reference; }
 
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.
 // `entered` is where the ray enters the leaf's box, `later` where it hits the second of a pair.
-static void single_keep(SingleRay* ray, int8 hit, int8 later, float8 distance, float entered, __global const float* ids,
+static void single_keep(SingleRays* rays, int lane, int8 hit, int8 later, float8 distance, float entered, __global const float* ids,
                         int any_hit) {
-    float at[8];
-    int hits[8], seconds[8];
-    const float8 clamped = distance < entered ? (float8)(entered) : distance;
-    vstore8(clamped, 0, at);
-    vstore8(later, 0, seconds);
-    vstore8(hit & (clamped > BOX_START) & (clamped <= ray->nearest), 0, hits);
-    for (int i = 0; i < 8; ++i) {
-        if (!hits[i]) continue;
-        const uint word = as_uint(ids[i]);
-        const uint first = word & ~BVH_PAIR, pair = word >> 31;
-        if (word == NONE || ray->from - first <= pair || ray->to - first <= pair) continue;
-        const uint id = first + (seconds[i] ? pair : 0u);
-        if (at[i] < ray->nearest || (at[i] == ray->nearest && id < ray->primitive)) {
-            ray->nearest = any_hit ? -1.0f : at[i];
-            ray->primitive = id;
-        }
+    const uint8 words = as_uint8(vload8(0, ids)), first = words & ~BVH_PAIR, pair = words >> 31;
+    const float8 at = distance < entered ? (float8)(entered) : distance;
+    const float nearest = rays->nearest[lane];
+    int8 keep = hit & (at > BOX_START) & (at <= nearest) & (rays->from[lane] - first > pair);
+    if (any_hit) {
+        keep &= rays->to[lane] - first > pair;
+        rays->nearest[lane] = any_of_eight(keep) ? -1.0f : nearest;
+        return;
     }
+    const float least = least_of_eight(keep ? at : (float8)(NEVER));
+    const uint8 ids_there = (keep & (at == least)) ? first + (later ? pair : (uint8)(0)) : (uint8)(NONE);
+    const uint id = least_uint_of_eight(ids_there);
+    const int nearer = least < nearest || (least == nearest && id < rays->primitive[lane]);
+    rays->nearest[lane] = nearer ? least : nearest;
+    rays->primitive[lane] = nearer ? id : rays->primitive[lane];
 }
 
-static void single_triangles(SingleRay* ray, __global const float* pack, float entered, int any_hit) {
-    const float8 from_x = ray->origin[0] - vload8(0, pack), from_y = ray->origin[1] - vload8(1, pack);
-    const float8 from_z = ray->origin[2] - vload8(2, pack);
+static void single_triangles(SingleRays* rays, int lane, __global const float* pack, float entered, int any_hit) {
+    const float8 from_x = rays->origin[0][lane] - vload8(0, pack), from_y = rays->origin[1][lane] - vload8(1, pack);
+    const float8 from_z = rays->origin[2][lane] - vload8(2, pack);
     const float8 nx = vload8(9, pack), ny = vload8(10, pack), nz = vload8(11, pack);
     float8 determinant, b, c;
     const int8 hit = triangle_hit_pack(from_x, from_y, from_z, vload8(3, pack), vload8(4, pack), vload8(5, pack), vload8(6, pack),
                                        vload8(7, pack), vload8(8, pack), nx, ny, nz, vload8(12, pack), vload8(13, pack),
-                                       vload8(14, pack), (float8)(ray->direction[0]), (float8)(ray->direction[1]),
-                                       (float8)(ray->direction[2]), (float8)(ray->slack), &determinant, &b, &c);
-    if (!any_of_eight(hit)) return;
+                                       vload8(14, pack), (float8)(rays->direction[0][lane]), (float8)(rays->direction[1][lane]),
+                                       (float8)(rays->direction[2][lane]), (float8)(rays->slack[lane]), &determinant, &b, &c);
     const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
-    single_keep(ray, hit, c > b, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);
+    single_keep(rays, lane, hit, c > b, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);
 }
 
-static void single_rounds(SingleRay* ray, __global const float* pack, float entered, int any_hit) {
+static void single_rounds(SingleRays* rays, int lane, __global const float* pack, float entered, int any_hit) {
     const float8 cx = vload8(0, pack), cy = vload8(1, pack), cz = vload8(2, pack), radius = vload8(3, pack);
     const float8 nx = vload8(4, pack), ny = vload8(5, pack), nz = vload8(6, pack);
-    const float8 dx = (float8)(ray->direction[0]), dy = (float8)(ray->direction[1]), dz = (float8)(ray->direction[2]);
-    const float8 to_x = cx - ray->origin[0], to_y = cy - ray->origin[1], to_z = cz - ray->origin[2];
+    const float8 dx = (float8)(rays->direction[0][lane]), dy = (float8)(rays->direction[1][lane]);
+    const float8 dz = (float8)(rays->direction[2][lane]);
+    const float8 to_x = cx - rays->origin[0][lane], to_y = cy - rays->origin[1][lane], to_z = cz - rays->origin[2][lane];
     const int8 disk = (nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f);
     float8 sphere_distance, disk_distance;
-    const int8 sphere = sphere_hit_pack(to_x, to_y, to_z, radius, dx, dy, dz, (float8)(ray->inverse2), &sphere_distance);
+    const int8 sphere = sphere_hit_pack(to_x, to_y, to_z, radius, dx, dy, dz, (float8)(rays->inverse2[lane]), &sphere_distance);
     const int8 flat = disk_hit_pack(to_x, to_y, to_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
-    const int8 hit = disk ? flat : sphere;
-    if (!any_of_eight(hit)) return;
-    single_keep(ray, hit, (int8)(0), disk ? disk_distance : sphere_distance, entered, pack + ROUND_PACK_ID, any_hit);
+    const int8 there = as_uint8(vload8(0, pack + ROUND_PACK_ID)) != NONE;
+    single_keep(rays, lane, (disk ? flat : sphere) & there, (int8)(0), disk ? disk_distance : sphere_distance, entered,
+                pack + ROUND_PACK_ID, any_hit);
 }
 
-// Everything below `start`, whose box the ray enters at `entered`, nearest boxes first. With any_hit it ends at the first occluder.
-static void bvh_single(const Bvh* bvh, SingleRay* ray, uint start, float start_entered, int any_hit) {
-    uint stack[BVH_STACK];
-    float stack_near[BVH_STACK];
-    int top = 0;
-    stack[0] = start;
-    stack_near[0] = start_entered;
-    while (top >= 0) {
-        const uint reference = stack[top];
-        const float entered = stack_near[top];
-        --top;
-        if (entered > ray->nearest) continue;
-        if (reference & BVH_LEAF) {
-            const size_t index = reference & BVH_INDEX;
-            if (reference & BVH_ROUND)
-                single_rounds(ray, bvh->round_packs + index * ROUND_PACK_WORDS, entered, any_hit);
-            else
-                single_triangles(ray, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, entered, any_hit);
-            continue;
-        }
-        __global const float* node = bvh->nodes + (size_t)reference * BVH_NODE_WORDS;
-        float8 near, far;
-        box_interval_pack(vload8(0, node) - ray->origin[0], vload8(1, node) - ray->origin[1], vload8(2, node) - ray->origin[2],
-                          vload8(3, node) - ray->origin[0], vload8(4, node) - ray->origin[1], vload8(5, node) - ray->origin[2],
-                          (float8)(ray->inverse[0]), (float8)(ray->inverse[1]), (float8)(ray->inverse[2]), &near, &far);
-        const int8 passed = (near <= far) & (near <= ray->nearest);
-        if (!any_of_eight(passed)) continue;
-        int passes[8];
-        float nears[8];
-        vstore8(passed, 0, passes);
-        vstore8(near, 0, nears);
-        const int floor_of_node = top;
-        for (int i = 0; i < 8; ++i) {
-            if (!passes[i]) continue;
-            const uint child = as_uint(node[BVH_CHILD + i]);
-            if (child == BVH_EMPTY) break;
-            int slot = ++top;
-            while (slot - 1 > floor_of_node && stack_near[slot - 1] < nears[i]) {
-                stack[slot] = stack[slot - 1];
-                stack_near[slot] = stack_near[slot - 1];
-                --slot;
+// Push the children that the ray enters, the nearest last. The boxes' near planes are known by the ray's direction, which gives the
+// same interval as sorting them does (geometry/box.inc): rounding is monotonic.
+static void single_children(SingleRays* rays, int lane, __global const float* node) {
+    float8 near_at[3], far_at[3];
+    #pragma unroll
+    for (int k = 0; k < 3; ++k) {
+        const uint flip = rays->flip[k][lane];
+        near_at[k] = (vload8(k, node + BVH_LOW + flip) - rays->origin[k][lane]) * rays->inverse[k][lane];
+        far_at[k] = (vload8(k, node + BVH_HIGH - flip) - rays->origin[k][lane]) * rays->inverse[k][lane];
+    }
+    float8 near, far;
+    box_clip_pack(near_at[0], near_at[1], near_at[2], far_at[0], far_at[1], far_at[2], &near, &far);
+    const int8 passes = (near <= far) & (near <= rays->nearest[lane]);
+
+    // Each child's place among those to push: how many are pushed before it. Distances count but for their last three bits, which
+    // are the child's number, so that no two are equal; what is not entered comes last of all and is left above the top.
+    const int8 number = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const int8 key = passes ? (as_int8(near) & ~7) | number : number;
+    int8 place = (int8)(0);
+    place -= key.s12345670 > key, place -= key.s23456701 > key, place -= key.s34567012 > key, place -= key.s45670123 > key;
+    place -= key.s56701234 > key, place -= key.s67012345 > key, place -= key.s70123456 > key;
+    int places[8];
+    ulong entries[8];
+    const uint8 references = as_uint8(vload8(0, node + BVH_CHILD));
+    vstore8(place, 0, places);
+    vstore8(convert_ulong8(as_uint8(near)) << 32 | convert_ulong8(references), 0, entries);
+    ulong* above = rays->stack[lane] + rays->top[lane] + 1;
+    #pragma unroll
+    for (int i = 0; i < 8; ++i) above[places[i]] = entries[i];
+    rays->top[lane] += count_of_eight(passes);
+}
+
+// The memory that the lane's next step reads, asked for a round before it is needed. In small trees it is near anyway.
+static void single_prefetch(const Bvh* bvh, const SingleRays* rays, int lane) {
+#ifdef BVH_PREFETCH
+    const uint next = (uint)rays->stack[lane][max(rays->top[lane], 0)];
+    const size_t index = next & BVH_INDEX;
+    if (next & BVH_LEAF) {
+        __global const float* pack = bvh->triangle_packs + (next & BVH_ROUND ? 0 : index * TRIANGLE_PACK_WORDS);
+        #pragma unroll
+        for (int line = 0; line < TRIANGLE_PACK_WORDS / 16; ++line) __builtin_prefetch(pack + line * 16);
+    } else {
+        __global const float* node = bvh->nodes + index * BVH_NODE_WORDS;
+        #pragma unroll
+        for (int line = 0; line < BVH_NODE_WORDS / 16; ++line) __builtin_prefetch(node + line * 16);
+    }
+#endif
+}
+
+// Every ray through all that is on its stack. With any_hit a ray ends at its first occluder.
+static void bvh_single(const Bvh* bvh, SingleRays* rays, int any_hit) {
+    int queue[LANES];
+    int count = 0;
+    for (int lane = 0; lane < LANES; ++lane) {
+        queue[count] = lane;
+        count += rays->top[lane] >= 0 ? 1 : 0;
+    }
+    while (count > 0) {
+        int left = 0;
+        for (int i = 0; i < count; ++i) {
+            const int lane = queue[i];
+            const ulong entry = rays->stack[lane][rays->top[lane]--];
+            const float entered = as_float((uint)(entry >> 32));
+            const uint reference = (uint)entry;
+            if (entered <= rays->nearest[lane]) {
+                const size_t index = reference & BVH_INDEX;
+                if (!(reference & BVH_LEAF))
+                    single_children(rays, lane, bvh->nodes + index * BVH_NODE_WORDS);
+                else if (reference & BVH_ROUND)
+                    single_rounds(rays, lane, bvh->round_packs + index * ROUND_PACK_WORDS, entered, any_hit);
+                else
+                    single_triangles(rays, lane, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, entered, any_hit);
             }
-            stack[slot] = child;
-            stack_near[slot] = nears[i];
+            single_prefetch(bvh, rays, lane);
+            queue[left] = lane;
+            left += rays->top[lane] >= 0 ? 1 : 0;
         }
+        count = left;
     }
 }
 

@@ -13,9 +13,10 @@ __attribute__((always_inline)) static void traverse(const Bvh* bvh, PacketRay* r
 #ifndef TRAVERSAL_SINGLE
     bvh_packet(bvh, ray, any_hit);
 #else
-    PartedRays parted;
-    packet_part(ray, &parted);
-    packet_alone(bvh, ray, &parted, ray->nearest >= 0.0f, bvh->root, splat(0.0f), any_hit);
+    SingleRays alone;
+    packet_none_alone(&alone);
+    packet_hand_over(&alone, ray->nearest >= 0.0f, bvh->root, splat(0.0f));
+    packet_alone(bvh, ray, &alone, any_hit);
 #endif
 }
 
