@@ -17,13 +17,14 @@ from clrender.errors import RenderError
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device, Program
 
-__all__ = ["CHUNK", "NODE_WORDS", "ROUND_PACK_WORDS", "STACK", "TRIANGLE_PACK_WORDS", "Bvh", "SourceArrays", "build"]
+__all__ = ["CHUNK", "MERGE_CHUNK", "NODE_WORDS", "ROUND_PACK_WORDS", "STACK", "TRIANGLE_PACK_WORDS", "Bvh", "SourceArrays", "build"]
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
 NODE_WORDS: Final = 56
 TRIANGLE_PACK_WORDS: Final = 128
 ROUND_PACK_WORDS: Final = 64
 CHUNK: Final = 1024
+MERGE_CHUNK: Final = 64
 STACK: Final = 96
 """Entries a traversal has room for unless the host asks for more."""
 _WORK_GROUP: Final = 16
@@ -195,7 +196,7 @@ class _Builder:
         while length > 1:
             chunks = -(-length // CHUNK)
             kept, pairs = device.empty(4 * chunks), device.empty(4 * chunks)
-            self._each(self._merge, "build_nearest", length, [node_boxes, clusters, _u(length), nearest])
+            self._each(self._merge, "build_nearest", -(-length // MERGE_CHUNK), [node_boxes, clusters, _u(length), nearest])
             self._each(self._merge, "build_merge_count", chunks, [nearest, _u(length), kept, pairs])
             joined = self._scan(pairs, chunks)
             self._scan(kept, chunks)

@@ -5,6 +5,8 @@
 
 // How far along the order a cluster looks, to both sides.
 #define MERGE_RADIUS 16
+// How many clusters a work-item asks; their neighbours' boxes it has at hand.
+#define MERGE_CHUNK 64
 
 // Leaves of the binary tree, in Morton order.
 __kernel void build_leaves(__global const float* boxes, __global const uint* order, uint triangle_units, uint count,
@@ -17,25 +19,45 @@ __kernel void build_leaves(__global const float* boxes, __global const uint* ord
     clusters[i] = i;
 }
 
-// The partner each cluster would choose. Equally good pairs are told apart by the exclusive or of their places, which is the same
-// from both sides: so there is always a pair to join, and among equals neighbours pair off all at once.
-__kernel void build_nearest(__global const float* node_boxes, __global const uint* clusters, uint count, __global uint* nearest) {
-    const uint i = (uint)get_global_id(0);
-    if (i >= count) return;
-    const Box own = box_load(node_boxes, clusters[i]);
-    const uint first = i > MERGE_RADIUS ? i - MERGE_RADIUS : 0, last = min(count - 1, i + MERGE_RADIUS);
-    float best_area = FAR;
-    uint best = NONE;
-    for (uint j = first; j <= last; ++j) {
-        if (j == i) continue;
-        const float area = box_area(box_union(own, box_load(node_boxes, clusters[j])));
-        const float bounded_area = area < FAR ? area : FAR;
-        if (best == NONE || bounded_area < best_area || (bounded_area == best_area && (i ^ j) < (i ^ best))) {
-            best_area = bounded_area;
-            best = j;
-        }
+// Half the surface areas of the boxes that hold a cluster and sixteen of its neighbours; NEVER where there is no neighbour.
+static float16 nearest_areas(const Box* own, const float side[6][MERGE_CHUNK + 2 * MERGE_RADIUS], uint first, int16 there) {
+    float16 extent[3];
+    #pragma unroll
+    for (int k = 0; k < 3; ++k) {
+        const float16 low = vload16(0, side[k] + first), high = vload16(0, side[3 + k] + first);
+        extent[k] = (high > own->high[k] ? high : (float16)(own->high[k])) - (low < own->low[k] ? low : (float16)(own->low[k]));
     }
-    nearest[i] = best;
+    const float16 area = fma(extent[0], extent[1], fma(extent[1], extent[2], extent[2] * extent[0]));
+    return there ? (area < FAR ? area : (float16)(FAR)) : (float16)(NEVER);
+}
+
+// The partner each cluster of a chunk would choose. Equally good pairs are told apart by the exclusive or of their places, which is
+// the same from both sides: so there is always a pair to join, and among equals neighbours pair off all at once.
+__kernel void build_nearest(__global const float* node_boxes, __global const uint* clusters, uint count, __global uint* nearest) {
+    const uint first = (uint)get_global_id(0) * MERGE_CHUNK;
+    if (first >= count) return;
+    const uint last = min(count, first + MERGE_CHUNK);
+    float side[6][MERGE_CHUNK + 2 * MERGE_RADIUS];
+    for (uint at = 0; at < MERGE_CHUNK + 2 * MERGE_RADIUS; ++at) {
+        const uint i = min(max(first + at, (uint)MERGE_RADIUS) - MERGE_RADIUS, count - 1);
+        const size_t box = (size_t)clusters[i] * 6;
+        for (int k = 0; k < 6; ++k) side[k][at] = node_boxes[box + k];
+    }
+    const uint16 number = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    for (uint i = first; i < last; ++i) {
+        const uint at = i - first + MERGE_RADIUS;
+        Box own;
+        for (int k = 0; k < 3; ++k) own.low[k] = side[k][at], own.high[k] = side[3 + k][at];
+        const uint16 before = i - MERGE_RADIUS + number, after = i + 1 + number;
+        const float16 area_before = nearest_areas(&own, side, at - MERGE_RADIUS, before < i);
+        const float16 area_after = nearest_areas(&own, side, at + 1, after < count);
+        const uint16 pair_before = before ^ i, pair_after = after ^ i;
+        const int16 later = (area_after < area_before) | ((area_after == area_before) & (pair_after < pair_before));
+        const float16 area = later ? area_after : area_before;
+        const float least = least_of_sixteen(area);
+        const uint pair = least_uint_of_sixteen(area == least ? (later ? pair_after : pair_before) : (uint16)(NONE));
+        nearest[i] = least < NEVER ? i ^ pair : NONE;
+    }
 }
 
 static int merge_first(__global const uint* nearest, uint i) { return nearest[i] != NONE && nearest[nearest[i]] == i && i < nearest[i]; }

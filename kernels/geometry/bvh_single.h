@@ -25,19 +25,6 @@ typedef struct {
     ulong stack[LANES][SINGLE_STACK];
 } SingleRays;
 
-static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
-static int count_of_eight(int8 m) { return (int)(popcount(as_ulong(convert_char8(m))) >> 3); }
-static float least_of_eight(float8 x) {
-    const float4 h = x.lo < x.hi ? x.lo : x.hi;
-    const float2 p = h.lo < h.hi ? h.lo : h.hi;
-    return p.x < p.y ? p.x : p.y;
-}
-static uint least_uint_of_eight(uint8 x) {
-    const uint4 h = x.lo < x.hi ? x.lo : x.hi;
-    const uint2 p = h.lo < h.hi ? h.lo : h.hi;
-    return p.x < p.y ? p.x : p.y;
-}
-
 static ulong single_entry(uint reference, float entered) { return (ulong)as_uint(entered) << 32 | reference; }
 
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.

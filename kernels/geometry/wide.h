@@ -35,4 +35,20 @@
 #undef FROM_BITS
 #undef WIDE
 
+// Over all members.
+static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
+static int count_of_eight(int8 m) { return (int)(popcount(as_ulong(convert_char8(m))) >> 3); }
+static float least_of_eight(float8 x) {
+    const float4 h = x.lo < x.hi ? x.lo : x.hi;
+    const float2 p = h.lo < h.hi ? h.lo : h.hi;
+    return p.x < p.y ? p.x : p.y;
+}
+static uint least_uint_of_eight(uint8 x) {
+    const uint4 h = x.lo < x.hi ? x.lo : x.hi;
+    const uint2 p = h.lo < h.hi ? h.lo : h.hi;
+    return p.x < p.y ? p.x : p.y;
+}
+static float least_of_sixteen(float16 x) { return least_of_eight(x.lo < x.hi ? x.lo : x.hi); }
+static uint least_uint_of_sixteen(uint16 x) { return least_uint_of_eight(x.lo < x.hi ? x.lo : x.hi); }
+
 #endif
