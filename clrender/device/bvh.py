@@ -17,7 +17,18 @@ from clrender.errors import RenderError
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device, Program
 
-__all__ = ["CHUNK", "MERGE_CHUNK", "NODE_WORDS", "ROUND_PACK_WORDS", "STACK", "TRIANGLE_PACK_WORDS", "Bvh", "SourceArrays", "build"]
+__all__ = [
+    "CHUNK",
+    "COST_ROOTS",
+    "MERGE_CHUNK",
+    "NODE_WORDS",
+    "ROUND_PACK_WORDS",
+    "STACK",
+    "TRIANGLE_PACK_WORDS",
+    "Bvh",
+    "SourceArrays",
+    "build",
+]
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
 NODE_WORDS: Final = 56
@@ -25,6 +36,7 @@ TRIANGLE_PACK_WORDS: Final = 128
 ROUND_PACK_WORDS: Final = 64
 CHUNK: Final = 1024
 MERGE_CHUNK: Final = 64
+COST_ROOTS: Final = 7
 STACK: Final = 96
 """Entries a traversal has room for unless the host asks for more."""
 _WORK_GROUP: Final = 16
@@ -111,6 +123,7 @@ class _BinaryTree:
     boxes: Buffer
     members: Buffer
     children: Buffer
+    costs: Buffer
     root: int
 
 
@@ -187,28 +200,30 @@ class _Builder:
         """The binary tree over the ordered units; consumes `boxes`."""
         device, count = self.device, self._count_units
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
-        children = device.empty(8 * 2 * count)
+        children, costs = device.empty(8 * 2 * count), device.empty(4 * COST_ROOTS * 2 * count)
         clusters, merged, nearest = (device.empty(4 * count) for _ in range(3))
-        arguments: _Arguments = [boxes, order, _u(self._triangle_units), _u(count), node_boxes, members, clusters]
+        arguments: _Arguments = [boxes, order, _u(self._triangle_units), _u(count), node_boxes, members]
+        arguments += [costs, clusters]
         self._each(self._merge, "build_leaves", count, arguments)
         device.release(boxes)
         length, next_node = count, count
         while length > 1:
             chunks = -(-length // CHUNK)
             kept, pairs = device.empty(4 * chunks), device.empty(4 * chunks)
-            self._each(self._merge, "build_nearest", -(-length // MERGE_CHUNK), [node_boxes, clusters, _u(length), nearest])
+            askers = -(-length // MERGE_CHUNK)
+            self._each(self._merge, "build_nearest", askers, [node_boxes, clusters, _u(length), nearest])
             self._each(self._merge, "build_merge_count", chunks, [nearest, _u(length), kept, pairs])
             joined = self._scan(pairs, chunks)
             self._scan(kept, chunks)
             arguments = [nearest, clusters, _u(length), kept, pairs]
-            arguments += [_u(next_node), node_boxes, members, children, merged]
+            arguments += [_u(next_node), node_boxes, members, children, costs, merged]
             self._each(self._merge, "build_merge", chunks, arguments)
             self._release(kept, pairs)
             clusters, merged = merged, clusters
             length -= joined
             next_node += joined
         self._release(clusters, merged, nearest)
-        return _BinaryTree(node_boxes, members, children, next_node - 1)
+        return _BinaryTree(node_boxes, members, children, costs, next_node - 1)
 
     def collapse(self, order: Buffer, tree: _BinaryTree) -> Bvh:
         """The wide tree; consumes the binary one."""
@@ -233,7 +248,7 @@ class _Builder:
             self._release(slots, *counts, tasks)
             tasks, task_count = next_tasks, totals[0]
             levels += 1
-        self._release(tasks, order, self._units, tree.boxes, tree.members, tree.children)
+        self._release(tasks, order, self._units, tree.boxes, tree.members, tree.children, tree.costs)
         return Bvh(node_buffer, triangle_buffer, round_buffer, made[0], made[1], made[2], levels)
 
     def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
@@ -255,15 +270,7 @@ class _Builder:
     def _count(self, tree: _BinaryTree, tasks: Buffer, task_count: int) -> tuple[Buffer, list[Buffer], list[int]]:
         slots = self.device.empty(32 * task_count)
         counts = [self.device.empty(4 * task_count) for _ in range(3)]
-        arguments: _Arguments = [
-            tree.boxes,
-            tree.members,
-            tree.children,
-            tasks,
-            _u(task_count),
-            slots,
-            *counts,
-        ]
+        arguments: _Arguments = [tree.members, tree.children, tree.costs, tasks, _u(task_count), slots, *counts]
         self._each(self._collapse, "build_collapse_count", task_count, arguments)
         return slots, counts, [self._scan(buffer, task_count) for buffer in counts]
 

@@ -1,44 +1,46 @@
-// From the binary tree to the wide one of geometry/bvh.h, level by level from the root: a node opens the child with the largest
-// box until it has eight; up to eight units of one kind become a leaf, which one ray is tested against at the price of one.
-#include "geometry/build.h"
+// From the binary tree to the wide one of geometry/bvh.h, level by level from the root, the way that costs least.
+#include "geometry/build_cost.h"
 
-static int collapse_is_leaf(uint members) {
-    const uint kinds = members & ~MEMBERS_COUNT;
-    return (members & MEMBERS_COUNT) <= 8u && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ROUND);
+// The roots of the eight trees, or fewer, that are below a node. Returns how many.
+static uint collapse_children(__global const uint2* children, __global const float* costs, uint node, uint child[8]) {
+    uint open[8], roots[8];
+    uint top = 0, count = 0;
+    open[0] = node, roots[0] = 8;
+    for (;;) {
+        const uint2 pair = children[open[top]];
+        const uint shared = roots[top];
+        uint firsts;
+        cost_of_pair(costs, pair, shared, &firsts);
+        open[top] = pair.y, roots[top] = shared - firsts;
+        ++top;
+        open[top] = pair.x, roots[top] = firsts;
+        // Trees that stay whole, and more trees allowed than are of use
+        for (;;) {
+            while (roots[top] > 1 && cost_of(costs, open[top], roots[top]) == cost_of(costs, open[top], roots[top] - 1)) --roots[top];
+            if (roots[top] > 1) break;
+            child[count++] = open[top];
+            if (top-- == 0) return count;
+        }
+    }
 }
 
 // Each task is a binary node that becomes a wide one: its children, and how many of them are nodes, packs of triangles, of rounds.
-__kernel void build_collapse_count(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
-                                   __global const uint* tasks, uint task_count, __global uint* slots,
-                                   __global uint* inner, __global uint* triangle_packs, __global uint* round_packs) {
+__kernel void build_collapse_count(__global const uint* members, __global const uint2* children, __global const float* costs,
+                                   __global const uint* tasks, uint task_count, __global uint* slots, __global uint* inner,
+                                   __global uint* triangle_packs, __global uint* round_packs) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
     uint child[8];
     uint count = 1;
     child[0] = tasks[task];
-    while (count < 8) {
-        int open = -1;
-        float largest = -1.0f;
-        for (uint i = 0; i < count; ++i) {
-            if (collapse_is_leaf(members[child[i]])) continue;
-            const float area = box_area(box_load(node_boxes, child[i]));
-            const float bounded_area = area < FAR ? area : FAR;
-            if (bounded_area > largest) {
-                largest = bounded_area;
-                open = (int)i;
-            }
-        }
-        if (open < 0) break;
-        const uint2 pair = children[child[open]];
-        child[open] = pair.x;
-        child[count++] = pair.y;
-    }
+    // Only the root of a scene that fits into one pack
+    if (!cost_fits_leaf(members[child[0]])) count = collapse_children(children, costs, tasks[task], child);
     uint inners = 0, triangles = 0, rounds = 0;
     for (uint i = 0; i < 8; ++i) {
         const uint node = i < count ? child[i] : NONE;
         slots[(size_t)task * 8 + i] = node;
         if (node == NONE) continue;
-        if (!collapse_is_leaf(members[node])) ++inners;
+        if (!cost_fits_leaf(members[node])) ++inners;
         else if (members[node] & MEMBERS_TRIANGLE) ++triangles;
         else ++rounds;
     }
@@ -55,7 +57,7 @@ __kernel void build_next_tasks(__global const uint* members, __global const uint
     uint next = inner[task];
     for (uint i = 0; i < 8; ++i) {
         const uint child = slots[(size_t)task * 8 + i];
-        if (child != NONE && !collapse_is_leaf(members[child])) next_tasks[next++] = child;
+        if (child != NONE && !cost_fits_leaf(members[child])) next_tasks[next++] = child;
     }
 }
 
@@ -131,7 +133,7 @@ __kernel void build_collapse(__global const float* node_boxes, __global const ui
         if (child != NONE) {
             b = box_load(node_boxes, child);
             uint held[8];
-            if (!collapse_is_leaf(members[child])) {
+            if (!cost_fits_leaf(members[child])) {
                 reference = first_node + task_count + next;
                 next_tasks[next++] = child;
             } else {

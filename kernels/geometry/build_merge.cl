@@ -1,20 +1,22 @@
 // The binary tree, bottom up: parallel locally-ordered clustering (Meister & Bittner, TVCG 24(3) 2018). Clusters stand in Morton
 // order; each looks for the neighbour with which its box would be smallest, and pairs that chose each other become one. The tree's
 // quality is near that of a full sweep by surface area, and nothing in it depends on timing.
-#include "geometry/build.h"
+#include "geometry/build_cost.h"
 
-// How far along the order a cluster looks, to both sides.
+// How far along the order a cluster looks, to both sides: a multiple of sixteen.
 #define MERGE_RADIUS 16
 // How many clusters a work-item asks; their neighbours' boxes it has at hand.
 #define MERGE_CHUNK 64
 
 // Leaves of the binary tree, in Morton order.
 __kernel void build_leaves(__global const float* boxes, __global const uint* order, uint triangle_units, uint count,
-                           __global float* node_boxes, __global uint* members, __global uint* clusters) {
+                           __global float* node_boxes, __global uint* members, __global float* costs, __global uint* clusters) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     const uint unit = order[i];
-    box_save(node_boxes, i, box_load(boxes, unit));
+    const Box box = box_load(boxes, unit);
+    box_save(node_boxes, i, box);
+    cost_save_unit(costs, i, box);
     members[i] = 1u | (unit < triangle_units ? MEMBERS_TRIANGLE : MEMBERS_ROUND);
     clusters[i] = i;
 }
@@ -29,6 +31,12 @@ static float16 nearest_areas(const Box* own, const float side[6][MERGE_CHUNK + 2
     }
     const float16 area = fma(extent[0], extent[1], fma(extent[1], extent[2], extent[2] * extent[0]));
     return there ? (area < FAR ? area : (float16)(FAR)) : (float16)(NEVER);
+}
+
+static void nearest_choose(float16 other_area, uint16 other_pair, float16* area, uint16* pair) {
+    const int16 better = (other_area < *area) | ((other_area == *area) & (other_pair < *pair));
+    *area = better ? other_area : *area;
+    *pair = better ? other_pair : *pair;
 }
 
 // The partner each cluster of a chunk would choose. Equally good pairs are told apart by the exclusive or of their places, which is
@@ -48,15 +56,16 @@ __kernel void build_nearest(__global const float* node_boxes, __global const uin
         const uint at = i - first + MERGE_RADIUS;
         Box own;
         for (int k = 0; k < 3; ++k) own.low[k] = side[k][at], own.high[k] = side[3 + k][at];
-        const uint16 before = i - MERGE_RADIUS + number, after = i + 1 + number;
-        const float16 area_before = nearest_areas(&own, side, at - MERGE_RADIUS, before < i);
-        const float16 area_after = nearest_areas(&own, side, at + 1, after < count);
-        const uint16 pair_before = before ^ i, pair_after = after ^ i;
-        const int16 later = (area_after < area_before) | ((area_after == area_before) & (pair_after < pair_before));
-        const float16 area = later ? area_after : area_before;
+        float16 area = (float16)(NEVER);
+        uint16 pair = (uint16)(NONE);
+        for (uint away = 0; away < MERGE_RADIUS; away += 16) {
+            const uint16 before = i - MERGE_RADIUS + away + number, after = i + 1 + away + number;
+            nearest_choose(nearest_areas(&own, side, at - MERGE_RADIUS + away, before < i), before ^ i, &area, &pair);
+            nearest_choose(nearest_areas(&own, side, at + 1 + away, after < count), after ^ i, &area, &pair);
+        }
         const float least = least_of_sixteen(area);
-        const uint pair = least_uint_of_sixteen(area == least ? (later ? pair_after : pair_before) : (uint16)(NONE));
-        nearest[i] = least < NEVER ? i ^ pair : NONE;
+        const uint best = least_uint_of_sixteen(area == least ? pair : (uint16)(NONE));
+        nearest[i] = least < NEVER ? i ^ best : NONE;
     }
 }
 
@@ -79,7 +88,7 @@ __kernel void build_merge_count(__global const uint* nearest, uint count, __glob
 
 __kernel void build_merge(__global const uint* nearest, __global const uint* clusters, uint count, __global const uint* kept,
                           __global const uint* pairs, uint next_node, __global float* node_boxes, __global uint* members,
-                          __global uint2* children, __global uint* merged) {
+                          __global uint2* children, __global float* costs, __global uint* merged) {
     const uint chunk = (uint)get_global_id(0);
     const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
     if (first >= count) return;
@@ -88,11 +97,14 @@ __kernel void build_merge(__global const uint* nearest, __global const uint* clu
         if (merge_second(nearest, i)) continue;
         uint cluster = clusters[i];
         if (merge_first(nearest, i)) {
-            const uint other = clusters[nearest[i]];
-            box_save(node_boxes, node, box_union(box_load(node_boxes, cluster), box_load(node_boxes, other)));
-            members[node] = ((members[cluster] | members[other]) & ~MEMBERS_COUNT) |
-                            ((members[cluster] & MEMBERS_COUNT) + (members[other] & MEMBERS_COUNT));
-            children[node] = (uint2)(cluster, other);
+            const uint2 pair = (uint2)(cluster, clusters[nearest[i]]);
+            const Box box = box_union(box_load(node_boxes, pair.x), box_load(node_boxes, pair.y));
+            const uint below = ((members[pair.x] | members[pair.y]) & ~MEMBERS_COUNT) |
+                               ((members[pair.x] & MEMBERS_COUNT) + (members[pair.y] & MEMBERS_COUNT));
+            box_save(node_boxes, node, box);
+            members[node] = below;
+            children[node] = pair;
+            cost_save_pair(costs, node, box, below, pair);
             cluster = node++;
         }
         merged[to++] = cluster;

@@ -81,6 +81,8 @@ def test_an_array_of_structs_is_read_member_by_member(all_devices: list[Device],
         ("geometry/bvh.h", "ROUND_PACK_WORDS", bvh.ROUND_PACK_WORDS),
         ("geometry/bvh.h", "BVH_STACK", bvh.STACK),
         ("geometry/build.h", "BUILD_CHUNK", bvh.CHUNK),
+        ("geometry/build_merge.cl", "MERGE_CHUNK", bvh.MERGE_CHUNK),
+        ("geometry/build_cost.h", "COST_ROOTS", bvh.COST_ROOTS),
     ],
 )
 def test_numbers_of_the_tree(file: str, name: str, value: int) -> None:
