@@ -34,11 +34,14 @@ class FlatScene:
         ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``rounds`` (R,) `Round`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
-        ``lights`` (L,) `Light`, each with a probability above 0. Little-endian, C-contiguous.
+        ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
+        (N,) uint32, the tree of lights. Little-endian, C-contiguous.
     camera : (1,) `Camera`
     environment : int
         Index of the environment light, or `layout.NONE`.
     triangle_count, round_count, light_count : int
+    light_levels : int
+        Of the tree of lights; 0: there is none.
     sha256 : str
         Over all of the above.
     warnings : tuple of str
@@ -51,6 +54,7 @@ class FlatScene:
     triangle_count: int
     round_count: int
     light_count: int
+    light_levels: int
     sha256: str
     warnings: tuple[str, ...] = ()
 
@@ -60,7 +64,7 @@ class FlatScene:
         return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes
 
 
-def flatten(scene: Scene, width: int, height: int) -> FlatScene:
+def flatten(scene: Scene, width: int, height: int, light_choice: str = "auto") -> FlatScene:
     """Arrays of a scene for an image of `width` by `height` pixels.
 
     Parameters
@@ -68,6 +72,8 @@ def flatten(scene: Scene, width: int, height: int) -> FlatScene:
     scene : Scene
     width, height : int
         Pixels.
+    light_choice : str
+        One of `clrender.scene.lights.LIGHT_CHOICES`.
 
     Returns
     -------
@@ -84,7 +90,7 @@ def flatten(scene: Scene, width: int, height: int) -> FlatScene:
         raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
     camera = _camera_row(scene.camera, width, height, scene.source)
     surfaces = flat_surfaces(scene)
-    lights, environment = flat_lights(scene, surfaces)
+    lights, environment, tree = flat_lights(scene, surfaces, light_choice)
     triangle_count, round_count, light_count = len(surfaces.triangles), len(surfaces.rounds), len(lights)
     arrays = {
         "vertices": _padded(surfaces.vertices),
@@ -95,6 +101,8 @@ def flatten(scene: Scene, width: int, height: int) -> FlatScene:
         "shapes": _padded(surfaces.shapes),
         "materials": _padded(_material_rows(scene)),
         "lights": _padded(lights),
+        "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
+        "light_order": tree.order if tree else np.zeros(1, np.uint32),
     }
     digest = hashlib.sha256(f"{environment} {triangle_count} {round_count} {light_count}".encode())
     for name, array in (*arrays.items(), ("camera", camera)):
@@ -107,6 +115,7 @@ def flatten(scene: Scene, width: int, height: int) -> FlatScene:
         triangle_count=triangle_count,
         round_count=round_count,
         light_count=light_count,
+        light_levels=tree.levels if tree else 0,
         sha256=digest.hexdigest(),
         warnings=surfaces.warnings,
     )

@@ -109,9 +109,9 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("probability", "float", "with which the alias table picks this light"),
         ("alias_threshold", "float", "Vose: keep this entry when the rescaled number is below it"),
         ("alias", "uint", "otherwise take this one"),
+        ("place", "uint", "in the tree of lights; NONE where the alias table picks"),
         ("padding_0", "uint", ""),
         ("padding_1", "uint", ""),
-        ("padding_2", "uint", ""),
     ),
     "Camera": (
         ("origin", "float4", "xyz, world space"),
@@ -136,8 +136,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("triangle_count", "uint", "primitives below it are triangles, the rest rounds"),
         ("primitive_count", "uint", ""),
         ("lights_equal", "uint", "1: each light of the alias table keeps its own entry"),
-        ("padding_0", "uint", ""),
-        ("padding_1", "uint", ""),
+        ("light_levels", "uint", "of the tree of lights; 0: the alias table picks"),
+        ("padding", "uint", ""),
     ),
 }
 

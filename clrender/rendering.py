@@ -155,7 +155,7 @@ def render(
     begin = time.perf_counter()
     wanted = settings_for(scene, size, settings)
     tell = notify or (lambda line: None)
-    flat = flatten(scene, wanted.width, wanted.height)
+    flat = flatten(scene, wanted.width, wanted.height, wanted.light_choice)
     for warning in flat.warnings:
         tell(warning)
     flat = _with_absorption(flat, wanted.absorption)

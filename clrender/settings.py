@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.errors import UsageError
+from clrender.scene.lights import LIGHT_CHOICES
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -54,6 +55,9 @@ class RenderSettings:
         Probability to end a path, for every material; None: each material's own.
     sampling : str
         How light from surfaces is found: ``both`` (weighted), ``lights`` or ``materials`` alone.
+    light_choice : str
+        How one of many lights is picked: by a ``tree`` of what they can give at the point, by ``power``, each alike
+        (``uniform``), or ``auto``: the tree where there are many.
     tile, samples_per_pass, work_group, lanes, traversal
         How work is cut; None: by the device.
     time_limit : float or None
@@ -71,6 +75,7 @@ class RenderSettings:
     roulette: str = "throughput"
     absorption: float | None = None
     sampling: str = "both"
+    light_choice: str = "auto"
     tile: int = 64
     samples_per_pass: int | None = None
     work_group: int | None = None
@@ -81,7 +86,7 @@ class RenderSettings:
     def request(self) -> dict[str, Any]:
         """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
         names = ("width", "height", "seed", "integrator", "shadow_rays", "indirect_rays", "max_depth", "roulette")
-        return {name: getattr(self, name) for name in (*names, "absorption", "sampling")}
+        return {name: getattr(self, name) for name in (*names, "absorption", "sampling", "light_choice")}
 
     def struct(self, tile: int) -> npt.NDArray[np.void]:
         """The `Settings` that kernels read, for tiles of this side.
@@ -138,7 +143,12 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
         value = getattr(wanted, name)
         if not isinstance(value, (int, np.integer)) or not least <= value <= most:
             raise UsageError(f"{name} is {value!r}; it must be a whole number from {least} to {most}")
-    for name, choices in (("integrator", INTEGRATORS), ("roulette", _ROULETTES), ("sampling", _STRATEGIES)):
+    for name, choices in (
+        ("integrator", INTEGRATORS),
+        ("roulette", _ROULETTES),
+        ("sampling", _STRATEGIES),
+        ("light_choice", LIGHT_CHOICES),
+    ):
         if getattr(wanted, name) not in choices:
             raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")
     if wanted.lanes not in (None, 1, 4, 8, 16):

@@ -9,8 +9,10 @@
 #define SCENE_ARRAYS(X)                                                                                                     \
     X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal, facing; then what it is made of */        \
     X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
-    X(float, light_rows)     /* radiance, kind, probability, primitive, then its geometry or position */                    \
+    X(float, light_rows)     /* radiance, kind, probability or place in the tree, primitive, geometry */                      \
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
+    X(float, light_nodes)    /* tree of lights: both children of each node (light/tree.h) */                                \
+    X(uint, light_order)     /* its last level: the lights */                                                               \
     X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
     X(float, triangle_packs)                                                                                                \
     X(float, round_packs)                                                                                                   \

@@ -49,9 +49,9 @@ typedef struct {
     float probability;          // with which the alias table picks this light
     float alias_threshold;      // Vose: keep this entry when the rescaled number is below it
     uint alias;                 // otherwise take this one
+    uint place;                 // in the tree of lights; NONE where the alias table picks
     uint padding_0;
     uint padding_1;
-    uint padding_2;
 } Light;
 
 typedef struct {
@@ -78,8 +78,8 @@ typedef struct {
     uint triangle_count;        // primitives below it are triangles, the rest rounds
     uint primitive_count;
     uint lights_equal;          // 1: each light of the alias table keeps its own entry
-    uint padding_0;
-    uint padding_1;
+    uint light_levels;          // of the tree of lights; 0: the alias table picks
+    uint padding;
 } Settings;
 
 #endif

@@ -63,6 +63,11 @@ _FILM_BYTES: Final = 52
 @click.option(
     "--max-depth", type=number(0, 2**31 - 1, whole=True), help="Scattering events at most; 0: emission only (no limit)."
 )
+@click.option(
+    "--light-choice",
+    type=click.Choice(("auto", "tree", "power", "uniform")),
+    help="How one of many lights is picked: by what each can give there, by power, alike (auto: the tree from 16 on).",
+)
 @click.option("--roulette", type=click.Choice(("throughput", "absorption", "none")), help="How paths end (throughput).")
 @click.option(
     "--absorption", type=number(0, 1, below=True), metavar="A", help="Probability to end a path at every hit."

@@ -63,6 +63,8 @@ class SceneArrays:
             "normal_rows": device.empty(64 * (max(triangles, 1) if smooth else 1)),
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
+            "light_nodes": arrays.pop("light_nodes"),
+            "light_order": arrays.pop("light_order"),
             "nodes": self.tree.nodes,
             "triangle_packs": self.tree.triangle_packs,
             "round_packs": self.tree.round_packs,

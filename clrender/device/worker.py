@@ -107,6 +107,7 @@ class DeviceWorker:
         self._settings["primitive_count"] = scene.triangle_count + scene.round_count
         self._settings["light_count"] = scene.light_count
         self._settings["environment"] = scene.environment
+        self._settings["light_levels"] = scene.light_levels
         self._settings["lights_equal"] = bool((scene.arrays["lights"]["alias_threshold"] >= 1.0).all())
         self._settings_buffer = device.upload(self._settings)
         self.build_seconds = time.perf_counter() - begin

@@ -12,17 +12,22 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.alias import alias_table
 from clrender.scene.description import DirectionalLight, PointLight, Scene
+from clrender.scene.light_tree import Emitters, LightTree, light_tree
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
 from clrender.scene.values import Color, length
 
-__all__ = ["flat_lights"]
+__all__ = ["LIGHT_CHOICES", "flat_lights"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
+LIGHT_CHOICES: Final = ("auto", "tree", "power", "uniform")
+"""How one of many lights is picked: by what it can give at the point, by its power, or each alike."""
+_TREE_FROM: Final = 16
+"""So many lights are worth a walk down a tree at every point."""
 
 
-def flat_lights(scene: Scene, surfaces: FlatSurfaces) -> tuple[_Rows, int]:
+def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> tuple[_Rows, int, LightTree | None]:
     """Rows of all lights that shine: shapes in order, then the lights of the file in order.
 
     Parameters
@@ -30,6 +35,8 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces) -> tuple[_Rows, int]:
     scene : Scene
     surfaces : FlatSurfaces
         Of this scene; `first_light` of its shapes is written.
+    choice : str
+        One of `LIGHT_CHOICES`.
 
     Returns
     -------
@@ -37,6 +44,8 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces) -> tuple[_Rows, int]:
         Black lights are left out, so each has a probability above 0. May be empty.
     environment : int
         Row of the environment light, or `layout.NONE`.
+    tree : LightTree or None
+        Where it picks, and not the alias table.
 
     Raises
     ------
@@ -82,10 +91,51 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces) -> tuple[_Rows, int]:
         powers.append(np.array([factor * _luminance(color)]))
         total += 1
     if not rows:
-        return np.zeros(0, dtype=layout.dtype("Light")), layout.NONE
+        return np.zeros(0, dtype=layout.dtype("Light")), layout.NONE, None
     lights = np.concatenate(rows)
-    lights["probability"], lights["alias_threshold"], lights["alias"] = alias_table(np.concatenate(powers))
-    return lights, environment
+    power = np.concatenate(powers)
+    shares = np.ones(total) if choice == "uniform" else power
+    lights["probability"], lights["alias_threshold"], lights["alias"] = alias_table(shares)
+    lights["place"] = layout.NONE
+    if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
+        return lights, environment, None
+    tree = light_tree(_emitters(lights, power, radius, surfaces))
+    lights["place"] = tree.place
+    return lights, environment, tree
+
+
+def _emitters(lights: _Rows, power: NDArray[np.float64], radius: float, surfaces: FlatSurfaces) -> Emitters:
+    """What the tree of lights has to know; `radius` is the scene's, by which infinitely far lights got their power."""
+    kind, primitive = lights["kind"], lights["primitive"]
+    low, normal = np.zeros((len(lights), 3)), np.zeros((len(lights), 3))
+    high = np.zeros((len(lights), 3))
+    points = kind == layout.LIGHT_POINT
+    low[points] = high[points] = lights["position"][points, :3]
+    triangles = kind == layout.LIGHT_AREA_TRIANGLE
+    corners = surfaces.vertices[surfaces.triangles[primitive[triangles]]].astype(np.float64)
+    low[triangles], high[triangles] = corners.min(1), corners.max(1)
+    ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal[triangles] = np.stack(
+        [ab[:, i] * ac[:, j] - ab[:, j] * ac[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1
+    )
+    round_ = (kind == layout.LIGHT_AREA_SPHERE) | (kind == layout.LIGHT_AREA_DISK)
+    rounds = surfaces.rounds[primitive[round_] - len(surfaces.triangles)]
+    center = rounds["center_radius"].astype(np.float64)
+    low[round_], high[round_] = center[:, :3] - center[:, 3:], center[:, :3] + center[:, 3:]
+    normal[round_] = rounds["normal"][:, :3]
+    length = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2 + normal[:, 2] ** 2)[:, None]
+    infinite = (kind == layout.LIGHT_DIRECTIONAL) | (kind == layout.LIGHT_ENVIRONMENT)
+    # A flat light's power is π times what it sends forwards, a sphere's and a point's 4π; of what comes from infinitely
+    # far, what falls through the scene's cross-section.
+    flat = triangles | (kind == layout.LIGHT_AREA_DISK)
+    per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), np.where(flat, 1.0 / math.pi, 0.25 / math.pi))
+    return Emitters(
+        low=low,
+        high=high,
+        normal=np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0),
+        power=np.maximum(power * per_power, 1e-30),
+        infinite=infinite,
+    )
 
 
 def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Rows, NDArray[np.float64]]:

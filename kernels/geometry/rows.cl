@@ -54,6 +54,7 @@ __kernel void rows_lights(__global const Light* lights, __global const float* ve
     if (i >= count) return;
     const Light l = lights[i];
     float row[16] = {l.radiance.x, l.radiance.y, l.radiance.z, as_float(l.kind), l.probability, as_float(l.primitive)};
+    if (l.place != NONE) row[4] = as_float(l.place);
     if (l.kind == LIGHT_AREA_TRIANGLE || l.kind == LIGHT_AREA_SPHERE || l.kind == LIGHT_AREA_DISK) {
         float g[9];
         rows_geometry(g, l.primitive, triangle_count, vertices, triangles, rounds);

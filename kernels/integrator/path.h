@@ -19,6 +19,7 @@ typedef struct {
     vec3 throughput;         // what the camera gets of the radiance arriving along it
     vec3 radiance;           // found so far
     vuint depth;             // scattering events so far
+    vec3 normal;             // of the last surface, on the side that the ray left from
     vfloat material_pdf;     // density of the ray's direction times the number of such rays; 0 from the camera or a delta
     vmask diffused;          // it has met a surface that is not a delta
 } Path;
@@ -38,7 +39,7 @@ static Path path_none(void) {
     path.alive = path.diffused = splat_uint(0u) != splat_uint(0u);
     path.depth = splat_uint(0u);
     path.material_pdf = splat(0.0f);
-    path.throughput = path.radiance = vec3_all(0.0f);
+    path.throughput = path.radiance = path.normal = vec3_all(0.0f);
     path.ray.origin = vec3_all(0.0f);
     path.ray.direction = vec3_all(1.0f);
     path.ray.limit = splat(FAR);
@@ -77,13 +78,13 @@ static vfloat path_weight(vfloat a, vfloat b) {
 // Light that the ray ran into: from a surface that shines, or from outside the scene.
 static vec3 path_emission(const Scene* scene, const Path* path, const Surface* surface, vmask hit) {
     vfloat pdf, outside_pdf;
-    vec3 emitted = light_environment(scene, &outside_pdf);
+    vec3 emitted = light_environment(scene, path->ray.origin, path->normal, &outside_pdf);
     pdf = hit ? splat(0.0f) : outside_pdf;
     emitted = choose(hit, vec3_all(0.0f), emitted);
     const vmask shines = hit & (surface->light != NONE);
     if (lane_any(shines)) {
         vfloat light_pdf;
-        emitted = choose(shines, light_emitted(scene, surface, path->ray.origin, &light_pdf), emitted);
+        emitted = choose(shines, light_emitted(scene, surface, path->ray.origin, path->normal, &light_pdf), emitted);
         pdf = shines ? light_pdf : pdf;
     }
     const uint strategy = scene->settings->strategy;
@@ -128,7 +129,7 @@ static void path_add_direct(const Scene* scene, Path* path, const Surface* surfa
         Sampler sampler = path->sample.sampler;
         sampler.index = sampler.index * shadow_rays + m;
         sampler_bounce_bits(sampler, SET_LIGHT, path->depth, &bits_u, &bits_v);
-        const LightSample light = light_sample(scene, surface->point, surface->primitive, bits_u, bits_v);
+        const LightSample light = light_sample(scene, surface->point, bsdf->side, surface->primitive, bits_u, bits_v);
         vec3 direct = path_direct(scene, bsdf, &light, shadow_rays, 1u);
         if (indirect_rays != 1)
             direct = choose(path->diffused, direct, path_direct(scene, bsdf, &light, shadow_rays, indirect_rays));
@@ -149,6 +150,7 @@ static vmask path_scatter(const Scene* scene, Path* path, const Surface* surface
     const BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     path->throughput = mul(path->throughput, next.weight);
     path->depth = path->depth + 1u;
+    path->normal = bsdf->side;
     path->material_pdf = next.pdf;
     path->ray = surface_leave(surface, next.direction);
     vmask goes_on = may_scatter & (largest(path->throughput) > 0.0f);

@@ -44,8 +44,8 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         const vmask found = alive & (hit.primitive != NONE);
         const Surface surface = surface_at(scene, &ray, hit, found);
         vfloat pdf;
-        const vec3 outside = light_environment(scene, &pdf);
-        const vec3 shining = light_emitted(scene, &surface, ray.origin, &pdf);
+        const vec3 outside = light_environment(scene, ray.origin, ray.direction, &pdf);
+        const vec3 shining = light_emitted(scene, &surface, ray.origin, ray.direction, &pdf);
         const vec3 seen = mul(throughput, choose(found, shining, outside));
         radiance = choose(alive, add(radiance, seen), radiance);
 

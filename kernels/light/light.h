@@ -6,6 +6,7 @@
 #include "core/sampler.h"
 #include "geometry/surface.h"
 #include "light/area.h"
+#include "light/tree.h"
 #include "scene.h"
 
 typedef struct {
@@ -22,7 +23,8 @@ typedef struct {
     vfloat row[16];
     vec3 radiance;
     vuint kind, primitive;
-    vfloat probability;
+    vfloat probability;  // with which the alias table picks it
+    vuint place;         // or where it is in the tree of lights
 } Light_;
 
 static Light_ light_at(const Scene* scene, vuint light) {
@@ -31,12 +33,13 @@ static Light_ light_at(const Scene* scene, vuint light) {
     l.radiance = vec3_of(l.row[0], l.row[1], l.row[2]);
     l.kind = vfloat_bits(l.row[3]);
     l.probability = l.row[4];
+    l.place = vfloat_bits(l.row[4]);
     l.primitive = vfloat_bits(l.row[5]);
     return l;
 }
 
 // A light by its share of the power (Vose's alias table); what is left of the number is as random as new.
-static vuint light_choose(const Scene* scene, vuint bits, vuint* rest) {
+static vuint light_by_power(const Scene* scene, vuint bits, vuint* rest) {
     const uint count = scene->settings->light_count;
     vuint left;
     const vuint entry = sampler_pick(bits, count, &left);
@@ -54,8 +57,21 @@ static vuint light_choose(const Scene* scene, vuint bits, vuint* rest) {
     return keep ? entry : alias;
 }
 
-static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, vuint light, vfloat u, vfloat v) {
-    const Light_ l = light_at(scene, light);
+// A light for a point with this normal, and what is left of the number. `probability` counts only where there is a tree of lights.
+static vuint light_choose(const Scene* scene, vec3 origin, vec3 normal, vuint bits, vuint* rest, vfloat* probability) {
+    if (scene->settings->light_levels > 0) return tree_choose(scene, origin, normal, bits, rest, probability);
+    *probability = splat(1.0f);
+    return light_by_power(scene, bits, rest);
+}
+
+// The probability with which light_choose picks it there.
+static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, const Light_* light) {
+    return scene->settings->light_levels > 0 ? tree_probability(scene, origin, normal, light->place) : light->probability;
+}
+
+static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, const Light_* light, vfloat probability, vfloat u,
+                                    vfloat v) {
+    const Light_ l = *light;
     const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
     const vec3 b = vec3_of(l.row[9], l.row[10], l.row[11]);
     const vec3 c = vec3_of(l.row[12], l.row[13], l.row[14]);
@@ -74,26 +90,28 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.direction = direction_of(to);
     s.target = choose(point, a, clear);
     s.radiance = choose(point, scale(l.radiance, inverse_or_one(distance2)), l.radiance);
-    s.pdf = (point | directional) ? l.probability : area.pdf * l.probability;
+    s.pdf = (point | directional) ? probability : area.pdf * probability;
     s.pdf = (l.primitive == own) & !(sphere & (b.y < 0.0f)) ? splat(0.0f) : s.pdf;
     s.primitive = (triangle | sphere | disk) ? l.primitive : splat_uint(NONE);
-    s.delta = point | directional;
+    s.delta = (point | directional) & (probability > 0.0f);
     s.infinite = directional | environment;
     if (lane_any(s.infinite)) {
         const vec3 to_infinity = choose(environment, warp_sphere(u, v), negate(a));
         s.direction = choose(s.infinite, to_infinity, s.direction);
         s.target = choose(s.infinite, to_infinity, s.target);
-        s.pdf = environment ? l.probability * WARP_SPHERE_PDF : s.pdf;
+        s.pdf = environment ? probability * WARP_SPHERE_PDF : s.pdf;
     }
     return s;
 }
 
-// A light for the point `origin` of the primitive `own`. Only from inside a sphere does a surface see itself; what else it would send
+// A point of a light for the point `origin`, with this normal, of the primitive `own`. Only from inside a sphere does a surface see itself; what else it would send
 // to itself is made of rounding errors.
-static LightSample light_sample(const Scene* scene, vec3 origin, vuint own, vuint bits_u, vuint bits_v) {
+static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vuint own, vuint bits_u, vuint bits_v) {
     vuint rest;
-    const vuint light = light_choose(scene, bits_u, &rest);
-    return light_sample_one(scene, origin, own, light, unit_interval(rest), unit_interval(bits_v));
+    vfloat probability;
+    const Light_ light = light_at(scene, light_choose(scene, origin, normal, bits_u, &rest, &probability));
+    if (scene->settings->light_levels == 0) probability = light.probability;
+    return light_sample_one(scene, origin, own, &light, probability, unit_interval(rest), unit_interval(bits_v));
 }
 
 // Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance. An environment has no centre and
@@ -125,8 +143,8 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint ligh
 }
 
 // Radiance from a surface that shines, towards where the ray came from; black from behind. `pdf` is the density, per steradian,
-// with which light_sample would have chosen it from `origin`.
-static vec3 light_emitted(const Scene* scene, const Surface* s, vec3 origin, vfloat* pdf) {
+// with which light_sample would have chosen it from `origin`, with this normal.
+static vec3 light_emitted(const Scene* scene, const Surface* s, vec3 origin, vec3 normal, vfloat* pdf) {
     const vmask shines = (s->light != NONE) & s->front;
     const Light_ l = light_at(scene, shines ? s->light : splat_uint(0u));
     const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
@@ -136,20 +154,20 @@ static vec3 light_emitted(const Scene* scene, const Surface* s, vec3 origin, vfl
     if (lane_any(disk)) inverse_area = disk ? inverse_or_one(radius * radius * PI) : inverse_area;
     vfloat density = area_pdf(sub(s->point, origin), s->normal, inverse_area);
     if (lane_any(sphere)) density = sphere ? sphere_pdf(origin, a, radius, facing, s->point, s->normal) : density;
-    *pdf = shines ? density * l.probability : splat(0.0f);
+    *pdf = shines ? density * light_probability(scene, origin, normal, &l) : splat(0.0f);
     return choose(shines, l.radiance, vec3_all(0.0f));
 }
 
 // The same for a ray that leaves the scene.
-static vec3 light_environment(const Scene* scene, vfloat* pdf) {
+static vec3 light_environment(const Scene* scene, vec3 origin, vec3 normal, vfloat* pdf) {
     const uint environment = scene->settings->environment;
     if (environment == NONE) {
         *pdf = splat(0.0f);
         return vec3_all(0.0f);
     }
-    __global const float* row = scene->light_rows + (size_t)environment * 16;
-    *pdf = splat(row[4] * WARP_SPHERE_PDF);
-    return vec3_of(splat(row[0]), splat(row[1]), splat(row[2]));
+    const Light_ l = light_at(scene, splat_uint(environment));
+    *pdf = light_probability(scene, origin, normal, &l) * WARP_SPHERE_PDF;
+    return l.radiance;
 }
 
 // The ray that has to be free for the sample to arrive. The limit leaves out a few roundings before the light.

@@ -56,7 +56,15 @@ def rotation(degrees: tuple[float, float, float]) -> NDArray[np.float64]:
 def test_arrays_are_what_the_kernels_expect() -> None:
     scene = flatten(scenes.load("room"), 320, 200)
     kinds = {"rounds": "Round", "shapes": "Shape", "materials": "Material", "lights": "Light"}
-    assert set(scene.arrays) == {*kinds, "vertices", "normals", "triangles", "primitive_shape"}
+    assert set(scene.arrays) == {
+        *kinds,
+        "vertices",
+        "normals",
+        "triangles",
+        "primitive_shape",
+        "light_nodes",
+        "light_order",
+    }
     for name, array in scene.arrays.items():
         assert array.flags.c_contiguous and len(array) > 0
         if name in kinds:

@@ -119,10 +119,12 @@ def flat_scene(
         "shapes": shapes,
         "materials": np.zeros(1, layout.dtype("Material")),
         "lights": np.zeros(1, layout.dtype("Light")),
+        "light_nodes": np.zeros((1, 16), np.float32),
+        "light_order": np.zeros(1, np.uint32),
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
     camera = np.zeros(1, layout.dtype("Camera"))
-    return FlatScene(padded, camera, layout.NONE, len(corners), len(rounds), 0, "")
+    return FlatScene(padded, camera, layout.NONE, len(corners), len(rounds), 0, 0, "")
 
 
 @dataclass(frozen=True)

@@ -75,12 +75,13 @@ __kernel void sampling_bsdf(__global const float* bits, uint kind, float ior, ui
 // Lights seen from `origin`. results: float [8][count]: direction and density of a sample and the primitive it lies on, as bits; then
 // what a ray in that direction meets: the primitive, the density with which that would have been sampled, and how far that
 // point is from where it was to be.
-__kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4 origin, uint count, __global float* results) {
+__kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4 origin, float4 normal, uint count,
+                             __global float* results) {
     SCENE_COLLECT(scene);
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
-    const vec3 from = vec3_from(origin);
-    const LightSample light = light_sample(&scene, from, splat_uint(NONE), vfloat_bits(lane_load(bits + at)),
+    const vec3 from = vec3_from(origin), up = vec3_from(normal);
+    const LightSample light = light_sample(&scene, from, up, splat_uint(NONE), vfloat_bits(lane_load(bits + at)),
                                            vfloat_bits(lane_load(bits + count + at)));
     Ray ray;
     ray.origin = from;
@@ -92,8 +93,8 @@ __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4
     const vmask found = hit.primitive != NONE;
     const Surface surface = surface_at(&scene, &ray, hit, found);
     vfloat density, outside;
-    light_emitted(&scene, &surface, from, &density);
-    light_environment(&scene, &outside);
+    light_emitted(&scene, &surface, from, up, &density);
+    light_environment(&scene, from, up, &outside);
     const vec3 off = sub(surface.point, light.target);
     vfloat out[8];
     out[0] = light.direction.x, out[1] = light.direction.y, out[2] = light.direction.z;
@@ -103,4 +104,24 @@ __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4
     out[6] = found ? density : outside;
     out[7] = found ? magnitude(off) : splat(0.0f);
     for (int k = 0; k < 8; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}
+
+// Lights chosen at a point. results: float [4][count]: which, as bits, and how likely; how likely it is when asked; how likely the
+// lights are in turn.
+__kernel void sampling_light_choice(SCENE_PARAMETERS __global const float* bits, float4 origin, float4 normal, uint count,
+                                    __global float* results) {
+    SCENE_COLLECT(scene);
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    const vec3 from = vec3_from(origin), up = vec3_from(normal);
+    vuint rest;
+    vfloat likely;
+    const vuint chosen = light_choose(&scene, from, up, vfloat_bits(lane_load(bits + at)), &rest, &likely);
+    const Light_ light = light_at(&scene, chosen);
+    const uint number = (uint)at;
+    const Light_ next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count);
+    lane_save(vfloat_from_bits(chosen), results + at);
+    lane_save(likely, results + count + at);
+    lane_save(light_probability(&scene, from, up, &light), results + (size_t)2 * count + at);
+    lane_save(light_probability(&scene, from, up, &next), results + (size_t)3 * count + at);
 }

@@ -7,7 +7,6 @@ probability is exact. The density is compared with its formula sample by sample.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,47 +14,18 @@ import numpy.typing as npt
 import pytest
 from exact import fresnel, refracted_cosine
 from render_support import disk, quad, scene, sphere, triangle
+from sampling_support import COUNT, LightTable, launch, random_bits
 from stats_support import Evidence
 
 from clrender import layout
-from clrender.device.scene_arrays import SceneArrays, scene_array_names
-from clrender.flatten import flatten
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.scene import Scene
 
 Floats = npt.NDArray[np.float64]
 Uints = npt.NDArray[np.uint32]
 
-SOURCE = Path(__file__).resolve().with_name("sampling.cl")
-COUNT = 1 << 18
 CELLS = 24
-LANES = 16
-
-
-def launch(device: Device, kernel: str, numbers: Uints, arguments: list[Any], outputs: int) -> npt.NDArray[np.float32]:
-    """(outputs, count) results of one of the kernels of sampling.cl, whose first array is `numbers`, (2, count)."""
-    count = numbers.shape[1]
-    assert count % (LANES * 16) == 0
-    buffers = [device.upload(np.ascontiguousarray(numbers)), device.empty(4 * outputs * count)]
-    at = next((i for i, a in enumerate(arguments) if a is None), None)
-    given = [*arguments, np.uint32(count), buffers[1]]
-    if at is None:
-        given = [buffers[0], *given]
-    else:
-        given[at] = buffers[0]
-    device.launch(device.program(SOURCE, {"LANES": LANES}), kernel, count // LANES, 16, given)
-    results = np.empty((outputs, count), np.float32)
-    device.read(buffers[1], results)
-    for buffer in buffers:
-        device.release(buffer)
-    return results
-
-
-def random_bits(seed: int, count: int = COUNT) -> Uints:
-    """Independent numbers: what is judged here is what is made of them."""
-    return np.random.default_rng(seed).integers(0, 2**32, (2, count), dtype=np.uint32)
 
 
 def even(evidence: Evidence, name: str, a: Floats, b: Floats, cells: int = CELLS) -> None:
@@ -199,29 +169,6 @@ def test_dielectric(evidence: Evidence, device: Device, degrees: float, ior: flo
         assert not through.any()
 
 
-class LightTable:
-    """A scene on the device whose lights can be sampled from a point."""
-
-    def __init__(self, device: Device, what: Scene) -> None:
-        self.device = device
-        self.flat = flatten(what, 16, 16)
-        self.arrays = SceneArrays(device, self.flat)
-        settings = np.zeros(1, layout.dtype("Settings"))
-        settings["triangle_count"] = self.flat.triangle_count
-        settings["primitive_count"] = self.flat.triangle_count + self.flat.round_count
-        settings["light_count"] = self.flat.light_count
-        settings["environment"] = self.flat.environment
-        self.settings = device.upload(settings)
-
-    def sample(self, origin: tuple[float, ...], seed: int = 90) -> tuple[Floats, Floats, Uints, Uints, Floats, Floats]:
-        """Directions, densities, primitives; what a ray there meets: primitive, density, distance from the sample."""
-        named = {**self.arrays.buffers, "settings": self.settings}
-        arguments = [*(named[name] for name in scene_array_names()), None, np.array([*origin, 0.0], np.float32)]
-        out = launch(self.device, "sampling_light", random_bits(seed), arguments, 8)
-        wide = out.astype(np.float64)
-        return wide[:3].T, wide[3], out[4].view(np.uint32), out[5].view(np.uint32), wide[6], wide[7]
-
-
 ORIGINS = [(0.0, 0.0, 0.0), (0.4, 0.1, -0.3), (3.0, 0.2, 1.0), (-40.0, 5.0, 20.0)]
 TRIANGLE = np.array([[-0.4, 1.0, 0.5], [0.6, 1.2, 0.4], [0.1, 0.9, -0.7]])
 
@@ -334,7 +281,7 @@ def test_lights_are_chosen_by_their_share(evidence: Evidence, device: Device, co
     emission = 10.0 ** rng.uniform(-2.0, 2.0, count)
     places = np.stack([np.cos(np.arange(count)), np.sin(np.arange(count)), np.arange(count) / count], 1) * 5.0
     shapes = [sphere(p.tolist(), 1e-3, emission=e) for p, e in zip(places, emission.tolist(), strict=True)]
-    wi, _, on, _, _, _ = LightTable(device, scene(shapes)).sample((0.0, 0.0, 0.0))
+    wi, _, on, _, _, _ = LightTable(device, scene(shapes), "power").sample((0.0, 0.0, 0.0))
     shares = emission / emission.sum()
     assert on.max() < count
     order = np.argsort(-shares)

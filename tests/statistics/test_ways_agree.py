@@ -28,6 +28,8 @@ WAYS: dict[str, dict[str, Any]] = {
     "absorption 0.3": {"roulette": "absorption", "absorption": 0.3},
     "absorption by material": {"roulette": "absorption"},
     "lights alone": {"sampling": "lights"},
+    "lights by a tree": {"light_choice": "tree"},
+    "lights by a tree alone": {"light_choice": "tree", "sampling": "lights", "indirect_rays": 2},
     "materials alone": {"sampling": "materials", "spp": 256},
     "shadow and indirect rays": {"shadow_rays": 3, "indirect_rays": 2},
     "many rays, lights alone": {"shadow_rays": 2, "indirect_rays": 3, "sampling": "lights"},

@@ -1,0 +1,140 @@
+"""The tree that picks one of many lights by how much it can matter at a point (Conty Estevez & Kulla, HPG 2018).
+
+It is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. Only operations that
+every processor rounds alike are used, so that it is the same bits everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NODE_WORDS", "Emitters", "LightTree", "light_tree"]
+
+NODE_WORDS: Final = 8
+"""Of each child: centre of a sphere about its lights, its radius (negative: infinitely far), mean normal, power."""
+_INFINITE: Final = -1.0
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Emitters:
+    """What the tree has to know of lights.
+
+    Attributes
+    ----------
+    low, high : (L, 3) float64
+        Bounds, metres.
+    normal : (L, 3) float64
+        Unit, the middle of the hemisphere that a light shines into; zero where it shines all around.
+    power : (L,) float64
+        What arrives at a distance of 1 m from the front, W/m²; from infinitely far: what arrives. Above 0.
+    infinite : (L,) bool
+    """
+
+    low: _Floats
+    high: _Floats
+    normal: _Floats
+    power: _Floats
+    infinite: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class LightTree:
+    """The tree as kernels read it.
+
+    Attributes
+    ----------
+    rows : (N, 16) float32
+        Of each node both children, `NODE_WORDS` each; row 0 is not used.
+    order : (N,) uint32
+        The light at each place of the last level.
+    place : (L,) uint32
+        The number of each light's node on the last level.
+    levels : int
+        Steps from the root to a light.
+    """
+
+    rows: NDArray[np.float32]
+    order: NDArray[np.uint32]
+    place: NDArray[np.uint32]
+    levels: int
+
+
+def light_tree(emitters: Emitters) -> LightTree:
+    """Build the tree.
+
+    Parameters
+    ----------
+    emitters : Emitters
+        At least two.
+
+    Returns
+    -------
+    LightTree
+    """
+    groups = [np.flatnonzero(some) for some in (~emitters.infinite, emitters.infinite) if some.any()]
+    depth = max(int(len(group) - 1).bit_length() for group in groups)
+    parts = [_levels(emitters, group, depth) for group in groups]
+    levels = [np.concatenate([part[1][level] for part in parts]) for level in range(depth + 1)]
+    top = levels if len(parts) == 1 else [np.zeros((1, NODE_WORDS)), *levels]
+    words = np.concatenate([np.zeros((1, NODE_WORDS)), *top])
+    order = np.concatenate([part[0] for part in parts])
+    there = order >= 0
+    place = np.zeros(len(emitters.power), np.uint32)
+    place[order[there]] = len(order) + np.flatnonzero(there)
+    rows = words.astype(np.float32).reshape(len(order), 2 * NODE_WORDS)
+    return LightTree(rows, np.maximum(order, 0).astype(np.uint32), place, len(top) - 1)
+
+
+def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[NDArray[np.int64], list[_Floats]]:
+    """The lights of a subtree in order, −1 where there is none, and the words of its nodes, level by level."""
+    count = 1 << depth
+    order = np.full(count, -1)
+    order[: len(group)] = group
+    order = _sorted(emitters, order, depth)
+    there = (order >= 0)[:, None]
+    low, high = np.where(there, emitters.low[order], np.inf), np.where(there, emitters.high[order], -np.inf)
+    normals = np.where(there, emitters.normal[order], 0.0)
+    power = np.where(there[:, 0], emitters.power[order], 0.0)
+    normals *= power[:, None]
+    infinite = bool(emitters.infinite[group[0]])
+    levels: list[_Floats] = []
+    while True:
+        levels.insert(0, _words(low, high, normals, power, infinite))
+        if len(power) == 1:
+            return order, levels
+        low, high = np.minimum(low[::2], low[1::2]), np.maximum(high[::2], high[1::2])
+        power, normals = power[::2] + power[1::2], normals[::2] + normals[1::2]
+
+
+def _sorted(emitters: Emitters, order: NDArray[np.int64], depth: int) -> NDArray[np.int64]:
+    """Each half of each node's lights on its side of the middle, along the axis on which they spread widest."""
+    center = emitters.low * 0.5 + emitters.high * 0.5
+    for level in range(depth):
+        runs = order.reshape(1 << level, -1)
+        there = (runs >= 0)[:, :, None]
+        at = center[runs]
+        spread = np.where(there, at, -np.inf).max(1) - np.where(there, at, np.inf).min(1)
+        axis = spread.argmax(1)
+        along = np.where(there[:, :, 0], np.take_along_axis(at, axis[:, None, None], 2)[:, :, 0], np.inf)
+        # What is not there comes last, so that what is stays together.
+        order = np.take_along_axis(runs, along.argsort(1, kind="stable"), 1).reshape(-1)
+    return order
+
+
+def _words(low: _Floats, high: _Floats, normals: _Floats, power: _Floats, infinite: bool) -> _Floats:
+    words = np.zeros((len(power), NODE_WORDS))
+    there = power > 0.0
+    low, high = np.where(there[:, None], low, 0.0), np.where(there[:, None], high, 0.0)
+    words[:, :3] = low * 0.5 + high * 0.5
+    half = (high - low) * 0.5
+    radius = np.sqrt(half[:, 0] ** 2 + half[:, 1] ** 2 + half[:, 2] ** 2)
+    words[:, 3] = _INFINITE if infinite else radius
+    words[:, 4:7] = np.divide(normals, power[:, None], out=np.zeros_like(normals), where=there[:, None])
+    words[:, 7] = power
+    return words

@@ -1,0 +1,106 @@
+"""The tree of lights: no light that shines on a point is left out, and each is chosen as often as the tree says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from render_support import Studio, disk, lambert, quad, scene, sphere, triangle
+from sampling_support import LightTable
+from stats_support import Evidence
+
+from clrender import layout
+from clrender.flatten import flatten
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.scene import Scene
+
+POINTS = [
+    ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    ((1.9, -0.5, 0.2), (-0.6, 0.0, 0.8)),
+    ((-30.0, 8.0, 40.0), (0.0, 0.0, -1.0)),
+]
+
+
+def many_lights(infinite: bool, floor: dict[str, Any] | None = None, camera: dict[str, Any] | None = None) -> Scene:
+    """Triangles, spheres, disks and points of all powers, any way round, some of them about each of `POINTS`."""
+    rng = np.random.default_rng(45)
+    shapes = [] if floor is None else [floor]
+    for number in range(45):
+        center, emission = rng.uniform(-2.0, 2.0, 3), float(10.0 ** rng.uniform(-1.0, 1.0))
+        if number % 3 == 0:
+            shapes.append(triangle((center + rng.normal(0.0, 0.2, (3, 3))).tolist(), emission=emission))
+        elif number % 3 == 1:
+            shapes.append(sphere(center.tolist(), 0.05, emission=emission))
+        else:
+            shapes.append(disk(center.tolist(), rng.normal(size=3).tolist(), 0.1, emission=emission))
+    lights: list[dict[str, Any]] = [
+        {"type": "point", "position": rng.uniform(-2.0, 2.0, 3).tolist(), "intensity": [1.0] * 3} for _ in range(4)
+    ]
+    if infinite:
+        lights.append({"type": "directional", "direction": [0.3, -1.0, 0.2], "irradiance": [0.5] * 3})
+        lights.append({"type": "environment", "radiance": [0.2] * 3})
+    return scene(shapes, lights, camera, white=lambert(0.7))
+
+
+@pytest.mark.parametrize("infinite", [False, True], ids=["near", "near and infinitely far"])
+@pytest.mark.parametrize(("origin", "normal"), POINTS)
+def test_lights_are_chosen_as_the_tree_says(
+    evidence: Evidence, device: Device, origin: tuple[float, ...], normal: tuple[float, ...], infinite: bool
+) -> None:
+    table = LightTable(device, many_lights(infinite))
+    assert table.flat.light_levels > 0, "so many lights have a tree"
+    chosen, likely, asked, shares = table.choose(origin, normal)
+    assert np.array_equal(likely, asked), "what is found by chance is told the probability that it was chosen with"
+    shares = shares.astype(np.float64)
+    assert shares.sum() == pytest.approx(1.0, abs=1e-5)
+    order = np.argsort(-shares)
+    evidence.histogram("lights", np.bincount(chosen, minlength=len(shares))[order], shares[order] / shares.sum())
+    assert (shares[shining(table, origin, normal)] > 0.0).all(), "no light that shines there is left out"
+    assert shares.max() > 3.0 / len(shares), "and it does choose"
+
+
+def shining(table: LightTable, origin: tuple[float, ...], normal: tuple[float, ...]) -> np.ndarray[Any, Any]:
+    """Triangles whose every corner is above the surface, and that show it their front."""
+    arrays = table.flat.arrays
+    shines = np.zeros(table.flat.light_count, bool)
+    for number, light in enumerate(arrays["lights"]):
+        if light["kind"] != layout.LIGHT_AREA_TRIANGLE:
+            continue
+        corners = arrays["vertices"][arrays["triangles"][light["primitive"]]].astype(np.float64) - np.array(origin)
+        above = (corners @ np.array(normal) > 0.0).all()
+        front = np.cross(corners[1] - corners[0], corners[2] - corners[0]) @ corners[0] < 0.0
+        shines[number] = above and front
+    assert shines.any()
+    return shines
+
+
+@pytest.mark.parametrize("sampling", ["both", "lights"])
+def test_the_image_does_not_depend_on_how_lights_are_chosen(evidence: Evidence, studio: Studio, sampling: str) -> None:
+    """Over a floor, under all that can shine."""
+    floor = quad((-3.0, -2.5, 3.0), (6.0, 0.0, 0.0), (0.0, 0.0, -6.0), material="white")
+    camera = {"position": [0.0, 9.0, 0.01], "target": [0.0, -2.5, 0.0], "vertical_fov": 25.0}
+    what = many_lights(infinite=True, floor=floor, camera=camera)
+    settings: dict[str, Any] = {"spp": 64, "max_depth": 2, "sampling": sampling}
+    by_power = studio.tiles(what, range(16), light_choice="power", **settings)
+    evidence.equal("tiles", by_power, studio.tiles(what, range(100, 116), light_choice="tree", **settings))
+
+
+def test_the_tree_holds_every_light_once() -> None:
+    flat = flatten(many_lights(infinite=True), 16, 16)
+    rows, order = flat.arrays["light_nodes"], flat.arrays["light_order"]
+    places = flat.arrays["lights"]["place"]
+    assert len(rows) == len(order) == 1 << flat.light_levels
+    assert np.array_equal(order[places - len(order)], np.arange(flat.light_count))
+    powers = rows.reshape(-1, 8)[:, 7].astype(np.float64)
+    assert np.count_nonzero(powers[len(order) :]) == flat.light_count
+    for node in range(2, len(order)):
+        assert powers[node] == pytest.approx(powers[2 * node] + powers[2 * node + 1], rel=1e-6)
+
+
+@pytest.mark.parametrize("choice", ["power", "uniform"])
+def test_there_is_no_tree_where_none_is_wanted(choice: str) -> None:
+    flat = flatten(many_lights(infinite=False), 16, 16, choice)
+    assert flat.light_levels == 0 and (flat.arrays["lights"]["place"] == layout.NONE).all()
