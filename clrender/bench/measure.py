@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import os
 import statistics
+import subprocess
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
 
 import clrender
 from clrender.bench.peers import OWN, SEGMENTS, Task
+from clrender.bench.scenes import write_scene
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from clrender.bench.peers import Peer
 
-__all__ = ["Run", "measure", "summary"]
+__all__ = ["Run", "measure", "relative_error", "summary"]
+
+_REFERENCE_SEED: Final = 2**31
+_REFERENCE_TIMES: Final = 64
 
 
 @dataclass(frozen=True)
@@ -34,7 +44,8 @@ class Run:
         upload, peers' without.
     paths : int
     details : dict
-        What the renderer says of itself: its version, set-up, tree and compile seconds, rays, memory.
+        What the renderer says of itself: its version, set-up, tree and compile seconds, rays, memory; and ``rel_mse``
+        where there is a reference.
     """
 
     scene: str
@@ -50,8 +61,21 @@ class Run:
         """Million paths a second of CPU time, times the processors: what an idle machine would give."""
         return self.paths * _processors() / self.cpu_seconds / 1e6
 
+    @property
+    def ray_rate(self) -> float | None:
+        """Million rays a second, likewise; None where they are not counted."""
+        rays = self.details.get("rays")
+        return None if rays is None else rays * _processors() / self.cpu_seconds / 1e6
+
+    @property
+    def efficiency(self) -> float | None:
+        """1 / (relative error × seconds), likewise; None without a reference."""
+        error = self.details.get("rel_mse")
+        return None if error is None else _processors() / (error * self.cpu_seconds)
+
     def line(self) -> dict[str, Any]:
         """The run as a line of JSON."""
+        efficiency = self.efficiency
         return {
             "scene": self.scene,
             "renderer": self.renderer,
@@ -62,12 +86,24 @@ class Run:
             "mpaths_per_second": round(self.rate, 4),
             "mpaths_per_second_wall": round(self.paths / self.wall_seconds / 1e6, 4),
             "processors": _processors(),
+            **({} if efficiency is None else {"efficiency": round(efficiency, 4)}),
             **self.details,
         }
 
 
+def relative_error(image: npt.NDArray[Any], reference: npt.NDArray[Any]) -> float:
+    """Mean of squared errors over the reference's square plus 0.01; the last row is left out, which one peer lacks.
+
+    Parameters
+    ----------
+    image, reference : (H, W, 3) float
+    """
+    x, r = image[:-1].astype(np.float64), reference[:-1].astype(np.float64)
+    return float(((x - r) ** 2 / (r * r + 0.01)).mean())
+
+
 def measure(
-    scenes: Sequence[tuple[str, Path]],
+    names: Sequence[str],
     peers: Sequence[Peer],
     task: Task,
     repeats: int,
@@ -78,11 +114,11 @@ def measure(
 
     Parameters
     ----------
-    scenes : sequence of (str, Path)
-        Name and file of each.
+    names : sequence of str
+        Of `SCENES`.
     peers : sequence of Peer
     task : Task
-        Size and samples.
+        Size and samples, and whether errors are wanted.
     repeats : int
         Turns; one more comes first and does not count, so that everything is compiled and read.
     device : str, optional
@@ -96,21 +132,46 @@ def measure(
         When a scene cannot be rendered or a peer fails.
     """
     runs = []
-    for name, path in scenes:
-        for repeat in range(-1, repeats):
-            for renderer in (None, *peers):
-                details = _own(path, task, device) if renderer is None else renderer.run(path, task)
-                wall, cpu = details.pop("wall_seconds"), details.pop("cpu_seconds")
-                title = OWN if renderer is None else renderer.name
-                run = Run(name, title, repeat, wall, cpu, task.width * task.height * task.spp, details)
-                if repeat >= 0:
-                    runs.append(run)
-                    done(run)
+    for name in names:
+        with tempfile.TemporaryDirectory(prefix="clrender-bench-") as folder:
+            for run in _measure_scene(Path(folder), name, peers, task, repeats, device):
+                runs.append(run)
+                done(run)
     return runs
 
 
+def _measure_scene(
+    folder: Path, name: str, peers: Sequence[Peer], task: Task, repeats: int, device: str | None
+) -> Iterator[Run]:
+    """The runs of one scene that count."""
+    paths, references = {}, {}
+    for spheres in {True, *(peer.spheres for peer in peers)}:
+        place = folder / ("spheres" if spheres else "triangles")
+        place.mkdir()
+        paths[spheres] = write_scene(name, place, triangles=not spheres)
+        if task.errors:
+            better = dataclasses.replace(task, spp=task.spp * _REFERENCE_TIMES)
+            _own(paths[spheres], better, device, folder / "own.npy", _REFERENCE_SEED)
+            references[spheres] = np.load(folder / "own.npy")
+    for repeat in range(-1, repeats):
+        for peer in (None, *peers):
+            image = folder / "image.npy"
+            image.unlink(missing_ok=True)
+            spheres = peer is None or peer.spheres
+            if peer is None:
+                details = _own(paths[True], task, device, image, repeat + 1)
+            else:
+                details = peer.run(paths[spheres], task, image)
+            if task.errors and image.exists():
+                details["rel_mse"] = round(relative_error(np.load(image), references[spheres]), 7)
+            wall, cpu = details.pop("wall_seconds"), details.pop("cpu_seconds")
+            count = details.pop("paths", task.width * task.height * task.spp)
+            if repeat >= 0:
+                yield Run(name, OWN if peer is None else peer.name, repeat, wall, cpu, count, details)
+
+
 def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Median and spread of each renderer on each scene, and the median, turn by turn, of clrender's rate over a peer's.
+    """Median and spread of each renderer on each scene, and the medians, turn by turn, of clrender over a peer.
 
     Parameters
     ----------
@@ -119,44 +180,79 @@ def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        ``scene, renderer, runs, mpaths_per_second, lowest, highest``, and ``ratio`` of peers.
+        ``scene, renderer, runs, mpaths_per_second, lowest, highest``; of peers ``ratio``, and with a reference
+        ``rel_mse``, ``efficiency``, and of peers ``efficiency_ratio``. What only finds hits has ``mrays_per_second``
+        in the place of paths, and its ``ratio`` is of rays.
     """
     rows = []
     for scene, renderer in dict.fromkeys((run.scene, run.renderer) for run in runs):
-        rates = {run.repeat: run.rate for run in runs if (run.scene, run.renderer) == (scene, renderer)}
-        own = {run.repeat: run.rate for run in runs if (run.scene, run.renderer) == (scene, OWN)}
+        these = {run.repeat: run for run in runs if (run.scene, run.renderer) == (scene, renderer)}
+        own = {run.repeat: run for run in runs if (run.scene, run.renderer) == (scene, OWN)}
+        hits_only = renderer == "embree"
+        rates = [_known(run.ray_rate) if hits_only else run.rate for run in these.values()]
         row = {
             "scene": scene,
             "renderer": renderer,
             "runs": len(rates),
-            "mpaths_per_second": round(statistics.median(rates.values()), 4),
-            "lowest": round(min(rates.values()), 4),
-            "highest": round(max(rates.values()), 4),
+            "mrays_per_second" if hits_only else "mpaths_per_second": round(statistics.median(rates), 4),
+            "lowest": round(min(rates), 4),
+            "highest": round(max(rates), 4),
         }
-        both = rates.keys() & own.keys()
+        judged = all(run.efficiency is not None for run in these.values())
+        if judged:
+            row["rel_mse"] = round(statistics.median(run.details["rel_mse"] for run in these.values()), 6)
+            row["efficiency"] = round(statistics.median(_known(run.efficiency) for run in these.values()), 3)
+        both = [(own[turn], these[turn]) for turn in these.keys() & own.keys()]
         if renderer != OWN and both:
-            row["ratio"] = round(statistics.median(own[turn] / rates[turn] for turn in both), 3)
+            ratios = [_known(a.ray_rate) / _known(b.ray_rate) if hits_only else a.rate / b.rate for a, b in both]
+            row["ratio"] = round(statistics.median(ratios), 3)
+            if judged:
+                better = [_known(a.efficiency) / _known(b.efficiency) for a, b in both]
+                row["efficiency_ratio"] = round(statistics.median(better), 3)
         rows.append(row)
     return rows
 
 
-def _own(path: Path, task: Task, device: str | None) -> dict[str, Any]:
+def _known(value: float | None) -> float:
+    assert value is not None
+    return value
+
+
+def _own(path: Path, task: Task, device: str | None, image_path: Path, seed: int) -> dict[str, Any]:
     scene = clrender.load(str(path))
     begin, cpu = time.perf_counter(), time.process_time()
-    size = (task.width, task.height)
-    image = clrender.render(scene, device=device, size=size, spp=task.spp, roulette="none", max_depth=SEGMENTS - 1)
+    size, most = (task.width, task.height), SEGMENTS - 1
+    image = clrender.render(scene, device=device, size=size, spp=task.spp, seed=seed, roulette="none", max_depth=most)
     wall, used = time.perf_counter() - begin, time.process_time() - cpu
+    np.save(image_path, image.linear)
     stats = image.stats
     return {
         "wall_seconds": wall,
         "cpu_seconds": used,
         "version": stats["version"],
+        "commit": _commit(),
         "driver": stats["devices"][0]["driver"],
         "device": stats["devices"][0]["name"],
         **{name: round(stats[name], 4) for name in ("build_seconds", "compile_seconds", "render_seconds")},
         **{name: stats[name] for name in ("rays", "device_bytes", "peak_rss_bytes", "image_sha256")},
         "mean": [round(float(x), 6) for x in image.linear.mean((0, 1))],
     }
+
+
+@functools.cache
+def _commit() -> str | None:
+    """The commit that runs, with a plus sign where files differ from it; None outside a checkout."""
+    root = Path(clrender.__file__).resolve().parent.parent
+    try:
+        told = [
+            subprocess.run(
+                ["git", "-C", str(root), *command], capture_output=True, text=True, check=True
+            ).stdout.strip()
+            for command in (["rev-parse", "--short", "HEAD"], ["status", "--porcelain", "--untracked-files=no"])
+        ]
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return told[0] + ("+" if told[1] else "")
 
 
 def _processors() -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,11 +18,29 @@ OWN: Final = "clrender"
 SEGMENTS: Final = 14
 """Of a path, from the camera to a light: the depth at which renderers are compared, without roulette."""
 _FOLDER: Final = Path(__file__).resolve().parent
-PEERS: Final[Mapping[str, tuple[str, ...]]] = {
-    "mitsuba": ("peer_mitsuba.py", "llvm_ad_rgb"),
-    "mitsuba-scalar": ("peer_mitsuba.py", "scalar_rgb"),
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """A peer's script in this folder, what it is told before the task, and what has to be known of it."""
+
+    script: str
+    variant: str
+    spheres: bool = True
+    """Whether it has spheres that are no triangles."""
+    no_opencl: bool = False
+    """Whether it fails where it finds OpenCL drivers."""
+
+
+PEERS: Final[Mapping[str, _Kind]] = {
+    "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb"),
+    "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb"),
+    "luxcore": _Kind("peer_luxcore.py", "PATHCPU", spheres=False, no_opencl=True),
+    "cycles": _Kind("peer_cycles.py", "plain", spheres=False),
+    "cycles-tree": _Kind("peer_cycles.py", "tree", spheres=False),
+    "embree": _Kind("peer_embree.py", "rays", spheres=False),
 }
-"""Name -> script in this folder, and what it is told before the task."""
+"""Other renderers by name; ``embree`` only finds hits."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +50,8 @@ class Task:
     width: int
     height: int
     spp: int
+    errors: bool = False
+    """Whether images are compared with a reference of clrender's own, of 64 times the samples."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +69,12 @@ class Peer:
     name: str
     python: str
 
-    def run(self, scene: Path, task: Task) -> dict[str, Any]:
+    @property
+    def spheres(self) -> bool:
+        """Whether it has spheres; else it is given the scene with triangles for them."""
+        return PEERS[self.name].spheres
+
+    def run(self, scene: Path, task: Task, image: Path) -> dict[str, Any]:
         """Render once, in a process of its own; gives ``wall_seconds``, ``cpu_seconds``, ``version`` and more.
 
         Parameters
@@ -56,17 +82,20 @@ class Peer:
         scene : Path
             A file that `write_scene` wrote.
         task : Task
+        image : Path
+            Where a (height, width, 3) float32 NumPy array of the image is put, unless the peer makes none.
 
         Raises
         ------
         RenderError
             When the peer cannot be started or fails.
         """
-        script, *told = PEERS[self.name]
+        kind = PEERS[self.name]
         numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS)]
-        command = [self.python, str(_FOLDER / script), *told, str(scene), *numbers]
+        command = [self.python, str(_FOLDER / kind.script), kind.variant, str(scene), *numbers, str(image)]
+        environment = {**os.environ, "OCL_ICD_VENDORS": str(image.parent)} if kind.no_opencl else None
         try:
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
         except OSError as error:
             raise RenderError(
                 f"{self.name}: {self.python} cannot be started ({error.strerror}); give the Python that has it"
@@ -74,7 +103,10 @@ class Peer:
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no message"])[-1]
             raise RenderError(f"{self.name} failed with exit status {done.returncode}: {last}")
-        answer: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+        lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+        if not lines:
+            raise RenderError(f"{self.name} gave no answer; is the script of another version?")
+        answer: dict[str, Any] = json.loads(lines[-1])
         return answer
 
 

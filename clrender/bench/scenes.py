@@ -45,7 +45,7 @@ Points = npt.NDArray[np.float64]
 Corners = npt.NDArray[np.int32]
 
 
-def write_scene(name: str, folder: Path) -> Path:
+def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:
     """Write a benchmark scene: ``scene.json``, and its meshes as binary PLY files.
 
     Parameters
@@ -54,6 +54,8 @@ def write_scene(name: str, folder: Path) -> Path:
         One of `SCENES`.
     folder : Path
         Where to; has to exist.
+    triangles : bool
+        Spheres as triangles, whatever the scene: for renderers that have no others.
 
     Returns
     -------
@@ -80,7 +82,7 @@ def write_scene(name: str, folder: Path) -> Path:
     for number, (center, radius, material) in enumerate(
         (((0.9, 0.6, 0.9), 0.6, first), ((0.75, 0.8, -1.0), 0.8, "mirror"))
     ):
-        if variant == "tess":
+        if triangles or variant == "tess":
             points, faces = _geodesic(_SPHERE_FREQUENCY)
             _write_ply(folder / f"sphere{number}.ply", points * radius + center, faces, points)
             shapes.append({"type": "mesh", "file": f"sphere{number}.ply", "material": material})

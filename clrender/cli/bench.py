@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import click
@@ -25,17 +23,18 @@ __all__ = ["bench"]
 @click.option(
     "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
 )
+@click.option("--errors", is_flag=True, help="Compare with references of 64 times the samples: error and efficiency.")
 @click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
 def bench(
     names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
-    listed: bool,
+    errors: bool, listed: bool,
 ) -> None:  # fmt: skip
     """Render benchmark scenes (S1 and S2 without a name) and print a line of JSON a run.
 
     Paths have 14 segments and no roulette. Runs of clrender and its peers are taken in turns; rates are by CPU time, as
     an idle machine would give. The table at the end is on stderr.
     """
-    from clrender.bench import PEERS, SCENES, measure, peer_from, summary, write_scene
+    from clrender.bench import PEERS, SCENES, measure, peer_from, summary
     from clrender.bench.peers import Task
 
     if listed:
@@ -44,22 +43,21 @@ def bench(
         click.echo(f"\npeers: {', '.join(PEERS)}")
         return
     others = [peer_from(text) for text in peers]
-    with tempfile.TemporaryDirectory(prefix="clrender-bench-") as folder:
-        scenes = []
-        for name in names or ("S1", "S2"):
-            place = Path(folder) / name
-            place.mkdir(exist_ok=True)
-            scenes.append((name, write_scene(name, place)))
-        runs = measure(
-            scenes, others, Task(*wanted, spp), repeats, device, lambda run: click.echo(json.dumps(run.line()))
-        )
+    task = Task(*wanted, spp, errors)
+    runs = measure(names or ("S1", "S2"), others, task, repeats, device, lambda run: click.echo(json.dumps(run.line())))
     click.echo(_table(summary(runs)), err=True)
 
 
 def _table(rows: list[dict[str, Any]]) -> str:
-    lines = [f"{'scene':<8}  {'renderer':<15}  {'Mpaths/s':>8}  {'lowest':>7}  {'highest':>7}  clrender is"]
+    lines = [
+        f"{'scene':<8}  {'renderer':<15}  {'Mpaths/s':>8}  {'lowest':>7}  {'highest':>7}  {'relMSE':>8}  clrender is"
+    ]
     for row in rows:
-        ratio = f"{row['ratio']:.2f} times as fast" if "ratio" in row else ""
-        numbers = f"{row['mpaths_per_second']:>8.3f}  {row['lowest']:>7.3f}  {row['highest']:>7.3f}"
-        lines.append(f"{row['scene']:<8}  {row['renderer']:<15}  {numbers}  {ratio}".rstrip())
+        better = f", {row['efficiency_ratio']:.2f} times as efficient" if "efficiency_ratio" in row else ""
+        ratio = f"{row['ratio']:.2f} times as fast{better}" if "ratio" in row else ""
+        rate = row.get("mpaths_per_second", row.get("mrays_per_second"))
+        error = f"{row['rel_mse']:>8.5f}" if "rel_mse" in row else " " * 8
+        unit = " (Mrays/s)" if "mrays_per_second" in row else ""
+        numbers = f"{rate:>8.3f}  {row['lowest']:>7.3f}  {row['highest']:>7.3f}  {error}"
+        lines.append(f"{row['scene']:<8}  {row['renderer']:<15}  {numbers}  {ratio}{unit}".rstrip())
     return "\n".join(lines)

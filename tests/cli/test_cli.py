@@ -20,8 +20,8 @@ from clrender.image_io import read_image, write_image
 from clrender.tonemap import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
-    "output spp size seed device integrator shadow-rays indirect-rays max-depth light-choice roulette absorption tone-map "
-    "exposure tile samples-per-pass work-group lanes time stats quiet allow-path"
+    "output spp size seed device integrator shadow-rays indirect-rays max-depth light-choice roulette absorption "
+    "tone-map exposure tile samples-per-pass work-group lanes time stats quiet allow-path"
 )
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.bench import SCENES, Peer, Run, peer_from, summary, write_scene
+from clrender.bench import SCENES, Peer, Run, measure, peer_from, summary, write_scene
+from clrender.bench.measure import relative_error
 from clrender.bench.peers import PEERS, Task
 from clrender.errors import RenderError, UsageError
 from clrender.flatten import flatten
@@ -64,20 +65,48 @@ def test_the_summary_is_of_medians_turn_by_turn() -> None:
     assert peer["ratio"] == 2.5
 
 
+def test_the_summary_tells_errors_and_rays() -> None:
+    own = Run("S1", "clrender", 0, 1.0, 1.0, 1_000_000, {"rel_mse": 0.01, "rays": 20_000_000})
+    peer = Run("S1", "mitsuba", 0, 2.0, 2.0, 1_000_000, {"rel_mse": 0.02})
+    hits = Run("S1", "embree", 0, 1.0, 1.0, 20_000, {"rays": 10_000_000})
+    first, second, third = summary([own, peer, hits])
+    assert (first["rel_mse"], second["efficiency_ratio"]) == (0.01, 4.0)
+    assert first["efficiency"] == pytest.approx(4.0 * second["efficiency"])
+    assert third["ratio"] == 2.0 and "mpaths_per_second" not in third and "efficiency" not in third
+
+
+def test_errors_are_relative() -> None:
+    reference = np.full((3, 2, 3), 2.0)
+    image = reference.copy()
+    image[0] += 0.2
+    image[2] = 1e9
+    assert relative_error(image, reference) == pytest.approx(0.5 * 0.04 / 4.01), "half of the rows that count"
+
+
+def test_a_scene_is_measured(tmp_path: Path) -> None:
+    """With clrender alone; the line says what ran where."""
+    seen: list[Run] = []
+    runs = measure(["S1"], [], Task(16, 16, 1, errors=True), 1, done=seen.append)
+    assert runs == seen and len(runs) == 1
+    line = runs[0].line()
+    assert line["rel_mse"] > 0.0 and line["efficiency"] > 0.0 and line["rays"] > 256
+    assert {"commit", "driver", "device", "build_seconds", "device_bytes"} <= line.keys()
+
+
 def test_peers_by_name() -> None:
     assert peer_from("mitsuba=/a/python") == Peer("mitsuba", "/a/python")
     for text in ("mitsuba", "mitsuba=", "blender=/a/python"):
         with pytest.raises(UsageError, match="NAME=PYTHON"):
             peer_from(text)
-    assert all((Path(clrender.__file__).parent / "bench" / script).is_file() for script, *_ in PEERS.values())
+    assert all((Path(clrender.__file__).parent / "bench" / kind.script).is_file() for kind in PEERS.values())
 
 
 def test_peers_that_are_not_there_or_fail(tmp_path: Path) -> None:
     with pytest.raises(RenderError, match="cannot be started"):
-        Peer("mitsuba", str(tmp_path / "python")).run(tmp_path, Task(8, 8, 1))
+        Peer("mitsuba", str(tmp_path / "python")).run(tmp_path, Task(8, 8, 1), tmp_path / "image.npy")
     # This Python has no Mitsuba.
     with pytest.raises(RenderError, match="mitsuba failed with exit status 1: ModuleNotFoundError"):
-        Peer("mitsuba", sys.executable).run(tmp_path, Task(8, 8, 1))
+        Peer("mitsuba", sys.executable).run(tmp_path, Task(8, 8, 1), tmp_path / "image.npy")
 
 
 def test_a_run_is_a_line_of_json() -> None:
