@@ -1,4 +1,4 @@
-"""What every peer's script shares: the command line, the scene as meshes, and the answer. Needs NumPy only, not clrender."""
+"""What every peer's script shares: the command line, the scene as meshes, the answer. Needs NumPy, not clrender."""
 
 from __future__ import annotations
 
