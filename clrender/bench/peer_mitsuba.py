@@ -79,7 +79,7 @@ def main() -> None:
     one = job()
     mitsuba.set_variant(one.variant)
     scene = load(one)
-    if one.variant.startswith("llvm"):
+    if not one.variant.startswith("scalar"):
         drjit.eval()
         drjit.sync_thread()
     mitsuba.render(scene, spp=1, seed=1).numpy()  # compiled, and the tree built

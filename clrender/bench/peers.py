@@ -35,6 +35,7 @@ class _Kind:
 PEERS: Final[Mapping[str, _Kind]] = {
     "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb"),
     "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb"),
+    "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb"),
     "luxcore": _Kind("peer_luxcore.py", "PATHCPU", spheres=False, no_opencl=True),
     "cycles": _Kind("peer_cycles.py", "plain", spheres=False),
     "cycles-tree": _Kind("peer_cycles.py", "tree", spheres=False),
