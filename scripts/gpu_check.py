@@ -62,9 +62,8 @@ def _titles(devices: Sequence[Device]) -> set[str]:
 
 def _bits(device: Device, known: Sequence[Device]) -> bool:
     """The first build of everything, then hashes beside those of other devices."""
-    print(
-        f"## {device.info.title}\n\n| scene | built and rendered, s | again, s | hash | same as |\n|---|---|---|---|---|"
-    )
+    print(f"## {device.info.title}\n\n| scene | built and rendered, s | again, s | hash | same as |")
+    print("|---|---|---|---|---|")
     equal = True
     for scene in SCENES:
         begin = time.perf_counter()
