@@ -12,7 +12,7 @@
     X(float, light_rows)     /* radiance, kind, probability or place in the tree, primitive, geometry */                      \
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
     X(float, light_nodes)    /* tree of lights: both children of each node (light/tree.h) */                                \
-    X(uint, light_order)     /* its last level: the lights */                                                               \
+    X(float, light_order)    /* its last level: the lights, as bits */                                                      \
     X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
     X(float, triangle_packs)                                                                                                \
     X(float, round_packs)                                                                                                   \

@@ -150,14 +150,6 @@ static vfloat lane_gather(__global const float* table, vuint index) {
     return lane_restore(value);
 }
 
-static vuint lane_gather_uint(__global const uint* table, vuint index) {
-    uint at[LANES];
-    uint value[LANES];
-    lane_store(index, at);
-    for (int lane = 0; lane < LANES; ++lane) value[lane] = table[at[lane]];
-    return lane_restore(value);
-}
-
 // A table of rows, sixteen floats each, read at another row in every lane: `columns[k]` is then the k-th number of each lane's row.
 // OpenCL C has no gather; loading whole rows and transposing them costs a fifth of picking numbers one by one, and a row is one
 // cache line.

@@ -1,4 +1,4 @@
-// The tree: eight children a node, eight primitives a leaf, as the builder (bvh_build.cl) writes it and both traversals read it.
+// The tree: eight children a node, eight primitives a leaf, as the builder (build_*.cl) writes it and both traversals read it.
 //
 // A node is 56 words: low x, y, z and high x, y, z of its children's boxes, eight each, then eight references. Children fill
 // the front. A reference is BVH_EMPTY, the number of a node, or with BVH_LEAF the number of a pack of triangles, or with BVH_LEAF

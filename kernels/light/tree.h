@@ -53,7 +53,7 @@ static vuint tree_choose(const Scene* scene, vec3 origin, vec3 normal, vuint bit
     u = bounded(fma(unit_interval(hash(bits ^ splat_uint(0x3c6ef372u))), step, u), 0.0f, 0.99999994f);
     *rest = vuint_of(u * 16777216.0f) << 8;
     *probability = chance;
-    return lane_gather_uint(scene->light_order, node - (1u << scene->settings->light_levels));
+    return vfloat_bits(lane_gather(scene->light_order, node - (1u << scene->settings->light_levels)));
 }
 
 // The probability with which tree_choose finds the light at this place of the last level.
