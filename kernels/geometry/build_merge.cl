@@ -3,7 +3,7 @@
 // quality is near that of a full sweep by surface area, and nothing in it depends on timing.
 #include "geometry/build_cost.h"
 
-// How far along the order a cluster looks, to both sides: a multiple of sixteen.
+// How far along the order a cluster looks, to both sides: a multiple of eight.
 #define MERGE_RADIUS 16
 // How many clusters a work-item asks; their neighbours' boxes it has at hand.
 #define MERGE_CHUNK 64
@@ -21,20 +21,20 @@ __kernel void build_leaves(__global const float* boxes, __global const uint* ord
     clusters[i] = i;
 }
 
-// Half the surface areas of the boxes that hold a cluster and sixteen of its neighbours; NEVER where there is no neighbour.
-static float16 nearest_areas(const Box* own, const float side[6][MERGE_CHUNK + 2 * MERGE_RADIUS], uint first, int16 there) {
-    float16 extent[3];
+// Half the surface areas of the boxes that hold a cluster and eight of its neighbours; NEVER where there is no neighbour.
+static float8 nearest_areas(const Box* own, const float side[6][MERGE_CHUNK + 2 * MERGE_RADIUS], uint first, int8 there) {
+    float8 extent[3];
     #pragma unroll
     for (int k = 0; k < 3; ++k) {
-        const float16 low = vload16(0, side[k] + first), high = vload16(0, side[3 + k] + first);
-        extent[k] = (high > own->high[k] ? high : (float16)(own->high[k])) - (low < own->low[k] ? low : (float16)(own->low[k]));
+        const float8 low = vload8(0, side[k] + first), high = vload8(0, side[3 + k] + first);
+        extent[k] = (high > own->high[k] ? high : (float8)(own->high[k])) - (low < own->low[k] ? low : (float8)(own->low[k]));
     }
-    const float16 area = fma(extent[0], extent[1], fma(extent[1], extent[2], extent[2] * extent[0]));
-    return there ? (area < FAR ? area : (float16)(FAR)) : (float16)(NEVER);
+    const float8 area = fma(extent[0], extent[1], fma(extent[1], extent[2], extent[2] * extent[0]));
+    return there ? (area < FAR ? area : (float8)(FAR)) : (float8)(NEVER);
 }
 
-static void nearest_choose(float16 other_area, uint16 other_pair, float16* area, uint16* pair) {
-    const int16 better = (other_area < *area) | ((other_area == *area) & (other_pair < *pair));
+static void nearest_choose(float8 other_area, uint8 other_pair, float8* area, uint8* pair) {
+    const int8 better = (other_area < *area) | ((other_area == *area) & (other_pair < *pair));
     *area = better ? other_area : *area;
     *pair = better ? other_pair : *pair;
 }
@@ -51,20 +51,20 @@ __kernel void build_nearest(__global const float* node_boxes, __global const uin
         const size_t box = (size_t)clusters[i] * 6;
         for (int k = 0; k < 6; ++k) side[k][at] = node_boxes[box + k];
     }
-    const uint16 number = (uint16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const uint8 number = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
     for (uint i = first; i < last; ++i) {
         const uint at = i - first + MERGE_RADIUS;
         Box own;
         for (int k = 0; k < 3; ++k) own.low[k] = side[k][at], own.high[k] = side[3 + k][at];
-        float16 area = (float16)(NEVER);
-        uint16 pair = (uint16)(NONE);
-        for (uint away = 0; away < MERGE_RADIUS; away += 16) {
-            const uint16 before = i - MERGE_RADIUS + away + number, after = i + 1 + away + number;
+        float8 area = (float8)(NEVER);
+        uint8 pair = (uint8)(NONE);
+        for (uint away = 0; away < MERGE_RADIUS; away += 8) {
+            const uint8 before = i - MERGE_RADIUS + away + number, after = i + 1 + away + number;
             nearest_choose(nearest_areas(&own, side, at - MERGE_RADIUS + away, before < i), before ^ i, &area, &pair);
             nearest_choose(nearest_areas(&own, side, at + 1 + away, after < count), after ^ i, &area, &pair);
         }
-        const float least = least_of_sixteen(area);
-        const uint best = least_uint_of_sixteen(area == least ? pair : (uint16)(NONE));
+        const float least = least_of_eight(area);
+        const uint best = least_uint_of_eight(area == least ? pair : (uint8)(NONE));
         nearest[i] = least < NEVER ? i ^ best : NONE;
     }
 }

@@ -48,7 +48,5 @@ static uint least_uint_of_eight(uint8 x) {
     const uint2 p = h.lo < h.hi ? h.lo : h.hi;
     return p.x < p.y ? p.x : p.y;
 }
-static float least_of_sixteen(float16 x) { return least_of_eight(x.lo < x.hi ? x.lo : x.hi); }
-static uint least_uint_of_sixteen(uint16 x) { return least_uint_of_eight(x.lo < x.hi ? x.lo : x.hi); }
 
 #endif

@@ -112,11 +112,9 @@ def small_units(plan: Plan, samples: int = 5, seed: int = 1) -> Iterator[Unit]:
 
 
 @functools.cache
-def _scene(name: str) -> Scene:
-    if name != "S4":
-        return clrender.load(name)
+def _many_lights() -> Scene:
     with tempfile.TemporaryDirectory() as folder:
-        return clrender.load(str(write_scene(name, Path(folder))))
+        return clrender.load(str(write_scene("S4", Path(folder))))
 
 
 def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None, **settings: Any) -> RenderedImage:
@@ -137,7 +135,7 @@ def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None
         if cutting.order == "shuffled":
             stack.enter_context(patch.object(Plan, "units", small_units))
         return clrender.render(
-            _scene(scene),
+            _many_lights() if scene == "S4" else clrender.load(scene),
             **{
                 "size": WIDTH_HEIGHT,
                 "spp": SPP,
