@@ -22,8 +22,9 @@ from clrender.device.worker import Cut, DeviceWorker
 from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
+from clrender.integrators import INTEGRATORS
 from clrender.schedule import Plan, Tally, run
-from clrender.settings import INTEGRATORS, RenderSettings, settings_for
+from clrender.settings import RenderSettings, settings_for
 from clrender.version import __version__
 from clrender.work import tile_side
 
@@ -160,7 +161,9 @@ def render(
         tell(warning)
     flat = _with_absorption(flat, wanted.absorption)
     loaded = time.perf_counter()
-    plan = Plan(wanted.width, wanted.height, wanted.spp, tile_side(wanted.tile, wanted.width, wanted.height))
+    sample_by_sample = INTEGRATORS[wanted.integrator].sample_by_sample
+    side = tile_side(wanted.tile, wanted.width, wanted.height)
+    plan = Plan(wanted.width, wanted.height, wanted.spp, side, sample_by_sample)
     devices = select(device, notify=tell, alone=notify is not None)
     workers = _workers(devices, flat, wanted, plan.tile)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
@@ -207,8 +210,8 @@ def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
 
 def _workers(devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int) -> list[DeviceWorker]:
     cut = Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
-    entry, kernel = INTEGRATORS[wanted.integrator]
-    return [DeviceWorker(each, flat, wanted.struct(tile), entry, kernel, cut) for each in devices]
+    integrator, prepare = INTEGRATORS[wanted.integrator], None
+    return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]
 
 
 def _stats(

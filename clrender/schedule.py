@@ -24,6 +24,7 @@ from clrender.work import Unit, UnitSums, Worker, tile_slots
 __all__ = ["Plan", "Tally", "run"]
 
 _UNIT_SLOTS: Final = 1 << 17
+_LARGE_UNIT_SLOTS: Final = 1 << 23
 _UNIT_SAMPLES: Final = 16
 _UNREAD: Final = 8
 """Events that may wait to be dealt with: results are large, and a fast device must not pile up an image of them."""
@@ -38,22 +39,26 @@ class Plan:
     width, height, spp : int
     tile : int
         Side of a tile, a multiple of 4 (`clrender.work.tile_side`).
+    sample_by_sample : bool
+        Units of one sample, as large as memory allows: the integrator computes something for all pixels of a sample.
     """
 
     width: int
     height: int
     spp: int
     tile: int
+    sample_by_sample: bool = False
 
     def units(self) -> Iterator[Unit]:
         """All units: blocks of samples one after the other, so that the whole image refines, each tile by tile."""
         tiles = -(-self.width // self.tile) * -(-self.height // self.tile)
         area = self.tile * self.tile
-        together = max(1, _UNIT_SLOTS // area)
-        for sample in range(0, self.spp, _UNIT_SAMPLES):
+        together = max(1, (_LARGE_UNIT_SLOTS if self.sample_by_sample else _UNIT_SLOTS) // area)
+        samples = 1 if self.sample_by_sample else _UNIT_SAMPLES
+        for sample in range(0, self.spp, samples):
             for tile in range(0, tiles, together):
                 count = min(together, tiles - tile)
-                yield Unit(tile * area, count * area, sample, min(_UNIT_SAMPLES, self.spp - sample))
+                yield Unit(tile * area, count * area, sample, min(samples, self.spp - sample))
 
 
 @dataclass

@@ -12,18 +12,14 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.errors import UsageError
+from clrender.integrators import INTEGRATORS
 from clrender.scene.lights import LIGHT_CHOICES
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-__all__ = ["INTEGRATORS", "RenderSettings", "settings_for"]
+__all__ = ["RenderSettings", "settings_for"]
 
-INTEGRATORS: Final = {
-    "path": ("integrator/path.cl", "integrator_path"),
-    "direct": ("integrator/path.cl", "integrator_path"),
-    "whitted": ("integrator/whitted.cl", "integrator_whitted"),
-}
 _ROULETTES: Final = {
     "none": layout.ROULETTE_NONE,
     "throughput": layout.ROULETTE_THROUGHPUT,
@@ -44,7 +40,7 @@ class RenderSettings:
     ----------
     spp, width, height, seed : int
     integrator : str
-        ``path``, ``direct`` or ``whitted``.
+        A name in `clrender.integrators.INTEGRATORS`.
     shadow_rays, indirect_rays : int
         To sampled lights at a diffuse hit; from the first diffuse hit.
     max_depth : int or None

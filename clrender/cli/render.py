@@ -18,6 +18,7 @@ from clrender.cli.options import number, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.cli.progress import ProgressDisplay, ProgressLike, duration, quantity
 from clrender.errors import ClrenderError, UsageError
+from clrender.integrators import INTEGRATORS
 
 if TYPE_CHECKING:
     from clrender.rendering import RenderedImage
@@ -53,7 +54,7 @@ _FILM_BYTES: Final = 52
     help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
     "(CLRENDER_DEVICE, else auto).",
 )
-@click.option("--integrator", type=click.Choice(("path", "direct", "whitted")), help="How light is followed (path).")
+@click.option("--integrator", type=click.Choice(tuple(INTEGRATORS)), help="How light is followed (path).")
 @click.option("--shadow-rays", type=number(1, 4096, whole=True), help="Rays to lights per diffuse hit (1).")
 @click.option(
     "--indirect-rays",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,13 +14,14 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.device.bvh import STACK
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
+from clrender.integrators import INTEGRATORS, Integrator
 from clrender.work import BLOCK, Unit, UnitSums
 
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device, Program
     from clrender.flatten import FlatScene
 
-__all__ = ["Cut", "DeviceWorker", "probe_hash"]
+__all__ = ["Cut", "DeviceWorker", "Preparation", "probe_hash"]
 
 SLICE_SECONDS: Final = 0.15
 """What a launch should last: short enough for progress, Ctrl-C and drivers with a watchdog."""
@@ -61,6 +62,17 @@ class Cut:
     traversal: str | None = None
 
 
+class Preparation(Protocol):
+    """What an integrator computes, on a device, before it makes samples."""
+
+    def arguments(self, sample: int) -> Sequence[Buffer | np.generic]:
+        """What the kernel takes after its own parameters, for this sample of the pixels (and any after it, unless the
+        integrator goes sample by sample)."""
+
+    def release(self) -> None:
+        """Give the device's memory back."""
+
+
 class DeviceWorker:
     """A scene and its settings on one device.
 
@@ -70,9 +82,10 @@ class DeviceWorker:
     scene : FlatScene
     settings : (1,) `Settings`
         What depends on the scene is filled in here.
-    entry, kernel : str
-        The integrator: its file and its kernel.
+    integrator : Integrator
     cut : Cut
+    prepare : callable, optional
+        Makes what the integrator needs beside the scene, given this worker.
 
     Attributes
     ----------
@@ -92,9 +105,9 @@ class DeviceWorker:
         device: Device,
         scene: FlatScene,
         settings: npt.NDArray[np.void],
-        entry: str = "integrator/path.cl",
-        kernel: str = "integrator_path",
+        integrator: Integrator = INTEGRATORS["path"],
         cut: Cut | None = None,
+        prepare: Callable[[DeviceWorker], Preparation] | None = None,
     ) -> None:
         cut = cut or Cut()
         self.device = device
@@ -114,13 +127,25 @@ class DeviceWorker:
         self._lanes = cut.lanes or _lanes(device)
         self._group = cut.work_group or min(_work_group(device, self._lanes), device.max_work_group)
         self._per_pass = cut.samples_per_pass
-        self._program = device.program(entry, self._defines(cut))
+        self._defined = self._defines(cut)
+        self._integrator = integrator
+        self._program = self.program(integrator.entry)
         self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
-        self._kernel = kernel
         self._rate = 0.0
         self._kept: dict[str, Buffer] = {}
         named = {**self._arrays.buffers, "settings": self._settings_buffer}
-        self._scene_arguments = [named[name] for name in scene_array_names()]
+        self.scene_arguments = [named[name] for name in scene_array_names()]
+        self._preparation = prepare(self) if prepare else None
+
+    def program(self, entry: str) -> Program:
+        """A kernel file that reads the scene, built for this scene and cut."""
+        return self.device.program(entry, self._defined)
+
+    def launch(self, program: Program, kernel: str, count: int, arguments: Sequence[Buffer | np.generic]) -> None:
+        """Launch a kernel over `count` things, one in every lane; the scene's arguments come first."""
+        items = -(-count // self._lanes)
+        items = -(-items // self._group) * self._group
+        self.device.launch(program, kernel, items, self._group, [*self.scene_arguments, *arguments])
 
     def _defines(self, cut: Cut) -> dict[str, int | str]:
         defines: dict[str, int | str] = {"LANES": self._lanes}
@@ -207,14 +232,16 @@ class DeviceWorker:
         """One launch, and its samples added up; gives its nearest-hit rays, shadow rays and deepest path."""
         device = self.device
         begin = time.perf_counter()
-        items = -(-part.slot_count // self._lanes)
+        items = -(-part.slot_count // (_BLOCK_SLOTS if self._integrator.whole_blocks else self._lanes))
         items = -(-items // self._group) * self._group
         samples = self._buffer("samples", 12 * part.slot_count * part.sample_count)
         stats = self._buffer("stats", 16 * items)
         span = [
             np.uint32(number) for number in (part.first_slot, part.slot_count, part.first_sample, part.sample_count)
         ]
-        device.launch(self._program, self._kernel, items, self._group, [*self._scene_arguments, *span, samples, stats])
+        prepared = self._preparation.arguments(part.first_sample) if self._preparation else []
+        arguments = [*self.scene_arguments, *span, samples, stats, *prepared]
+        device.launch(self._program, self._integrator.kernel, items, self._group, arguments)
         head: list[Buffer | np.generic] = [
             self._settings_buffer,
             samples,
@@ -245,6 +272,8 @@ class DeviceWorker:
 
     def _passes(self, slots: int, left: int) -> int:
         """Samples of a pixel in the next launches."""
+        if self._integrator.sample_by_sample:
+            return 1
         if self._per_pass is not None:
             return min(self._per_pass, left)
         if self._rate == 0.0:
@@ -263,6 +292,8 @@ class DeviceWorker:
 
     def release(self) -> None:
         """Give the device's memory back."""
+        if self._preparation:
+            self._preparation.release()
         self.device.release(self._settings_buffer)
         for buffer in self._kept.values():
             self.device.release(buffer)

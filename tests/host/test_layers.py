@@ -26,6 +26,7 @@ LAYERS = (
     ("work",),
     ("flatten",),
     ("scene",),
+    ("integrators",),
     ("film", "film_file", "film_units", "fixed_point"),
     ("image_io", "radiance_hdr"),
     ("tonemap",),

@@ -26,7 +26,7 @@ from clrender.film import Film
 from clrender.flatten import flatten
 from clrender.image_io import image_sha256
 from clrender.schedule import Plan
-from clrender.settings import INTEGRATORS, RenderSettings
+from clrender.settings import RenderSettings
 from clrender.work import Unit, UnitSums, tile_side
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -257,7 +257,7 @@ def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: 
         return lambda: slices >= stop
 
     while units:
-        worker = DeviceWorker(all_devices[0], flat, settings.struct(plan.tile), *INTEGRATORS["path"], Cut(None, 16, 16))
+        worker = DeviceWorker(all_devices[0], flat, settings.struct(plan.tile), cut=Cut(None, 16, 16))
         recording = _Recording(worker)
         with patch.object(Plan, "units", return_value=iter(units)):
             schedule.run(plan, [recording], film, tell, after(slices + 11))

@@ -24,6 +24,7 @@ from clrender.device.device import Buffer, Device, DeviceInfo, Program
 from clrender.device.discover import drivers, load_platforms
 from clrender.device.worker import Cut, DeviceWorker
 from clrender.flatten import flatten
+from clrender.integrators import INTEGRATORS
 from clrender.scene import Scene
 from clrender.work import Unit, slot_count
 
@@ -119,12 +120,9 @@ def render(device: Device, run: Run) -> str:
         "max_depth": 6, "roulette": layout.ROULETTE_THROUGHPUT,
     }.items():  # fmt: skip
         settings[name] = value
-    entry = "integrator/path.cl", "integrator_path"
-    if run.kernel == "whitted":
-        entry = "integrator/whitted.cl", "integrator_whitted"
     with tempfile.TemporaryDirectory() as folder:
         flat = scene(run.large, Path(folder))
-    worker = DeviceWorker(device, flat, settings, *entry, Cut(run.lanes, 2, None, run.traversal))
+    worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel], Cut(run.lanes, 2, None, run.traversal))
     sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples))
     worker.release()
     assert sums.complete
