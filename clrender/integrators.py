@@ -17,8 +17,10 @@ class Integrator:
     ----------
     entry, kernel : str
         File below the kernels folder, and the kernel in it that makes samples of pixels.
-    whole_blocks : bool
-        A work-item takes a block of 16 pixels whole, however many lanes it has, because their samples share light.
+    then : tuple of str
+        Kernels of the same file that are launched after it, in order, with the same arguments.
+    record_bytes : int
+        Memory that these share, for each sample of a launch.
     sample_by_sample : bool
         A launch makes one sample of each pixel, because something is computed first for that sample of all of them;
         then as much of the image as possible is one unit.
@@ -26,7 +28,8 @@ class Integrator:
 
     entry: str
     kernel: str
-    whole_blocks: bool = False
+    then: tuple[str, ...] = ()
+    record_bytes: int = 0
     sample_by_sample: bool = False
 
 
@@ -34,4 +37,5 @@ INTEGRATORS: Final[Mapping[str, Integrator]] = {
     "path": Integrator("integrator/path.cl", "integrator_path"),
     "direct": Integrator("integrator/path.cl", "integrator_path"),
     "whitted": Integrator("integrator/whitted.cl", "integrator_whitted"),
+    "reuse": Integrator("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
 }

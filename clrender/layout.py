@@ -137,7 +137,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("primitive_count", "uint", ""),
         ("lights_equal", "uint", "1: each light of the alias table keeps its own entry"),
         ("light_levels", "uint", "of the tree of lights; 0: the alias table picks"),
-        ("padding", "uint", ""),
+        ("reuse", "uint", "pixels that share their indirect light: 1, 2, 4, 8 or 16"),
     ),
 }
 

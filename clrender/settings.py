@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["RenderSettings", "settings_for"]
 
+_OWN_SETTINGS: Final = {"reuse": ("reuse",)}
+"""Settings that decide the image of one integrator only, by its name."""
 _ROULETTES: Final = {
     "none": layout.ROULETTE_NONE,
     "throughput": layout.ROULETTE_THROUGHPUT,
@@ -54,6 +56,8 @@ class RenderSettings:
     light_choice : str
         How one of many lights is picked: by a ``tree`` of what they can give at the point, by ``power``, each alike
         (``uniform``), or ``auto``: the tree where there are many.
+    reuse : int
+        Pixels that share their indirect light, for the integrator of that name: 1, 2, 4, 8 or 16.
     tile, samples_per_pass, work_group, lanes, traversal
         How work is cut; None: by the device.
     time_limit : float or None
@@ -72,6 +76,7 @@ class RenderSettings:
     absorption: float | None = None
     sampling: str = "both"
     light_choice: str = "auto"
+    reuse: int = 16
     tile: int = 64
     samples_per_pass: int | None = None
     work_group: int | None = None
@@ -82,7 +87,8 @@ class RenderSettings:
     def request(self) -> dict[str, Any]:
         """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
         names = ("width", "height", "seed", "integrator", "shadow_rays", "indirect_rays", "max_depth", "roulette")
-        return {name: getattr(self, name) for name in (*names, "absorption", "sampling", "light_choice")}
+        own = ("absorption", "sampling", "light_choice", *_OWN_SETTINGS.get(self.integrator, ()))
+        return {name: getattr(self, name) for name in (*names, *own)}
 
     def struct(self, tile: int) -> npt.NDArray[np.void]:
         """The `Settings` that kernels read, for tiles of this side.
@@ -102,6 +108,7 @@ class RenderSettings:
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
             "roulette": _ROULETTES[self.roulette],
             "strategy": _STRATEGIES[self.sampling],
+            "reuse": self.reuse,
         }
         for name, value in values.items():
             settings[name] = value
@@ -147,6 +154,10 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
     ):
         if getattr(wanted, name) not in choices:
             raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")
+    if wanted.reuse not in (1, 2, 4, 8, 16):
+        raise UsageError(f"reuse is {wanted.reuse!r}; it must be 1, 2, 4, 8 or 16")
+    if wanted.integrator == "reuse" and wanted.indirect_rays != 1:
+        raise UsageError(f"indirect_rays is {wanted.indirect_rays}; the integrator reuse has one, and shares it")
     if wanted.lanes not in (None, 1, 4, 8, 16):
         raise UsageError(f"lanes is {wanted.lanes!r}; it must be 1, 4, 8 or 16")
     if wanted.absorption is not None and not 0.0 <= wanted.absorption < 1.0:

@@ -79,7 +79,7 @@ typedef struct {
     uint primitive_count;
     uint lights_equal;          // 1: each light of the alias table keeps its own entry
     uint light_levels;          // of the tree of lights; 0: the alias table picks
-    uint padding;
+    uint reuse;                 // pixels that share their indirect light: 1, 2, 4, 8 or 16
 } Settings;
 
 #endif

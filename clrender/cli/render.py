@@ -73,6 +73,11 @@ _FILM_BYTES: Final = 52
 @click.option(
     "--absorption", type=number(0, 1, below=True), metavar="A", help="Probability to end a path at every hit."
 )
+@click.option(
+    "--reuse",
+    type=click.Choice(("1", "2", "4", "8", "16")),
+    help="Pixels that share their indirect light, for --integrator reuse (16).",
+)
 @tone_options
 @click.option("--tile", type=number(1, 65536, whole=True), help="Side of a tile; never changes the image.")
 @click.option(
@@ -111,6 +116,7 @@ def render(
     size: tuple[int, int] | None,
     devices: tuple[str, ...],
     lanes: str | None,
+    reuse: str | None,
     tone_map: str,
     exposure: float,
     stats: Path | None,
@@ -135,6 +141,8 @@ def render(
         chosen |= {"width": width, "height": height}
         if lanes is not None:
             chosen["lanes"] = int(lanes)
+        if reuse is not None:
+            chosen["reuse"] = int(reuse)
         called = time.perf_counter()
         keep_film = any(path.suffix.lower() == ".film" for path in outputs)
         image = _run(description, devices, interrupt, quiet, keep_film, chosen)

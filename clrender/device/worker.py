@@ -232,16 +232,19 @@ class DeviceWorker:
         """One launch, and its samples added up; gives its nearest-hit rays, shadow rays and deepest path."""
         device = self.device
         begin = time.perf_counter()
-        items = -(-part.slot_count // (_BLOCK_SLOTS if self._integrator.whole_blocks else self._lanes))
+        items = -(-part.slot_count // self._lanes)
         items = -(-items // self._group) * self._group
         samples = self._buffer("samples", 12 * part.slot_count * part.sample_count)
         stats = self._buffer("stats", 16 * items)
         span = [
             np.uint32(number) for number in (part.first_slot, part.slot_count, part.first_sample, part.sample_count)
         ]
-        prepared = self._preparation.arguments(part.first_sample) if self._preparation else []
-        arguments = [*self.scene_arguments, *span, samples, stats, *prepared]
-        device.launch(self._program, self._integrator.kernel, items, self._group, arguments)
+        more = list(self._preparation.arguments(part.first_sample)) if self._preparation else []
+        if self._integrator.record_bytes:
+            more.append(self._buffer("records", self._integrator.record_bytes * part.slot_count * part.sample_count))
+        for kernel in (self._integrator.kernel, *self._integrator.then):
+            arguments = [*self.scene_arguments, *span, samples, stats, *more]
+            device.launch(self._program, kernel, items, self._group, arguments)
         head: list[Buffer | np.generic] = [
             self._settings_buffer,
             samples,
@@ -283,7 +286,7 @@ class DeviceWorker:
     def _slice_slots(self, left: int, passes: int) -> int:
         """Slots of the next launch, from the speed of the last; the first is small, to find the speed."""
         wanted = self._rate * SLICE_SECONDS / passes if self._rate else 4096
-        room = _SAMPLES_BYTES // (12 * passes)
+        room = _SAMPLES_BYTES // ((12 + self._integrator.record_bytes) * passes)
         return min(left, max(256, int(min(wanted, room)) // 16 * 16))
 
     def _launch(self, program: Program, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:

@@ -100,6 +100,24 @@ static void pool_deliver(const Pool* pool, const PoolSample* sample, vec3 radian
     }
 }
 
+// Add to the sample that each of the work-item's own slots already has.
+static void pool_add(const Pool* pool, uint number, vec3 radiance, vmask where) {
+    int is_there[LANES];
+    float x[LANES], y[LANES], z[LANES];
+    lane_store(where, is_there);
+    lane_store(radiance.x, x);
+    lane_store(radiance.y, y);
+    lane_store(radiance.z, z);
+    for (int lane = 0; lane < LANES; ++lane) {
+        if (!is_there[lane]) continue;
+        const size_t channels = pool->slot_count;
+        __global float* out = pool->samples + (size_t)number * 3 * channels + pool->base + lane;
+        out[0] += x[lane];
+        out[channels] += y[lane];
+        out[2 * channels] += z[lane];
+    }
+}
+
 static vuint pool_deepest(vuint deepest, vuint depth, vmask counted) {
     return counted & (depth > deepest) ? depth : deepest;
 }

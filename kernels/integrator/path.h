@@ -109,13 +109,17 @@ static vec3 path_direct(const Scene* scene, const Bsdf* bsdf, const LightSample*
     return choose(usable, scale(mul(f, light->radiance), inverse_or_one(density)), vec3_all(0.0f));
 }
 
+// The probability that the roulette lets a path go on, of this depth and throughput after the vertex.
+static vfloat path_survival(const Scene* scene, vec3 throughput, vuint depth, const Surface* surface) {
+    const uint roulette = scene->settings->roulette;
+    if (roulette == ROULETTE_ABSORPTION) return splat(1.0f) - surface->absorption;
+    if (roulette == ROULETTE_THROUGHPUT) return depth >= 4u ? lesser(largest(throughput), splat(0.95f)) : splat(1.0f);
+    return splat(1.0f);
+}
+
 // Whether the path goes on after this vertex, and its throughput divided by the probability that it does.
 static vmask path_roulette(const Scene* scene, Path* path, const Surface* surface, vuint bits) {
-    const uint roulette = scene->settings->roulette;
-    vfloat survival = splat(1.0f);
-    if (roulette == ROULETTE_ABSORPTION) survival = splat(1.0f) - surface->absorption;
-    if (roulette == ROULETTE_THROUGHPUT)
-        survival = path->depth >= 4u ? lesser(largest(path->throughput), splat(0.95f)) : splat(1.0f);
+    const vfloat survival = path_survival(scene, path->throughput, path->depth, surface);
     const vmask goes_on = unit_interval(bits) < survival;
     path->throughput = scale(path->throughput, inverse_or_one(survival));
     return goes_on;

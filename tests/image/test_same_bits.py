@@ -75,6 +75,8 @@ def test_every_combination(all_devices: list[Device], expected: dict[str, str], 
     [
         {"integrator": "whitted"},
         {"integrator": "direct", "shadow_rays": 3},
+        {"integrator": "reuse"},
+        {"integrator": "reuse", "reuse": 4, "max_depth": 3},
         {"indirect_rays": 3, "shadow_rays": 2, "max_depth": 4},
         {"roulette": "absorption"},
         {"roulette": "none", "max_depth": 7, "sampling": "materials"},

@@ -1,0 +1,294 @@
+// Path reuse with stochastic multiple importance sampling (West, Georgiev, Gruson, Hachisuka, "Continuous Multiple Importance
+// Sampling", ACM TOG 39(4) 2020, section 5; Bekaert, Sbert, Halton 2002).
+//
+// Each pixel of a group sends a path to its first diffuse surface, the anchor y, and goes on from there in one sampled direction, to
+// z. The light that leaves z, found by following the path to its end, then serves all pixels k of the group that see z:
+//
+//     T_k Σ_i f(y_k, z_i) G(y_k, z_i) V(y_k, z_i) L_i / Σ_j p(z_i | y_j) V(y_j, z_i)
+//
+// where p is the density, by area, with which anchor j finds z, the roulette's chance included. Given the anchors this is the balance
+// heuristic over the group, one sample a technique: without bias. The visibility has to stand in both sums: an anchor that does not see
+// z could not have found it, and counting it would lose light. Direct light, and what lies behind a mirror or glass seen from the
+// anchor, stay with their own pixel.
+//
+// Three kernels: integrator_reuse follows the paths and keeps a record of each; reuse_weigh asks, in the lane of i, which anchors see
+// z_i, and divides L_i by the lower sum; reuse_gather adds up, in the lane of k.
+#ifndef INTEGRATOR_REUSE_H
+#define INTEGRATOR_REUSE_H
+
+#include "integrator/path.h"
+
+// A pixel's sample: two rows of sixteen floats, [sample][slot].
+#define RECORD_WORDS 32
+
+// Where the path has left its own pixel: what others need to know of it.
+typedef struct {
+    vmask anchored;          // it has met a diffuse surface, the anchor
+    vec3 origin;             // where rays leave the anchor
+    vec3 side, shading;      // its normals, of the geometry and of the shading, on the side that the camera sees
+    vec3 reflects;           // throughput there times its reflectance
+    vuint from, depth;       // Ray.from; scattering events before it
+    vfloat survival;         // probability that a path leaves it
+    vmask leaves;            // the last ray of the path is the one that left the anchor
+    vmask shared;            // the next vertex, z, is diffuse too
+    vec3 target, target_side;
+    vuint primitive;         // of z
+    vec3 own;                // radiance that belongs to this pixel alone
+} Reuse;
+
+static Reuse reuse_none(void) {
+    Reuse r;
+    r.anchored = r.leaves = r.shared = splat_uint(0u) != splat_uint(0u);
+    r.origin = r.side = r.shading = r.reflects = r.target = r.target_side = r.own = vec3_all(0.0f);
+    r.from = r.primitive = splat_uint(NONE);
+    r.depth = splat_uint(0u);
+    r.survival = splat(0.0f);
+    return r;
+}
+
+// The first diffuse surface of the path.
+static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const Surface* surface, const Bsdf* bsdf, vmask anchors) {
+    const vec3 origin = ray_leave(surface->point, surface->normal, surface->error, !surface->front);
+    const vec3 reflects = mul(path->throughput, bsdf->color);
+    // From a black surface no path goes on
+    const vmask dark = !(largest(reflects) > 0.0f);
+    const vfloat survival = dark ? splat(0.0f) : path_survival(scene, reflects, path->depth + 1u, surface);
+    r->origin = choose(anchors, origin, r->origin);
+    r->side = choose(anchors, bsdf->side, r->side);
+    r->shading = choose(anchors, bsdf->frame.normal, r->shading);
+    r->reflects = choose(anchors, reflects, r->reflects);
+    r->from = anchors ? surface->from : r->from;
+    r->depth = anchors ? path->depth : r->depth;
+    r->survival = anchors ? survival : r->survival;
+    r->anchored = r->anchored | anchors;
+}
+
+// The surface that the ray from the anchor met. From here on the path gathers what leaves it, for whoever may see it.
+static void reuse_share(Reuse* r, Path* path, const Surface* surface, const Bsdf* bsdf, vmask shares) {
+    const vec3 target = ray_leave(surface->point, surface->normal, surface->error, !surface->front);
+    r->target = choose(shares, target, r->target);
+    r->target_side = choose(shares, bsdf->side, r->target_side);
+    r->primitive = shares ? surface->primitive : r->primitive;
+    r->own = choose(shares, path->radiance, r->own);
+    r->shared = r->shared | shares;
+    path->radiance = choose(shares, vec3_all(0.0f), path->radiance);
+    path->throughput = choose(shares, vec3_all(1.0f), path->throughput);
+}
+
+#define RECORD_ANCHORED 1u
+#define RECORD_SHARED 2u
+
+// Write the records of paths that ended, and their own radiance to the film.
+static void reuse_deliver(const Pool* pool, __global float* records, const PoolSample* sample, const Reuse* r, vec3 radiance, vmask done) {
+    const vuint flags = (r->anchored ? splat_uint(RECORD_ANCHORED) : splat_uint(0u)) | (r->shared ? splat_uint(RECORD_SHARED) : splat_uint(0u));
+    const vfloat words[RECORD_WORDS] = {
+        r->origin.x, r->origin.y, r->origin.z, r->side.x, r->side.y, r->side.z, r->shading.x, r->shading.y, r->shading.z,
+        r->reflects.x, r->reflects.y, r->reflects.z, vfloat_from_bits(r->from), vfloat_from_bits(r->depth), r->survival,
+        vfloat_from_bits(flags),
+        r->target.x, r->target.y, r->target.z, r->target_side.x, r->target_side.y, r->target_side.z, vfloat_from_bits(r->primitive),
+        radiance.x, radiance.y, radiance.z, splat(0.0f), splat(0.0f), splat(0.0f), splat(0.0f), splat(0.0f), splat(0.0f)};
+    int is_done[LANES];
+    uint slot[LANES], number[LANES];
+    float word[LANES];
+    lane_store(done, is_done);
+    lane_store(sample->slot, slot);
+    lane_store(sample->number, number);
+    for (uint k = 0; k < RECORD_WORDS; ++k) {
+        lane_store(words[k], word);
+        for (int lane = 0; lane < LANES; ++lane)
+            if (is_done[lane]) records[((size_t)number[lane] * pool->slot_count + slot[lane]) * RECORD_WORDS + k] = word[lane];
+    }
+    pool_deliver(pool, sample, choose(r->shared, r->own, radiance), done);
+}
+
+// What reuse_weigh found out about the records of its lanes.
+static void reuse_store(__global float* records, vuint record, vmask shared, vec3 light, vuint seen) {
+    int is_shared[LANES];
+    uint at[LANES], seen_by[LANES];
+    float x[LANES], y[LANES], z[LANES];
+    lane_store(shared, is_shared);
+    lane_store(record, at);
+    lane_store(seen, seen_by);
+    lane_store(light.x, x);
+    lane_store(light.y, y);
+    lane_store(light.z, z);
+    for (int lane = 0; lane < LANES; ++lane) {
+        if (!is_shared[lane]) continue;
+        __global float* target = records + (size_t)at[lane] * RECORD_WORDS + 16;
+        target[7] = x[lane];
+        target[8] = y[lane];
+        target[9] = z[lane];
+        target[10] = as_float(seen_by[lane]);
+    }
+}
+
+// As path_trace, without the branch: every pixel has one ray from its first diffuse surface, which is what it shares.
+static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
+    __global const Settings* settings = scene->settings;
+    Path path = path_none();
+    Reuse reuse = reuse_none();
+
+    for (;;) {
+        // Lanes without a path take the next sample of the pool
+        if (lane_any(!path.alive)) {
+            const vmask started = pool_take(settings, pool, !path.alive, &path.sample);
+            if (lane_any(started)) path_start(scene, started, &path);
+            reuse.anchored = reuse.anchored & !started;
+            reuse.leaves = reuse.leaves & !started;
+            reuse.shared = reuse.shared & !started;
+            if (!lane_any(path.alive)) {
+                if (pool_empty(pool)) break;
+                continue;
+            }
+        }
+
+        // Find the nearest surface along each ray, and add the light the ray ran into
+        const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
+        const vmask found = path.alive & (hit.primitive != NONE);
+        const Surface surface = surface_at(scene, &path.ray, hit, found);
+        stats->rays += lane_count(path.alive);
+        stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
+        path.radiance = choose(path.alive, add(path.radiance, path_emission(scene, &path, &surface, found)), path.radiance);
+
+        // The first diffuse surface anchors the path; a diffuse one right after it sends its light to the whole group
+        const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
+        const vmask may_scatter = found & (path.depth < settings->max_depth);
+        const vmask diffuse = may_scatter & bsdf.smooth;
+        const vmask anchors = diffuse & !reuse.anchored, shares = diffuse & reuse.leaves;
+        if (lane_any(shares)) reuse_share(&reuse, &path, &surface, &bsdf, shares);
+        if (lane_any(anchors)) reuse_anchor(scene, &reuse, &path, &surface, &bsdf, anchors);
+        reuse.leaves = anchors;
+
+        // Add light that comes straight from the lights, and go on in a sampled direction
+        if (settings->light_count > 0 && lane_any(diffuse)) path_add_direct(scene, &path, &surface, &bsdf, diffuse, stats);
+        const vmask goes_on = path_scatter(scene, &path, &surface, &bsdf, may_scatter);
+
+        const vmask done = path.alive & !goes_on;
+        if (lane_any(done)) reuse_deliver(pool, records, &path.sample, &reuse, path.radiance, done);
+        path.alive = path.alive & !done;
+    }
+}
+
+// The pixels of a group: their places in the block of 4 × 4 differ by these. Sixteen are the block, one is the pixel alone; in between
+// the groups are the cosets of a space of bits spanned by random vectors, new for every block and sample.
+static void reuse_group(__global const Settings* settings, uint2 block, uint sample, uint partners[16]) {
+    const uint number = block.y / 4 * ((settings->width + 3) / 4) + block.x / 4;
+    uint random[LANES], span = 1;
+    lane_store(hash_pair(hash_pair(splat_uint(number), splat_uint(sample)), splat_uint(settings->seed ^ 0x1f83d9abu)), random);
+    partners[0] = 0;
+    while (span < settings->reuse) {
+        const uint vector = random[0] >> 28;
+        int known = 0;
+        for (uint m = 0; m < span; ++m) known |= partners[m] == vector;
+        random[0] = random[0] * 0x2c9277b5u + 0xac564b05u;
+        if (known) continue;
+        for (uint m = 0; m < span; ++m) partners[span + m] = partners[m] ^ vector;
+        span *= 2;
+    }
+}
+
+// From an anchor to a target: the direction, and whether either turns away from the other.
+typedef struct {
+    vec3 to, direction;
+    vfloat facing;           // cosine at the target over the distance's square; 0 where nothing passes
+    vfloat cosine;           // at the anchor, of the shading normal
+} ReuseLink;
+
+static ReuseLink reuse_link(vec3 origin, vec3 side, vec3 shading, vec3 target, vec3 target_side, vmask exists) {
+    ReuseLink l;
+    l.to = sub(target, origin);
+    const vfloat inverse = inverse_magnitude(l.to);
+    l.direction = scale(l.to, inverse);
+    const vfloat facing = -inner(l.direction, target_side) * inverse * inverse;
+    const vmask open = exists & (inner(l.direction, side) > 0.0f) & (facing > 0.0f) & (facing < FAR);
+    l.facing = open ? facing : splat(0.0f);
+    l.cosine = greater(inner(l.direction, shading), splat(0.0f));
+    return l;
+}
+
+// The records of the pixels that are so far from the lanes' own in the block, and where there is such a pixel.
+static vuint reuse_partners(__global const Settings* settings, const Pool* pool, uint number, uint partner, vmask* exists) {
+    const vuint slot = (pool->base + lane_index()) ^ partner;
+    vuint x, y;
+    *exists = slot_pixel(settings, pool->block, pool->first_slot + slot, &x, &y) & (slot < pool->slot_count);
+    return (*exists ? slot : splat_uint(0u)) + number * pool->slot_count;
+}
+
+static vmask reuse_flag(vfloat flags, uint flag) { return (vfloat_bits(flags) & flag) != 0u; }
+
+// Row 0 of a record is its anchor, row 1 its target.
+static void reuse_row(__global const float* records, vuint record, uint row, vfloat words[16]) { lane_rows(records, record * 2u + row, words); }
+
+static ReuseLink reuse_link_rows(const vfloat anchor[16], const vfloat target[16], vmask exists) {
+    return reuse_link(vec3_of(anchor[0], anchor[1], anchor[2]), vec3_of(anchor[3], anchor[4], anchor[5]),
+                      vec3_of(anchor[6], anchor[7], anchor[8]), vec3_of(target[0], target[1], target[2]),
+                      vec3_of(target[3], target[4], target[5]), exists & reuse_flag(anchor[15], RECORD_ANCHORED));
+}
+
+// Divide the light of each lane's target by the sum of the densities with which the group's anchors, those that see it, find it; and
+// remember which do.
+static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global float* records, uint number, PoolStats* stats) {
+    __global const Settings* settings = scene->settings;
+    uint partners[16];
+    reuse_group(settings, pool->block, pool->first_sample + number, partners);
+    vmask exists;
+    const vuint own = reuse_partners(settings, pool, number, 0u, &exists);
+    vfloat target[16], anchor[16];
+    reuse_row(records, own, 0u, anchor);
+    reuse_row(records, own, 1u, target);
+    const vmask shared = exists & reuse_flag(anchor[15], RECORD_SHARED);
+    const vuint depth = vfloat_bits(anchor[13]), primitive = vfloat_bits(target[6]);
+    if (!lane_any(shared)) return;
+    vfloat density = splat(0.0f);
+    vuint seen = splat_uint(0u);
+    for (uint m = 0; m < settings->reuse; ++m) {
+        reuse_row(records, reuse_partners(settings, pool, number, partners[m], &exists), 0u, anchor);
+        // With a limited depth, light may go on for more vertices from one anchor than from another: they cannot share
+        const vmask alike = settings->max_depth == NONE ? shared : shared & (vfloat_bits(anchor[13]) == depth);
+        const ReuseLink link = reuse_link_rows(anchor, target, alike & exists);
+        const vfloat pdf = warp_cosine_hemisphere_pdf(link.cosine) * link.facing * anchor[14];
+        vmask open = pdf > 0.0f;
+        if (m > 0 && lane_any(open)) {       // its own anchor sees it: the path went there
+            Ray ray;
+            ray.origin = vec3_of(anchor[0], anchor[1], anchor[2]);
+            ray.direction = link.to;
+            ray.limit = splat(SHADOW_LIMIT);
+            ray.from = vfloat_bits(anchor[12]);
+            ray.to = primitive;
+            stats->shadow_rays += lane_count(open);
+            open = open & !traverse_occluded(&scene->bvh, &ray, open);
+        }
+#ifdef REUSE_ASSUMES_VISIBLE                 // wrong, to show why (tests/statistics/test_reuse.py)
+        density = density + pdf;
+#else
+        density = open ? density + pdf : density;
+#endif
+        seen = open ? seen | (1u << m) : seen;
+    }
+    const vfloat inverse = density > 0.0f ? splat(1.0f) / (density > 0.0f ? density : splat(1.0f)) : splat(0.0f);
+    const vec3 light = scale(vec3_of(target[7], target[8], target[9]), inverse);
+    reuse_store(records, own, shared, light, seen);
+}
+
+// Add what reaches the lanes' pixels from the targets of their group.
+static void reuse_gather_sample(const Scene* scene, const Pool* pool, __global const float* records, uint number) {
+    __global const Settings* settings = scene->settings;
+    uint partners[16];
+    reuse_group(settings, pool->block, pool->first_sample + number, partners);
+    vmask exists, inside;
+    vfloat anchor[16], target[16], flags[16];
+    reuse_row(records, reuse_partners(settings, pool, number, 0u, &inside), 0u, anchor);
+    vec3 radiance = vec3_all(0.0f);
+    for (uint m = 0; m < settings->reuse; ++m) {
+        const vuint partner = reuse_partners(settings, pool, number, partners[m], &exists);
+        reuse_row(records, partner, 0u, flags);
+        reuse_row(records, partner, 1u, target);
+        const vmask sees = exists & reuse_flag(flags[15], RECORD_SHARED) & ((vfloat_bits(target[10]) & (1u << m)) != 0u);
+        const ReuseLink link = reuse_link_rows(anchor, target, sees & inside);
+        const vfloat term = link.cosine * link.facing * INV_PI;
+        radiance = choose(sees, along(radiance, vec3_of(target[7], target[8], target[9]), term), radiance);
+    }
+    pool_add(pool, number, mul(radiance, vec3_of(anchor[9], anchor[10], anchor[11])), inside);
+}
+
+#endif

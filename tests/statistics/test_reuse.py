@@ -1,0 +1,99 @@
+"""Path reuse against path tracing: the same mean, less noise, and why the visibility has to be in both sums."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from render_support import Studio, lambert, scene
+from stats_support import Evidence
+
+import clrender
+from clrender.device.worker import Cut, DeviceWorker
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+# Everything that decides which pixels may share: how paths end, how far they go, how many share.
+WAYS: dict[str, dict[str, Any]] = {
+    "16": {},
+    "8": {"reuse": 8},
+    "2": {"reuse": 2, "shadow_rays": 2},
+    "limited depth": {"max_depth": 3},
+    "absorption": {"roulette": "absorption", "absorption": 0.2},
+    "materials alone": {"sampling": "materials", "max_depth": 4},
+}
+
+
+def plain(settings: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in settings.items() if name != "reuse"}
+
+
+def compare(evidence: Evidence, studio: Studio, what: Scene, seeds: int, **settings: Any) -> None:
+    path = studio.tiles(what, range(seeds), size=16, spp=16, **plain(settings))
+    reuse = studio.tiles(what, range(1000, 1000 + seeds), size=16, spp=16, integrator="reuse", **settings)
+    evidence.equal("tiles", path, reuse)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cornell", "room-mirror", "bumpy"])
+def test_reuse_is_unbiased_over_64_seeds(evidence: Evidence, studio: Studio, name: str) -> None:
+    """Mirrors in two of the scenes, so that anchors lie behind them, and interpolated normals in one."""
+    compare(evidence, studio, clrender.load(name), 64)
+
+
+def test_reuse_is_unbiased_behind_mirrors(evidence: Evidence, studio: Studio) -> None:
+    compare(evidence, studio, clrender.load("room-mirror"), 16)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_of_reuse_is_unbiased(evidence: Evidence, studio: Studio, way: str) -> None:
+    compare(evidence, studio, clrender.load("cornell"), 16, **WAYS[way])
+
+
+def partitioned_furnace(studio: Studio, **settings: Any) -> npt.NDArray[np.float64]:
+    """(16, 16) radiance of the tiles of an image, of sixteen seeds; 1 / (1 - 0.8) = 5 is exact.
+
+    A thin wall, seen from its edge, parts a room: pixels beside each other do not see what their neighbours see.
+    """
+    glow = {"material": "wall", "emission": [1.0, 1.0, 1.0]}
+    room = {"type": "box", "size": [4.0, 4.0, 4.0], "flip_normals": True, **glow}
+    walls = [{"type": "box", "center": [x, -0.5, 0.0], "size": [0.02, 2.9, 3.9], **glow} for x in (-0.9, 0.0, 0.9)]
+    camera = {"position": [0.1, 1.9, 0.2], "target": [0.1, 0.0, 0.1], "up": [0, 0, -1], "vertical_fov": 70.0}
+    return studio.tiles(scene([room, *walls], camera=camera, wall=lambert(0.8)), spp=16, **settings)
+
+
+def test_reuse_is_exact_in_a_furnace(evidence: Evidence, studio: Studio) -> None:
+    evidence.mean_is("radiance", partitioned_furnace(studio, integrator="reuse"), 5.0)
+
+
+def test_an_anchor_that_does_not_see_may_not_be_counted(
+    evidence: Evidence, studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With all anchors assumed to see all targets, light behind edges is divided by densities that are none."""
+    defines = DeviceWorker._defines
+
+    def blind(worker: DeviceWorker, cut: Cut) -> dict[str, int | str]:
+        return {**defines(worker, cut), "REUSE_ASSUMES_VISIBLE": 1}
+
+    monkeypatch.setattr(DeviceWorker, "_defines", blind)
+    tiles = partitioned_furnace(studio, integrator="reuse")
+    assert tiles.mean() < 4.9
+    with pytest.raises(AssertionError, match="radiance"):
+        evidence.mean_is("radiance", tiles, 5.0)
+
+
+def test_sharing_lessens_noise_where_light_is_diffuse(studio: Studio) -> None:
+    box = clrender.load("cornell")
+    reference = studio.image(box, 32, spp=4096)[8:]  # without the light: its edges are not what is shared
+
+    def error(**settings: Any) -> float:
+        images = [studio.image(box, 32, seed=seed, spp=16, **settings)[8:] for seed in range(4)]
+        return float(np.mean([((image - reference) / reference.mean()) ** 2 for image in images]))
+
+    errors = [error(), *(error(integrator="reuse", reuse=n) for n in (1, 4, 16))]
+    assert 0.8 < errors[1] / errors[0] < 1.25  # alone, a pixel gains nothing
+    assert errors[2] < errors[1] / 1.5
+    assert errors[3] < errors[2] / 1.5
