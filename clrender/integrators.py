@@ -38,4 +38,5 @@ INTEGRATORS: Final[Mapping[str, Integrator]] = {
     "direct": Integrator("integrator/path.cl", "integrator_path"),
     "whitted": Integrator("integrator/whitted.cl", "integrator_whitted"),
     "reuse": Integrator("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
+    "photon": Integrator("integrator/photon.cl", "integrator_photon", sample_by_sample=True),
 }

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +20,12 @@ import numpy.typing as npt
 from clrender.device import select
 from clrender.device.source import kernels_sha256
 from clrender.device.worker import Cut, DeviceWorker
+from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
 from clrender.integrators import INTEGRATORS
+from clrender.photon_map import PhotonMaps
 from clrender.schedule import Plan, Tally, run
 from clrender.settings import RenderSettings, settings_for
 from clrender.version import __version__
@@ -156,7 +159,7 @@ def render(
     begin = time.perf_counter()
     wanted = settings_for(scene, size, settings)
     tell = notify or (lambda line: None)
-    flat = flatten(scene, wanted.width, wanted.height, wanted.light_choice)
+    flat = flatten(scene, wanted.width, wanted.height, _light_choice(wanted))
     for warning in flat.warnings:
         tell(warning)
     flat = _with_absorption(flat, wanted.absorption)
@@ -200,6 +203,15 @@ def render(
     return RenderedImage(linear, stats, film, not tally.complete)
 
 
+def _light_choice(wanted: RenderSettings) -> str:
+    """As asked for; but photons start at lights and not at points, for which a tree of lights has no answer."""
+    if wanted.integrator != "photon":
+        return wanted.light_choice
+    if wanted.light_choice == "tree":
+        raise UsageError("light_choice is 'tree'; the integrator photon takes auto, power or uniform")
+    return "uniform" if wanted.light_choice == "uniform" else "power"
+
+
 def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
     if absorption is None:
         return flat
@@ -211,6 +223,8 @@ def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
 def _workers(devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int) -> list[DeviceWorker]:
     cut = Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
     integrator, prepare = INTEGRATORS[wanted.integrator], None
+    if wanted.integrator == "photon":
+        prepare = partial(PhotonMaps, flat=flat, photons=wanted.photons, radius=wanted.photon_radius)
     return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RenderSettings", "settings_for"]
 
-_OWN_SETTINGS: Final = {"reuse": ("reuse",)}
+_OWN_SETTINGS: Final = {"reuse": ("reuse",), "photon": ("photons", "photon_radius")}
 """Settings that decide the image of one integrator only, by its name."""
 _ROULETTES: Final = {
     "none": layout.ROULETTE_NONE,
@@ -58,6 +59,10 @@ class RenderSettings:
         (``uniform``), or ``auto``: the tree where there are many.
     reuse : int
         Pixels that share their indirect light, for the integrator of that name: 1, 2, 4, 8 or 16.
+    photons : int
+        Emitted for each sample, for the integrator ``photon``.
+    photon_radius : float or None
+        Within which the first sample looks for photons, metres; None: a hundredth of the scene's radius.
     tile, samples_per_pass, work_group, lanes, traversal
         How work is cut; None: by the device.
     time_limit : float or None
@@ -77,6 +82,8 @@ class RenderSettings:
     sampling: str = "both"
     light_choice: str = "auto"
     reuse: int = 16
+    photons: int = 131072
+    photon_radius: float | None = None
     tile: int = 64
     samples_per_pass: int | None = None
     work_group: int | None = None
@@ -104,7 +111,7 @@ class RenderSettings:
             "tile": tile,
             "seed": self.seed,
             "shadow_rays": self.shadow_rays,
-            "indirect_rays": 0 if self.integrator == "direct" else self.indirect_rays,
+            "indirect_rays": 0 if self.integrator in ("direct", "photon") else self.indirect_rays,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
             "roulette": _ROULETTES[self.roulette],
             "strategy": _STRATEGIES[self.sampling],
@@ -142,6 +149,7 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
     for name, least, most in (
         ("spp", 1, 2**20), ("width", 1, 65536), ("height", 1, 65536), ("seed", 0, 2**32 - 1), ("shadow_rays", 1, 4096),
         ("indirect_rays", 0, 4096), ("tile", 1, 65536),
+        ("photons", 1, 2**26),
     ):  # fmt: skip
         value = getattr(wanted, name)
         if not isinstance(value, (int, np.integer)) or not least <= value <= most:
@@ -156,8 +164,10 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
             raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")
     if wanted.reuse not in (1, 2, 4, 8, 16):
         raise UsageError(f"reuse is {wanted.reuse!r}; it must be 1, 2, 4, 8 or 16")
-    if wanted.integrator == "reuse" and wanted.indirect_rays != 1:
-        raise UsageError(f"indirect_rays is {wanted.indirect_rays}; the integrator reuse has one, and shares it")
+    if wanted.integrator in ("reuse", "photon") and wanted.indirect_rays != 1:
+        raise UsageError(f"indirect_rays is {wanted.indirect_rays}; the integrator {wanted.integrator} takes only 1")
+    if wanted.photon_radius is not None and not 0.0 < wanted.photon_radius < math.inf:
+        raise UsageError(f"photon_radius is {wanted.photon_radius!r}; it must be above 0 and finite")
     if wanted.lanes not in (None, 1, 4, 8, 16):
         raise UsageError(f"lanes is {wanted.lanes!r}; it must be 1, 4, 8 or 16")
     if wanted.absorption is not None and not 0.0 <= wanted.absorption < 1.0:

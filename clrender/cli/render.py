@@ -78,6 +78,18 @@ _FILM_BYTES: Final = 52
     type=click.Choice(("1", "2", "4", "8", "16")),
     help="Pixels that share their indirect light, for --integrator reuse (16).",
 )
+@click.option(
+    "--photons",
+    type=number(1, 2**26, whole=True),
+    metavar="N",
+    help="Photons for each sample, for --integrator photon (131072).",
+)
+@click.option(
+    "--photon-radius",
+    type=number(0, above=True),
+    metavar="R",
+    help="Metres around a point in which the first sample looks for them (a hundredth of the scene's).",
+)
 @tone_options
 @click.option("--tile", type=number(1, 65536, whole=True), help="Side of a tile; never changes the image.")
 @click.option(

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
+from clrender.device.ordering import CHUNK, launch_each, scan, sort
 from clrender.errors import RenderError
 
 if TYPE_CHECKING:
-    from clrender.device.device import Buffer, Device, Program
+    from clrender.device.device import Argument, Buffer, Device, Program
 
 __all__ = [
-    "CHUNK",
     "COST_ROOTS",
     "MERGE_CHUNK",
     "NODE_WORDS",
@@ -34,15 +34,13 @@ __all__ = [
 NODE_WORDS: Final = 56
 TRIANGLE_PACK_WORDS: Final = 128
 ROUND_PACK_WORDS: Final = 64
-CHUNK: Final = 1024
 MERGE_CHUNK: Final = 64
 COST_ROOTS: Final = 7
 STACK: Final = 96
 """Entries a traversal has room for unless the host asks for more."""
-_WORK_GROUP: Final = 16
 _SORT_BITS: Final = 63
 
-_Arguments: TypeAlias = "list[Buffer | np.generic]"
+_Arguments: TypeAlias = "list[Argument]"
 
 
 @dataclass(frozen=True)
@@ -148,7 +146,7 @@ class _Builder:
         units, places = device.empty(4 * count), device.empty(4 * count)
         head: _Arguments = [source.vertices, source.triangles, source.primitive_shape, source.shapes, _u(count)]
         self._each(self._order, "build_starts", count, [*head, places])
-        total = self._scan(places, count)
+        total = scan(self.device, places, count)
         self._each(self._order, "build_units", count, [*head, places, units])
         device.release(places)
         return units, total
@@ -181,20 +179,9 @@ class _Builder:
         keys, values = self.device.empty(8 * count), self.device.empty(4 * count)
         self._each(self._order, "build_morton", count, [boxes, bounds, _u(count), keys, values])
         self.device.release(bounds)
-        return self._sorted(keys, values, count), boxes
-
-    def _sorted(self, keys: Buffer, values: Buffer, count: int) -> Buffer:
-        device, chunks = self.device, -(-count // CHUNK)
-        other_keys, other_values = device.empty(8 * count), device.empty(4 * count)
-        counts = device.empty(4 * 256 * chunks)
-        for shift in range(0, _SORT_BITS, 8):
-            head: _Arguments = [_u(count), _u(shift), _u(chunks), counts]
-            self._each(self._order, "build_sort_count", chunks, [keys, *head])
-            self._scan(counts, 256 * chunks)
-            self._each(self._order, "build_sort_scatter", chunks, [keys, values, *head, other_keys, other_values])
-            keys, other_keys, values, other_values = other_keys, keys, other_values, values
-        self._release(keys, other_keys, other_values, counts)
-        return values
+        keys, values = sort(self.device, keys, values, count, _SORT_BITS)
+        self.device.release(keys)
+        return values, boxes
 
     def merge(self, order: Buffer, boxes: Buffer) -> _BinaryTree:
         """The binary tree over the ordered units; consumes `boxes`."""
@@ -213,8 +200,8 @@ class _Builder:
             askers = -(-length // MERGE_CHUNK)
             self._each(self._merge, "build_nearest", askers, [node_boxes, clusters, _u(length), nearest])
             self._each(self._merge, "build_merge_count", chunks, [nearest, _u(length), kept, pairs])
-            joined = self._scan(pairs, chunks)
-            self._scan(kept, chunks)
+            joined = scan(self.device, pairs, chunks)
+            scan(self.device, kept, chunks)
             arguments = [nearest, clusters, _u(length), kept, pairs]
             arguments += [_u(next_node), node_boxes, members, children, costs, merged]
             self._each(self._merge, "build_merge", chunks, arguments)
@@ -272,25 +259,10 @@ class _Builder:
         counts = [self.device.empty(4 * task_count) for _ in range(3)]
         arguments: _Arguments = [tree.members, tree.children, tree.costs, tasks, _u(task_count), slots, *counts]
         self._each(self._collapse, "build_collapse_count", task_count, arguments)
-        return slots, counts, [self._scan(buffer, task_count) for buffer in counts]
-
-    def _scan(self, numbers: Buffer, count: int) -> int:
-        """Exclusive prefix sums in place; returns the total."""
-        chunks = -(-count // CHUNK)
-        sums = self.device.empty(4 * chunks)
-        self._each(self._order, "build_scan", chunks, [numbers, _u(count), sums])
-        if chunks == 1:
-            total = np.empty(1, np.uint32)
-            self.device.read(sums, total)
-            self.device.release(sums)
-            return int(total[0])
-        total_count = self._scan(sums, chunks)
-        self._each(self._order, "build_scan_add", count, [numbers, _u(count), sums])
-        self.device.release(sums)
-        return total_count
+        return slots, counts, [scan(self.device, buffer, task_count) for buffer in counts]
 
     def _each(self, program: Program, kernel: str, count: int, arguments: _Arguments) -> None:
-        self.device.launch(program, kernel, -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
+        launch_each(self.device, program, kernel, count, arguments)
 
     def _release(self, *buffers: Buffer) -> None:
         for buffer in buffers:

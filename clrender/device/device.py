@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from clrender.errors import DeviceError, RenderError
 if TYPE_CHECKING:
     import pyopencl as cl
 
-__all__ = ["Buffer", "Device", "DeviceInfo", "Program"]
+__all__ = ["Argument", "Buffer", "Device", "DeviceInfo", "Program"]
 
 _T = TypeVar("_T")
 
@@ -81,6 +81,10 @@ class Buffer:
 
     handle: Any
     nbytes: int
+
+
+Argument: TypeAlias = "Buffer | np.generic | npt.NDArray[Any]"
+"""What a kernel takes: a buffer, a number, or an array passed by value, as a vector or a structure."""
 
 
 class Program:
@@ -228,7 +232,7 @@ class Device:
         kernel: str,
         global_size: int,
         local_size: int,
-        args: Sequence[Buffer | np.generic | npt.NDArray[Any]],
+        args: Sequence[Argument],
     ) -> None:
         """Put a one-dimensional launch into the queue, after all that is there already.
 

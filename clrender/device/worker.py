@@ -18,7 +18,7 @@ from clrender.integrators import INTEGRATORS, Integrator
 from clrender.work import BLOCK, Unit, UnitSums
 
 if TYPE_CHECKING:
-    from clrender.device.device import Buffer, Device, Program
+    from clrender.device.device import Argument, Buffer, Device, Program
     from clrender.flatten import FlatScene
 
 __all__ = ["Cut", "DeviceWorker", "Preparation", "probe_hash"]
@@ -65,9 +65,12 @@ class Cut:
 class Preparation(Protocol):
     """What an integrator computes, on a device, before it makes samples."""
 
-    def arguments(self, sample: int) -> Sequence[Buffer | np.generic]:
+    def arguments(self, sample: int) -> Sequence[Argument]:
         """What the kernel takes after its own parameters, for this sample of the pixels (and any after it, unless the
-        integrator goes sample by sample)."""
+        integrator goes sample by sample). The queue is empty on return."""
+
+    def take_rays(self) -> int:
+        """Rays traced for that since this was last asked."""
 
     def release(self) -> None:
         """Give the device's memory back."""
@@ -141,10 +144,12 @@ class DeviceWorker:
         """A kernel file that reads the scene, built for this scene and cut."""
         return self.device.program(entry, self._defined)
 
-    def launch(self, program: Program, kernel: str, count: int, arguments: Sequence[Buffer | np.generic]) -> None:
-        """Launch a kernel over `count` things, one in every lane; the scene's arguments come first."""
-        items = -(-count // self._lanes)
-        items = -(-items // self._group) * self._group
+    def padded(self, items: int) -> int:
+        """So many work-items make whole groups."""
+        return -(-items // self._group) * self._group
+
+    def launch(self, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
+        """Launch a kernel over a padded number of work-items; the scene's arguments come first."""
         self.device.launch(program, kernel, items, self._group, [*self.scene_arguments, *arguments])
 
     def _defines(self, cut: Cut) -> dict[str, int | str]:
@@ -231,20 +236,18 @@ class DeviceWorker:
     def _slice(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> tuple[int, int, int]:
         """One launch, and its samples added up; gives its nearest-hit rays, shadow rays and deepest path."""
         device = self.device
+        more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
-        items = -(-part.slot_count // self._lanes)
-        items = -(-items // self._group) * self._group
+        items = self.padded(-(-part.slot_count // self._lanes))
         samples = self._buffer("samples", 12 * part.slot_count * part.sample_count)
         stats = self._buffer("stats", 16 * items)
         span = [
             np.uint32(number) for number in (part.first_slot, part.slot_count, part.first_sample, part.sample_count)
         ]
-        more = list(self._preparation.arguments(part.first_sample)) if self._preparation else []
         if self._integrator.record_bytes:
             more.append(self._buffer("records", self._integrator.record_bytes * part.slot_count * part.sample_count))
         for kernel in (self._integrator.kernel, *self._integrator.then):
-            arguments = [*self.scene_arguments, *span, samples, stats, *more]
-            device.launch(self._program, kernel, items, self._group, arguments)
+            self.launch(self._program, kernel, items, [*span, samples, stats, *more])
         head: list[Buffer | np.generic] = [
             self._settings_buffer,
             samples,
@@ -259,10 +262,19 @@ class DeviceWorker:
         self.busy_seconds += seconds
         self._rate = part.slot_count * part.sample_count / max(seconds, 1e-4)
         return (
-            int(counted[:, 0].sum(dtype=np.uint64)),
+            rays + int(counted[:, 0].sum(dtype=np.uint64)),
             int(counted[:, 1].sum(dtype=np.uint64)),
             int(counted[:, 2].max()),
         )
+
+    def _prepared(self, sample: int) -> tuple[list[Argument], int]:
+        """What the integrator's kernel takes beside its own, and the rays that took."""
+        if self._preparation is None:
+            return [], 0
+        begin = time.perf_counter()
+        arguments = list(self._preparation.arguments(sample))
+        self.busy_seconds += time.perf_counter() - begin
+        return arguments, self._preparation.take_rays()
 
     def _buffer(self, name: str, nbytes: int) -> Buffer:
         """A buffer kept for all launches, because fresh memory costs more than rendering into it."""

@@ -99,7 +99,7 @@ class Image(Part):
 class Render(Part):
     """Defaults of the render's settings; the command line wins."""
 
-    integrator: Literal["path", "direct", "whitted", "reuse"] = "path"
+    integrator: Literal["path", "direct", "whitted", "reuse", "photon"] = "path"
     spp: Annotated[Count, Field(ge=1, le=2**20)] = Field(64, description="samples per pixel")
     seed: Annotated[Count, Field(ge=0, lt=2**32)] = 0
     shadow_rays: Annotated[Count, Field(ge=1, le=4096)] = 1

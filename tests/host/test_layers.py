@@ -22,6 +22,7 @@ LAYERS = (
     ("settings",),
     ("compare", "flip"),
     ("schedule",),
+    ("photon_map",),
     ("device",),
     ("work",),
     ("flatten",),

@@ -19,9 +19,9 @@ from meshes import icosphere
 
 from clrender import layout
 from clrender.device.arithmetic import check as arithmetic_check
-from clrender.device.bvh import CHUNK
 from clrender.device.device import Buffer, Device, DeviceInfo, Program
 from clrender.device.discover import drivers, load_platforms
+from clrender.device.ordering import CHUNK
 from clrender.device.worker import Cut, DeviceWorker
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS

@@ -1,0 +1,91 @@
+// Where photons start: a light by its share of the power, a point of it and a direction, with the flux that the photon carries.
+#ifndef PHOTON_EMIT_H
+#define PHOTON_EMIT_H
+
+#include "light/light.h"
+
+typedef struct {
+    Ray ray;
+    vec3 flux;           // watts, of one photon if it were the only one: of n, each carries 1/n of it
+} Emission;
+
+// A point of a surface that shines: all of its area is as likely.
+typedef struct {
+    vec3 point, normal, error;
+    vfloat area;
+} EmissionPoint;
+
+static EmissionPoint emission_triangle(const Light_* l, vfloat u, vfloat v) {
+    const vec3 a = vec3_of(l->row[6], l->row[7], l->row[8]), ab = vec3_of(l->row[9], l->row[10], l->row[11]);
+    const vec3 ac = vec3_of(l->row[12], l->row[13], l->row[14]);
+    const AreaSample s = triangle_sample(a, a, ab, ac, l->row[15], u, v);
+    EmissionPoint e;
+    e.point = s.point;
+    e.normal = s.normal;
+    e.error = s.error;
+    e.area = inverse_or_one(l->row[15]) * 0.5f;
+    return e;
+}
+
+static EmissionPoint emission_round(const Light_* l, vmask sphere, vfloat u, vfloat v) {
+    const vec3 center = vec3_of(l->row[6], l->row[7], l->row[8]), disk_normal = vec3_of(l->row[12], l->row[13], l->row[14]);
+    const vfloat radius = l->row[9], facing = l->row[10];
+    const vec3 outward = warp_sphere(u, v);
+    const AreaSample disk = disk_sample(center, center, radius, disk_normal, u, v);
+    EmissionPoint e;
+    e.point = choose(sphere, along(center, outward, radius), disk.point);
+    e.normal = choose(sphere, scale(outward, facing), disk.normal);
+    e.error = disk.error;
+    e.area = radius * radius * (sphere ? splat(4.0f * PI) : splat(PI));
+    return e;
+}
+
+// What comes from infinitely far falls through a disk before the scene, as wide as the scene: `bounds` is its centre and radius.
+static vec3 emission_from_outside(float4 bounds, vec3 travel, vfloat u, vfloat v) {
+    vfloat x, y;
+    warp_disk(u, v, &x, &y);
+    const Frame f = frame_around(travel);
+    const vec3 center = vec3_of(splat(bounds.x), splat(bounds.y), splat(bounds.z));
+    return along(along(along(center, travel, splat(-bounds.w)), f.tangent, x * bounds.w), f.bitangent, y * bounds.w);
+}
+
+static Emission emission_sample(const Scene* scene, Sampler sampler, float4 bounds) {
+    vuint bits_choice, bits_v, rest;
+    vfloat u2, v2;
+    sampler_bits(sampler, splat_uint(SET_PIXEL), &bits_choice, &bits_v);
+    sampler_get(sampler, SET_LENS, &u2, &v2);
+    const Light_ l = light_at(scene, light_by_power(scene, bits_choice, &rest));
+    const vfloat u = unit_interval(rest), v = unit_interval(bits_v);
+    const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
+    const vmask directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
+    const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]), anywhere = warp_sphere(u2, v2);
+
+    EmissionPoint from = emission_triangle(&l, u, v);
+    if (lane_any(sphere | disk)) {
+        const EmissionPoint round = emission_round(&l, sphere, u, v);
+        const vmask is_round = sphere | disk;
+        from.point = choose(is_round, round.point, from.point);
+        from.normal = choose(is_round, round.normal, from.normal);
+        from.error = choose(is_round, round.error, from.error);
+        from.area = is_round ? round.area : from.area;
+    }
+    Emission e;
+    const vmask surface = triangle | sphere | disk;
+    e.ray.direction = choose(surface, direction_again(frame_to_world(frame_around(from.normal), warp_cosine_hemisphere(u2, v2))),
+                             choose(directional, a, anywhere));
+    e.ray.origin = choose(surface, ray_leave(from.point, from.normal, from.error, from.area != from.area), a);
+    if (lane_any(directional | environment))
+        e.ray.origin = choose(directional | environment, emission_from_outside(bounds, e.ray.direction, u, v), e.ray.origin);
+    e.ray.limit = splat(FAR);
+    e.ray.from = (triangle | disk) ? l.primitive : splat_uint(NONE);
+    e.ray.to = splat_uint(NONE);
+
+    // Power: π A L of a surface, 4π I of a point, E times the disk's area of a direction, 4π L times it of an environment
+    const float disk_area = bounds.w * bounds.w * PI;
+    vfloat factor = surface ? from.area * PI : splat(4.0f * PI);
+    factor = directional ? splat(disk_area) : (environment ? splat(4.0f * PI) * disk_area : factor);
+    e.flux = scale(l.radiance, factor * inverse_or_one(l.probability));
+    return e;
+}
+
+#endif

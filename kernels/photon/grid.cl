@@ -1,0 +1,36 @@
+// Deposits become a photon map. Between the kernels the host sorts keys and values.
+#include "photon/grid.h"
+
+// The cell of each place for a deposit; those without one come last. keys, values: [photon_count * 8].
+__kernel void grid_keys(__global const float* deposits, __global const uint* deposit_counts, uint count, float4 low, uint4 size,
+                        __global ulong* keys, __global uint* values) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) return;
+    __global const float* deposit = deposits + (size_t)i * 12u;
+    uint cell = size.w;
+    if (i % 8u < deposit_counts[i / 8u]) {
+        const uint x = grid_along(deposit[0], low.x, low.w, size.x), y = grid_along(deposit[1], low.y, low.w, size.y);
+        cell = (grid_along(deposit[2], low.z, low.w, size.z) * size.y + y) * size.x + x;
+    }
+    keys[i] = cell;
+    values[i] = i;
+}
+
+// Where each cell begins, from the sorted keys. starts: [cells + 1].
+__kernel void grid_starts(__global const ulong* keys, uint count, uint cells, __global uint* starts) {
+    const uint i = (uint)get_global_id(0);
+    if (i > count) return;
+    const uint before = i > 0 ? (uint)keys[i - 1] + 1u : 0u, here = i < count ? (uint)keys[i] : cells;
+    for (uint cell = before; cell <= here; ++cell) starts[cell] = i;
+}
+
+// The deposits in their order, number by number: map [10][stride]. Those that a photon did not keep are stood for by those it did.
+__kernel void grid_place(__global const float* deposits, __global const uint* deposit_counts, __global const uint* values,
+                         __global const uint* starts, uint cells, uint stride, __global float* map) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= starts[cells]) return;
+    __global const float* deposit = deposits + (size_t)values[i] * 12u;
+    const uint made = deposit_counts[values[i] / 8u];
+    const float share = made > 8u ? (float)made * 0.125f : 1.0f;
+    for (uint k = 0; k < 10u; ++k) map[(size_t)k * stride + i] = k >= 6u && k < 9u ? deposit[k] * share : deposit[k];
+}

@@ -1,0 +1,140 @@
+// Photons on their way from the lights: at every diffuse surface that they reach after at least one scattering event they leave a
+// deposit. Light that comes straight from the lights is found by shadow rays, with less noise.
+#ifndef PHOTON_TRACE_H
+#define PHOTON_TRACE_H
+
+#include "geometry/surface.h"
+#include "material/bsdf.h"
+#include "photon/emit.h"
+#include "types.h"
+
+// Of a photon's deposits so many are kept, each as likely, for all.
+#define PHOTON_DEPOSITS 8u
+// A deposit: position, direction it came from, flux, scattering events before it.
+#define DEPOSIT_WORDS 12u
+
+typedef struct {
+    vmask alive;
+    vuint number;        // of the photon
+    Sampler sampler;
+    Ray ray;
+    vec3 flux;
+    vuint depth;         // scattering events so far
+    vuint deposits;
+} Photon;
+
+static Photon photon_none(void) {
+    Photon p;
+    p.alive = splat_uint(0u) != splat_uint(0u);
+    p.number = p.depth = p.deposits = p.sampler.seed = p.sampler.index = splat_uint(0u);
+    p.ray.origin = p.flux = vec3_all(0.0f);
+    p.ray.direction = vec3_all(1.0f);
+    p.ray.limit = splat(FAR);
+    p.ray.from = p.ray.to = splat_uint(NONE);
+    return p;
+}
+
+// Photons of one pass are one sequence of numbers, so that they spread evenly over the lights.
+static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint number, vmask start, Photon* p) {
+    p->number = start ? number : p->number;
+    p->sampler.seed = start ? hash_pair(hash_pair(splat_uint(pass), splat_uint(scene->settings->seed)), splat_uint(0x9b05688cu)) : p->sampler.seed;
+    p->sampler.index = p->number;
+    const Emission e = emission_sample(scene, p->sampler, bounds);
+    ray_replace(&p->ray, e.ray, start);
+    p->flux = choose(start, e.flux, p->flux);
+    p->depth = start ? splat_uint(0u) : p->depth;
+    p->deposits = start ? splat_uint(0u) : p->deposits;
+    p->alive = p->alive | start;
+}
+
+// How much a surface's interpolated normal changes what a photon brings, for one of its directions (Veach 1997, 5.3.2).
+static vfloat photon_shading(const Bsdf* bsdf, vec3 direction) {
+    const vfloat shading = absolute(inner(direction, bsdf->frame.normal)), side = absolute(inner(direction, bsdf->side));
+    return shading / greater(side, splat(1.0e-6f));
+}
+
+// Keep the deposit in the next free place of its photon; when all are taken, in a random one or nowhere, so that at any time each
+// deposit so far is as likely to be there (Vitter 1985).
+static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask where, __global float* deposits) {
+    vuint random, unused;
+    sampler_hash_bits(p->sampler, p->depth * SETS_PER_BOUNCE + SET_LIGHT, &random, &unused);
+    const vuint drawn = mul_hi(random, p->deposits + 1u), place = p->deposits < PHOTON_DEPOSITS ? p->deposits : drawn;
+    const vmask kept = where & (place < PHOTON_DEPOSITS);
+    const vfloat words[10] = {s->point.x, s->point.y, s->point.z, -p->ray.direction.x, -p->ray.direction.y, -p->ray.direction.z,
+                              flux.x,     flux.y,     flux.z,     vfloat_of(vint_from_uint(p->depth))};
+    int is_kept[LANES];
+    uint at[LANES];
+    float word[LANES];
+    lane_store(kept, is_kept);
+    lane_store(p->number * PHOTON_DEPOSITS + place, at);
+    for (uint k = 0; k < 10; ++k) {
+        lane_store(words[k], word);
+        for (int lane = 0; lane < LANES; ++lane)
+            if (is_kept[lane]) deposits[(size_t)at[lane] * DEPOSIT_WORDS + k] = word[lane];
+    }
+}
+
+// Choose where the photon goes on; it does with the probability of its largest weight, and its flux keeps its size.
+static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surface, const Bsdf* bsdf, vmask found) {
+    vuint bits_u, bits_v;
+    sampler_bounce_bits(p->sampler, SET_MATERIAL, p->depth, &bits_u, &bits_v);
+    const BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
+    // bsdf_sample weighs radiance, which shrinks by eta² where it crosses glass; flux does not
+    const vmask crosses = (bsdf->kind == MATERIAL_DIELECTRIC) & (inner(next.direction, bsdf->side) < 0.0f);
+    const vfloat in = photon_shading(bsdf, p->ray.direction), out = photon_shading(bsdf, next.direction);
+    const vfloat turned = in / greater(out, splat(1.0e-6f)) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
+    const vec3 weight = scale(next.weight, turned);
+    const vfloat most = p->depth >= 16u ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);
+    p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
+    p->depth = p->depth + 1u;
+    p->ray = surface_leave(surface, next.direction);
+    sampler_hash_bits(p->sampler, p->depth * SETS_PER_BOUNCE + SET_ROULETTE, &bits_u, &bits_v);
+    return found & (p->depth < scene->settings->max_depth) & (unit_interval(bits_u) < survival);
+}
+
+// The photons [first, last) of a pass. Returns the rays.
+static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint first, uint last, __global float* deposits,
+                         __global uint* deposit_counts) {
+    Photon photon = photon_none();
+    uint next = first, rays = 0;
+
+    for (;;) {
+        // Lanes without a photon start the next
+        if (lane_any(!photon.alive)) {
+            const vuint number = next + lane_rank(!photon.alive);
+            const vmask start = !photon.alive & (number < last);
+            next += (uint)lane_count(!photon.alive);
+            if (lane_any(start)) photon_start(scene, bounds, pass, number, start, &photon);
+            if (!lane_any(photon.alive)) return rays;
+        }
+
+        // Find where the photon arrives, and leave a deposit if that is diffuse and not the first place
+        const Hit hit = traverse_nearest(&scene->bvh, &photon.ray, photon.alive);
+        const vmask found = photon.alive & (hit.primitive != NONE);
+        const Surface surface = surface_at(scene, &photon.ray, hit, found);
+        const Bsdf bsdf = bsdf_at(&surface, photon.ray.direction);
+        const vmask arrives = found & bsdf.smooth & (photon.depth > 0u);
+        rays += lane_count(photon.alive);
+        if (lane_any(arrives)) {
+            const vec3 flux = scale(photon.flux, photon_shading(&bsdf, photon.ray.direction));
+            photon_deposit(&photon, &surface, flux, arrives, deposits);
+            photon.deposits = arrives ? photon.deposits + 1u : photon.deposits;
+        }
+
+        // Go on, or end and say how many deposits there were
+        const vmask goes_on = photon_scatter(scene, &photon, &surface, &bsdf, found);
+        const vmask ended = photon.alive & !goes_on;
+        if (lane_any(ended)) {
+            int has_ended[LANES];
+            uint number[LANES], count[LANES];
+            lane_store(ended, has_ended);
+            lane_store(photon.number, number);
+            lane_store(photon.deposits, count);
+            for (int lane = 0; lane < LANES; ++lane)
+                if (has_ended[lane]) deposit_counts[number[lane]] = count[lane];
+        }
+        photon.alive = photon.alive & !ended;
+    }
+}
+
+#endif
