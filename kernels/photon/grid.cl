@@ -1,4 +1,5 @@
 // Deposits become a photon map. Between the kernels the host sorts keys and values.
+#include "photon/deposit.h"
 #include "photon/grid.h"
 
 // The cell of each place for a deposit; those without one come last. keys, values: [photon_count * 8].
@@ -6,9 +7,9 @@ __kernel void grid_keys(__global const float* deposits, __global const uint* dep
                         __global ulong* keys, __global uint* values) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
-    __global const float* deposit = deposits + (size_t)i * 12u;
+    __global const float* deposit = deposits + (size_t)i * DEPOSIT_WORDS;
     uint cell = size.w;
-    if (i % 8u < deposit_counts[i / 8u]) {
+    if (i % PHOTON_DEPOSITS < deposit_counts[i / PHOTON_DEPOSITS]) {
         const uint x = grid_along(deposit[0], low.x, low.w, size.x), y = grid_along(deposit[1], low.y, low.w, size.y);
         cell = (grid_along(deposit[2], low.z, low.w, size.z) * size.y + y) * size.x + x;
     }
@@ -29,8 +30,8 @@ __kernel void grid_place(__global const float* deposits, __global const uint* de
                          __global const uint* starts, uint cells, uint stride, __global float* map) {
     const uint i = (uint)get_global_id(0);
     if (i >= starts[cells]) return;
-    __global const float* deposit = deposits + (size_t)values[i] * 12u;
-    const uint made = deposit_counts[values[i] / 8u];
-    const float share = made > 8u ? (float)made * 0.125f : 1.0f;
+    __global const float* deposit = deposits + (size_t)values[i] * DEPOSIT_WORDS;
+    const uint made = deposit_counts[values[i] / PHOTON_DEPOSITS];
+    const float share = made > PHOTON_DEPOSITS ? (float)made / PHOTON_DEPOSITS : 1.0f;
     for (uint k = 0; k < 10u; ++k) map[(size_t)k * stride + i] = k >= 6u && k < 9u ? deposit[k] * share : deposit[k];
 }

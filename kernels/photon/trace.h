@@ -5,13 +5,9 @@
 
 #include "geometry/surface.h"
 #include "material/bsdf.h"
+#include "photon/deposit.h"
 #include "photon/emit.h"
 #include "types.h"
-
-// Of a photon's deposits so many are kept, each as likely, for all.
-#define PHOTON_DEPOSITS 8u
-// A deposit: position, direction it came from, flux, scattering events before it.
-#define DEPOSIT_WORDS 12u
 
 typedef struct {
     vmask alive;

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from clrender import layout
+from clrender import layout, photon_map
 from clrender.device import bvh, ordering
 from clrender.resources import kernels_folder
 
@@ -83,9 +83,12 @@ def test_an_array_of_structs_is_read_member_by_member(all_devices: list[Device],
         ("geometry/build.h", "BUILD_CHUNK", ordering.CHUNK),
         ("geometry/build_merge.cl", "MERGE_CHUNK", bvh.MERGE_CHUNK),
         ("geometry/build_cost.h", "COST_ROOTS", bvh.COST_ROOTS),
+        ("photon/deposit.h", "PHOTON_DEPOSITS", photon_map.DEPOSITS),
+        ("photon/deposit.h", "DEPOSIT_WORDS", photon_map.DEPOSIT_WORDS),
+        ("photon/photons.cl", "PHOTONS_PER_ITEM", photon_map.PHOTONS_PER_ITEM),
     ],
 )
-def test_numbers_of_the_tree(file: str, name: str, value: int) -> None:
+def test_numbers_of_the_kernels(file: str, name: str, value: int) -> None:
     text = (kernels_folder() / file).read_text(encoding="utf-8")
     found = re.search(rf"^#define {name} (\d+)u?$", text, re.MULTILINE)
     assert found is not None and int(found.group(1)) == value

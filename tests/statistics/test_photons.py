@@ -1,0 +1,151 @@
+"""Photon mapping against known powers and against path tracing, and how fast it converges."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from render_support import Studio, disk, lambert, quad, scene, sphere
+from stats_support import Evidence
+
+import clrender
+from clrender.device import Device
+from clrender.device.worker import DeviceWorker
+from clrender.flatten import flatten
+from clrender.integrators import INTEGRATORS
+from clrender.photon_map import PhotonMaps, radius_of_pass
+from clrender.scene import Scene
+from clrender.settings import RenderSettings
+
+PHOTONS = 1 << 14
+ALBEDO = 0.8
+
+# A light of each kind in the middle of a closed diffuse box, and its power in watts, per channel.
+LIGHTS: dict[str, tuple[dict[str, Any], float]] = {
+    "quad": ({"shapes": [quad((-0.3, 0.5, -0.2), (0.6, 0, 0), (0, 0, 0.4), emission=2.0)]}, math.pi * 0.24 * 2.0),
+    "sphere": ({"shapes": [sphere((0.1, 0.2, 0.3), 0.25, emission=3.0)]}, math.pi * 4 * math.pi * 0.0625 * 3.0),
+    "disk": ({"shapes": [disk((0.1, 0.2, 0.3), (0, 1, 0), 0.5, emission=1.5)]}, math.pi * math.pi * 0.25 * 1.5),
+    "point": ({"lights": [{"type": "point", "position": [0.1, 0, 0], "intensity": [2, 2, 2]}]}, 4 * math.pi * 2.0),
+}
+
+
+def photon_map(device: Device, what: Scene, number: int, photons: int = PHOTONS) -> npt.NDArray[np.float32]:
+    """(10, n) the deposits of a map: position, direction it came from, flux, scattering events."""
+    flat = flatten(what, 16, 16, "power")
+    worker = DeviceWorker(device, flat, RenderSettings(integrator="photon").struct(16), INTEGRATORS["photon"])
+    maps = PhotonMaps(worker, flat, photons, None)
+    buffer, starts, stride, _, size, _, _ = maps.arguments(number)
+    begin, words = np.empty(int(size[3]) + 1, np.uint32), np.empty((10, int(stride)), np.float32)
+    device.read(starts, begin)
+    device.read(buffer, words)
+    maps.release()
+    worker.release()
+    return words[:, : begin[-1]]
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_deposits_carry_the_power_of_the_light(evidence: Evidence, device: Device, name: str) -> None:
+    """A photon of power P arrives P albedo**k after k events; those with none are not kept. The light is black."""
+    more, power = LIGHTS[name]
+    box = {"type": "box", "size": [4.0, 3.0, 5.0], "flip_normals": True, "material": "wall"}
+    black = [{**shape, "material": "black"} for shape in more.get("shapes", [])]
+    what = scene([box, *black], more.get("lights", ()), wall=lambert(ALBEDO), black=lambert(0.0))
+    totals = []
+    for number in range(8):
+        deposits = photon_map(device, what, number)
+        on_wall = (np.abs(np.abs(deposits[:3]) - np.array([[2.0], [1.5], [2.5]])) < 1e-5).any(axis=0)
+        assert deposits[9].min() >= 1.0
+        totals.append(deposits[6, on_wall].sum(dtype=np.float64) / PHOTONS)
+    if name == "point":  # nothing else is hit
+        evidence.mean_is("power", np.array(totals), power * ALBEDO / (1.0 - ALBEDO))
+    else:  # what comes back to the light is lost there
+        assert np.mean(totals) < power * ALBEDO / (1.0 - ALBEDO) * 1.01
+
+
+def test_an_inward_sphere_keeps_all_its_power(evidence: Evidence, device: Device) -> None:
+    shell = sphere((0.0, 0.0, 0.0), 1.0, emission=1.0, flip_normals=True, material="wall")
+    what = scene([shell], wall=lambert(ALBEDO))
+    totals = [photon_map(device, what, number)[6].sum(dtype=np.float64) / PHOTONS for number in range(8)]
+    evidence.mean_is("power", np.array(totals), math.pi * 4.0 * math.pi * ALBEDO / (1.0 - ALBEDO))
+
+
+def test_first_deposits_spread_as_the_cosine_says(evidence: Evidence, device: Device) -> None:
+    """Inside a diffuse sphere every point sends the same to every other: all octants are alike."""
+    shell = sphere((0.0, 0.0, 0.0), 1.0, emission=1.0, flip_normals=True, material="wall")
+    deposits = photon_map(device, scene([shell], wall=lambert(0.5)), 0)
+    first = deposits[:3, deposits[9] == 1.0]
+    octant = (first > 0.0).astype(int).T @ np.array([1, 2, 4])
+    evidence.histogram("octants", np.bincount(octant, minlength=8), np.full(8, 0.125))
+
+
+def test_radius_shrinks_as_knaus_and_zwicker_say() -> None:
+    """The product of their equation 15 in closed form; n**(-1/3) in the limit."""
+    exact = math.exp(math.lgamma(1000 + 5 / 3) - math.lgamma(5 / 3) - math.lgamma(1002))
+    assert radius_of_pass(0.5, 0) == 0.5
+    assert radius_of_pass(0.5, 1000) == pytest.approx(0.5 * math.sqrt(exact), rel=1e-12)
+
+
+def outside() -> Scene:
+    """A diffuse corner under a sky and a sun, seen through nothing: lights that are infinitely far."""
+    walls = [
+        quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), material="wall"),
+        quad((-2, 0, -2), (4, 0, 0), (0, 3, 0), material="wall"),
+        quad((-2, 0, 2), (0, 0, -4), (0, 3, 0), material="wall"),
+    ]
+    lights = [
+        {"type": "environment", "radiance": [0.5, 0.6, 0.8]},
+        {"type": "directional", "direction": [-1, -2, -0.7], "irradiance": [2, 1.8, 1.5]},
+    ]
+    camera = {"position": [3, 2, 4], "target": [-0.5, 0.6, -0.5], "vertical_fov": 45.0}
+    return scene(walls, lights, camera, wall=lambert(0.7))
+
+
+# Rows of an image without the light of the Cornell box in them: what its edge does to so few pixels is not the question.
+BELOW = 10
+
+
+def means(studio: Studio, what: Scene, **settings: Any) -> npt.NDArray[np.float64]:
+    """(3,) mean of an image's lower rows."""
+    mean: npt.NDArray[np.float64] = studio.image(what, 32, **settings)[BELOW:].mean(axis=(0, 1))
+    return mean
+
+
+@pytest.mark.parametrize("name", ["cornell", "outside"])
+def test_mean_is_that_of_path_tracing(studio: Studio, name: str) -> None:
+    what = outside() if name == "outside" else clrender.load(name)
+    path = means(studio, what, spp=1024)
+    np.testing.assert_allclose(means(studio, what, spp=64, integrator="photon", photons=32768), path, rtol=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cornell", "room-glass"])
+def test_mean_after_ten_million_photons(studio: Studio, name: str) -> None:
+    what = clrender.load(name)
+    path = studio.image(what, 64, spp=8192).mean(axis=(0, 1))
+    photon = studio.image(what, 64, spp=77, integrator="photon").mean(axis=(0, 1))
+    np.testing.assert_allclose(photon, path, rtol=0.01)
+
+
+@pytest.mark.slow
+def test_error_falls_as_it_should(studio: Studio) -> None:
+    """Over five doublings the squared error falls with the number of maps to -2/3 (Knaus and Zwicker 2011, 4.1)."""
+    what = clrender.load("cornell")
+    reference = studio.image(what, 32, spp=65536)[10:]
+    counts, errors = [8, 16, 32, 64, 128, 256], []
+    for spp in counts:
+        images = [studio.image(what, 32, spp=spp, seed=seed, integrator="photon", photons=8192)[10:] for seed in range(4)]
+        errors.append(float(np.mean([(image - reference) ** 2 for image in images])))
+    slope = float(np.polyfit(np.log(counts), np.log(errors), 1)[0])
+    print(f"errors {errors}, slope {slope:.3f}")
+    assert -1.0 < slope < -0.5
+
+
+def test_depth_counts_events_of_path_and_photon_together(studio: Studio) -> None:
+    what = clrender.load("cornell")
+    for depth in (1, 2, 3):
+        path = means(studio, what, spp=512, max_depth=depth)
+        photon = means(studio, what, spp=64, integrator="photon", photons=16384, max_depth=depth)
+        np.testing.assert_allclose(photon, path, rtol=0.01)
