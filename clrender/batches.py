@@ -158,7 +158,7 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
 
 def _limit(chance: float, freedom: Floats) -> Floats:
     """Standard errors that a difference has to have to be seen nine times in ten, at this significance."""
-    grid = np.linspace(freedom.min(), freedom.max(), 64)
+    grid = np.linspace(freedom.min(), freedom.max(), 32)
     return np.asarray(np.interp(freedom, grid, student_limit(chance, grid)) + _NINE_IN_TEN, np.float64)
 
 

@@ -93,14 +93,21 @@ def student_tails(t: npt.ArrayLike, freedom: npt.ArrayLike) -> Floats:
 
 
 def student_limit(chance: float, freedom: npt.ArrayLike) -> Floats:
-    """What |t| exceeds with this chance: `student_tails` inverted, by bisection of its logarithm."""
+    """What |t| exceeds with this chance: `student_tails` inverted.
+
+    By Newton's method for the logarithm of the chance over that of t, which is concave: it converges from anywhere.
+    """
     nu = np.asarray(freedom, np.float64)
-    low, high = np.full_like(nu, 1e-6), np.full_like(nu, 1e6)
-    for _ in range(80):
-        middle = np.sqrt(low * high)
-        above = student_tails(middle, nu) > chance
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return np.asarray(np.sqrt(low * high), np.float64)
+    t = np.full_like(nu, -_NORMAL.inv_cdf(chance / 2.0))
+    scale = _log_gamma((nu + 1.0) / 2.0) - _log_gamma(nu / 2.0) - 0.5 * np.log(nu * math.pi)
+    for _ in range(60):
+        p = np.maximum(student_tails(t, nu), _LEAST)
+        density = np.exp(scale - (nu + 1.0) / 2.0 * np.log1p(t * t / nu))
+        step = np.log(p / chance) * p / (2.0 * density * t)
+        t = t * np.exp(step)
+        if np.all(np.abs(step) < 1e-12):
+            break
+    return np.asarray(t, np.float64)
 
 
 def holm(chances: npt.ArrayLike, level: float) -> npt.NDArray[np.bool_]:
@@ -150,7 +157,7 @@ def _normal_score(chances: Floats) -> Floats:
 
 
 def _log_gamma(values: Floats) -> Floats:
-    return np.array([math.lgamma(value) for value in values.tolist()], np.float64)
+    return np.array([math.lgamma(value) for value in values.ravel().tolist()], np.float64).reshape(values.shape)
 
 
 def _beta_fraction(a: Floats, b: Floats, x: Floats) -> Floats:
@@ -164,6 +171,6 @@ def _beta_fraction(a: Floats, b: Floats, x: Floats) -> Floats:
         odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
         d, c = 1.0 / (1.0 + odd * d), 1.0 + odd / c
         value = value * (c * d)
-        if np.all(np.abs(c * d - 1.0) < 1e-15):
+        if np.all(np.abs(c * d - 1.0) < 1e-14):
             break
     return value
