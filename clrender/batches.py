@@ -114,6 +114,10 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
     Half of `level` is for the tiles and their channels, by Welch's t-test and Holm's correction; half for the whole
     image, in which a small difference everywhere shows that no tile can show.
 
+    Where light is found rarely but then much of it, a tile that lacks it by chance is dark and shows hardly any spread:
+    an integrator with more noise would look darker than one with less. Its neighbours have had that light, so a tile
+    counts as no less noisy than the mean of those around it.
+
     Parameters
     ----------
     scene : Scene
@@ -124,7 +128,7 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
     shape = a.tiles.shape[1:]
     x, y = a.tiles.reshape(len(a.tiles), -1), b.tiles.reshape(len(b.tiles), -1)
     size = (x.mean(axis=0) + y.mean(axis=0)) / 2.0
-    tiles = welch(x, y, _ROUNDING * size)
+    tiles = welch(x, y, _ROUNDING * size, (_variance_around(a.tiles).ravel(), _variance_around(b.tiles).ravel()))
     differ = holm(tiles.chance, level / 2.0)
     whole = welch(a.whole[:, None], b.whole[:, None], _ROUNDING * (a.whole.mean() + b.whole.mean()) / 2.0)
     whole_differs = bool(whole.chance[0] <= level / 2.0)
@@ -154,6 +158,13 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
     below = bool(darker.any()) or (whole_differs and whole.score[0] < 0.0)
     above = bool(brighter.any()) or (whole_differs and whole.score[0] > 0.0)
     return Pair(a.label, b.label, largest, numbers, verdict(a.name, b.name, scene, below, above))
+
+
+def _variance_around(tiles: Floats) -> Floats:
+    """Mean of the variances of a tile and its neighbours, of each channel; (rows, columns, 3)."""
+    variance = np.pad(tiles.var(axis=0, ddof=1), ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+    around: Floats = np.nanmean(np.lib.stride_tricks.sliding_window_view(variance, (3, 3), axis=(0, 1)), axis=(-2, -1))
+    return around
 
 
 def _limit(chance: float, freedom: Floats) -> Floats:

@@ -40,7 +40,12 @@ class Welch:
     score: Floats
 
 
-def welch(first: npt.ArrayLike, second: npt.ArrayLike, rounding: npt.ArrayLike = 0.0) -> Welch:
+def welch(
+    first: npt.ArrayLike,
+    second: npt.ArrayLike,
+    rounding: npt.ArrayLike = 0.0,
+    least: tuple[npt.ArrayLike, npt.ArrayLike] = (0.0, 0.0),
+) -> Welch:
     """Welch's t-test of equal means, column by column; the variances may differ (Welch, Biometrika 34, 1947).
 
     Parameters
@@ -49,11 +54,14 @@ def welch(first: npt.ArrayLike, second: npt.ArrayLike, rounding: npt.ArrayLike =
         Rows: independent batches, at least two of each. Columns: quantities.
     rounding : float or (k,) float
         Absolute difference that is not noise but rounding; it is taken off before the test.
+    least : pair of float or (k,) float
+        Variances of a batch of the first and of the second that are known to be no smaller.
     """
     a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
     difference = a.mean(axis=0) - b.mean(axis=0)
     # Squared standard errors. Those of equal numbers are 0 but for the rounding of their mean.
-    u, v = a.var(axis=0, ddof=1) / len(a), b.var(axis=0, ddof=1) / len(b)
+    u = np.maximum(a.var(axis=0, ddof=1), least[0]) / len(a)
+    v = np.maximum(b.var(axis=0, ddof=1), least[1]) / len(b)
     error = np.sqrt(u + v)
     below = u * u / (len(a) - 1) + v * v / (len(b) - 1)
     freedom = np.full_like(error, float(min(len(a), len(b)) - 1))
