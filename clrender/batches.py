@@ -141,7 +141,8 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
     largest = np.take_along_axis(scores, np.abs(scores).argmax(axis=2)[..., None], axis=2)[..., 0]
     row, column = np.unravel_index(int(np.abs(largest).argmax()), largest.shape)
     lit = size > 0.0
-    seen = _limit(level / 2.0 / len(size), tiles.freedom) * tiles.error
+    seen = _limit(level / 2.0 / len(size), tiles.freedom) * tiles.error + _ROUNDING * size
+    mean_seen = float((_limit(level / 2.0, whole.freedom) * whole.error)[0])
     numbers = {
         **_ratio(a.whole, b.whole),
         "mean_chance": float(whole.chance[0]),
@@ -152,7 +153,7 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
         "largest_z": float(largest[row, column]),
         "largest_z_tile": [int(column), int(row)],
         "visible_in_tile": float(np.median(seen[lit] / size[lit])) if lit.any() else None,
-        "visible_in_mean": _share(float((_limit(level / 2.0, whole.freedom) * whole.error)[0]), b.whole.mean()),
+        "visible_in_mean": mean_seen / float(b.whole.mean()) + _ROUNDING if b.whole.any() else None,
         "tiles_with_fireflies": int(np.count_nonzero(any_channel(outlying(x, _FIREFLIES) | outlying(y, _FIREFLIES)))),
     }
     below = bool(darker.any()) or (whole_differs and whole.score[0] < 0.0)
@@ -183,7 +184,3 @@ def _ratio(a: Floats, b: Floats) -> dict[str, Any]:
     ratio = above / below
     reach = ratio * float(test.error[0] * student_limit(0.05, test.freedom)[0])
     return {"mean_ratio": ratio, "mean_ratio_95": [ratio - reach, ratio + reach]}
-
-
-def _share(part: float, whole: float) -> float | None:
-    return part / float(whole) if whole > 0.0 else None

@@ -178,6 +178,14 @@ def test_black_images_agree(cornell: Scene) -> None:
     assert pair.verdict.kind == AGREE and pair.numbers["mean_ratio"] is None and pair.numbers["visible_in_tile"] is None
 
 
+def test_what_could_be_rounding_is_not_said_to_be_visible(cornell: Scene) -> None:
+    plain = of_tiles(np.ones((16, *TILES)))
+    pair = compare_batches(cornell, plain, of_tiles((1.0 + 3e-6) * plain.tiles))
+    assert pair.verdict.kind == AGREE
+    assert pair.numbers["visible_in_tile"] > 3e-6 and pair.numbers["visible_in_mean"] > 3e-6
+    assert compare_batches(cornell, plain, of_tiles((1.0 + 5e-6) * plain.tiles)).verdict.kind == FAULT
+
+
 def test_tiles_at_the_edge_are_smaller() -> None:
     image = np.random.default_rng(0).random((11, 13, 3))
     means = tile_means(image, 4)
