@@ -6,7 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["INTEGRATORS", "Integrator"]
+__all__ = [
+    "BETWEEN_DIFFUSE",
+    "CAUSTICS",
+    "ENVIRONMENT_ON_DIFFUSE",
+    "INTEGRATORS",
+    "SOFT_SHADOWS",
+    "Integrator",
+]
+
+BETWEEN_DIFFUSE: Final = "light between diffuse surfaces"
+CAUSTICS: Final = "caustics"
+SOFT_SHADOWS: Final = "soft shadows"
+ENVIRONMENT_ON_DIFFUSE: Final = "the environment on diffuse surfaces"
 
 
 @dataclass(frozen=True)
@@ -24,6 +36,11 @@ class Integrator:
     sample_by_sample : bool
         A launch makes one sample of each pixel, because something is computed first for that sample of all of them;
         then as much of the image as possible is one unit.
+    leaves_out : tuple of str
+        Light that it does not find, however many samples it takes.
+    bias : str
+        Of the light it does find: ``unbiased``, ``consistent`` (the error of the mean falls as samples are added) or
+        ``discretised`` (it falls with the size of patches).
     """
 
     entry: str
@@ -31,12 +48,18 @@ class Integrator:
     then: tuple[str, ...] = ()
     record_bytes: int = 0
     sample_by_sample: bool = False
+    leaves_out: tuple[str, ...] = ()
+    bias: str = "unbiased"
 
 
 INTEGRATORS: Final[Mapping[str, Integrator]] = {
     "path": Integrator("integrator/path.cl", "integrator_path"),
-    "direct": Integrator("integrator/path.cl", "integrator_path"),
-    "whitted": Integrator("integrator/whitted.cl", "integrator_whitted"),
+    "direct": Integrator("integrator/path.cl", "integrator_path", leaves_out=(BETWEEN_DIFFUSE, CAUSTICS)),
+    "whitted": Integrator(
+        "integrator/whitted.cl",
+        "integrator_whitted",
+        leaves_out=(BETWEEN_DIFFUSE, CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE),
+    ),
     "reuse": Integrator("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
-    "photon": Integrator("integrator/photon.cl", "integrator_photon", sample_by_sample=True),
+    "photon": Integrator("integrator/photon.cl", "integrator_photon", sample_by_sample=True, bias="consistent"),
 }

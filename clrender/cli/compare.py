@@ -1,4 +1,4 @@
-"""`clrender compare`: how far an image is from a reference."""
+"""`clrender compare`: how far an image is from a reference, or whether integrators agree on a scene."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any, Final
 import click
 
 from clrender.cli.inputs import read_linear
+from clrender.cli.options import number
+from clrender.cli.options import size as parse_size
 
 __all__ = ["compare"]
 
@@ -23,17 +25,60 @@ _LINES: Final = (
 
 
 @click.command()
-@click.argument("image", metavar="A", type=click.Path(path_type=Path))
-@click.argument("reference", metavar="B", type=click.Path(path_type=Path))
+@click.argument("first", metavar="A|SCENE")
+@click.argument("second", metavar="[B]", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def compare(image: Path, reference: Path, as_json: bool) -> None:
+@click.option("--integrators", metavar="NAME,NAME…", help="Compare integrators on SCENE; the options below go with it.")
+@click.option("--spp", type=number(1, 2**20, whole=True), help="Samples per pixel, over all batches (256).")
+@click.option("--size", type=parse_size, metavar="WxH", help="Pixels (the scene's, 160 at most on the longer side).")
+@click.option("--seed", type=number(0, 2**32 - 1, whole=True), help="Another seed, other noise (0).")
+@click.option("--batches", type=number(8, 4096, whole=True), help="Independent renders of each integrator (16).")
+@click.option("--tile-size", type=number(1, 65536, whole=True), help="Side of the tiles that are compared (8).")
+@click.option("-d", "--device", "devices", metavar="SPEC", multiple=True, help="As of `clrender render`; repeatable.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Write mean images, maps of z and all numbers there.",
+)
+@click.option("--check", is_flag=True, help="Exit with 1 when integrators differ where they should agree.")
+@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@click.option(
+    "--allow-path",
+    "allow_paths",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    metavar="DIR",
+    multiple=True,
+    help="A folder, besides the scene's own, that the scene may read files from. Repeatable.",
+)
+@click.pass_context
+def compare(ctx: click.Context, /, first: str, second: str | None, integrators: str | None, **options: Any) -> None:
     """Measure how far image A is from the reference B.
 
     Reads .npy .exr .hdr .film, and .png .jpg as a display shows them.
+
+    With --integrators: render SCENE with each of them, as independent batches of small images, and tell for any two
+    whether they agree. Tiles of the images are compared by t-tests; the chance that any pair of integrators that agree
+    is said to differ is 1 %, as long as fireflies are rare. The exit code is 0 whatever comes out, but for --check.
     """
+    as_json = options.pop("as_json")
+    if integrators is not None:
+        if second is not None:
+            raise click.UsageError(f"--integrators takes one scene, and there is also {second!r}.", ctx)
+        from clrender.cli.compare_integrators import compare_on_scene
+
+        compare_on_scene(first, integrators.split(","), as_json=as_json, **options)
+        return
+    for name, value in options.items():
+        if value not in (None, False, ()):
+            parameter = next(each for each in ctx.command.params if each.name == name)
+            raise click.UsageError(f"{parameter.opts[-1]} goes with --integrators NAME,NAME… SCENE.", ctx)
+    if second is None:
+        raise click.UsageError("missing argument 'B', the reference; or give --integrators and a scene.", ctx)
     from clrender.compare import compare_images
 
-    numbers = compare_images(read_linear(image)[0], read_linear(reference)[0])
+    numbers = compare_images(read_linear(Path(first))[0], read_linear(Path(second))[0])
     click.echo(json.dumps(numbers, indent=2) if as_json else _table(numbers))
 
 

@@ -1,0 +1,196 @@
+"""`clrender compare --integrators`: whether integrators agree on a scene, as a table, maps and numbers."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from clrender.cli.interrupt import interruptible
+from clrender.cli.progress import ProgressDisplay
+from clrender.errors import UsageError
+from clrender.integrators import INTEGRATORS
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from clrender.batches import Batches, Pair
+    from clrender.scene import Scene
+
+__all__ = ["compare_on_scene"]
+
+_FULL: Final = 6
+"""|z| of full colour in the maps: hardly any tile comes to it by chance."""
+_COLUMNS: Final = ("ratio of means", "95 % interval", "tiles that differ", "largest z")
+
+
+def compare_on_scene(
+    scene: str,
+    integrators: Sequence[str],
+    *,
+    devices: Sequence[str],
+    output: Path | None,
+    as_json: bool,
+    check: bool,
+    quiet: bool,
+    allow_paths: Sequence[Path],
+    **options: int | tuple[int, int] | None,
+) -> None:
+    """Compare integrators on a scene; write and print what came out.
+
+    Raises
+    ------
+    ClrenderError
+        As `clrender.agreement.compare_integrators`, and where files cannot be written.
+    """
+    from clrender.agreement import check_integrators, compare_integrators
+    from clrender.scene import load
+
+    names = [name.strip() for name in integrators]
+    check_integrators(names)
+    description = load(scene, allow_paths=allow_paths)
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    if output is not None:
+        _make_folder(output)
+    with interruptible() as interrupt, ProgressDisplay(quiet=quiet) as display:
+
+        def on_progress(progress: Any) -> None:
+            if interrupt.wanted():
+                raise KeyboardInterrupt
+            display(progress)
+
+        made, pairs = compare_integrators(
+            description, names, device=list(devices) or None, on_progress=on_progress, notify=display.say, **given
+        )
+    numbers = _numbers(description, given, made, pairs)
+    if output is not None:
+        _write(output, made, pairs, numbers)
+    click.echo(json.dumps(numbers, indent=2) if as_json else _table(numbers))
+    from clrender.verdict import FAULT
+
+    if check and any(pair.verdict.kind == FAULT for pair in pairs):
+        sys.exit(1)
+
+
+def _numbers(
+    description: Scene, given: dict[str, Any], made: Sequence[Batches], pairs: Sequence[Pair]
+) -> dict[str, Any]:
+    """Everything, JSON-able."""
+    from clrender.batches import LEVEL
+    from clrender.version import __version__
+
+    height, width = made[0].image.shape[:2]
+    return {
+        "scene": description.source,
+        "scene_sha256": description.sha256(),
+        "version": __version__,
+        "width": width,
+        "height": height,
+        "seed": given.get("seed", 0),
+        "batches": len(made[0].whole),
+        "tile_size": made[0].tile_size,
+        "tiles": list(made[0].tiles.shape[2:0:-1]),
+        "level": LEVEL,
+        "integrators": [
+            {
+                "label": one.label,
+                "integrator": one.name,
+                "bias": INTEGRATORS[one.name].bias,
+                "leaves_out": list(INTEGRATORS[one.name].leaves_out),
+                "mean": one.image.mean(axis=(0, 1), dtype="float64").tolist(),
+                **one.numbers,
+            }
+            for one in made
+        ],
+        "pairs": [
+            {"first": pair.first, "second": pair.second}
+            | pair.numbers
+            | {"verdict": pair.verdict.kind, "reason": pair.verdict.reason, "sentence": _sentence(pair)}
+            for pair in pairs
+        ],
+    }
+
+
+def _sentence(pair: Pair) -> str:
+    from clrender.verdict import AGREE, FAULT
+
+    n, kind, reason = pair.numbers, pair.verdict.kind, pair.verdict.reason
+    text = f"{kind}: {reason}" if reason else kind
+    if kind == AGREE:
+        seen = " and ".join(
+            f"{100.0 * n[key]:.2g} % of {what}"
+            for key, what in (("visible_in_tile", "a tile"), ("visible_in_mean", "the mean"))
+            if n[key] is not None
+        )
+        text += f"; differences of {seen} would have been seen" if seen else "; both are black"
+    elif kind == FAULT and n["tiles_with_fireflies"] > n["tiles"] / 100:
+        text += f"; fireflies in {n['tiles_with_fireflies']} tiles make the test unsure, look again with more samples"
+    return text
+
+
+def _table(numbers: dict[str, Any]) -> str:
+    """A line of numbers for every pair, and below it what to think of it."""
+    width = max(len(f"{pair['first']} / {pair['second']}") for pair in numbers["pairs"])
+    spp = numbers["integrators"][0]["spp"]
+    lines = [
+        f"{numbers['scene']}: {numbers['width']}x{numbers['height']}, {spp} samples a pixel "
+        f"in {numbers['batches']} batches, {numbers['tiles'][0]}x{numbers['tiles'][1]} tiles",
+        "",
+        f"{'':<{width}}  {_COLUMNS[0]:>14}  {_COLUMNS[1]:>19}  {_COLUMNS[2]:>17}  {_COLUMNS[3]:>9}",
+    ]
+    for pair in numbers["pairs"]:
+        low_high = pair["mean_ratio_95"]
+        ratio = "-" if low_high is None else f"{pair['mean_ratio']:.5f}"
+        interval = "-" if low_high is None else f"{low_high[0]:.5f} to {low_high[1]:.5f}"
+        share = f"{pair['tiles_differ']} of {pair['tiles']}"
+        name = f"{pair['first']} / {pair['second']}"
+        lines.append(f"{name:<{width}}  {ratio:>14}  {interval:>19}  {share:>17}  {pair['largest_z']:>9.2f}")
+    lines.append("")
+    lines += [f"{pair['first']} and {pair['second']} {pair['sentence']}" for pair in numbers["pairs"]]
+    dropped = {one["label"]: one["nonfinite_samples"] for one in numbers["integrators"]}
+    if left_out := [f"{label}: {count}" for label, count in dropped.items() if count]:
+        lines.append(f"samples that were not finite and are left out: {', '.join(left_out)}")
+    return "\n".join(lines)
+
+
+def _make_folder(folder: Path) -> None:
+    from clrender.files import check_writable
+
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file; name a folder.")
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be made ({error.strerror}); name a folder in one that exists.") from None
+    check_writable(folder / "agreement.json")
+
+
+def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers: dict[str, Any]) -> None:
+    """Mean images, maps of z whose names say what their colours mean, and the numbers."""
+    from clrender.files import atomic_write
+    from clrender.image_io import write_image
+
+    height, width = made[0].image.shape[:2]
+    for one, its in zip(made, numbers["integrators"], strict=True):
+        notes = {"scene_sha256": numbers["scene_sha256"], "version": numbers["version"], **its}
+        for ending in (".png", ".exr"):
+            write_image(folder / f"{one.label}{ending}", one.image, notes)
+    for pair, its in zip(pairs, numbers["pairs"], strict=True):
+        name = f"z_{pair.first}-minus-{pair.second}_blue-{_FULL}_white-0_red+{_FULL}.png"
+        write_image(folder / name, _map(pair.scores, height, width, made[0].tile_size), its, "linear")
+    with atomic_write(folder / "agreement.json") as file:
+        file.write(json.dumps(numbers, indent=2).encode() + b"\n")
+
+
+def _map(scores: npt.NDArray[np.float64], height: int, width: int, side: int) -> npt.NDArray[np.float64]:
+    """Blue where the first is darker, red where it is brighter, white where there is no telling; (height, width, 3)."""
+    import numpy as np
+
+    z = np.clip(scores / _FULL, -1.0, 1.0)
+    colors = np.stack([1.0 - np.maximum(-z, 0.0), 1.0 - np.abs(z), 1.0 - np.maximum(z, 0.0)], axis=-1)
+    return np.asarray(colors[np.arange(height) // side][:, np.arange(width) // side], np.float64)

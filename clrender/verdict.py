@@ -1,0 +1,110 @@
+"""Whether a difference between two integrators on a scene is as it must be, or a fault of one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+__all__ = ["AGREE", "FAULT", "MAY", "MUST", "Verdict", "light_kinds", "verdict"]
+
+AGREE: Final = "agree"
+MUST: Final = "differ as they must"
+MAY: Final = "differ as they may"
+FAULT: Final = "differ where they should agree"
+
+_FLAT: Final = ("quad", "triangle", "disk")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is to be thought of two integrators.
+
+    Attributes
+    ----------
+    kind : str
+        `AGREE`, `MUST` (one leaves out light that the scene has), `MAY` (one is not unbiased) or `FAULT`.
+    reason : str
+        Why; for `AGREE`, what one leaves out although it does not show. May be empty.
+    """
+
+    kind: str
+    reason: str
+
+
+def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool) -> Verdict:
+    """Judge two integrators by where they differ beyond chance.
+
+    Light left out can only darken, but for soft shadows: a light that shines from its centre alone moves its light.
+
+    Parameters
+    ----------
+    first, second : str
+        Names in `clrender.integrators.INTEGRATORS`.
+    scene : Scene
+    darker, brighter : bool
+        Somewhere the first is darker than the second; somewhere it is brighter.
+    """
+    missing, others = _missing(first, second, scene), _missing(second, first, scene)
+    reasons = [f"{name} has no {_listed(out)}" for name, out in ((first, missing), (second, others)) if out]
+    moved = SOFT_SHADOWS in (*missing, *others)
+    inexact = [f"{n} is {INTEGRATORS[n].bias}, not unbiased" for n in (first, second) if _biased(n)]
+    if not (darker or brighter):
+        return Verdict(AGREE, "; ".join(f"{each}, which does not show here" for each in reasons))
+    unexplained = (darker and not (missing or moved)) or (brighter and not (others or moved))
+    if not unexplained:
+        return Verdict(MUST, "; ".join(reasons))
+    if inexact:
+        return Verdict(MAY, "; ".join((*reasons, *dict.fromkeys(inexact))))
+    if not reasons:
+        return Verdict(FAULT, "neither leaves out any light that the other finds here")
+    wrong = first if not missing else second
+    right = second if wrong == first else first
+    return Verdict(FAULT, f"{'; '.join(reasons)}, but then {wrong} cannot be darker than {right} anywhere")
+
+
+def light_kinds(scene: Scene) -> frozenset[str]:
+    """What this scene may have of the light that integrators leave out; of what is not sure, it is said to have it."""
+    types = [scene.materials[shape.material].type if shape.material else "" for shape in scene.shapes]
+    diffuse = [
+        shape
+        for shape, kind in zip(scene.shapes, types, strict=True)
+        if shape.material and kind not in ("mirror", "dielectric") and not _black(scene, shape.material)
+    ]
+    kinds = set()
+    if len(diffuse) > 1 or any(shape.type not in _FLAT for shape in diffuse):
+        kinds.add(BETWEEN_DIFFUSE)
+    if diffuse and any(kind in ("mirror", "dielectric") for kind in types):
+        kinds.add(CAUSTICS)
+    if diffuse and any(shape.emission is not None and max(shape.emission) > 0.0 for shape in scene.shapes):
+        kinds.add(SOFT_SHADOWS)
+    if diffuse and any(light.type == "environment" and max(light.radiance) > 0.0 for light in scene.lights):
+        kinds.add(ENVIRONMENT_ON_DIFFUSE)
+    return frozenset(kinds)
+
+
+def _black(scene: Scene, material: str) -> bool:
+    reflectance = getattr(scene.materials[material], "reflectance", None)
+    return isinstance(reflectance, tuple) and max(reflectance) == 0.0
+
+
+def _missing(name: str, other: str, scene: Scene) -> list[str]:
+    """Light of this scene that `name` leaves out and `other` does not; kinds not known here count as the scene's."""
+    judged = {BETWEEN_DIFFUSE, CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE}
+    has = light_kinds(scene)
+    out = [kind for kind in INTEGRATORS[name].leaves_out if kind in has or kind not in judged]
+    return [kind for kind in out if kind not in INTEGRATORS[other].leaves_out]
+
+
+def _biased(name: str) -> bool:
+    return INTEGRATORS[name].bias != "unbiased"
+
+
+def _listed(kinds: Iterable[str]) -> str:
+    *most, last = kinds
+    return f"{', '.join(most)} or {last}" if most else last
