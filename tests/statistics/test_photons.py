@@ -13,6 +13,7 @@ from stats_support import Evidence
 
 import clrender
 from clrender.device import Device
+from clrender.device.device import Buffer
 from clrender.device.worker import DeviceWorker
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
@@ -38,6 +39,8 @@ def photon_map(device: Device, what: Scene, number: int, photons: int = PHOTONS)
     worker = DeviceWorker(device, flat, RenderSettings(integrator="photon").struct(16), INTEGRATORS["photon"])
     maps = PhotonMaps(worker, flat, photons, None)
     buffer, starts, stride, _, size, _, _ = maps.arguments(number)
+    assert isinstance(buffer, Buffer) and isinstance(starts, Buffer)
+    assert isinstance(size, np.ndarray) and isinstance(stride, np.uint32)
     begin, words = np.empty(int(size[3]) + 1, np.uint32), np.empty((10, int(stride)), np.float32)
     device.read(starts, begin)
     device.read(buffer, words)
@@ -103,7 +106,7 @@ def outside() -> Scene:
     return scene(walls, lights, camera, wall=lambert(0.7))
 
 
-# Rows of an image without the light of the Cornell box in them: what its edge does to so few pixels is not the question.
+# The rows of an image below the Cornell box's light: what its edge does to so few pixels is not the question.
 BELOW = 10
 
 
@@ -133,10 +136,11 @@ def test_mean_after_ten_million_photons(studio: Studio, name: str) -> None:
 def test_error_falls_as_it_should(studio: Studio) -> None:
     """Over five doublings the squared error falls with the number of maps to -2/3 (Knaus and Zwicker 2011, 4.1)."""
     what = clrender.load("cornell")
-    reference = studio.image(what, 32, spp=65536)[10:]
+    reference = studio.image(what, 32, spp=65536)[BELOW:]
     counts, errors = [8, 16, 32, 64, 128, 256], []
     for spp in counts:
-        images = [studio.image(what, 32, spp=spp, seed=seed, integrator="photon", photons=8192)[10:] for seed in range(4)]
+        settings: dict[str, Any] = {"spp": spp, "integrator": "photon", "photons": 8192}
+        images = [studio.image(what, 32, seed=seed, **settings)[BELOW:] for seed in range(4)]
         errors.append(float(np.mean([(image - reference) ** 2 for image in images])))
     slope = float(np.polyfit(np.log(counts), np.log(errors), 1)[0])
     print(f"errors {errors}, slope {slope:.3f}")
