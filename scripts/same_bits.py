@@ -18,6 +18,7 @@ from image_support import LANES, SCENES, SPP, TRAVERSALS, WIDTH_HEIGHT, Cutting,
 
 from clrender.device import select
 from clrender.errors import ClrenderError
+from clrender.integrators import INTEGRATORS
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -26,6 +27,8 @@ __all__: list[str] = []
 
 _INTERPRETED: Final = {"size": (32, 32), "spp": 1}
 """What Oclgrind can do in minutes; a reference of the same size stands beside it."""
+_OWN: Final = {"photon": {"photons": 2000}}
+"""What an integrator is asked for so that it takes no longer than others."""
 _HELP: Final = """Without an option: every driver that passes the probe, and Oclgrind where it is there. A row stands
 for 36 renders of each scene: tiles of 16, 64 and the whole image x 1, 4 and 16 samples in a launch x groups of 16 and
 64 work-items x units in order and shuffled. rusticl is asked for one lane and the packet traversal only, as it is used:
@@ -40,6 +43,7 @@ def main() -> int:
     parser.add_argument("--device", action="append", help="only devices with this in their name; repeatable")
     parser.add_argument("--lanes", type=int, action="append", choices=LANES, help="only so many; repeatable")
     parser.add_argument("--traversal", action="append", choices=TRAVERSALS)
+    parser.add_argument("--integrator", choices=INTEGRATORS, default="path", help="how light is followed (path)")
     parser.add_argument("--quick", action="store_true", help="one cut of the work instead of 36")
     parser.add_argument("--no-oclgrind", action="store_true")
     parser.add_argument("--interpreted", action="store_true", help=argparse.SUPPRESS)
@@ -47,8 +51,9 @@ def main() -> int:
     lanes, traversals = options.lanes or LANES, options.traversal or TRAVERSALS
     seen: dict[str, Table] = {"": defaultdict(set), "32x32": defaultdict(set)}
     devices = select(options.device or ("oclgrind" if options.interpreted else "all"), notify=_say)
+    settings: dict[str, Any] = {"integrator": options.integrator, **_OWN.get(options.integrator, {})}
     if options.interpreted:
-        _rows(devices[0], [Cutting(), Cutting(1, "single", 16, 1, 16)], seen["32x32"], **_INTERPRETED)
+        _rows(devices[0], [Cutting(), Cutting(1, "single", 16, 1, 16)], seen["32x32"], **settings, **_INTERPRETED)
         return 0
     width, height = WIDTH_HEIGHT
     print(f"image_sha256 (its first 12 digits) of {width}x{height} images with {SPP} samples a pixel\n")
@@ -56,10 +61,10 @@ def main() -> int:
     print(f"|---|---|---|---|{'---|' * len(SCENES)}---|", flush=True)
     for device in devices:
         for one, cuttings in _programs(device, lanes, traversals, options.lanes is not None):
-            _rows(device, [one] if options.quick else cuttings, seen[""])
+            _rows(device, [one] if options.quick else cuttings, seen[""], **settings)
     if not options.no_oclgrind and shutil.which("oclgrind"):
-        _rows(devices[0], [Cutting()], seen["32x32"], **_INTERPRETED)
-        _oclgrind(seen["32x32"])
+        _rows(devices[0], [Cutting()], seen["32x32"], **settings, **_INTERPRETED)
+        _oclgrind(seen["32x32"], options.integrator)
     return _conclusion(seen)
 
 
@@ -93,16 +98,16 @@ def _rows(device: Device, cuttings: Sequence[Cutting], seen: Table, **settings: 
         cells.append(" ".join(f"{each} ({len(found)})" if len(hashes) > 1 else each for each, found in hashes.items()))
         for each, found in list(hashes.items())[1:]:
             _say(f"{device.info.title}, {scene}: {each} with {'; '.join(map(str, found[:8]))}")
-    size = " 32x32" if settings else ""
+    size = " 32x32" if "size" in settings else ""
     first = cuttings[0] if len({(each.lanes, each.traversal) for each in cuttings}) == 1 else Cutting()
     words = [f"{device.info.platform} {device.info.driver}{size}", first.lanes or "own", first.traversal or "own"]
     row = [*map(str, words), str(len(cuttings)), *cells, f"{time.perf_counter() - begin:.0f}"]
     print(f"| {' | '.join(row)} |", flush=True)
 
 
-def _oclgrind(seen: Table) -> None:
+def _oclgrind(seen: Table, integrator: str) -> None:
     """Oclgrind has to be there when the process starts: have this script run in it, and read its row."""
-    command = ["oclgrind", sys.executable, "-W", "ignore", __file__, "--interpreted"]
+    command = ["oclgrind", sys.executable, "-W", "ignore", __file__, "--interpreted", "--integrator", integrator]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     rows = [line for line in done.stdout.splitlines() if line.startswith("| Oclgrind")]
     print("\n".join(rows) or f"| Oclgrind | failed: {done.stderr.strip().splitlines()[-1:]} |", flush=True)
