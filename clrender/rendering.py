@@ -8,14 +8,16 @@ from __future__ import annotations
 import dataclasses
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from clrender.aov import GUIDE, check_aovs, exr_channels, first_hits
+from clrender.denoise import Denoiser
 from clrender.device import select
 from clrender.device.source import kernels_sha256
 from clrender.device.worker import Cut, DeviceWorker
@@ -75,15 +77,26 @@ class RenderedImage:
         The exact sums; released for huge images unless they were asked for.
     interrupted : bool
         Some of the samples asked for are missing.
+    denoised : (height, width, 3) float32 or None
+        The image without noise, where that was asked for: what `save` writes.
+    aovs : dict of str to (height, width, channels) float32
+        The layers asked for; `clrender.aov.first_hits` says what each holds.
     """
 
     linear: npt.NDArray[np.float32]
     stats: dict[str, Any]
     film: Film
     interrupted: bool
+    denoised: npt.NDArray[np.float32] | None = None
+    aovs: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> npt.NDArray[np.float32]:
+        """What is written and shown: the denoised image where there is one, else the linear one."""
+        return self.linear if self.denoised is None else self.denoised
 
     def save(self, path: str | Path, tone_map: str = "srgb", exposure: float = 0.0) -> None:
-        """Write the image; the ending says how. `.film` keeps the exact sums.
+        """Write the image; the ending says how. `.film` keeps the exact sums, `.exr` the layers too.
 
         Parameters
         ----------
@@ -101,12 +114,13 @@ class RenderedImage:
             When the file cannot be written; nothing is left half-written.
         """
         if Path(path).suffix.lower() == ".film":
-            self.film.save(path, self.stats)
+            told = {name: value for name, value in self.stats.items() if not name.startswith("denois")}
+            self.film.save(path, {**told, "denoised": False})
         else:
-            write_image(path, self.linear, self.stats, tone_map, exposure)
+            write_image(path, self.picture, self.stats, tone_map, exposure, exr_channels(self.aovs))
 
     def _repr_png_(self) -> bytes:
-        return png_bytes(self.linear)
+        return png_bytes(self.picture)
 
 
 def render(
@@ -118,6 +132,8 @@ def render(
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
     keep_film: bool = True,
+    aov: Iterable[str] = (),
+    denoise: bool = False,
     **settings: Any,
 ) -> RenderedImage:
     """Render a scene.
@@ -137,6 +153,10 @@ def render(
         Told in a line which device was chosen, and of anything to know about it or the scene.
     keep_film : bool
         Keep the exact sums, 52 bytes a pixel, in the result.
+    aov : iterable of str
+        Layers beside the image, of `clrender.aov.AOVS`.
+    denoise : bool
+        Denoise the image with Open Image Denoise, into `RenderedImage.denoised`; `linear` stays as it is.
     **settings
         Fields of `RenderSettings`; what is not given comes from the scene, then from the defaults.
 
@@ -147,7 +167,7 @@ def render(
     Raises
     ------
     SceneError, UsageError
-        When the scene or a setting makes no sense.
+        When the scene or a setting makes no sense, or what denoising needs is not installed.
     DeviceError
         When no device works.
     RenderError
@@ -155,6 +175,8 @@ def render(
     """
     begin = time.perf_counter()
     wanted = settings_for(scene, size, settings)
+    layers = check_aovs(aov)
+    denoiser = Denoiser() if denoise else None
     tell = notify or (lambda line: None)
     flat = flatten(scene, wanted.width, wanted.height, wanted.light_choice)
     for warning in flat.warnings:
@@ -165,6 +187,12 @@ def render(
     side = tile_side(wanted.tile, wanted.width, wanted.height)
     plan = Plan(wanted.width, wanted.height, wanted.spp, side, sample_by_sample)
     devices = select(device, notify=tell, alone=notify is not None)
+    prepared = time.perf_counter()
+    guides = ("albedo", GUIDE) if denoise else ()
+    asked = [*(name for name in layers if name != "samples"), *guides]
+    # Before the image, so that an image stopped early has them whole.
+    first = first_hits(devices, flat, wanted, asked, _cut(wanted), should_stop, tell)
+    first_seconds = time.perf_counter() - prepared
     workers = _workers(devices, flat, wanted, plan.tile)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
     started = time.perf_counter()
@@ -187,17 +215,26 @@ def render(
     for failure in tally.failures:
         tell(f"warning: {failure}; its work was done by the others")
     linear = film.mean() if keep_film else film.develop()
+    first["samples"] = film.counts[..., None].astype(np.float32)
+    denoising = time.perf_counter()
+    denoised = denoiser(linear, first["albedo"], first[GUIDE]) if denoiser else None
     times = {
-        "setup_seconds": started - begin,
+        "setup_seconds": started - begin - first_seconds,
         "load_seconds": loaded - begin,
         "compile_seconds": sum(each.compile_seconds for each in devices),
         "build_seconds": max(worker.build_seconds for worker in workers),
+        "aov_seconds": first_seconds,
         "render_seconds": finished - started,
+        "denoise_seconds": time.perf_counter() - denoising,
         "write_seconds": 0.0,
         "wall_seconds": time.perf_counter() - begin,
     }
     stats = _stats(scene, flat, wanted, film, linear, tally, workers, times)
-    return RenderedImage(linear, stats, film, not tally.complete)
+    stats["denoised"] = denoiser is not None
+    if denoiser:
+        stats["denoiser"], stats["denoised_sha256"] = denoiser.name, image_sha256(denoised)
+        denoiser.release()
+    return RenderedImage(linear, stats, film, not tally.complete, denoised, {name: first[name] for name in layers})
 
 
 def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
@@ -208,8 +245,12 @@ def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
     return dataclasses.replace(flat, arrays={**flat.arrays, "materials": materials})
 
 
+def _cut(wanted: RenderSettings) -> Cut:
+    return Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
+
+
 def _workers(devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int) -> list[DeviceWorker]:
-    cut = Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
+    cut = _cut(wanted)
     integrator, prepare = INTEGRATORS[wanted.integrator], None
     return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]
 
