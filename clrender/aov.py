@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from clrender.flatten import FlatScene
     from clrender.settings import RenderSettings
 
-__all__ = ["AOVS", "GUIDE", "MOST_SAMPLES", "check_aovs", "exr_channels", "first_hits"]
+__all__ = ["AOVS", "GUIDE_SAMPLES", "LAYER_SAMPLES", "check_aovs", "exr_channels", "first_hits"]
 
 _Array = npt.NDArray[np.float32]
 
@@ -38,17 +38,16 @@ AOVS: Final[Mapping[str, str]] = {
 }
 """Every layer, and the letters of its channels."""
 
-GUIDE: Final = "guide"
-"""The normal behind mirrors and glass, which guides the denoiser: no layer that is written."""
-
-MOST_SAMPLES: Final = 64
+LAYER_SAMPLES: Final = 64
 """A layer is a mean over the first samples of a pixel, no more than these: what is seen first has little noise."""
+
+GUIDE_SAMPLES: Final = 16
+"""Enough for layers that only guide the denoiser: with 64 its error was the same (`DECISIONS.md` 13)."""
 
 _INTEGRATOR: Final = Integrator("integrator/first_hit.cl", "integrator_first_hit")
 _ASKED: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
     "normal": layout.FIRST_HIT_NORMAL,
-    GUIDE: layout.FIRST_HIT_GUIDE,
     "depth": layout.FIRST_HIT_DEPTH,
     "position": layout.FIRST_HIT_POSITION,
     "primitive": layout.FIRST_HIT_PRIMITIVE,
@@ -107,6 +106,7 @@ def first_hits(
     settings: RenderSettings,
     names: Iterable[str],
     cut: Cut | None = None,
+    most_samples: int = LAYER_SAMPLES,
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
 ) -> dict[str, _Array]:
@@ -117,10 +117,12 @@ def first_hits(
     devices : sequence of Device
     flat : FlatScene
     settings : RenderSettings
-        Those of the image: the layers have its size, seed and camera samples, at most `MOST_SAMPLES` of them.
+        Those of the image: the layers have its size, seed and camera samples.
     names : iterable of str
-        Of `AOVS`, without ``samples``, or `GUIDE`.
+        Of `AOVS`, but not ``samples``, which only the image knows.
     cut : Cut, optional
+    most_samples : int
+        Of the image's samples of a pixel, the first so many are looked at.
     should_stop : callable, optional
         Asked between launches; after a yes, samples are missing.
     notify : callable, optional
@@ -130,8 +132,8 @@ def first_hits(
     -------
     dict of str to (H, W, C) float32
         ``albedo`` : reflectance, and radiance of what shines, 0 to 1, of the first surface that is neither mirror nor
-        glass, times the colour of the mirrors on the way. ``normal`` and `GUIDE` : shading normal on the side it is
-        seen from, world space, zero where nothing is hit; of the first surface, or behind mirrors and glass.
+        glass, times the colour of the mirrors on the way. ``normal`` : shading normal on the side it is seen
+        from, world space; zero where nothing is hit.
         ``position`` : world space, metres; NaN where nothing is hit. ``depth`` : from the camera's position, metres;
         infinite where nothing is hit. ``object``, ``material`` : places in the scene's lists of shapes and of
         materials, from 0, of what the pixel's first sample hits; -1 where that is nothing. The others are means over
@@ -153,7 +155,7 @@ def first_hits(
     try:
         for name in passes:
             asked.kind = _ASKED[name]
-            samples = 1 if name == "primitive" else min(settings.spp, MOST_SAMPLES)
+            samples = 1 if name == "primitive" else min(settings.spp, most_samples)
             films[name] = Film(settings.width, settings.height)
             plan = Plan(settings.width, settings.height, samples, side)
             for failure in run(plan, workers, films[name], None, should_stop).failures:
@@ -176,5 +178,5 @@ def _layer(name: str, means: Mapping[str, tuple[_Array, npt.NDArray[np.bool_]]],
         number: npt.NDArray[Any] = flat.arrays["primitive_shape"][primitive]
         if name == "material":
             number = flat.arrays["shapes"]["material"][number]
-        mean = np.where(hit, number, -1).astype(np.float32)[..., None]
+        mean = np.where(hit, number.astype(np.float32), np.float32(-1.0))[..., None]
     return np.ascontiguousarray(mean, np.float32)

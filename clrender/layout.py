@@ -16,7 +16,6 @@ __all__ = [
     "CONSTANTS",
     "FIRST_HIT_ALBEDO",
     "FIRST_HIT_DEPTH",
-    "FIRST_HIT_GUIDE",
     "FIRST_HIT_NORMAL",
     "FIRST_HIT_POSITION",
     "FIRST_HIT_PRIMITIVE",
@@ -70,11 +69,10 @@ SHAPE_SMOOTH: Final = 1
 
 FIRST_HIT_ALBEDO: Final = 0
 FIRST_HIT_NORMAL: Final = 1
-FIRST_HIT_GUIDE: Final = 2
-FIRST_HIT_POSITION: Final = 3
-FIRST_HIT_DEPTH: Final = 4
-FIRST_HIT_PRIMITIVE: Final = 5
-"""What is asked of the first hit; the guide is the normal behind mirrors and glass."""
+FIRST_HIT_POSITION: Final = 2
+FIRST_HIT_DEPTH: Final = 3
+FIRST_HIT_PRIMITIVE: Final = 4
+"""What is asked of what a camera ray sees first."""
 
 CONSTANTS: Final[Mapping[str, int]] = {
     "NONE": NONE,
@@ -96,7 +94,6 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "STRATEGY_MATERIALS": STRATEGY_MATERIALS,
     "FIRST_HIT_ALBEDO": FIRST_HIT_ALBEDO,
     "FIRST_HIT_NORMAL": FIRST_HIT_NORMAL,
-    "FIRST_HIT_GUIDE": FIRST_HIT_GUIDE,
     "FIRST_HIT_POSITION": FIRST_HIT_POSITION,
     "FIRST_HIT_DEPTH": FIRST_HIT_DEPTH,
     "FIRST_HIT_PRIMITIVE": FIRST_HIT_PRIMITIVE,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import GUIDE, check_aovs, exr_channels, first_hits
+from clrender.aov import GUIDE_SAMPLES, LAYER_SAMPLES, check_aovs, exr_channels, first_hits
 from clrender.denoise import Denoiser
 from clrender.device import select
 from clrender.device.source import kernels_sha256
@@ -188,10 +188,11 @@ def render(
     plan = Plan(wanted.width, wanted.height, wanted.spp, side, sample_by_sample)
     devices = select(device, notify=tell, alone=notify is not None)
     prepared = time.perf_counter()
-    guides = ("albedo", GUIDE) if denoise else ()
+    guides = ("albedo", "normal") if denoise else ()
     asked = [*(name for name in layers if name != "samples"), *guides]
     # Before the image, so that an image stopped early has them whole.
-    first = first_hits(devices, flat, wanted, asked, _cut(wanted), should_stop, tell)
+    most = LAYER_SAMPLES if layers else GUIDE_SAMPLES
+    first = first_hits(devices, flat, wanted, asked, _cut(wanted), most, should_stop, tell)
     first_seconds = time.perf_counter() - prepared
     workers = _workers(devices, flat, wanted, plan.tile)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
@@ -217,7 +218,7 @@ def render(
     linear = film.mean() if keep_film else film.develop()
     first["samples"] = film.counts[..., None].astype(np.float32)
     denoising = time.perf_counter()
-    denoised = denoiser(linear, first["albedo"], first[GUIDE]) if denoiser else None
+    denoised = denoiser(linear, first["albedo"], first["normal"]) if denoiser else None
     times = {
         "setup_seconds": started - begin - first_seconds,
         "load_seconds": loaded - begin,

@@ -1,8 +1,8 @@
 // What is seen first, as layers beside an image: its colour, normal, place, distance and primitive. Each sample is the image's own,
 // through the same point of the film and of the lens, so that the layers lie on the image exactly; one number or vector a launch.
 //
-// The albedo, and the normal that guides a denoiser, are those of the first surface that is neither mirror nor glass, seen the way
-// the image's path sees it, as Open Image Denoise asks for (documentation of version 2, "RT", auxiliary images).
+// The albedo is that of the first surface that is neither mirror nor glass, on the way that the image's path takes, as Open Image
+// Denoise advises (documentation of version 2, "Albedos"); all else is of the first surface of any kind.
 #ifndef INTEGRATOR_FIRST_HIT_H
 #define INTEGRATOR_FIRST_HIT_H
 
@@ -21,7 +21,7 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surf
     const vec3 nowhere = vec3_all(FAR);
     if (wanted == FIRST_HIT_ALBEDO)
         return vec3_of(lesser(albedo.x, splat(1.0f)), lesser(albedo.y, splat(1.0f)), lesser(albedo.z, splat(1.0f)));
-    if (wanted == FIRST_HIT_NORMAL || wanted == FIRST_HIT_GUIDE) return choose(found, bsdf->frame.normal, vec3_all(0.0f));
+    if (wanted == FIRST_HIT_NORMAL) return choose(found, bsdf->frame.normal, vec3_all(0.0f));
     if (wanted == FIRST_HIT_POSITION) return choose(found, surface->point, nowhere);
     if (wanted == FIRST_HIT_DEPTH) {
         const vfloat depth = magnitude(sub(surface->point, vec3_from(scene->camera->origin)));
@@ -34,7 +34,7 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surf
 
 static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, uint wanted) {
     __global const Settings* settings = scene->settings;
-    const uint followed = wanted == FIRST_HIT_ALBEDO || wanted == FIRST_HIT_GUIDE ? FIRST_HIT_FOLLOWED : 0u;
+    const uint followed = wanted == FIRST_HIT_ALBEDO ? FIRST_HIT_FOLLOWED : 0u;
     PoolSample sample = pool_no_sample();
     Ray ray;
     vec3 throughput = vec3_all(0.0f), albedo = vec3_all(0.0f);
