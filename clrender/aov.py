@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from clrender.flatten import FlatScene
     from clrender.settings import RenderSettings
 
-__all__ = ["AOVS", "GUIDE_SAMPLES", "LAYER_SAMPLES", "check_aovs", "exr_channels", "first_hits"]
+__all__ = ["AOVS", "GUIDES", "GUIDE_SAMPLES", "LAYER_SAMPLES", "check_aovs", "exr_channels", "first_hits"]
 
 _Array = npt.NDArray[np.float32]
 
@@ -41,8 +41,9 @@ AOVS: Final[Mapping[str, str]] = {
 LAYER_SAMPLES: Final = 64
 """A layer is a mean over the first samples of a pixel, no more than these: what is seen first has little noise."""
 
+GUIDES: Final = ("albedo", "normal")
 GUIDE_SAMPLES: Final = 16
-"""Enough for layers that only guide the denoiser: with 64 its error was the same (`DECISIONS.md` 13)."""
+"""What guides the denoiser, and how many samples of it are enough (`DECISIONS.md` 13)."""
 
 _INTEGRATOR: Final = Integrator("integrator/first_hit.cl", "integrator_first_hit")
 _ASKED: Final[Mapping[str, int]] = {
@@ -119,7 +120,7 @@ def first_hits(
     settings : RenderSettings
         Those of the image: the layers have its size, seed and camera samples.
     names : iterable of str
-        Of `AOVS`, but not ``samples``, which only the image knows.
+        Of `AOVS`; ``samples`` is passed over, for only the image knows them.
     cut : Cut, optional
     most_samples : int
         Of the image's samples of a pixel, the first so many are looked at.
@@ -144,7 +145,7 @@ def first_hits(
     DeviceError, RenderError
         When the devices fail.
     """
-    wanted = list(names)
+    wanted = [name for name in names if name != "samples"]
     passes = list(dict.fromkeys("primitive" if name in ("object", "material") else name for name in wanted))
     if not passes:
         return {}

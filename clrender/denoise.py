@@ -1,4 +1,4 @@
-"""Takes the noise off an image with Open Image Denoise, guided by albedo and normal. An extra: ``clrender[denoise]``."""
+"""Takes the noise off an image with Open Image Denoise, guided by albedo and normal. An extra: `clrender[denoise]`."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import GUIDE_SAMPLES, LAYER_SAMPLES, check_aovs, exr_channels, first_hits
+from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, check_aovs, exr_channels, first_hits
 from clrender.denoise import Denoiser
 from clrender.device import select
 from clrender.device.source import kernels_sha256
@@ -188,10 +188,8 @@ def render(
     plan = Plan(wanted.width, wanted.height, wanted.spp, side, sample_by_sample)
     devices = select(device, notify=tell, alone=notify is not None)
     prepared = time.perf_counter()
-    guides = ("albedo", "normal") if denoise else ()
-    asked = [*(name for name in layers if name != "samples"), *guides]
-    # Before the image, so that an image stopped early has them whole.
-    most = LAYER_SAMPLES if layers else GUIDE_SAMPLES
+    # Before the image, so that one stopped early has its layers whole.
+    asked, most = [*layers, *(GUIDES if denoise else ())], LAYER_SAMPLES if layers else GUIDE_SAMPLES
     first = first_hits(devices, flat, wanted, asked, _cut(wanted), most, should_stop, tell)
     first_seconds = time.perf_counter() - prepared
     workers = _workers(devices, flat, wanted, plan.tile)
@@ -217,8 +215,6 @@ def render(
         tell(f"warning: {failure}; its work was done by the others")
     linear = film.mean() if keep_film else film.develop()
     first["samples"] = film.counts[..., None].astype(np.float32)
-    denoising = time.perf_counter()
-    denoised = denoiser(linear, first["albedo"], first["normal"]) if denoiser else None
     times = {
         "setup_seconds": started - begin - first_seconds,
         "load_seconds": loaded - begin,
@@ -226,16 +222,28 @@ def render(
         "build_seconds": max(worker.build_seconds for worker in workers),
         "aov_seconds": first_seconds,
         "render_seconds": finished - started,
-        "denoise_seconds": time.perf_counter() - denoising,
         "write_seconds": 0.0,
         "wall_seconds": time.perf_counter() - begin,
     }
     stats = _stats(scene, flat, wanted, film, linear, tally, workers, times)
-    stats["denoised"] = denoiser is not None
-    if denoiser:
-        stats["denoiser"], stats["denoised_sha256"] = denoiser.name, image_sha256(denoised)
-        denoiser.release()
+    denoised = _denoised(denoiser, linear, first, stats) if denoiser else None
     return RenderedImage(linear, stats, film, not tally.complete, denoised, {name: first[name] for name in layers})
+
+
+def _denoised(
+    denoiser: Denoiser,
+    linear: npt.NDArray[np.float32],
+    first: Mapping[str, npt.NDArray[np.float32]],
+    stats: dict[str, Any],
+) -> npt.NDArray[np.float32]:
+    """The image without noise; the numbers say so."""
+    begin = time.perf_counter()
+    denoised = denoiser(linear, first["albedo"], first["normal"])
+    denoiser.release()
+    seconds = time.perf_counter() - begin
+    stats |= {"denoised": True, "denoiser": denoiser.name, "denoised_sha256": image_sha256(denoised)}
+    stats |= {"denoise_seconds": seconds, "wall_seconds": stats["wall_seconds"] + seconds}
+    return denoised
 
 
 def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
@@ -269,6 +277,7 @@ def _stats(
     seconds = max(times["render_seconds"], 1e-9)
     return {
         "image_sha256": image_sha256(linear),
+        "denoised": False,
         "scene_sha256": scene.sha256(),
         "kernel_sha256": kernels_sha256(),
         "version": __version__,

@@ -142,7 +142,8 @@ def render(
         width, height = size or (description.image.width, description.image.height)
         _check_memory(width, height)
         chosen = {name: value for name, value in settings.items() if value is not None}
-        chosen |= {"width": width, "height": height, "aov": layers, "denoise": denoise}
+        chosen |= {"width": width, "height": height}
+        chosen |= ({"aov": layers} if layers else {}) | ({"denoise": True} if denoise else {})
         if lanes is not None:
             chosen["lanes"] = int(lanes)
         called = time.perf_counter()

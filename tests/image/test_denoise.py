@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import sys
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from clrender.image_io import image_sha256, read_image, read_provenance
 from clrender.rendering import Progress
 
 needs_library = pytest.mark.skipif(
-    not (sys.platform == "linux" and __import__("platform").machine() == "x86_64"),
+    not (sys.platform == "linux" and platform.machine() == "x86_64"),
     reason="the test extra has no Open Image Denoise for this machine",
 )
 SIZE = (96, 96)
@@ -44,10 +45,9 @@ def test_edges_of_albedo_and_normal_stay_sharp() -> None:
     light = np.where(np.arange(64) < 32, 0.25, 1.0).astype(np.float32)[:, None, None]
     denoised = Denoiser()(noise * light * albedo, albedo, normal)
     expected = light * albedo
-    inner = np.s_[2:-2, 2:-2]
-    wrong = np.abs(denoised - expected)[inner] / expected[inner]
-    print(wrong.mean(), wrong[:, 28:32].mean(), wrong[28:32].mean())
-    assert wrong.mean() < 0.15 and wrong[:, 28:32].mean() < 0.25 and wrong[28:32].mean() < 0.25
+    wrong = np.abs(denoised - expected)[2:-2, 2:-2] / expected[2:-2, 2:-2]
+    # With a flat albedo the second is 0.17, with a flat normal the third 0.19.
+    assert wrong.mean() < 0.05 and wrong[:, 28:32].mean() < 0.1 and wrong[28:32].mean() < 0.15
 
 
 @needs_library

@@ -48,9 +48,14 @@ def layers(
     return first_hits([device], flatten(what, WIDTH, HEIGHT), wanted, names, cut)
 
 
+def single(numbers: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """As the kernels hold them."""
+    return np.asarray(numbers, np.float32)
+
+
 def same(layer: npt.NDArray[np.float32], rgb: npt.ArrayLike) -> bool:
     """Whether every pixel holds these numbers, to the bit."""
-    return bool((layer == np.asarray(rgb, np.float32)).all())
+    return bool((layer == single(rgb)).all())
 
 
 # --- albedo ----------------------------------------------------------------------------------------------------------
@@ -64,7 +69,7 @@ def test_albedo_is_the_reflectance_to_the_bit(device: Device) -> None:
 def test_albedo_in_a_mirror_is_tinted_by_it(device: Device) -> None:
     behind = wall(3.0, material="red")
     behind["edge_u"], behind["edge_v"] = behind["edge_v"], behind["edge_u"]
-    tinted = np.float32(MIRROR) * np.float32(COLOURS["red"])
+    tinted = single(MIRROR) * single(COLOURS["red"])
     assert same(layers(device, scene([wall(-2.0, material="mirror"), behind]), ("albedo",))["albedo"], tinted)
 
 
@@ -73,7 +78,7 @@ def test_albedo_through_glass_is_what_is_behind(device: Device) -> None:
     inside the ball is given up, as white: here one of 61440."""
     room = {"type": "box", "center": [0, 0, 0], "size": [9, 9, 9], "material": "green"}
     ball = {"type": "sphere", "center": [0, 0, -2.0], "radius": 1.0, "material": "glass"}
-    green = np.float32(COLOURS["green"])
+    green = single(COLOURS["green"])
     albedo = layers(device, scene([room, ball]), ("albedo",))["albedo"]
     given_up = (albedo - green) / (1.0 - green)
     assert (given_up != 0.0).any(axis=2).sum() <= 2 and (given_up >= 0.0).all() and given_up.mean() < 1e-4
@@ -83,7 +88,7 @@ def test_albedo_of_what_shines_is_its_radiance_at_most_one(device: Device) -> No
     sky = [{"type": "environment", "radiance": [0.25, 0.5, 7.0]}]
     assert same(layers(device, scene([wall(3.0)], sky), ("albedo",))["albedo"], [0.25, 0.5, 1.0])
     shining = wall(-2.0, material="red", emission=[0.125, 0.0, 4.0])
-    expected = np.float32(COLOURS["red"]) + np.float32([0.125, 0.0, 0.0])
+    expected = single(COLOURS["red"]) + single([0.125, 0.0, 0.0])
     assert same(layers(device, scene([shining]), ("albedo",))["albedo"], [*expected[:2], 1.0])
 
 
@@ -157,7 +162,7 @@ def test_object_and_material_are_places_in_the_scene(device: Device) -> None:
 
 
 ONE: tuple[int, int, int | None] = (1, 64, None)
-CUTS = {"room": (ONE, (4, 16, 1), (8, 64, 5), (16, 16, 3)), "bumpy": (ONE, (16, 16, 3))}
+CUTS = {"room": (ONE, (4, 16, 1), (8, 64, 5), (16, 16, 3)), "bumpy": ((1, 16, 3),)}
 
 
 @pytest.mark.parametrize("name", CUTS)
@@ -194,5 +199,5 @@ def test_layers_of_a_render_and_in_a_file(device: Device, tmp_path: Path) -> Non
 
 
 def test_a_layer_that_is_unknown() -> None:
-    with pytest.raises(UsageError, match="no layer 'albdo'; did you mean .albedo"):
+    with pytest.raises(UsageError, match=r"no layer 'albdo'; did you mean .albedo"):
         clrender.render(clrender.load("room"), aov=["albdo"])
