@@ -23,7 +23,18 @@ if TYPE_CHECKING:
     from clrender.flatten import FlatScene
     from clrender.settings import RenderSettings
 
-__all__ = ["AOVS", "GUIDES", "GUIDE_SAMPLES", "LAYER_SAMPLES", "check_aovs", "exr_channels", "first_hits"]
+__all__ = [
+    "AOVS",
+    "ASKED",
+    "FIRST_HITS",
+    "GUIDES",
+    "GUIDE_SAMPLES",
+    "LAYER_SAMPLES",
+    "Asked",
+    "check_aovs",
+    "exr_channels",
+    "first_hits",
+]
 
 _Array = npt.NDArray[np.float32]
 
@@ -45,8 +56,10 @@ GUIDES: Final = ("albedo", "normal")
 GUIDE_SAMPLES: Final = 16
 """What guides the denoiser, and how many samples of it are enough (`DECISIONS.md` 13)."""
 
-_INTEGRATOR: Final = Integrator("integrator/first_hit.cl", "integrator_first_hit")
-_ASKED: Final[Mapping[str, int]] = {
+FIRST_HITS: Final = Integrator("integrator/first_hit.cl", "integrator_first_hit")
+"""How layers are made; its kernel takes what is asked for as its last argument."""
+
+ASKED: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
     "normal": layout.FIRST_HIT_NORMAL,
     "depth": layout.FIRST_HIT_DEPTH,
@@ -89,7 +102,7 @@ def exr_channels(layers: Mapping[str, _Array]) -> dict[str, _Array]:
 
 
 @dataclass
-class _Asked:
+class Asked:
     """What the kernel is asked for: its last argument."""
 
     kind: int = 0
@@ -150,12 +163,12 @@ def first_hits(
     if not passes:
         return {}
     side = tile_side(settings.tile, settings.width, settings.height)
-    asked = _Asked()
-    workers = [DeviceWorker(each, flat, settings.struct(side), _INTEGRATOR, cut, lambda _: asked) for each in devices]
+    asked = Asked()
+    workers = [DeviceWorker(each, flat, settings.struct(side), FIRST_HITS, cut, lambda _: asked) for each in devices]
     films: dict[str, Film] = {}
     try:
         for name in passes:
-            asked.kind = _ASKED[name]
+            asked.kind = ASKED[name]
             samples = 1 if name == "primitive" else min(settings.spp, most_samples)
             films[name] = Film(settings.width, settings.height)
             plan = Plan(settings.width, settings.height, samples, side)
