@@ -169,7 +169,7 @@ def arithmetic(device: Device) -> str:
 
 
 def perform(device: Device, name: str) -> str:
-    """Do what is named: ``scan``, ``arithmetic``, ``layers`` or one of `RENDERS`; gives what must be equal everywhere."""
+    """Do ``scan``, ``arithmetic``, ``layers`` or one of `RENDERS`; gives what must be equal everywhere."""
     others = {"scan": scan, "arithmetic": arithmetic, "layers": layers}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
