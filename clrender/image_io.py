@@ -68,6 +68,7 @@ def write_image(
     provenance: Mapping[str, Any] | None = None,
     tone_map: str = "srgb",
     exposure: float = 0.0,
+    channels: Mapping[str, npt.NDArray[np.float32]] | None = None,
 ) -> None:
     """Write an image in the format that the ending of `path` names, all of it or nothing.
 
@@ -82,6 +83,8 @@ def write_image(
         JSON-able; kept in `.png` (iTXt chunk `clrender`) and `.exr` (string attribute `clrender`).
     tone_map, exposure
         Of display images; see `clrender.tonemap.to_display`.
+    channels : mapping of str to (H, W) float32, optional
+        More channels, kept in `.exr` beside R, G and B; the other formats have no room for them.
 
     Raises
     ------
@@ -99,7 +102,7 @@ def write_image(
         elif ending in (".jpg", ".jpeg"):
             file.write(_jpeg_bytes(image, tone_map, exposure))
         elif ending == ".exr":
-            _write_exr(file, image, provenance)
+            _write_exr(file, image, provenance, channels or {})
         elif ending == ".npy":
             description = {"descr": "<f4", "fortran_order": False, "shape": image.shape}
             np.lib.format.write_array_header_1_0(file, description)
@@ -205,14 +208,16 @@ def _openexr() -> Any:
     return importlib.import_module("OpenEXR")
 
 
-def _write_exr(file: IO[bytes], image: _Image, provenance: Mapping[str, Any] | None) -> None:
+def _write_exr(
+    file: IO[bytes], image: _Image, provenance: Mapping[str, Any] | None, channels: Mapping[str, _Image]
+) -> None:
     library = _openexr()
     header: dict[str, Any] = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
     if provenance is not None:
         header["clrender"] = json.dumps(provenance, sort_keys=True)
     # Through memory: the library's own words for a full disk are not an OSError.
     data = io.BytesIO()
-    with library.File(header, {"RGB": image}) as picture:
+    with library.File(header, {"RGB": image, **channels}) as picture:
         picture.write(data)
     file.write(data.getbuffer())
 

@@ -14,6 +14,11 @@ import numpy as np
 
 __all__ = [
     "CONSTANTS",
+    "FIRST_HIT_ALBEDO",
+    "FIRST_HIT_DEPTH",
+    "FIRST_HIT_NORMAL",
+    "FIRST_HIT_POSITION",
+    "FIRST_HIT_PRIMITIVE",
     "LIGHT_AREA_DISK",
     "LIGHT_AREA_SPHERE",
     "LIGHT_AREA_TRIANGLE",
@@ -62,6 +67,13 @@ STRATEGY_MATERIALS: Final = 2
 SHAPE_SMOOTH: Final = 1
 """Flag of a shape whose vertices carry normals to interpolate."""
 
+FIRST_HIT_ALBEDO: Final = 0
+FIRST_HIT_NORMAL: Final = 1
+FIRST_HIT_POSITION: Final = 2
+FIRST_HIT_DEPTH: Final = 3
+FIRST_HIT_PRIMITIVE: Final = 4
+"""What is asked of what a camera ray sees first."""
+
 CONSTANTS: Final[Mapping[str, int]] = {
     "NONE": NONE,
     "SHAPE_SMOOTH": SHAPE_SMOOTH,
@@ -80,6 +92,11 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "STRATEGY_BOTH": STRATEGY_BOTH,
     "STRATEGY_LIGHTS": STRATEGY_LIGHTS,
     "STRATEGY_MATERIALS": STRATEGY_MATERIALS,
+    "FIRST_HIT_ALBEDO": FIRST_HIT_ALBEDO,
+    "FIRST_HIT_NORMAL": FIRST_HIT_NORMAL,
+    "FIRST_HIT_POSITION": FIRST_HIT_POSITION,
+    "FIRST_HIT_DEPTH": FIRST_HIT_DEPTH,
+    "FIRST_HIT_PRIMITIVE": FIRST_HIT_PRIMITIVE,
 }
 
 # struct -> ((member, C type, comment), ...). Order is memory order.

@@ -6,10 +6,9 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, check_aovs, exr_channels, first_hits
+from clrender.denoise import Denoiser
 from clrender.device import select
-from clrender.device.source import kernels_sha256
 from clrender.device.worker import Cut, DeviceWorker
 from clrender.errors import UsageError
 from clrender.film import Film
@@ -26,9 +26,9 @@ from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
 from clrender.integrators import INTEGRATORS
 from clrender.photon_map import PhotonMaps
-from clrender.schedule import Plan, Tally, run
+from clrender.render_stats import render_stats
+from clrender.schedule import Plan, run
 from clrender.settings import RenderSettings, settings_for
-from clrender.version import __version__
 from clrender.work import tile_side
 
 if TYPE_CHECKING:
@@ -78,15 +78,26 @@ class RenderedImage:
         The exact sums; released for huge images unless they were asked for.
     interrupted : bool
         Some of the samples asked for are missing.
+    denoised : (height, width, 3) float32 or None
+        The image without noise, where that was asked for: what `save` writes.
+    aovs : dict of str to (height, width, channels) float32
+        The layers asked for; `clrender.aov.first_hits` says what each holds.
     """
 
     linear: npt.NDArray[np.float32]
     stats: dict[str, Any]
     film: Film
     interrupted: bool
+    denoised: npt.NDArray[np.float32] | None = None
+    aovs: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> npt.NDArray[np.float32]:
+        """What is written and shown: the denoised image where there is one, else the linear one."""
+        return self.linear if self.denoised is None else self.denoised
 
     def save(self, path: str | Path, tone_map: str = "srgb", exposure: float = 0.0) -> None:
-        """Write the image; the ending says how. `.film` keeps the exact sums.
+        """Write the image; the ending says how. `.film` keeps the exact sums, `.exr` the layers too.
 
         Parameters
         ----------
@@ -104,12 +115,13 @@ class RenderedImage:
             When the file cannot be written; nothing is left half-written.
         """
         if Path(path).suffix.lower() == ".film":
-            self.film.save(path, self.stats)
+            told = {name: value for name, value in self.stats.items() if not name.startswith("denois")}
+            self.film.save(path, {**told, "denoised": False})
         else:
-            write_image(path, self.linear, self.stats, tone_map, exposure)
+            write_image(path, self.picture, self.stats, tone_map, exposure, exr_channels(self.aovs))
 
     def _repr_png_(self) -> bytes:
-        return png_bytes(self.linear)
+        return png_bytes(self.picture)
 
 
 def render(
@@ -121,6 +133,8 @@ def render(
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
     keep_film: bool = True,
+    aov: Iterable[str] = (),
+    denoise: bool = False,
     **settings: Any,
 ) -> RenderedImage:
     """Render a scene.
@@ -140,6 +154,10 @@ def render(
         Told in a line which device was chosen, and of anything to know about it or the scene.
     keep_film : bool
         Keep the exact sums, 52 bytes a pixel, in the result.
+    aov : iterable of str
+        Layers beside the image, of `clrender.aov.AOVS`.
+    denoise : bool
+        Denoise the image with Open Image Denoise, into `RenderedImage.denoised`; `linear` stays as it is.
     **settings
         Fields of `RenderSettings`; what is not given comes from the scene, then from the defaults.
 
@@ -150,7 +168,7 @@ def render(
     Raises
     ------
     SceneError, UsageError
-        When the scene or a setting makes no sense.
+        When the scene or a setting makes no sense, or what denoising needs is not installed.
     DeviceError
         When no device works.
     RenderError
@@ -158,6 +176,8 @@ def render(
     """
     begin = time.perf_counter()
     wanted = settings_for(scene, size, settings)
+    layers = check_aovs(aov)
+    denoiser = Denoiser() if denoise else None
     tell = notify or (lambda line: None)
     flat = flatten(scene, wanted.width, wanted.height, _light_choice(wanted))
     for warning in flat.warnings:
@@ -168,6 +188,11 @@ def render(
     side = tile_side(wanted.tile, wanted.width, wanted.height)
     plan = Plan(wanted.width, wanted.height, wanted.spp, side, sample_by_sample)
     devices = select(device, notify=tell, alone=notify is not None)
+    prepared = time.perf_counter()
+    # Before the image, so that one stopped early has its layers whole.
+    asked, most = [*layers, *(GUIDES if denoise else ())], LAYER_SAMPLES if layers else GUIDE_SAMPLES
+    first = first_hits(devices, flat, wanted, asked, _cut(wanted), most, should_stop, tell)
+    first_seconds = time.perf_counter() - prepared
     workers = _workers(devices, flat, wanted, plan.tile)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
     started = time.perf_counter()
@@ -190,17 +215,36 @@ def render(
     for failure in tally.failures:
         tell(f"warning: {failure}; its work was done by the others")
     linear = film.mean() if keep_film else film.develop()
+    first["samples"] = film.counts[..., None].astype(np.float32)
     times = {
-        "setup_seconds": started - begin,
+        "setup_seconds": started - begin - first_seconds,
         "load_seconds": loaded - begin,
         "compile_seconds": sum(each.compile_seconds for each in devices),
         "build_seconds": max(worker.build_seconds for worker in workers),
+        "aov_seconds": first_seconds,
         "render_seconds": finished - started,
         "write_seconds": 0.0,
         "wall_seconds": time.perf_counter() - begin,
     }
-    stats = _stats(scene, flat, wanted, film, linear, tally, workers, times)
-    return RenderedImage(linear, stats, film, not tally.complete)
+    stats = render_stats(scene, flat, wanted, film, linear, tally, workers, times)
+    denoised = _denoised(denoiser, linear, first, stats) if denoiser else None
+    return RenderedImage(linear, stats, film, not tally.complete, denoised, {name: first[name] for name in layers})
+
+
+def _denoised(
+    denoiser: Denoiser,
+    linear: npt.NDArray[np.float32],
+    first: Mapping[str, npt.NDArray[np.float32]],
+    stats: dict[str, Any],
+) -> npt.NDArray[np.float32]:
+    """The image without noise; the numbers say so."""
+    begin = time.perf_counter()
+    denoised = denoiser(linear, first["albedo"], first["normal"])
+    denoiser.release()
+    seconds = time.perf_counter() - begin
+    stats |= {"denoised": True, "denoiser": denoiser.name, "denoised_sha256": image_sha256(denoised)}
+    stats |= {"denoise_seconds": seconds, "wall_seconds": stats["wall_seconds"] + seconds}
+    return denoised
 
 
 def _light_choice(wanted: RenderSettings) -> str:
@@ -220,67 +264,13 @@ def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
     return dataclasses.replace(flat, arrays={**flat.arrays, "materials": materials})
 
 
+def _cut(wanted: RenderSettings) -> Cut:
+    return Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
+
+
 def _workers(devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int) -> list[DeviceWorker]:
-    cut = Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
+    cut = _cut(wanted)
     integrator, prepare = INTEGRATORS[wanted.integrator], None
     if wanted.integrator == "photon":
         prepare = partial(PhotonMaps, flat=flat, photons=wanted.photons, radius=wanted.photon_radius)
     return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]
-
-
-def _stats(
-    scene: Scene,
-    flat: FlatScene,
-    wanted: RenderSettings,
-    film: Film,
-    linear: npt.NDArray[np.float32],
-    tally: Tally,
-    workers: Sequence[DeviceWorker],
-    times: Mapping[str, float],
-) -> dict[str, Any]:
-    seconds = max(times["render_seconds"], 1e-9)
-    return {
-        "image_sha256": image_sha256(linear),
-        "scene_sha256": scene.sha256(),
-        "kernel_sha256": kernels_sha256(),
-        "version": __version__,
-        "width": wanted.width,
-        "height": wanted.height,
-        "spp": wanted.spp,
-        "seed": wanted.seed,
-        "integrator": wanted.integrator,
-        "settings": {**wanted.request(), "spp": wanted.spp},
-        "samples": tally.samples,
-        "rays": tally.rays,
-        "shadow_rays": tally.shadow_rays,
-        "max_depth": tally.deepest,
-        "nonfinite_samples": tally.samples - film.samples,
-        **times,
-        "msamples_per_second": tally.samples / seconds / 1e6,
-        "mrays_per_second": tally.rays / seconds / 1e6,
-        "peak_rss_bytes": _peak_rss(),
-        "device_bytes": sum(worker.device.allocated_bytes for worker in workers),
-        "triangles": flat.triangle_count,
-        "devices": [
-            {
-                "name": worker.device.info.name,
-                "driver": f"{worker.device.info.platform} {worker.device.info.driver}",
-                "type": worker.device.info.type,
-                "units": done.units,
-                "samples": done.samples,
-                "seconds": worker.busy_seconds,
-                "requeued": done.requeued,
-            }
-            for worker, done in zip(workers, tally.workers, strict=True)
-        ],
-    }
-
-
-def _peak_rss() -> int:
-    """Most memory this process ever held, bytes; 0 where the system does not tell."""
-    try:
-        import resource
-    except ImportError:
-        return 0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024

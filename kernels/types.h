@@ -20,6 +20,11 @@
 #define STRATEGY_BOTH 0u
 #define STRATEGY_LIGHTS 1u
 #define STRATEGY_MATERIALS 2u
+#define FIRST_HIT_ALBEDO 0u
+#define FIRST_HIT_NORMAL 1u
+#define FIRST_HIT_POSITION 2u
+#define FIRST_HIT_DEPTH 3u
+#define FIRST_HIT_PRIMITIVE 4u
 
 typedef struct {
     float4 center_radius;       // xyz centre, world space, metres; w radius

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from clrender.batches import Batches, Pair
+    from clrender.agreement.batches import Batches, Pair
     from clrender.scene import Scene
 
 __all__ = ["compare_on_scene"]
@@ -46,9 +46,9 @@ def compare_on_scene(
     Raises
     ------
     ClrenderError
-        As `clrender.agreement.compare_integrators`, and where files cannot be written.
+        As `clrender.agreement.integrators.compare_integrators`, and where files cannot be written.
     """
-    from clrender.agreement import check_integrators, compare_integrators
+    from clrender.agreement.integrators import check_integrators, compare_integrators
     from clrender.scene import load
 
     names = [name.strip() for name in integrators]
@@ -71,7 +71,7 @@ def compare_on_scene(
     if output is not None:
         _write(output, made, pairs, numbers)
     click.echo(json.dumps(numbers, indent=2) if as_json else _table(numbers))
-    from clrender.verdict import FAULT
+    from clrender.agreement.verdict import FAULT
 
     if check and any(pair.verdict.kind == FAULT for pair in pairs):
         sys.exit(1)
@@ -81,7 +81,7 @@ def _numbers(
     description: Scene, given: dict[str, Any], made: Sequence[Batches], pairs: Sequence[Pair]
 ) -> dict[str, Any]:
     """Everything, JSON-able."""
-    from clrender.batches import LEVEL
+    from clrender.agreement.batches import LEVEL
     from clrender.version import __version__
 
     height, width = made[0].image.shape[:2]
@@ -117,7 +117,7 @@ def _numbers(
 
 
 def _sentence(pair: Pair) -> str:
-    from clrender.verdict import AGREE, FAULT
+    from clrender.agreement.verdict import AGREE, FAULT
 
     n, kind, reason = pair.numbers, pair.verdict.kind, pair.verdict.reason
     text = f"{kind}: {reason}" if reason else kind

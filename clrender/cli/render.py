@@ -91,6 +91,13 @@ _FILM_BYTES: Final = 52
     help="Metres around a point in which the first sample looks for them (a hundredth of the scene's).",
 )
 @tone_options
+@click.option(
+    "--aov",
+    metavar="LIST",
+    default="",
+    help="Layers of an .exr: albedo,normal,depth,position,object,material,samples.",
+)
+@click.option("--denoise", is_flag=True, help="Take the noise off with Open Image Denoise.")
 @click.option("--tile", type=number(1, 65536, whole=True), help="Side of a tile; never changes the image.")
 @click.option(
     "--samples-per-pass",
@@ -131,6 +138,8 @@ def render(
     reuse: str | None,
     tone_map: str,
     exposure: float,
+    aov: str,
+    denoise: bool,
     stats: Path | None,
     quiet: bool,
     allow_paths: tuple[Path, ...],
@@ -141,6 +150,7 @@ def render(
     Ctrl-C stops within a second, writes the image so far and exits with 130.
     """
     _check_outputs(outputs, stats)
+    layers = _layers(aov, outputs)
     with interruptible() as interrupt:
         from clrender.scene import load
 
@@ -151,6 +161,7 @@ def render(
         _check_memory(width, height)
         chosen = {name: value for name, value in settings.items() if value is not None}
         chosen |= {"width": width, "height": height}
+        chosen |= ({"aov": layers} if layers else {}) | ({"denoise": True} if denoise else {})
         if lanes is not None:
             chosen["lanes"] = int(lanes)
         if reuse is not None:
@@ -187,6 +198,16 @@ def _check_outputs(outputs: Sequence[Path], stats: Path | None) -> None:
     for place in places:
         if places.count(place) > 1:
             raise UsageError(f"{place}: is named twice as an output; give each output a name of its own.")
+
+
+def _layers(aov: str, outputs: Sequence[Path]) -> tuple[str, ...]:
+    """Names in the list of --aov, and a file to hold them."""
+    from clrender.aov import check_aovs
+
+    layers = check_aovs(name.strip() for name in aov.split(",") if name.strip())
+    if layers and not any(path.suffix.lower() == ".exr" for path in outputs):
+        raise UsageError("--aov: only .exr files hold layers; name one with -o, such as -o image.exr")
+    return layers
 
 
 def _check_memory(width: int, height: int) -> None:

@@ -21,7 +21,7 @@ from clrender.tonemap import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
     "output spp size seed device integrator shadow-rays indirect-rays max-depth light-choice roulette absorption "
-    "tone-map exposure tile samples-per-pass work-group lanes time stats quiet allow-path"
+    "tone-map exposure aov denoise tile samples-per-pass work-group lanes time stats quiet allow-path"
 )
 
 
@@ -138,6 +138,8 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "no such folder": ("render room -o nowhere/a.png", ("nowhere/a.png", "create it")),
     "a folder": ("render room -o .", (".:", "ending")),
     "one output twice": ("render room -o a.png -o ./a.png", ("a.png", "twice")),
+    "unknown layer": ("render room -o a.exr --aov albedo,dept", ("'dept'", '"depth"')),
+    "layers nowhere to go": ("render room -o a.png --aov depth", ("--aov", "only .exr", "-o image.exr")),
     "statistics nowhere": ("render room -o a.png --stats nowhere/s.json", ("nowhere/s.json", "create it")),
     "tonemap of nothing": ("tonemap nothing.npy -o a.png", ("nothing.npy", "no such file")),
     "tonemap of a display image": ("tonemap a.png -o b.png", ("a.png", "linear image")),

@@ -8,15 +8,15 @@ import pytest
 from scipy import stats
 
 import clrender
-import clrender.agreement
-from clrender.agreement import check_integrators
-from clrender.batches import Batches, compare_batches, tile_means
+import clrender.agreement.integrators
+from clrender.agreement.batches import Batches, compare_batches, tile_means
+from clrender.agreement.integrators import check_integrators
+from clrender.agreement.verdict import AGREE, FAULT, MAY, MUST, light_kinds, verdict
+from clrender.agreement.welch import holm, outlying, student_limit, student_tails, welch
 from clrender.cli import main
 from clrender.errors import UsageError
 from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
 from clrender.scene import Scene, load
-from clrender.verdict import AGREE, FAULT, MAY, MUST, light_kinds, verdict
-from clrender.welch import holm, outlying, student_limit, student_tails, welch
 
 Floats = npt.NDArray[np.float64]
 
@@ -258,7 +258,7 @@ def test_verdicts(cornell: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "does not show" in verdict("path", "direct", cornell, False, False).reason
     # One that is not unbiased, and one that leaves out what is not known here
     odd = clrender.integrators.Integrator("", "", bias="consistent", leaves_out=("mirrors and glass",))
-    monkeypatch.setattr("clrender.verdict.INTEGRATORS", {**INTEGRATORS, "odd": odd})
+    monkeypatch.setattr("clrender.agreement.verdict.INTEGRATORS", {**INTEGRATORS, "odd": odd})
     assert verdict("path", "odd", plane, False, True).kind == MUST
     may = verdict("odd", "path", plane, False, True)
     assert may.kind == MAY and "odd is consistent, not unbiased" in may.reason
@@ -283,7 +283,7 @@ def test_the_exit_code_tells_a_fault_only_when_asked(
     a.tiles[0, :3] += 30.0
     b.numbers["nonfinite_samples"] = 5
     made = [a, b], [compare_batches(cornell, a, b)]
-    monkeypatch.setattr(clrender.agreement, "compare_integrators", lambda *_, **__: made)
+    monkeypatch.setattr(clrender.agreement.integrators, "compare_integrators", lambda *_, **__: made)
     with pytest.raises(SystemExit) as end:
         main(["compare", "--integrators", "direct,path", "cornell", option])
     assert end.value.code == code

@@ -18,6 +18,7 @@ import numpy as np
 from meshes import icosphere
 
 from clrender import layout
+from clrender.aov import ASKED, FIRST_HITS, Asked
 from clrender.device.arithmetic import check as arithmetic_check
 from clrender.device.device import Buffer, Device, DeviceInfo, Program
 from clrender.device.discover import drivers, load_platforms
@@ -26,6 +27,7 @@ from clrender.device.worker import Cut, DeviceWorker
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
 from clrender.scene import Scene
+from clrender.settings import RenderSettings
 from clrender.work import Unit, slot_count
 
 if TYPE_CHECKING:
@@ -130,6 +132,20 @@ def render(device: Device, run: Run) -> str:
     return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes()).hexdigest()
 
 
+def layers(device: Device) -> str:
+    """Hash of the sums of all that is asked of what is seen first."""
+    with tempfile.TemporaryDirectory() as folder:
+        flat = scene(False, Path(folder))
+    settings, asked = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE), Asked()
+    worker = DeviceWorker(device, flat, settings, FIRST_HITS, Cut(4, 2), lambda _: asked)
+    digest = hashlib.sha256()
+    for asked.kind in ASKED.values():
+        sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1))
+        digest.update(sums.sums.tobytes() + sums.counts.tobytes())
+    worker.release()
+    return digest.hexdigest()
+
+
 def scan(device: Device) -> str:
     """Prefix sums of more numbers than one chunk has, which a tree needs only from thousands of primitives on."""
     numbers = np.random.default_rng(70).integers(0, 1000, 3000, dtype=np.uint32)
@@ -153,8 +169,8 @@ def arithmetic(device: Device) -> str:
 
 
 def perform(device: Device, name: str) -> str:
-    """Do what is named: ``scan``, ``arithmetic``, or one of `RENDERS`; gives what has to be the same on all devices."""
-    others = {"scan": scan, "arithmetic": arithmetic}
+    """Do ``scan``, ``arithmetic``, ``layers`` or one of `RENDERS`; gives what must be equal everywhere."""
+    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
 

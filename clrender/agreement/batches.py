@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.verdict import Verdict, verdict
-from clrender.welch import holm, outlying, student_limit, welch
+from clrender.agreement.verdict import Verdict, verdict
+from clrender.agreement.welch import holm, outlying, student_limit, welch
 
 if TYPE_CHECKING:
     from clrender.scene import Scene

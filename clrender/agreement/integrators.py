@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.batches import LEVEL, Batches, Pair, compare_batches, tile_means
+from clrender.agreement.batches import LEVEL, Batches, Pair, compare_batches, tile_means
 from clrender.errors import RenderError, UsageError
 from clrender.integrators import INTEGRATORS
 from clrender.rendering import Progress, RenderedImage, render

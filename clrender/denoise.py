@@ -1,0 +1,108 @@
+"""Takes the noise off an image with Open Image Denoise, guided by albedo and normal. An extra: `clrender[denoise]`."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import RenderError, UsageError
+
+__all__ = ["Denoiser"]
+
+_Image = npt.NDArray[np.float32]
+_CURE: Final = "pip install 'clrender[denoise]'"
+
+
+class Denoiser:
+    """Open Image Denoise on the processor (Áfra, openimagedenoise.org; the `pyoidn` package has its library).
+
+    Its output depends on the library's version and on the processor: it is no part of the promise of equal bits.
+
+    Attributes
+    ----------
+    name : str
+        Library and version, as the loaded library says it.
+
+    Raises
+    ------
+    UsageError
+        When the extra is not installed, or its library does not load here.
+    """
+
+    def __init__(self) -> None:
+        try:
+            self._library: Any = importlib.import_module("pyoidn")
+        except ImportError as error:
+            reason = "is not installed" if error.name == "pyoidn" else f"cannot be loaded ({error})"
+            raise UsageError(f"denoising needs Open Image Denoise, which {reason}; {_CURE}") from None
+        try:
+            self._device: Any = self._library.Device()
+            # Its threads would otherwise be bound to cores that the renderer's threads use too.
+            self._device.set_bool("setAffinity", False)
+            self._device.commit()
+            problem = self._device.get_error()
+        except OSError as error:
+            problem = str(error)
+        if problem is not None:
+            raise UsageError(f"Open Image Denoise does not work on this machine: {problem}; render without denoising")
+        number = int(self._device.get_int("version"))
+        self.name = f"Open Image Denoise {number // 10000}.{number // 100 % 100}.{number % 100}"
+
+    def __call__(self, linear: npt.ArrayLike, albedo: npt.ArrayLike, normal: npt.ArrayLike) -> _Image:
+        """Denoise a linear image.
+
+        The guides are denoised first, each by itself, and then taken as clean: that keeps edges and textures best
+        (documentation of Open Image Denoise 2, "Prefiltering").
+
+        Parameters
+        ----------
+        linear : (H, W, 3) float32
+            Radiance, linear Rec. 709.
+        albedo : (H, W, 3) float32
+            Between 0 and 1.
+        normal : (H, W, 3) float32
+            Each component between -1 and 1.
+
+        Returns
+        -------
+        (H, W, 3) float32
+
+        Raises
+        ------
+        RenderError
+            When the library fails.
+        """
+        guides = {"albedo": _image(albedo), "normal": _image(normal)}
+        clean = {name: self._run({name: guide}, {}) for name, guide in guides.items()}
+        return self._run({"color": _image(linear), **clean}, {"hdr": True, "cleanAux": True})
+
+    def _run(self, images: Mapping[str, _Image], options: Mapping[str, bool]) -> _Image:
+        """One filter, from these images to a new one."""
+        library = self._library
+        output = np.zeros_like(next(iter(images.values())))
+        run = library.Filter(self._device, library.OIDN_FILTER_TYPE_RT)
+        try:
+            for name, image in (*images.items(), ("output", output)):
+                run.set_image(name, image, library.OIDN_FORMAT_FLOAT3)
+            for name, value in options.items():
+                run.set_bool(name, value)
+            run.commit()
+            run.execute()
+            problem = self._device.get_error()
+        finally:
+            run.release()
+        if problem is not None:
+            raise RenderError(f"Open Image Denoise failed: {problem}")
+        return output
+
+    def release(self) -> None:
+        """Give the library's memory back; it denoises no more."""
+        self._device.release()
+
+
+def _image(array: npt.ArrayLike) -> _Image:
+    return np.ascontiguousarray(array, np.float32)

@@ -1,0 +1,92 @@
+// What is seen first, as layers beside an image: its colour, normal, place, distance and primitive. Each sample is the image's own,
+// through the same point of the film and of the lens, so that the layers lie on the image exactly; one number or vector a launch.
+//
+// The albedo is that of the first surface that is neither mirror nor glass, on the way that the image's path takes, as Open Image
+// Denoise advises (documentation of version 2, "Albedos"); all else is of the first surface of any kind.
+#ifndef INTEGRATOR_FIRST_HIT_H
+#define INTEGRATOR_FIRST_HIT_H
+
+#include "camera/perspective.h"
+#include "film/pool.h"
+#include "geometry/surface.h"
+#include "light/light.h"
+#include "material/bsdf.h"
+
+// So many mirrors and glass walls are looked through: between two mirrors there is no end.
+#define FIRST_HIT_FOLLOWED 16u
+
+// What the sample gives where its ray ended. A sample that met nothing has no place: FAR is more than the film takes, so that it is
+// left out of the mean; its normal is zero.
+static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surface, const Bsdf* bsdf, vec3 albedo, vmask found) {
+    const vec3 nowhere = vec3_all(FAR);
+    if (wanted == FIRST_HIT_ALBEDO)
+        return vec3_of(lesser(albedo.x, splat(1.0f)), lesser(albedo.y, splat(1.0f)), lesser(albedo.z, splat(1.0f)));
+    if (wanted == FIRST_HIT_NORMAL) return choose(found, bsdf->frame.normal, vec3_all(0.0f));
+    if (wanted == FIRST_HIT_POSITION) return choose(found, surface->point, nowhere);
+    if (wanted == FIRST_HIT_DEPTH) {
+        const vfloat depth = magnitude(sub(surface->point, vec3_from(scene->camera->origin)));
+        return choose(found, vec3_of(depth, depth, depth), nowhere);
+    }
+    // Which primitive, in two numbers that are exact as floats
+    const vuint low = surface->primitive & 0xffffu, high = surface->primitive >> 16;
+    return choose(found, vec3_of(vfloat_of(vint_from_uint(low)), vfloat_of(vint_from_uint(high)), splat(0.0f)), nowhere);
+}
+
+static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, uint wanted) {
+    __global const Settings* settings = scene->settings;
+    const uint followed = wanted == FIRST_HIT_ALBEDO ? FIRST_HIT_FOLLOWED : 0u;
+    PoolSample sample = pool_no_sample();
+    Ray ray;
+    vec3 throughput = vec3_all(0.0f), albedo = vec3_all(0.0f);
+    vuint depth = splat_uint(0u);
+    vmask alive = depth != depth;
+    ray.origin = ray.direction = vec3_all(1.0f);
+    ray.limit = splat(FAR);
+    ray.from = ray.to = splat_uint(NONE);
+
+    for (;;) {
+        // Lanes without a ray take the next sample of the pool
+        if (lane_any(!alive)) {
+            const vmask start = pool_take(settings, pool, !alive, &sample);
+            vfloat film_x, film_y;
+            pool_film(settings, &sample, &film_x, &film_y);
+            ray_replace(&ray, perspective_ray(scene, film_x, film_y, sample.sampler), start);
+            throughput = choose(start, vec3_all(1.0f), throughput);
+            albedo = choose(start, vec3_all(0.0f), albedo);
+            depth = start ? splat_uint(0u) : depth;
+            alive = alive | start;
+            if (!lane_any(alive)) {
+                if (pool_empty(pool)) break;
+                continue;
+            }
+        }
+
+        // Find the nearest surface; what shines counts as if its light were its colour
+        const Hit hit = traverse_nearest(&scene->bvh, &ray, alive);
+        stats->rays += lane_count(alive);
+        stats->deepest = pool_deepest(stats->deepest, depth, alive);
+        const vmask found = alive & (hit.primitive != NONE);
+        const Surface surface = surface_at(scene, &ray, hit, found);
+        vfloat pdf;
+        const vec3 outside = light_environment(scene, ray.origin, ray.direction, &pdf);
+        const vec3 shining = light_emitted(scene, &surface, ray.origin, ray.direction, &pdf);
+        albedo = choose(alive, add(albedo, mul(throughput, choose(found, shining, outside))), albedo);
+
+        // Look through mirrors and glass, in the direction that the image's path takes there. Their colour counts; that radiance is
+        // squeezed together in glass does not, for it says nothing about colour
+        const Bsdf bsdf = bsdf_at(&surface, ray.direction);
+        vuint bits_u, bits_v;
+        sampler_bounce_bits(sample.sampler, SET_MATERIAL, depth, &bits_u, &bits_v);
+        const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
+        const vmask goes_on = found & !bsdf.smooth & (depth < followed) & (largest(next.weight) > 0.0f);
+        const vmask ended = alive & !goes_on;
+        throughput = choose(found, mul(throughput, surface.color), throughput);
+        albedo = choose(ended & found, add(albedo, throughput), albedo);
+        if (lane_any(ended)) pool_deliver(pool, &sample, first_hit_value(scene, wanted, &surface, &bsdf, albedo, found), ended);
+        depth = depth + 1u;
+        ray = surface_leave(&surface, next.direction);
+        alive = alive & !ended;
+    }
+}
+
+#endif

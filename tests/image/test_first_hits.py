@@ -1,0 +1,203 @@
+"""The layers beside an image: known answers, and the same bits however the work is cut."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import clrender
+from clrender.aov import AOVS, exr_channels, first_hits
+from clrender.device import Device
+from clrender.device.worker import Cut
+from clrender.errors import UsageError
+from clrender.flatten import flatten
+from clrender.image_io import read_image
+from clrender.scene import Scene
+from clrender.settings import settings_for
+
+ASKED = tuple(name for name in AOVS if name != "samples")
+WIDTH, HEIGHT = 40, 24
+
+COLOURS = {"red": [0.63, 0.065, 0.05], "green": [0.14, 0.45, 0.091]}
+MIRROR = [0.9, 0.8, 0.7]
+
+
+def scene(shapes: list[dict[str, Any]], lights: list[dict[str, Any]] | None = None, **camera: Any) -> Scene:
+    """Shapes seen from the origin along -z, 90 degrees high, unless `camera` says otherwise."""
+    materials: dict[str, Any] = {name: {"type": "lambert", "reflectance": rgb} for name, rgb in COLOURS.items()}
+    materials["mirror"] = {"type": "mirror", "reflectance": MIRROR}
+    materials["glass"] = {"type": "dielectric", "ior": 1.5}
+    view = {"position": [0.0, 0.0, 0.0], "target": [0.0, 0.0, -1.0], "vertical_fov": 90.0, **camera}
+    return Scene.model_validate({"camera": view, "materials": materials, "shapes": shapes, "lights": lights or []})
+
+
+def wall(z: float, **more: Any) -> dict[str, Any]:
+    """A quad across the whole view, facing +z."""
+    return {"type": "quad", "origin": [-99.0, -99.0, z], "edge_u": [198, 0, 0], "edge_v": [0, 198, 0], **more}
+
+
+def layers(
+    device: Device, what: Scene, names: tuple[str, ...] = ASKED, cut: Cut | None = None, **settings: Any
+) -> dict[str, npt.NDArray[np.float32]]:
+    """Layers of a small image."""
+    wanted = settings_for(what, (WIDTH, HEIGHT), {"spp": 64, **settings})
+    return first_hits([device], flatten(what, WIDTH, HEIGHT), wanted, names, cut)
+
+
+def single(numbers: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """As the kernels hold them."""
+    return np.asarray(numbers, np.float32)
+
+
+def same(layer: npt.NDArray[np.float32], rgb: npt.ArrayLike) -> bool:
+    """Whether every pixel holds these numbers, to the bit."""
+    return bool((layer == single(rgb)).all())
+
+
+# --- albedo ----------------------------------------------------------------------------------------------------------
+
+
+def test_albedo_is_the_reflectance_to_the_bit(device: Device) -> None:
+    for name, rgb in COLOURS.items():
+        assert same(layers(device, scene([wall(-2.0, material=name)]), ("albedo",))["albedo"], rgb)
+
+
+def test_albedo_in_a_mirror_is_tinted_by_it(device: Device) -> None:
+    behind = wall(3.0, material="red")
+    behind["edge_u"], behind["edge_v"] = behind["edge_v"], behind["edge_u"]
+    tinted = single(MIRROR) * single(COLOURS["red"])
+    assert same(layers(device, scene([wall(-2.0, material="mirror"), behind]), ("albedo",))["albedo"], tinted)
+
+
+def test_albedo_through_glass_is_what_is_behind(device: Device) -> None:
+    """In a room of one colour, glass shows that colour, whichever way the ray leaves it. One that turns sixteen times
+    inside the ball is given up, as white: here one of 61440."""
+    room = {"type": "box", "center": [0, 0, 0], "size": [9, 9, 9], "material": "green"}
+    ball = {"type": "sphere", "center": [0, 0, -2.0], "radius": 1.0, "material": "glass"}
+    green = single(COLOURS["green"])
+    albedo = layers(device, scene([room, ball]), ("albedo",))["albedo"]
+    given_up = (albedo - green) / (1.0 - green)
+    assert (given_up != 0.0).any(axis=2).sum() <= 2 and (given_up >= 0.0).all() and given_up.mean() < 1e-4
+
+
+def test_albedo_of_what_shines_is_its_radiance_at_most_one(device: Device) -> None:
+    sky = [{"type": "environment", "radiance": [0.25, 0.5, 7.0]}]
+    assert same(layers(device, scene([wall(3.0)], sky), ("albedo",))["albedo"], [0.25, 0.5, 1.0])
+    shining = wall(-2.0, material="red", emission=[0.125, 0.0, 4.0])
+    expected = single(COLOURS["red"]) + single([0.125, 0.0, 0.0])
+    assert same(layers(device, scene([shining]), ("albedo",))["albedo"], [*expected[:2], 1.0])
+
+
+def test_between_two_mirrors_the_albedo_comes_to_an_end(device: Device) -> None:
+    albedo = layers(device, scene([wall(-2.0, material="mirror"), wall(2.0, material="mirror")]), ("albedo",))["albedo"]
+    assert albedo.max() <= 0.9 and np.isfinite(albedo).all()
+
+
+# --- normal, depth, position -----------------------------------------------------------------------------------------
+
+
+def test_normal_of_a_quad_is_on_the_side_it_is_seen_from(device: Device) -> None:
+    up = np.array([0.0, 3.0, 4.0]) / 5.0
+    tilted = {"type": "quad", "origin": [-99, -80, 58], "edge_u": [198, 0, 0], "edge_v": [0, 160.0, -120.0]}
+    for flip in (False, True):
+        normal = layers(device, scene([{**tilted, "material": "red", "flip_normals": flip}]), ("normal",))["normal"]
+        assert np.abs(normal - up).max() < 1e-6
+
+
+def test_what_meets_nothing(device: Device) -> None:
+    nothing = layers(device, scene([wall(3.0)]))
+    assert same(nothing["normal"], 0.0) and same(nothing["albedo"], 0.0)
+    assert np.isposinf(nothing["depth"]).all() and np.isnan(nothing["position"]).all()
+    assert same(nothing["object"], -1.0) and same(nothing["material"], -1.0)
+
+
+def test_position_and_depth_of_a_plane_across_the_view(device: Device) -> None:
+    """Parallel to the film, position is linear on it. The 64 samples of a pixel stand one in each 64th of its width and
+    of its height, so their mean is at most a 128th of a pixel from its middle; depth is between its least and most."""
+    distance = 2.0
+    found = layers(device, scene([wall(-distance, material="red")]), ("position", "depth"))
+    pixel = 2.0 * distance / HEIGHT
+    rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+    x, y = (columns + 0.5 - WIDTH / 2) * pixel, (HEIGHT / 2 - rows - 0.5) * pixel
+    position = found["position"]
+    assert np.abs(position[..., 0] - x).max() <= pixel / 128 + 1e-5
+    assert np.abs(position[..., 1] - y).max() <= pixel / 128 + 1e-5
+    assert np.abs(position[..., 2] + distance).max() <= 1e-6
+    corners = [
+        np.sqrt((x + i * pixel / 2) ** 2 + (y + j * pixel / 2) ** 2 + distance**2) for i in (-1, 1) for j in (-1, 1)
+    ]
+    depth = found["depth"][..., 0]
+    assert (depth >= np.min(corners, axis=0) * (1 - 1e-6)).all() and (
+        depth <= np.max(corners, axis=0) * (1 + 1e-6)
+    ).all()
+
+
+def test_one_sample_of_a_sphere_agrees_with_itself(device: Device) -> None:
+    """Its position is on the sphere, the normal points from the centre to it, and its depth is its distance."""
+    center, radius, eye = np.array([0.3, 0.2, -4.0]), 1.5, np.array([0.5, -0.25, 1.0])
+    ball = {"type": "sphere", "center": center.tolist(), "radius": radius, "material": "mirror"}
+    found = layers(device, scene([ball], position=eye.tolist(), target=center.tolist()), spp=1)
+    hit = found["object"][..., 0] == 0
+    outward = (found["position"][hit] - center) / radius
+    assert 20 < hit.sum() < hit.size and np.abs(np.linalg.norm(outward, axis=1) - 1.0).max() < 1e-5
+    assert np.abs(found["normal"][hit] - outward).max() < 1e-5
+    assert np.abs(found["depth"][hit][:, 0] - np.linalg.norm(found["position"][hit] - eye, axis=1)).max() < 1e-5
+
+
+def test_object_and_material_are_places_in_the_scene(device: Device) -> None:
+    half = {**wall(-2.0, material="green"), "origin": [0.0, -99.0, -2.0]}
+    block = {"type": "box", "center": [-2.0, 0.0, -2.0], "size": [3.9, 50.0, 1.0], "material": "mirror"}
+    found = layers(device, scene([wall(-9.0, material="red"), half, block]), ("object", "material"))
+    object_, material = found["object"][..., 0], found["material"][..., 0]
+    assert set(np.unique(object_)) == {0.0, 1.0, 2.0}
+    assert (object_[:, WIDTH // 2 + 1 :] == 1.0).all() and (object_[:, : WIDTH // 2 - 2] == 2.0).all()
+    assert (material == np.array([0.0, 1.0, 2.0])[object_.astype(int)]).all()
+
+
+# --- the same bits ---------------------------------------------------------------------------------------------------
+
+
+ONE: tuple[int, int, int | None] = (1, 64, None)
+CUTS = {"room": (ONE, (4, 16, 1), (8, 64, 5), (16, 16, 3)), "bumpy": ((1, 16, 3),)}
+
+
+@pytest.mark.parametrize("name", CUTS)
+def test_the_same_bits_however_the_work_is_cut(device: Device, name: str) -> None:
+    what = clrender.load(name)
+    expected = layers(device, what, spp=6)
+    for lanes, tile, passes in CUTS[name]:
+        found = layers(device, what, cut=Cut(lanes, None, passes), spp=6, tile=tile)
+        for layer, array in expected.items():
+            assert array.tobytes() == found[layer].tobytes(), f"{layer} in {lanes} lanes and tiles of {tile}"
+
+
+# --- as a user asks for them -----------------------------------------------------------------------------------------
+
+
+def test_layers_of_a_render_and_in_a_file(device: Device, tmp_path: Path) -> None:
+    import OpenEXR
+
+    what = clrender.load("room")
+    plain = clrender.render(what, size=(WIDTH, HEIGHT), spp=2)
+    image = clrender.render(what, size=(WIDTH, HEIGHT), spp=2, aov=AOVS)
+    assert plain.aovs == {} and list(image.aovs) == list(AOVS)
+    assert image.stats["image_sha256"] == plain.stats["image_sha256"] and not image.stats["denoised"]
+    assert same(image.aovs["samples"], 2.0)
+    image.save(tmp_path / "a.exr")
+    image.save(tmp_path / "a.png")
+    assert (read_image(tmp_path / "a.exr") == image.linear).all()
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        held = {name: channel.pixels for name, channel in file.channels().items()}
+    assert set(held) == {"R", "G", "B", *exr_channels(image.aovs)}
+    assert (held["normal.Y"] == image.aovs["normal"][..., 1]).all() and (
+        held["depth.Z"] == image.aovs["depth"][..., 0]
+    ).all()
+
+
+def test_a_layer_that_is_unknown() -> None:
+    with pytest.raises(UsageError, match=r"no layer 'albdo'; did you mean .albedo"):
+        clrender.render(clrender.load("room"), aov=["albdo"])
