@@ -167,7 +167,7 @@ def render(
     devices = select(device, notify=tell, alone=notify is not None)
     workers = _workers(devices, flat, wanted, plan.tile)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
-    started = time.perf_counter()
+    started, cpu_started = time.perf_counter(), time.process_time()
 
     def advance(samples: int, rays: int) -> None:
         if on_progress is not None:
@@ -183,7 +183,7 @@ def render(
     finally:
         for worker in workers:
             worker.release()
-    finished = time.perf_counter()
+    finished, cpu_finished = time.perf_counter(), time.process_time()
     for failure in tally.failures:
         tell(f"warning: {failure}; its work was done by the others")
     linear = film.mean() if keep_film else film.develop()
@@ -193,6 +193,7 @@ def render(
         "compile_seconds": sum(each.compile_seconds for each in devices),
         "build_seconds": max(worker.build_seconds for worker in workers),
         "render_seconds": finished - started,
+        "render_cpu_seconds": cpu_finished - cpu_started,
         "write_seconds": 0.0,
         "wall_seconds": time.perf_counter() - begin,
     }
