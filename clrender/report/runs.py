@@ -210,9 +210,7 @@ def _turns(
             if turn >= _turns_of(spec.samples, quick):
                 continue
             row, seed = rows[name], 1000 * (number + 1) + turn
-            image = renderer.image(
-                scene, f"turn {turn + 1}, {name}", spec.samples, seed=seed, **settings_of(row)
-            )
+            image = renderer.image(scene, f"turn {turn + 1}, {name}", spec.samples, seed=seed, **settings_of(row))
             row.runs.append(_run(image.stats, row.cores, seed, reference.judge(image.linear)))
             if turn == 0:
                 images[name] = image.linear
@@ -223,9 +221,7 @@ def _turns(
 
 def _one_core(renderer: Renderer, rows: dict[str, Row], turn: int) -> None:
     twins = {name: rows[twin] for name, twin in ONE_CORE.items()}
-    wanted = [
-        {"spp": row.samples, "seed": row.runs[turn].seed, **settings_of(row)} for row in twins.values()
-    ]
+    wanted = [{"spp": row.samples, "seed": row.runs[turn].seed, **settings_of(row)} for row in twins.values()]
     all_stats = one_core_runs(SCENE, renderer.size, renderer.device, wanted, renderer.should_stop)
     if all_stats is None:
         raise Stopped
