@@ -11,7 +11,6 @@ import click
 
 from clrender.cli.interrupt import INTERRUPTED, interruptible
 from clrender.cli.options import size as parse_size
-from clrender.cli.progress import duration
 from clrender.errors import UsageError
 
 __all__ = ["report"]

@@ -52,8 +52,9 @@ def make_report(
     from clrender.report.drawing import hemisphere, room_measures
     from clrender.report.page import Page
     from clrender.report.pictures import Figure, figures
+    from clrender.report.plan import SCENE
     from clrender.report.plots import plots
-    from clrender.report.runs import SCENE, Renderer, measure
+    from clrender.report.runs import Renderer, measure
     from clrender.scene import load
 
     measured = measure(Renderer(size, device, should_stop, say), quick)

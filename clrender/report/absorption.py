@@ -25,7 +25,7 @@ def survival_for(deepest: int, paths: int) -> float:
         return math.exp(-paths * s**deepest) - math.exp(-paths * s ** (deepest - 1))
 
     golden = (math.sqrt(5.0) - 1.0) / 2.0
-    centre = paths ** (-1.0 / (deepest - 0.5))  # where n s^(k - 1/2) = 1, near the maximum
+    centre = float(paths) ** (-1.0 / (deepest - 0.5))  # where n s^(k - 1/2) = 1, near the maximum
     low, high = centre / 4.0, min(1.0, centre * 4.0)
     for _ in range(80):
         a, b = high - golden * (high - low), low + golden * (high - low)
@@ -33,7 +33,7 @@ def survival_for(deepest: int, paths: int) -> float:
             low = a
         else:
             high = b
-    return (low + high) / 2.0
+    return float(low + high) / 2.0
 
 
 def absorption_for(deepest: int, paths: int, goes_on: float) -> float:

@@ -86,7 +86,8 @@ def _view(
         f'<path class="wall-green" stroke-width="4" d="M{right:.1f} {top:.1f}V{bottom:.1f}"/>',
         f'<text class="ink" x="{middle:.1f}" y="{top - 14:.1f}" text-anchor="middle">{title}</text>',
         f'<text class="ink" x="{middle:.1f}" y="{bottom + 24:.1f}" text-anchor="middle">{size[axes[0]]:g} m</text>',
-        f'<text class="ink" x="{left - 10:.1f}" y="{(top + bottom) / 2:.1f}" text-anchor="end">{size[axes[1]]:g} m</text>',
+        f'<text class="ink" x="{left - 10:.1f}" y="{(top + bottom) / 2:.1f}" text-anchor="end">'
+        f"{size[axes[1]]:g} m</text>",
     ]
     return parts
 
@@ -152,8 +153,9 @@ def hemisphere(count: int = 400) -> str:
     phi = 2.0 * np.pi * random.random(count)
     x, depth, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
     radius, cx, cy = 170.0, 200.0, 200.0
+    upright = math.sqrt(1.0 - 0.2**2)  # looked at from a little above
     dots = [
-        f'<circle class="a" cx="{cx + radius * a:.1f}" cy="{cy - radius * (0.92 * c - 0.2 * b):.1f}" r="1.7"/>'
+        f'<circle class="a" cx="{cx + radius * a:.1f}" cy="{cy - radius * (upright * c - 0.2 * b):.1f}" r="1.7"/>'
         for a, b, c in zip(x, depth, z, strict=True)
     ]
     return "\n".join(
@@ -163,7 +165,8 @@ def hemisphere(count: int = 400) -> str:
             f'<ellipse class="edge" cx="{cx:g}" cy="{cy:g}" rx="{radius:g}" ry="{0.2 * radius:g}"/>',
             f'<path class="edge" d="M{cx - radius:g} {cy:g}A{radius:g} {radius:g} 0 0 1 {cx + radius:g} {cy:g}"/>',
             *dots,
-            f'<path class="edge" d="M{cx:g} {cy:g}V14" stroke-width="2"/><text class="ink" x="{cx + 8:g}" y="22">N</text>',
+            f'<path class="edge" d="M{cx:g} {cy:g}V14" stroke-width="2"/>',
+            f'<text class="ink" x="{cx + 8:g}" y="22">N</text>',
             "</svg>",
         ]
     )

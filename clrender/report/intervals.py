@@ -59,7 +59,7 @@ def mean_interval(values: Sequence[float]) -> Interval:
 
 
 def ratio_interval(above: Sequence[float], below: Sequence[float]) -> Interval:
-    """Ratio of the geometric means of two independent sets of positive numbers, by Welch's interval of their logarithms."""
+    """Ratio of geometric means of two independent sets of positive numbers, by Welch's interval of their logarithms."""
     a, b = [math.log(x) for x in above], [math.log(x) for x in below]
     ratio = statistics.fmean(a) - statistics.fmean(b)
     if min(len(a), len(b)) < 2:

@@ -10,8 +10,8 @@ from typing import Final
 
 from clrender.report.pictures import Figure, data_uri
 from clrender.report.plots import Plot
-from clrender.report.results import Results
 from clrender.report.prose import differences, introduction, method
+from clrender.report.results import Results
 from clrender.report.tables import Table, noise_table, times_table, verdict_table
 from clrender.report.verdicts import FAILS, HOLDS, verdicts
 
@@ -30,7 +30,7 @@ _HTML: Final = Template("""<!DOCTYPE html>
   --good: #1c7a3c; --bad: #b3261e; --open: #8a6100; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6e6e6; --soft: #a5abb3; --paper: #16181c; --rule: #3a3d42;
   --band: #1e2126; --good: #6fce8d; --bad: #ff8f85; --open: #e8bd5a; } }
-body { margin: 0 auto; padding: 2rem 1.25rem 4rem; max-width: 68rem; background: var(--paper); color: var(--ink);
+body { margin: 0 auto; padding: 2rem 1.25rem 4rem; max-width: 76rem; background: var(--paper); color: var(--ink);
   font: 1rem/1.55 system-ui, sans-serif; }
 h1 { font-size: 1.9rem; line-height: 1.2; } h2 { margin-top: 2.6rem; font-size: 1.35rem; }
 p { max-width: 46rem; }
@@ -41,14 +41,17 @@ caption span { display: block; max-width: 56rem; }
 th, td { padding: .35rem .6rem; border-bottom: 1px solid var(--rule); text-align: right; vertical-align: top;
   white-space: nowrap; }
 th { vertical-align: bottom; white-space: normal; background: var(--band); }
-.words { text-align: left; } .prose td { white-space: normal; min-width: 9rem; } .prose td:nth-child(2) { min-width: 20rem; }
+.words { text-align: left; } .prose td { white-space: normal; min-width: 9rem; }
+.prose td:nth-child(2) { min-width: 20rem; }
 .prose td:last-child { white-space: nowrap; font-weight: 600; min-width: 0; }
 .holds td:last-child { color: var(--good); } .fails td:last-child { color: var(--bad); }
 .open td:last-child { color: var(--open); } .first td { border-top: 2px solid var(--rule); }
 figure { margin: 2rem 0; } figcaption { color: var(--soft); max-width: 46rem; margin-top: .5rem; }
 figcaption strong { color: var(--ink); }
-.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 14rem), 1fr)); gap: .6rem; margin-bottom: .6rem; }
-.row div { max-width: 30rem; } .row img { width: 100%; display: block; } .row span { font-size: .85rem; color: var(--soft); }
+.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 14rem), 1fr)); gap: .6rem;
+  margin-bottom: .6rem; }
+.row div { max-width: 30rem; } .row img { width: 100%; height: auto; display: block; }
+.row span { font-size: .85rem; color: var(--soft); }
 .pixels img { image-rendering: pixelated; }
 svg { max-width: 100%; height: auto; width: 40rem; border: 1px solid var(--rule); }
 </style>
@@ -159,7 +162,8 @@ def _html_figure(figure: Figure) -> str:
     rows = []
     for i, row in enumerate(figure.rows):
         pictures = "".join(
-            f'<div><img src="{data_uri(panel.pixels)}" width="{panel.pixels.shape[1]}" height="{panel.pixels.shape[0]}" '
+            f'<div><img src="{data_uri(panel.pixels)}" width="{panel.pixels.shape[1]}" '
+            f'height="{panel.pixels.shape[0]}" '
             f'alt="{escape(f"{figure.title}: {panel.words}")}"><span>{escape(panel.words)}</span></div>'
             for panel in row
         )

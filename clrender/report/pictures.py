@@ -76,7 +76,8 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         Figure(
             "figure-2-5",
             "Figures 2 and 5: reflection, colour bleeding, soft shadows",
-            "A mirror sphere shows the room (room-mirror). The white sphere takes on the green of the wall beside it. "
+            "A mirror sphere shows the room (room-mirror). The white sphere takes on the green of the wall "
+            "beside it. "
             "Area lights cast shadows with soft edges.",
             [
                 [
@@ -89,9 +90,14 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         Figure(
             "figure-4",
             "Figure 4: direct and indirect light, and direct light only",
-            f"Of the mean radiance {100 * (1 - results.direct_mean / results.reference_mean):.0f} % is indirect: without "
-            "it the ceiling is black and shadows have no light.",
-            [[Panel(_whole(images["reference"]), "direct and indirect"), Panel(_whole(images["direct"]), "direct only")]],
+            f"Of the light on surfaces {-100 * results.beside_reference(results.direct_mean):.0f} % is indirect: "
+            "without it the ceiling is black and shadows have no light.",
+            [
+                [
+                    Panel(_whole(images["reference"]), "direct and indirect"),
+                    Panel(_whole(images["direct"]), "direct only"),
+                ]
+            ],
         ),
         Figure(
             "figure-6",
@@ -115,21 +121,25 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         ),
         _compared(
             "figure-9", "Figure 9: depth",
-            "Deepest paths of about 14, 7 and 5; 16 samples, one shadow ray. What survives the roulette is divided by its "
-            "probability, so all have the same light on average, but the right ones have it in ever rarer, brighter specks.",
+            "Deepest paths of about 14, 7 and 5; 16 samples, one shadow ray. What survives the roulette is "
+            "divided by its "
+            "probability, so all have the same light on average, but the right ones have it in ever rarer, "
+            "brighter specks.",
             images,
             {name: f"deepest path {_deepest(results, name)}" for name in ("base", "depth-7", "depth-5")},
         ),
         _compared(
             "roulettes", "Further: the roulette",
-            "The report's roulette by absorption beside clrender's, which ends a path by how little it can still carry: "
+            "The report's roulette by absorption beside clrender's, which ends a path by how little it can still "
+            "carry: "
             "same samples, same shadow rays.",
             images, {"base": "by absorption", "own-base": "by throughput"},
         ),
         Figure(
             "whitted",
             "Section 2.1.2: Whitted's ray tracing",
-            "Path tracing beside Whitted's ray tracing on the scene room: mirror and glass are followed, but lights are "
+            "Path tracing beside Whitted's ray tracing on the scene room: mirror and glass are followed, but "
+            "lights are "
             "points, shadows hard, and there is no indirect light.",
             [[Panel(_whole(images["path"]), "path tracing"), Panel(_whole(images["whitted"]), "Whitted")]],
         ),

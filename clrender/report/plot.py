@@ -16,7 +16,8 @@ _LEGEND_LINE = 19.0
 
 STYLE: Final = (
     "<style>"
-    ".paper{fill:#fff}.ink{fill:#222;font:13px system-ui,sans-serif}.rule{stroke:#ddd}.edge{stroke:#888;fill:none}.rim{stroke:#888}"
+    ".paper{fill:#fff}.ink{fill:#222;font:13px system-ui,sans-serif}.rule{stroke:#ddd}.edge{stroke:#888;fill:none}"
+    ".rim{stroke:#888}"
     ".a{stroke:#0b62a8;fill:#0b62a8}.b{stroke:#b3490b;fill:#b3490b}.c{stroke:#666;fill:#666}.line{fill:none}"
     ".wall-red{stroke:#b5382c}.wall-green{stroke:#2f8f46}.solid{fill:#8aa4cf55}.lamp{fill:#f0b429}"
     "@media (prefers-color-scheme:dark){.paper{fill:#16181c}.ink{fill:#e4e4e4}.rule{stroke:#3a3d42}.edge{stroke:#999}"

@@ -44,12 +44,12 @@ def plots(results: Results) -> list[Plot]:
 
 def _time(results: Results) -> Plot:
     theirs = [(float(row.samples), float(row.seconds)) for row in reversed(GROUPS[0].rows)]
-    ours = _sampled(results, "samples-", lambda row: mean_interval(row.values(lambda run: run.seconds)))
-    own = _sampled(results, "own-samples-", lambda row: mean_interval(row.values(lambda run: run.seconds)))
+    ours = _sampled(results, "samples-", _seconds)
+    own = _sampled(results, "own-samples-", _seconds)
     first = next(point for point in ours if point[0] == theirs[0][0])
     ratio = [(n, first[1] * seconds / theirs[0][1]) for n, seconds in theirs]
     series = [
-        Series("the report: minutes on a processor it does not name", [_bare(*p) for p in theirs], "c"),
+        Series("the report, on a processor it does not name", [_bare(*p) for p in theirs], "c"),
         Series("clrender, the report's settings", ours, "a"),
         Series("clrender, its own roulette", own, "b"),
         Series(
@@ -60,7 +60,7 @@ def _time(results: Results) -> Plot:
             dashed=True,
         ),
     ]
-    title = "Seconds against samples a pixel, two shadow rays; bars: 95 % intervals"
+    title = "Seconds against samples a pixel, two shadow rays; medians, bars: least and greatest run"
     ticks = (1, 4, 16, 64, 256)
     return Plot("time", title, plot(title, Axis("samples a pixel"), Axis("seconds"), series, ticks))
 
@@ -112,6 +112,11 @@ def _sampled(results: Results, prefix: str, of: Callable[[Row], Interval]) -> li
     """A point for every number of samples."""
     rows = results.each([f"{prefix}{samples}" for samples in (1, 4, 16, 64, 256)])
     return [_point(row.samples, of(row)) for row in rows]
+
+
+def _seconds(row: Row) -> Interval:
+    values = row.values(lambda run: run.seconds)
+    return Interval(row.seconds, min(values), max(values))
 
 
 def _spread(row: Row) -> Interval:

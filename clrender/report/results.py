@@ -147,8 +147,8 @@ class Results:
     reference_mean, reference_noise : float
         Radiance of the reference over pixels and channels; its own relMSE, which every run's is lessened by.
     reference_samples : int
-    direct_mean : float
-        Radiance of direct light alone.
+    emitted_mean, direct_mean : float
+        Radiance of the lights as they are seen; of them and of direct light alone.
     limited : list of float
         Means of renders whose paths scatter `limit` times at most.
     limit : int
@@ -167,6 +167,7 @@ class Results:
     reference_mean: float
     reference_noise: float
     reference_samples: int
+    emitted_mean: float
     direct_mean: float
     limited: list[float]
     limit: int
@@ -175,6 +176,10 @@ class Results:
     def each(self, names: Sequence[str]) -> list[Row]:
         """Those of these rows that there are."""
         return [self.rows[name] for name in names if name in self.rows]
+
+    def beside_reference(self, mean: float) -> float:
+        """A mean radiance over the reference's, both without the lights that are seen, less 1."""
+        return (mean - self.emitted_mean) / (self.reference_mean - self.emitted_mean) - 1.0
 
     def as_json(self) -> dict[str, Any]:
         """All of it as plain data."""

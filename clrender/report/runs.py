@@ -15,60 +15,33 @@ import numpy.typing as npt
 import clrender
 from clrender.report.absorption import absorption_for
 from clrender.report.one_core import one_core_runs
+from clrender.report.plan import (
+    LIMIT,
+    ONE_CORE,
+    SCENE,
+    SPECS,
+    Spec,
+    one_core_turns,
+    reference_samples,
+    turns_of,
+    work_of,
+)
 from clrender.report.results import Results, Row, Run
 
 if TYPE_CHECKING:
-    from clrender.rendering import RenderedImage
+    from clrender.rendering import Progress, RenderedImage
     from clrender.scene import Scene
 
-__all__ = ["SCENE", "SPECS", "Measured", "Renderer", "Stopped", "measure"]
+__all__ = ["Measured", "Renderer", "Stopped", "measure"]
 
-SCENE: Final = "room-diffuse"
-"""The built-in scene of the table."""
-
-LIMIT: Final = 3
 _REFERENCE_SEEDS: Final = (2**31, 2**31 + 1)
+_SECONDS_APART: Final = 10.0
 _FLOOR: Final = 0.01  # as in `clrender.compare`
 _Image = npt.NDArray[Any]
 
 
 class Stopped(Exception):
     """The user wanted it to stop."""
-
-
-@dataclass(frozen=True)
-class Spec:
-    """One setting: its samples, its shadow rays, and how deep the deepest of its 16 samples a pixel should be."""
-
-    samples: int
-    shadow_rays: int
-    deepest: int | None = 14
-
-
-SPECS: Final = {
-    "base": Spec(16, 1),
-    "samples-256": Spec(256, 2),
-    "samples-64": Spec(64, 2),
-    "samples-16": Spec(16, 2),
-    "shadow-4": Spec(16, 4),
-    "depth-7": Spec(16, 1, 7),
-    "depth-5": Spec(16, 1, 5),
-    "samples-4": Spec(4, 2),
-    "samples-1": Spec(1, 2),
-    "cores-4": Spec(4, 1),
-    "cores-64": Spec(64, 1),
-    "own-samples-256": Spec(256, 2, None),
-    "own-samples-64": Spec(64, 2, None),
-    "own-samples-16": Spec(16, 2, None),
-    "own-samples-4": Spec(4, 2, None),
-    "own-samples-1": Spec(1, 2, None),
-    "own-base": Spec(16, 1, None),
-    "own-shadow-4": Spec(16, 4, None),
-}
-"""Name -> setting. Those that begin with ``own`` have clrender's roulette, by throughput, in the place of the report's."""
-
-ONE_CORE: Final = {"one-core-4": "cores-4", "one-core": "base", "one-core-64": "cores-64"}
-"""Rows of one core alone -> the rows of all cores with the same settings and seeds."""
 
 
 @dataclass
@@ -100,14 +73,35 @@ class Renderer:
         ------
         Stopped
         """
+        next_line = _SECONDS_APART
+
+        def on_progress(progress: Progress) -> None:
+            nonlocal next_line
+            if progress.seconds >= next_line:
+                next_line += _SECONDS_APART
+                self.say(f"{self._share(spp * progress.fraction):4.0%}  {what}: {progress.fraction:.0%}")
+
         image = clrender.render(
-            scene, device=self.device, size=self.size, spp=spp, should_stop=self.should_stop, **settings
+            scene,
+            device=self.device,
+            size=self.size,
+            spp=spp,
+            should_stop=self.should_stop,
+            on_progress=on_progress,
+            **settings,
         )
         if image.interrupted or self.should_stop():
             raise Stopped
-        self.done += spp
-        self.say(f"{min(self.done / self.total, 1.0):4.0%}  {what}: {image.stats['render_seconds']:.2f} s")
+        self.finished(what, spp, image.stats["render_seconds"])
         return image
+
+    def finished(self, what: str, spp: int, seconds: float) -> None:
+        """Tell that a render is done."""
+        self.done += spp
+        self.say(f"{self._share(0.0):4.0%}  {what}: {seconds:.2f} s")
+
+    def _share(self, further: float) -> float:
+        return min((self.done + further) / self.total, 1.0)
 
 
 @dataclass
@@ -163,11 +157,11 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     """
     begun = time.perf_counter()
     scene = clrender.load(SCENE)
-    renderer.total = _work(quick)
+    renderer.total = work_of(quick)
     renderer.image(scene, "preparing", 1)
     absorptions = _absorptions(renderer, scene)
     references = [
-        renderer.image(scene, f"reference {i + 1} of 2", _reference_samples(quick) // 2, seed=seed)
+        renderer.image(scene, f"reference {i + 1} of 2", reference_samples(quick) // 2, seed=seed)
         for i, seed in enumerate(_REFERENCE_SEEDS)
     ]
     halves = [image.linear.astype(np.float64) for image in references]
@@ -180,12 +174,14 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     no_one_core = _turns(renderer, scene, rows, reference, images, quick, device["driver"])
     limited = [
         renderer.image(scene, f"at most {LIMIT} scatterings", 16, seed=900 + turn, max_depth=LIMIT)
-        for turn in range(_turns_of(16, quick))
+        for turn in range(turns_of(16, quick))
     ]
-    direct = _figures(renderer, scene, images, quick)
+    emitted = renderer.image(scene, "lights only", 16, max_depth=0)
+    _figures(renderer, scene, images, quick)
     results = Results(
         *renderer.size, quick, device["name"], device["driver"], cores, rows, no_one_core, float(mean.mean()),
-        reference.noise, _reference_samples(quick), direct, [float(image.linear.mean()) for image in limited], LIMIT,
+        reference.noise, reference_samples(quick), float(emitted.linear.mean()), float(images["direct"].mean()),
+        [float(image.linear.mean()) for image in limited], LIMIT,
         time.perf_counter() - begun,
     )  # fmt: skip
     return Measured(results, images)
@@ -198,23 +194,23 @@ def _row(name: str, spec: Spec, absorption: float | None, cores: int, scene: Sce
 
 
 def _turns(
-    renderer: Renderer, scene: Scene, rows: dict[str, Row], reference: Reference, images: dict[str, _Image], quick: bool,
-    driver: str,
+    renderer: Renderer, scene: Scene, rows: dict[str, Row], reference: Reference, images: dict[str, _Image],
+    quick: bool, driver: str,
 ) -> str:  # fmt: skip
     """All settings in turns, so that what else the machine does falls on all alike; why one core alone was left out."""
     no_one_core = "" if driver.startswith("Portable Computing Language") else f"{driver} cannot be held to one core."
     if rows["base"].cores == 1:
         no_one_core = "This machine has one core only."
-    for turn in range(max(_turns_of(spec.samples, quick) for spec in SPECS.values())):
+    for turn in range(max(turns_of(spec.samples, quick) for spec in SPECS.values())):
         for number, (name, spec) in enumerate(SPECS.items()):
-            if turn >= _turns_of(spec.samples, quick):
+            if turn >= turns_of(spec.samples, quick):
                 continue
             row, seed = rows[name], 1000 * (number + 1) + turn
             image = renderer.image(scene, f"turn {turn + 1}, {name}", spec.samples, seed=seed, **settings_of(row))
             row.runs.append(_run(image.stats, row.cores, seed, reference.judge(image.linear)))
             if turn == 0:
                 images[name] = image.linear
-        if not no_one_core and turn < _one_core_turns(quick):
+        if not no_one_core and turn < one_core_turns(quick):
             _one_core(renderer, rows, turn)
     return no_one_core
 
@@ -231,9 +227,7 @@ def _one_core(renderer: Renderer, rows: dict[str, Row], turn: int) -> None:
         run = twin.runs[turn]
         judged = {"noise": run.noise, "seen": run.seen, "typical": run.typical, "mean": run.mean}
         row.runs.append(_run(stats, 1, run.seed, judged))
-        renderer.done += twin.samples
-        renderer.say(f"{min(renderer.done / renderer.total, 1.0):4.0%}  turn {turn + 1}, {name}: "
-                     f"{stats['render_seconds']:.2f} s")  # fmt: skip
+        renderer.finished(f"turn {turn + 1}, {name}", twin.samples, stats["render_seconds"])
 
 
 def settings_of(row: Row) -> dict[str, Any]:
@@ -260,37 +254,14 @@ def _absorptions(renderer: Renderer, scene: Scene) -> dict[int | None, float | N
     return {None: None, **{deepest: round(absorption_for(deepest, paths, goes_on), 4) for deepest in wanted}}
 
 
-def _figures(renderer: Renderer, scene: Scene, images: dict[str, _Image], quick: bool) -> float:
-    """Further pictures, and the mean of direct light."""
-    fine = 64 if quick else 256
+def _figures(renderer: Renderer, scene: Scene, images: dict[str, _Image], quick: bool) -> None:
+    """Further pictures."""
+    fine = 64 if quick else 128
     images["direct"] = renderer.image(scene, "direct light only", fine, integrator="direct").linear
     images["mirror"] = renderer.image(clrender.load("room-mirror"), "mirror sphere", fine).linear
     room = clrender.load("room")
     images["path"] = renderer.image(room, "room by path tracing", fine).linear
     images["whitted"] = renderer.image(room, "room by Whitted's ray tracing", 16, integrator="whitted").linear
-    return float(images["direct"].mean())
-
-
-def _turns_of(samples: int, quick: bool) -> int:
-    if quick:
-        return 3 if samples > 64 else 4
-    return 7 if samples <= 16 else 4
-
-
-def _one_core_turns(quick: bool) -> int:
-    return 2 if quick else 3
-
-
-def _reference_samples(quick: bool) -> int:
-    return 512 if quick else 1024
-
-
-def _work(quick: bool) -> int:
-    """Samples a pixel of all renders."""
-    rows = sum(spec.samples * _turns_of(spec.samples, quick) for spec in SPECS.values())
-    one_core = sum(SPECS[twin].samples for twin in ONE_CORE.values()) * _one_core_turns(quick)
-    further = 3 * (64 if quick else 256) + 16 + 16 * _turns_of(16, quick) + 5
-    return rows + one_core + further + _reference_samples(quick)
 
 
 def _relative(difference: _Image, reference: _Image) -> float:

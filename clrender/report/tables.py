@@ -65,7 +65,8 @@ def times_table(results: Results) -> Table:
             )  # fmt: skip
     caption = (
         f"Table 1: the report's benchmark. Its times (mm:ss) are of 800 × 800 pixels, ours of {results.width} × "
-        f"{results.height}, medians. Ratios are to the line of the same test with ratio ×1. Deepest: the most scattering "
+        f"{results.height}, medians. Ratios are to the line of the same test with ratio ×1. Deepest: the most "
+        f"scattering "
         "events of any path, least and greatest of the runs."
     )
     return Table(caption, header, lines)
@@ -83,7 +84,7 @@ def noise_table(results: Results) -> Table:
         "relMSE", "Visible error", "Typical pixel", "Efficiency",
     )  # fmt: skip
     lines = []
-    for row in results.rows.values():
+    for row in sorted(results.rows.values(), key=lambda row: (row.absorption or 0.0, row.shadow_rays, row.samples)):
         if row.name.startswith("one-core"):
             continue
         told = "throughput" if row.absorption is None else f"absorption {row.absorption}"
@@ -95,16 +96,21 @@ def noise_table(results: Results) -> Table:
         half = f" ± {significant(100 * (seen.high - seen.value), 2)}" if seen.known else ""
         lines.append(
             [
-                told, str(row.samples), str(row.shadow_rays), str(len(row.runs)), *(significant(value) for value in work),
+                told, str(row.samples), str(row.shadow_rays), str(len(row.runs)),
+                *(significant(value) for value in work),
                 _deepest(row), f"{significant(row.seconds)} s", _error(row), f"{significant(100 * seen.value)}{half} %",
                 f"{100 * typical:.1f} %", _efficiency(row),
             ]
         )  # fmt: skip
     caption = (
-        "Table 2: work and noise of every setting. relMSE and efficiency, 1/(relMSE × s): ± is a 95 % t-interval over runs "
-        "with seeds of their own; with * the variance may have no bound (see below), so the median is given with the least "
-        "and the greatest run. Visible error: root mean square difference from the reference through the square root, cut "
-        "to 0–100 %. Typical pixel: median of image over reference; below 100 % light is missing from most pixels and "
+        "Table 2: work and noise of every setting. relMSE and efficiency, 1/(relMSE × s): ± is a 95 % t-interval "
+        "over runs "
+        "with seeds of their own; with * the variance may have no bound (see below), so the median is given with "
+        "the least "
+        "and the greatest run. Visible error: root mean square difference from the reference through the square "
+        "root, cut "
+        "to 0–100 %. Typical pixel: median of image over reference; below 100 % light is missing from most "
+        "pixels and "
         "piled up in a few."
     )
     return Table(caption, header, lines)

@@ -134,8 +134,10 @@ def _shadow(results: Results) -> tuple[str, str]:
         )
     seen = _seen_ratio(rows["base"], rows["shadow-4"])
     text = (
-        f"Against one shadow ray (clrender's roulette), {'; '.join(parts)}. Above ×1, more shadow rays give less noise "
-        f"in the same time. With the report's roulette the visible error of one ray is {bounds(seen, '×')} that of four. "
+        f"Against one shadow ray (clrender's roulette), {'; '.join(parts)}. Above ×1, more shadow rays give less "
+        f"noise "
+        f"in the same time. With the report's roulette the visible error of one ray is {bounds(seen, '×')} that "
+        f"of four. "
     )
     pays, fails = [gain.above(1.0) for gain in gains], [gain.below(1.0) for gain in gains]
     text += f"A second shadow ray {'pays' if pays[0] else 'does not pay' if fails[0] else 'makes no sure difference'}."
@@ -145,10 +147,13 @@ def _shadow(results: Results) -> tuple[str, str]:
 def _light(results: Results) -> tuple[str, str]:
     deep, flat = results.rows["base"], results.rows["depth-5"]
     seen = _seen_ratio(flat, deep)
+    light = scaled(_mean(flat), results.beside_reference)
     text = (
-        f"The roulette divides what survives by its probability, so the light is the same on average. But with a deepest "
-        f"path of {_span(flat)} the typical pixel shows {percent(_typical(flat))} of it and rare pixels far too much, "
-        f"with {_span(deep)} it shows {percent(_typical(deep))}; the visible error is {bounds(seen, '×')} as large."
+        f"The roulette divides what survives by its probability, which leaves the light the same on average "
+        f"(measured with "
+        f"a deepest path of {_span(flat)}: {bounds(light, percent=True)}). But the typical pixel shows "
+        f"{percent(_typical(flat))} of it then and rare pixels far too much; with {_span(deep)} it shows "
+        f"{percent(_typical(deep))}. The visible error of the former is {bounds(seen, '×')} that of the latter."
     )
     return text, _decided(seen.below(_SMALL), seen.above(_SMALL))
 
@@ -164,7 +169,8 @@ def _bounces(results: Results) -> tuple[str, str]:
     flat_rays = sum(run.rays for run in rows["depth-5"].runs) / len(rows["depth-5"].runs)
     listed = ", ".join(f"{name} {factor(ratio.value)}" for name, ratio in others.items())
     text = (
-        f"From a deepest path of {_span(rows['depth-5'])} to {_span(rows['base'])}, time {bounds(depth, '×')} (the report: "
+        f"From a deepest path of {_span(rows['depth-5'])} to {_span(rows['base'])}, time {bounds(depth, '×')} "
+        f"(the report: "
         f"×{103 / 91:.2f}), rays {factor(rays / flat_rays)}; beside it {listed}."
     )
     least = min(others.values(), key=lambda ratio: ratio.value)
@@ -181,8 +187,10 @@ def _deepest(results: Results) -> tuple[str, str]:
         mean_interval(rows[name].values(lambda run: float(run.deepest))) for name in (_SAMPLES[0], _SAMPLES[2])
     )
     text = (
-        f"Deepest of 16, 64 and 256 samples: {', '.join(depths)}. Of geometrically distributed lengths one expects about "
-        f"{', '.join(f'{x:.1f}' for x in expected)}: {math.log(16) / -math.log(survival):.1f} more for 16 times the paths. "
+        f"Deepest of 16, 64 and 256 samples: {', '.join(depths)}. Of geometrically distributed lengths one "
+        f"expects about "
+        f"{', '.join(f'{x:.1f}' for x in expected)}: {math.log(16) / -math.log(survival):.1f} more for 16 times "
+        f"the paths. "
         "A deepest path that does not grow with the number of paths does not fit the roulette described."
     )
     grows = many.low > few.high or min(rows[_SAMPLES[2]].deepest) > max(rows[_SAMPLES[0]].deepest)
@@ -190,11 +198,11 @@ def _deepest(results: Results) -> tuple[str, str]:
 
 
 def _roulette(results: Results) -> tuple[str, str]:
-    own = scaled(_mean(results.rows["own-samples-16"]), lambda x: x / results.reference_mean - 1.0)
-    theirs = scaled(_mean(results.rows["base"]), lambda x: x / results.reference_mean - 1.0)
+    own = scaled(_mean(results.rows["own-samples-16"]), results.beside_reference)
+    theirs = scaled(_mean(results.rows["base"]), results.beside_reference)
     row = results.rows["base"]
     text = (
-        f"Mean radiance less the reference's: {bounds(own, percent=True)} with clrender's roulette, "
+        f"Light on surfaces beside the reference's: {bounds(own, percent=True)} with clrender's roulette, "
         f"{bounds(theirs, percent=True)} with the report's. "
     )
     if not row.bounded:
@@ -206,14 +214,18 @@ def _roulette(results: Results) -> tuple[str, str]:
 
 
 def _limit(results: Results) -> tuple[str, str]:
-    bias = scaled(mean_interval(results.limited), lambda x: x / results.reference_mean - 1.0)
-    text = f"Paths that scatter {results.limit} times at most give {bounds(bias, percent=True)} of mean radiance."
+    bias = scaled(mean_interval(results.limited), results.beside_reference)
+    text = (
+        f"Paths that scatter {results.limit} times at most give {bounds(bias, percent=True)} of the light on surfaces."
+    )
     return text, _decided(bias.below(0.0), bias.holds(0.0))
 
 
 def _indirect(results: Results) -> tuple[str, str]:
-    share = 1.0 - results.direct_mean / results.reference_mean
-    return f"{percent(share)} of the mean radiance is indirect light.", _decided(share > 0.05, share < 0.01)
+    share = -results.beside_reference(results.direct_mean)
+    return f"{percent(share)} of the light on surfaces is indirect, averaged over the picture.", _decided(
+        share > 0.05, share < 0.01
+    )
 
 
 def _cores(results: Results) -> tuple[str, str] | None:
@@ -225,7 +237,8 @@ def _cores(results: Results) -> tuple[str, str] | None:
         for run in results.rows["one-core"].runs
     )
     text = (
-        f"{results.cores} cores are {bounds(gain, '×')} as fast as one (the report: ×{307 / 103:.2f}, on a number of cores "
+        f"{results.cores} cores are {bounds(gain, '×')} as fast as one (the report: ×{307 / 103:.2f}, on a number "
+        f"of cores "
         f"it does not say); the images are {'the same, bit for bit' if same else 'NOT the same'}."
     )
     return text, _decided(gain.above(_SMALL), gain.below(_SMALL))
