@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -30,51 +28,37 @@ def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: st
 
     DIR gets report.html, a page that needs no other file; report.md with its pictures; report.json with all numbers.
     """
-    created = _open_folder(folder)
-    try:
-        with interruptible() as interrupt:
-            from clrender.report import Stopped, make_report, write_files
+    _check_folder(folder)
+    with interruptible() as interrupt:
+        from clrender.report import Stopped, make_report, write_files
 
-            def say(line: str) -> None:
-                if not quiet:
-                    click.echo(line, err=True)
+        def say(line: str) -> None:
+            if not quiet:
+                click.echo(line, err=True)
 
-            size = wanted or ((160, 160) if quick else (800, 800))
-            try:
-                files = make_report(size, quick, device, interrupt.wanted, say)
-            except Stopped:
-                # From here on the end is near: nobody needs to be hurried.
-                interrupt.has_picture.set()
-                click.echo("error: interrupted; nothing was written", err=True)
-                sys.exit(INTERRUPTED)
-            interrupt.has_picture.set()
-            write_files(folder, files)
-    finally:
-        if created:
-            with suppress(OSError):  # not empty: it was written
-                folder.rmdir()
+        size = wanted or ((160, 160) if quick else (800, 800))
+        try:
+            files = make_report(size, quick, device, interrupt.wanted, say)
+        except Stopped:
+            click.echo("error: interrupted; nothing was written", err=True)
+            sys.exit(INTERRUPTED)
+        interrupt.has_picture.set()  # writing takes a moment, and is not cut short
+        write_files(folder, files)
     click.echo(f"{folder / 'report.html'}: {sum(map(len, files.values())) / 1e6:.1f} MB in {len(files)} files")
 
 
-def _open_folder(folder: Path) -> bool:
-    """Make sure that there is an empty folder that can be written to; True when it was created."""
+def _check_folder(folder: Path) -> None:
+    """Make sure that there is an empty folder that can be written to, or that one can be made."""
     from clrender.files import check_writable
 
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder}: is a file; name a folder.")
-    created = False
     if not folder.exists():
-        if not Path(os.path.realpath(folder)).parent.is_dir():
-            raise UsageError(f"{folder}: there is no folder {str(folder.parent)!r}; create it first.")
-        try:
-            folder.mkdir()
-        except OSError as error:
-            raise UsageError(f"{folder}: cannot be created ({error.strerror}); choose another place.") from None
-        created = True
+        check_writable(folder)
+        return
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: is a file; name a folder.")
     try:
         if any(folder.iterdir()):
             raise UsageError(f"{folder}: is not empty; name a new folder, or empty this one.")
     except PermissionError as error:
         raise UsageError(f"{folder}: cannot be read ({error.strerror}); choose another place.") from None
     check_writable(folder / "report.html")
-    return created

@@ -91,9 +91,20 @@ def _files(page: Page) -> dict[str, bytes]:
 
 
 def write_files(folder: Path, files: dict[str, bytes]) -> None:
-    """Write them, each whole or not at all."""
+    """Write them, each whole or not at all, into a folder that may still have to be made.
+
+    Raises
+    ------
+    RenderError
+        When one cannot be written.
+    """
+    from clrender.errors import RenderError
     from clrender.files import atomic_write
 
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise RenderError(f"{folder}: cannot be made ({error.strerror}); choose another place.") from None
     for name, content in files.items():
         with atomic_write(folder / name) as file:
             file.write(content)

@@ -200,7 +200,7 @@ def strip(figure: Figure) -> bytes:
             picture = picture.resize((round(picture.width * scale), round(picture.height * scale)), how)
             pixels = np.asarray(picture)
             sheet[i * cell : i * cell + pixels.shape[0], j * cell : j * cell + pixels.shape[1]] = pixels
-    for quality in range(88, 20, -6):
+    for quality in range(88, 0, -6):
         data = _jpeg(sheet, quality)
         if len(data) <= _STRIP_BYTES:
             break
