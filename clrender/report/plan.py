@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["LIMIT", "ONE_CORE", "SCENE", "SPECS", "Spec", "one_core_turns", "reference_samples", "turns_of", "work_of"]
+__all__ = ["LIMIT", "ONE_CORE", "REFERENCE_SAMPLES", "SCENE", "SPECS", "Spec", "one_core_turns", "turns_of", "work_of"]
 
-SCENE: Final = "room-diffuse"
+SCENE: Final = "room-report"
 """The built-in scene of the table."""
 
 LIMIT: Final = 3
 """Scatterings at most, where paths are limited."""
+
+REFERENCE_SAMPLES: Final = 512
+"""Samples a pixel of both halves of the reference together."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +64,9 @@ def one_core_turns(quick: bool) -> int:
     return 3 if quick else 4
 
 
-def reference_samples(quick: bool) -> int:
-    """Samples a pixel of both halves of the reference."""
-    return 512 if quick else 768
-
-
 def work_of(quick: bool) -> int:
     """Samples a pixel of all renders."""
     rows = sum(spec.samples * turns_of(spec.samples, quick) for spec in SPECS.values())
     one_core = sum(SPECS[twin].samples for twin in ONE_CORE.values()) * one_core_turns(quick)
     further = 3 * (64 if quick else 128) + 32 + 16 * turns_of(16, quick) + 5
-    return rows + one_core + further + reference_samples(quick)
+    return rows + one_core + further + REFERENCE_SAMPLES

@@ -23,7 +23,7 @@ def introduction(results: Results) -> list[str]:
         f"Made by clrender {__version__} with “clrender report{' --quick' if results.quick else ''}” at "
         f"{results.width} × "
         f"{results.height} pixels ({kind}) on {results.device}{cores} ({results.driver}) in "
-        f"{significant(results.seconds / 60.0, 2)} minutes. Scene of the table: room-diffuse.",
+        f"{significant(results.seconds / 60.0, 2)} minutes. Scene of the table: room-report.",
     ]
 
 

@@ -18,11 +18,11 @@ from clrender.report.one_core import one_core_runs
 from clrender.report.plan import (
     LIMIT,
     ONE_CORE,
+    REFERENCE_SAMPLES,
     SCENE,
     SPECS,
     Spec,
     one_core_turns,
-    reference_samples,
     turns_of,
     work_of,
 )
@@ -161,7 +161,7 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     renderer.image(scene, "preparing", 1)
     absorptions = _absorptions(renderer, scene)
     references = [
-        renderer.image(scene, f"reference {i + 1} of 2", reference_samples(quick) // 2, seed=seed)
+        renderer.image(scene, f"reference {i + 1} of 2", REFERENCE_SAMPLES // 2, seed=seed)
         for i, seed in enumerate(_REFERENCE_SEEDS)
     ]
     halves = [image.linear.astype(np.float64) for image in references]
@@ -180,7 +180,7 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     _figures(renderer, scene, images, quick)
     results = Results(
         *renderer.size, quick, device["name"], device["driver"], cores, rows, no_one_core, float(mean.mean()),
-        reference.noise, reference_samples(quick), float(emitted.linear.mean()), float(images["direct"].mean()),
+        reference.noise, REFERENCE_SAMPLES, float(emitted.linear.mean()), float(images["direct"].mean()),
         [float(image.linear.mean()) for image in limited], LIMIT,
         time.perf_counter() - begun,
     )  # fmt: skip

@@ -233,7 +233,7 @@ def test_a_plot_puts_points_where_they_belong() -> None:
 
 
 def test_drawings_are_svg_with_the_rooms_measures() -> None:
-    for name in ("room", "room-mirror", "room-diffuse"):
+    for name in ("room", "room-mirror", "room-report"):
         drawn = ET.fromstring(room_measures(clrender.load(name)))
         texts = [text.text for text in drawn.iter() if text.tag.endswith("text")]
         assert texts.count("4 m") == 3 and texts.count("8 m") == 1
