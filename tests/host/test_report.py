@@ -145,7 +145,7 @@ def test_one_core_left_out_is_said() -> None:
     results = made_up(one_core=False)
     assert not {"cores", "more-cores"} & {each.name for each in verdicts(results)}
     line = times_table(results).rows[-1]
-    assert line[3] == "one" and "left out" in line
+    assert line[3] == "one" and "left out" in line and line[-2] == "×2.98"
     assert "cannot be held to one core" in markdown_page(Page(results, [], []))
 
 
@@ -215,6 +215,12 @@ def test_absorption_gives_the_deepest_path_asked_for(deepest: int) -> None:
     # The greatest of n geometric numbers, by its distribution function: P(all <= k) = (1 - s^k)^n.
     found = np.ceil(np.log1p(-(random.random(1000) ** (1.0 / paths))) / math.log(survival))
     assert scipy.stats.mode(found).mode == deepest
+    # And no other probability makes it likelier.
+    likely = [
+        (1.0 - s**deepest) ** paths - (1.0 - s ** (deepest - 1)) ** paths
+        for s in (0.97 * survival, survival, 1.03 * survival)
+    ]
+    assert likely[1] > max(likely[0], likely[2])
     assert abs(expected_deepest(survival, paths) - deepest) < 1.0
     assert absorption_for(deepest, paths, 0.9) < absorption_for(deepest, paths, 1.0) == pytest.approx(1.0 - survival)
 
