@@ -76,9 +76,8 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         Figure(
             "figure-2-5",
             "Figures 2 and 5: reflection, colour bleeding, soft shadows",
-            "A mirror sphere shows the room (room-mirror). The white sphere takes on the green of the wall "
-            "beside it. "
-            "Area lights cast shadows with soft edges.",
+            "A mirror sphere shows the room (room-mirror). The white sphere takes on the green of the wall beside "
+            "it. Area lights cast shadows with soft edges.",
             [
                 [
                     Panel(_whole(images["mirror"]), "reflection"),
@@ -102,8 +101,8 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         Figure(
             "figure-6",
             "Figure 6: tone curves",
-            "The square root, which the report calls logarithmic (it is a power law), beside no curve at all. "
-            "One render, shown twice.",
+            "The square root, which the report calls logarithmic (it is a power law), beside no curve at all. One "
+            "render, shown twice.",
             [
                 [
                     Panel(_whole(images["reference"]), "square root"),
@@ -121,9 +120,8 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         ),
         _compared(
             "figure-9", "Figure 9: depth",
-            "Deepest paths of about 14, 7 and 5; 16 samples, one shadow ray. What survives the roulette is "
-            "divided by its "
-            "probability, so all have the same light on average, but the right ones have it in ever rarer, "
+            "Deepest paths of about 14, 7 and 5; 16 samples, one shadow ray. What survives the roulette is divided "
+            "by its probability, so all have the same light on average, but the right ones have it in ever rarer, "
             "brighter specks.",
             images,
             {name: f"deepest path {_deepest(results, name)}" for name in ("base", "depth-7", "depth-5")},
@@ -131,16 +129,14 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         _compared(
             "roulettes", "Further: the roulette",
             "The report's roulette by absorption beside clrender's, which ends a path by how little it can still "
-            "carry: "
-            "same samples, same shadow rays.",
+            "carry: same samples, same shadow rays.",
             images, {"base": "by absorption", "own-base": "by throughput"},
         ),
         Figure(
             "whitted",
             "Section 2.1.2: Whitted's ray tracing",
             "Path tracing beside Whitted's ray tracing on the scene room: mirror and glass are followed, but "
-            "lights are "
-            "points, shadows hard, and there is no indirect light.",
+            "lights are points, shadows hard, and there is no indirect light.",
             [[Panel(_whole(images["path"]), "path tracing"), Panel(_whole(images["whitted"]), "Whitted")]],
         ),
     ]  # fmt: skip

@@ -66,8 +66,7 @@ def times_table(results: Results) -> Table:
     caption = (
         f"Table 1: the report's benchmark. Its times (mm:ss) are of 800 × 800 pixels, ours of {results.width} × "
         f"{results.height}, medians. Ratios are to the line of the same test with ratio ×1. Deepest: the most "
-        f"scattering "
-        "events of any path, least and greatest of the runs."
+        "scattering events of any path, least and greatest of the runs."
     )
     return Table(caption, header, lines)
 
@@ -104,14 +103,10 @@ def noise_table(results: Results) -> Table:
         )  # fmt: skip
     caption = (
         "Table 2: work and noise of every setting. relMSE and efficiency, 1/(relMSE × s): ± is a 95 % t-interval "
-        "over runs "
-        "with seeds of their own; with * the variance may have no bound (see below), so the median is given with "
-        "the least "
-        "and the greatest run. Visible error: root mean square difference from the reference through the square "
-        "root, cut "
-        "to 0–100 %. Typical pixel: median of image over reference; below 100 % light is missing from most "
-        "pixels and "
-        "piled up in a few."
+        "over runs with seeds of their own; with * the variance may have no bound (see below), so the median is "
+        "given with the least and the greatest run. Visible error: root mean square difference from the reference "
+        "through the square root, cut to 0–100 %. Typical pixel: median of image over reference; below 100 % light "
+        "is missing from most pixels and piled up in a few."
     )
     return Table(caption, header, lines)
 

@@ -82,8 +82,8 @@ def _time(results: Results) -> tuple[str, str]:
     # Its own table: 256 samples against 16.
     theirs = math.log((44 * 60 + 59) / (2 * 60 + 56)) / math.log(16)
     text = (
-        f"Time grows as samples to the power of {bounds(power)}; the report's own times give {theirs:.2f}. "
-        "A power of 1 is proportional growth; an exponential one would have no such power."
+        f"Time grows as samples to the power of {bounds(power)}; the report's own times give {theirs:.2f}. A power "
+        "of 1 is proportional growth; an exponential one would have no such power."
     )
     return text, _decided(power.above(1.25), power.below(1.25))
 
@@ -135,9 +135,8 @@ def _shadow(results: Results) -> tuple[str, str]:
     seen = _seen_ratio(rows["base"], rows["shadow-4"])
     text = (
         f"Against one shadow ray (clrender's roulette), {'; '.join(parts)}. Above ×1, more shadow rays give less "
-        f"noise "
-        f"in the same time. With the report's roulette the visible error of one ray is {bounds(seen, '×')} that "
-        f"of four. "
+        f"noise in the same time. With the report's roulette the visible error of one ray is {bounds(seen, '×')} "
+        "that of four. "
     )
     pays, fails = [gain.above(1.0) for gain in gains], [gain.below(1.0) for gain in gains]
     text += f"A second shadow ray {'pays' if pays[0] else 'does not pay' if fails[0] else 'makes no sure difference'}."
@@ -149,10 +148,9 @@ def _light(results: Results) -> tuple[str, str]:
     seen = _seen_ratio(flat, deep)
     light = scaled(_mean(flat), results.beside_reference)
     text = (
-        f"The roulette divides what survives by its probability, which leaves the light the same on average "
-        f"(measured with "
-        f"a deepest path of {_span(flat)}: {bounds(light, percent=True)}). But the typical pixel shows "
-        f"{percent(_typical(flat))} of it then and rare pixels far too much; with {_span(deep)} it shows "
+        "The roulette divides what survives by its probability, which leaves the light the same on average "
+        f"(measured with a deepest path of {_span(flat)}: {bounds(light, percent=True)}). But the typical pixel "
+        f"shows {percent(_typical(flat))} of it then and rare pixels far too much; with {_span(deep)} it shows "
         f"{percent(_typical(deep))}. The visible error of the former is {bounds(seen, '×')} that of the latter."
     )
     return text, _decided(seen.below(_SMALL), seen.above(_SMALL))
@@ -169,9 +167,8 @@ def _bounces(results: Results) -> tuple[str, str]:
     flat_rays = sum(run.rays for run in rows["depth-5"].runs) / len(rows["depth-5"].runs)
     listed = ", ".join(f"{name} {factor(ratio.value)}" for name, ratio in others.items())
     text = (
-        f"From a deepest path of {_span(rows['depth-5'])} to {_span(rows['base'])}, time {bounds(depth, '×')} "
-        f"(the report: "
-        f"×{103 / 91:.2f}), rays {factor(rays / flat_rays)}; beside it {listed}."
+        f"From a deepest path of {_span(rows['depth-5'])} to {_span(rows['base'])}, time {bounds(depth, '×')} (the "
+        f"report: ×{103 / 91:.2f}), rays {factor(rays / flat_rays)}; beside it {listed}."
     )
     least = min(others.values(), key=lambda ratio: ratio.value)
     return text, _decided(depth.high < least.low, depth.low > least.high)
@@ -187,11 +184,10 @@ def _deepest(results: Results) -> tuple[str, str]:
         mean_interval(rows[name].values(lambda run: float(run.deepest))) for name in (_SAMPLES[0], _SAMPLES[2])
     )
     text = (
-        f"Deepest of 16, 64 and 256 samples: {', '.join(depths)}. Of geometrically distributed lengths one "
-        f"expects about "
-        f"{', '.join(f'{x:.1f}' for x in expected)}: {math.log(16) / -math.log(survival):.1f} more for 16 times "
-        f"the paths. "
-        "A deepest path that does not grow with the number of paths does not fit the roulette described."
+        f"Deepest of 16, 64 and 256 samples: {', '.join(depths)}. Of geometrically distributed lengths one expects "
+        f"about {', '.join(f'{x:.1f}' for x in expected)}: {math.log(16) / -math.log(survival):.1f} more for 16 "
+        "times the paths. A deepest path that does not grow with the number of paths does not fit the roulette "
+        "described."
     )
     grows = many.low > few.high or min(rows[_SAMPLES[2]].deepest) > max(rows[_SAMPLES[0]].deepest)
     return text, _decided(many.value <= few.value, grows)
@@ -238,8 +234,7 @@ def _cores(results: Results) -> tuple[str, str] | None:
     )
     text = (
         f"{results.cores} cores are {bounds(gain, '×')} as fast as one (the report: ×{307 / 103:.2f}, on a number "
-        f"of cores "
-        f"it does not say); the images are {'the same, bit for bit' if same else 'NOT the same'}."
+        f"of cores it does not say); the images are {'the same, bit for bit' if same else 'NOT the same'}."
     )
     return text, _decided(gain.above(_SMALL), gain.below(_SMALL))
 
