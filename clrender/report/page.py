@@ -42,10 +42,10 @@ th, td { padding: .35rem .6rem; border-bottom: 1px solid var(--rule); text-align
   white-space: nowrap; }
 th { vertical-align: bottom; white-space: normal; background: var(--band); }
 .words { text-align: left; } .prose td { white-space: normal; min-width: 9rem; }
-.prose td:nth-child(2) { min-width: 20rem; }
-.prose td:last-child { white-space: nowrap; font-weight: 600; min-width: 0; }
-.holds td:last-child { color: var(--good); } .fails td:last-child { color: var(--bad); }
-.open td:last-child { color: var(--open); } .first td { border-top: 2px solid var(--rule); }
+.prose td:nth-child(3) { min-width: 20rem; }
+.prose td:nth-child(2) { white-space: nowrap; font-weight: 600; min-width: 0; }
+.holds td:nth-child(2) { color: var(--good); } .fails td:nth-child(2) { color: var(--bad); }
+.open td:nth-child(2) { color: var(--open); } .first td { border-top: 2px solid var(--rule); }
 figure { margin: 2rem 0; } figcaption { color: var(--soft); max-width: 46rem; margin-top: .5rem; }
 figcaption strong { color: var(--ink); }
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 14rem), 1fr)); gap: .6rem;

@@ -118,8 +118,8 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
     ----------
     found : sequence of Verdict
     """
-    lines = [[each.claim, each.measured, each.outcome] for each in found]
-    return Table("The report's conclusions, and what the numbers say.", ("The report", "Measured", "Verdict"), lines, 3)
+    lines = [[each.claim, each.outcome, each.measured] for each in found]
+    return Table("The report's conclusions, and what the numbers say.", ("The report", "Verdict", "Measured"), lines, 3)
 
 
 def _ratio(results: Results, row: Row, base: Row) -> float:
