@@ -48,9 +48,10 @@ th { vertical-align: bottom; white-space: normal; background: var(--band); }
 .open td:nth-child(2) { color: var(--open); } .first td { border-top: 2px solid var(--rule); }
 figure { margin: 2rem 0; } figcaption { color: var(--soft); max-width: 46rem; margin-top: .5rem; }
 figcaption strong { color: var(--ink); }
-.row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 14rem), 1fr)); gap: .6rem;
+.row { display: grid; grid-template-columns: repeat(var(--columns), minmax(0, 30rem)); gap: .6rem;
   margin-bottom: .6rem; }
-.row div { max-width: 30rem; } .row img { width: 100%; height: auto; display: block; }
+@media (max-width: 36rem) { .row { grid-template-columns: 1fr; } }
+.row img { width: 100%; height: auto; display: block; }
 .row span { font-size: .85rem; color: var(--soft); }
 .pixels img { image-rendering: pixelated; }
 svg { max-width: 100%; height: auto; width: 40rem; border: 1px solid var(--rule); }
@@ -167,7 +168,7 @@ def _html_figure(figure: Figure) -> str:
             f'alt="{escape(f"{figure.title}: {panel.words}")}"><span>{escape(panel.words)}</span></div>'
             for panel in row
         )
-        rows.append(f'<div class="row{" pixels" if i else ""}">{pictures}</div>')
+        rows.append(f'<div class="row{" pixels" if i else ""}" style="--columns: {len(row)}">{pictures}</div>')
     caption = f"<figcaption><strong>{escape(figure.title)}.</strong> {escape(figure.caption)}</figcaption>"
     return f'<figure id="{figure.name}">{figure.svg}{"".join(rows)}{caption}</figure>'
 

@@ -27,7 +27,7 @@ _STRIP_PANEL: Final = 280
 _GAP: Final = 6
 
 # Left, top and side of square details, as shares of the picture.
-_SPHERE: Final = (0.66, 0.60, 0.28)
+_SPHERE: Final = (0.54, 0.58, 0.40)
 _SHADOW: Final = (0.50, 0.70, 0.30)
 _NOISE: Final = (0.42, 0.62, 0.25)
 
