@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from clrender.report.founding import GROUPS, TITLE
 from clrender.report.results import Results
-from clrender.report.wording import significant
+from clrender.report.wording import percent, significant
 from clrender.version import __version__
 
 __all__ = ["differences", "introduction", "method"]
+
+_BUSY: Final = 0.85
+"""Share of the cores below which the page says that the machine was busy."""
 
 
 def introduction(results: Results) -> list[str]:
@@ -20,13 +25,19 @@ def introduction(results: Results) -> list[str]:
     if results.quick:
         kind += ", with few runs: for a look, not for conclusions"
     cores = f", {results.cores} cores" if results.cores else ""
+    busy = (
+        f" The machine was busy with other things: it gave {percent(results.share_of_cores)} of its cores, and "
+        "times by the clock are longer for it."
+        if results.share_of_cores < _BUSY
+        else ""
+    )
     return [
         f"clrender grew out of a report on one Monte Carlo ray tracer ({TITLE}). This page renders its benchmark "
         "table and its figures again, puts its numbers beside ours, and says what holds of its conclusions. Every "
         "verdict is computed from the numbers on this page.",
         f"Made by clrender {__version__} with “{command}” at {results.width} × {results.height} pixels ({kind}) on "
         f"{results.device}{cores} ({results.driver}) in {significant(results.seconds / 60.0, 2)} minutes. Scene of "
-        "the table: room-report.",
+        f"the table: room-report.{busy}",
     ]
 
 
@@ -68,7 +79,7 @@ def differences(results: Results) -> list[str]:
     """Why our numbers are not the report's."""
     base, theirs = results.rows["base"], GROUPS[1].rows[0]
     pixels = 800 * 800 / (results.width * results.height)
-    faster = theirs.seconds / (base.seconds * pixels)
+    faster = theirs.seconds / (base.cost * pixels)
     return [
         f"Per path, with 16 samples and one shadow ray, the report's program took {significant(faster)} times as "
         "long as clrender here. Its processor is not named, so only ratios can be compared. Its program is C++ "

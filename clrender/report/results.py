@@ -103,6 +103,11 @@ class Row:
         return statistics.median(run.cpu_seconds for run in self.runs)
 
     @property
+    def cost(self) -> float:
+        """Median of the runs' costs: seconds on an idle machine."""
+        return statistics.median(run.cost for run in self.runs)
+
+    @property
     def noise(self) -> Interval:
         """relMSE."""
         return mean_interval(self.values(lambda run: run.noise))
@@ -176,6 +181,12 @@ class Results:
     def each(self, names: Sequence[str]) -> list[Row]:
         """Those of these rows that there are."""
         return [self.rows[name] for name in names if name in self.rows]
+
+    @property
+    def share_of_cores(self) -> float:
+        """What the machine gave of its cores in the longest renders; 1 where they are no CPU's."""
+        row = max((each for each in self.rows.values() if each.cores == self.cores), key=lambda each: each.seconds)
+        return row.cpu_seconds / (row.seconds * self.cores) if self.cores else 1.0
 
     def beside_reference(self, mean: float) -> float:
         """A mean radiance over the reference's, both without the lights that are seen, less 1."""

@@ -65,7 +65,8 @@ def times_table(results: Results) -> Table:
             )  # fmt: skip
     caption = (
         f"Table 1: the report's benchmark. Its times (mm:ss) are of 800 × 800 pixels, ours of {results.width} × "
-        f"{results.height}, medians. Ratios are to the line of the same test with ratio ×1. Deepest: the most "
+        f"{results.height}, medians. Ratios are to the line of the same test with ratio ×1; ours are of processor "
+        "time on a CPU, as an idle machine would take, but those of cores by the clock. Deepest: the most "
         "scattering events of any path, least and greatest of the runs."
     )
     return Table(caption, header, lines)
@@ -127,7 +128,7 @@ def _ratio(results: Results, row: Row, base: Row) -> float:
         # One core alone was measured beside these runs of all cores.
         seeds = {run.seed for run in row.runs}
         return row.seconds / statistics.median(run.seconds for run in base.runs if run.seed in seeds)
-    return row.seconds / base.seconds
+    return row.cost / base.cost
 
 
 def _deepest(row: Row) -> str:

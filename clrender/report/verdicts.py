@@ -204,7 +204,7 @@ def _roulette(results: Results) -> tuple[str, str]:
     if not row.bounded:
         text += (
             f"But its absorption of {row.absorption} multiplies the mean square of a path's weight by up to "
-            f"{row.growth:.2f} a bounce: the variance may have no bound, and convergence is slower than 1/N."
+            f"{row.growth:.2f} a bounce: the variance may have no bound, and convergence can be slower than 1/N."
         )
     return text, _decided(own.holds(0.0) and theirs.holds(0.0), not own.holds(0.0) and abs(own.value) > 0.005)
 
