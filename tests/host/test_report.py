@@ -263,6 +263,16 @@ def test_the_page_and_the_markdown_say_the_same() -> None:
     assert html.count("<svg") == len(page.plots) == 3
 
 
+def test_a_busy_machine_is_said() -> None:
+    def slowed(run: Run, row: Row) -> Run:
+        return dataclasses.replace(run, seconds=2.0 * run.seconds)
+
+    assert "gave 50.0 % of its cores" in markdown_page(Page(made_up(slowed), [], []))
+    assert "busy" not in markdown_page(Page(made_up(), [], []))
+    # Ratios are of processor time, so they stay.
+    assert [row[-1] for row in times_table(made_up(slowed)).rows] == [row[-1] for row in times_table(made_up()).rows]
+
+
 def test_words_are_escaped() -> None:
     results = dataclasses.replace(made_up(), device="<script>alert(1)</script>")
     assert "<script" not in html_page(Page(results, [], []))
