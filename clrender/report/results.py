@@ -184,9 +184,11 @@ class Results:
 
     @property
     def share_of_cores(self) -> float:
-        """What the machine gave of its cores in the longest renders; 1 where they are no CPU's."""
-        row = max((each for each in self.rows.values() if each.cores == self.cores), key=lambda each: each.seconds)
-        return row.cpu_seconds / (row.seconds * self.cores) if self.cores else 1.0
+        """What the machine gave of its cores to the renders that had all of them; 1 where they are no CPU's."""
+        if not self.cores:
+            return 1.0
+        runs = [run for row in self.rows.values() if row.cores == self.cores for run in row.runs]
+        return sum(run.cpu_seconds for run in runs) / (sum(run.seconds for run in runs) * self.cores)
 
     def beside_reference(self, mean: float) -> float:
         """A mean radiance over the reference's, both without the lights that are seen, less 1."""
