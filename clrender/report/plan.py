@@ -55,7 +55,7 @@ ONE_CORE: Final = {"one-core-4": "cores-4", "one-core": "base", "one-core-64": "
 def turns_of(samples: int, quick: bool) -> int:
     """Runs of a setting with so many samples a pixel."""
     if quick:
-        return 3 if samples > 64 else 4
+        return 3
     return 3 if samples > 64 else 6 if samples <= 16 else 4
 
 
