@@ -195,7 +195,7 @@ def render(
     first_seconds = time.perf_counter() - prepared
     workers = _workers(devices, flat, wanted, plan.tile)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
-    started = time.perf_counter()
+    started, cpu_started = time.perf_counter(), time.process_time()
 
     def advance(samples: int, rays: int) -> None:
         if on_progress is not None:
@@ -211,7 +211,7 @@ def render(
     finally:
         for worker in workers:
             worker.release()
-    finished = time.perf_counter()
+    finished, cpu_finished = time.perf_counter(), time.process_time()
     for failure in tally.failures:
         tell(f"warning: {failure}; its work was done by the others")
     linear = film.mean() if keep_film else film.develop()
@@ -223,6 +223,7 @@ def render(
         "build_seconds": max(worker.build_seconds for worker in workers),
         "aov_seconds": first_seconds,
         "render_seconds": finished - started,
+        "render_cpu_seconds": cpu_finished - cpu_started,
         "write_seconds": 0.0,
         "wall_seconds": time.perf_counter() - begin,
     }

@@ -17,6 +17,7 @@ LAYERS = (
     ("__main__",),
     ("cli",),
     ("bench",),
+    ("report",),
     ("__init__",),
     ("agreement",),
     ("rendering",),

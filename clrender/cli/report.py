@@ -1,0 +1,64 @@
+"""`clrender report`: the founding report's table and figures, measured again here."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from clrender.cli.interrupt import INTERRUPTED, interruptible
+from clrender.cli.options import size as parse_size
+from clrender.errors import UsageError
+
+__all__ = ["report"]
+
+
+@click.command()
+@click.option(
+    "-o", "--output", "folder", metavar="DIR", type=click.Path(path_type=Path), required=True,
+    help="A new or an empty folder.",
+)  # fmt: skip
+@click.option("--quick", is_flag=True, help="160x160 pixels and fewer runs: a minute instead of ten.")
+@click.option("--size", "wanted", type=parse_size, metavar="WxH", help="Pixels (800x800 as in the report).")
+@click.option("-d", "--device", metavar="SPEC", help="As of `clrender render`.")
+@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: str | None, quiet: bool) -> None:
+    """Reproduce the report that clrender grew out of: its benchmark table and its figures.
+
+    DIR gets report.html, a page that needs no other file; report.md with its pictures; report.json with all numbers.
+    """
+    _check_folder(folder)
+    with interruptible() as interrupt:
+        from clrender.report import Stopped, make_report, write_files
+
+        def say(line: str) -> None:
+            if not quiet:
+                click.echo(line, err=True)
+
+        size = wanted or ((160, 160) if quick else (800, 800))
+        try:
+            files = make_report(size, quick, device, interrupt.wanted, say)
+        except Stopped:
+            click.echo("error: interrupted; nothing was written", err=True)
+            sys.exit(INTERRUPTED)
+        interrupt.has_picture.set()  # writing takes a moment, and is not cut short
+        write_files(folder, files)
+    click.echo(f"{folder / 'report.html'}: {sum(map(len, files.values())) / 1e6:.1f} MB in {len(files)} files")
+
+
+def _check_folder(folder: Path) -> None:
+    """Make sure that there is an empty folder that can be written to, or that one can be made."""
+    from clrender.files import check_writable
+
+    if not folder.exists():
+        check_writable(folder)
+        return
+    if not folder.is_dir():
+        raise UsageError(f"{folder}: is a file; name a folder.")
+    try:
+        if any(folder.iterdir()):
+            raise UsageError(f"{folder}: is not empty; name a new folder, or empty this one.")
+    except PermissionError as error:
+        raise UsageError(f"{folder}: cannot be read ({error.strerror}); choose another place.") from None
+    check_writable(folder / "report.html")

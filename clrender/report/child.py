@@ -1,0 +1,24 @@
+"""Program of a process of its own: renders what its argument asks for, and prints a line of JSON each."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import clrender
+
+__all__ = ["main"]
+
+
+def main(task: str) -> None:
+    """Render; `task` is what `clrender.report.one_core` wrote."""
+    wanted = json.loads(task)
+    scene = clrender.load(wanted["scene"])
+    for number, settings in enumerate([{**wanted["wanted"][0], "spp": 1}, *wanted["wanted"]]):
+        image = clrender.render(scene, device=wanted["device"], size=tuple(wanted["size"]), **settings)
+        if number:
+            print(json.dumps(image.stats), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

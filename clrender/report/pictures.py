@@ -1,0 +1,211 @@
+"""The report's figures as pictures: which images stand beside each other, whole and in detail."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.report.results import Results
+from clrender.tonemap import to_display
+
+__all__ = ["Figure", "Panel", "data_uri", "figures", "strip"]
+
+_Pixels = npt.NDArray[np.uint8]
+_Images = Mapping[str, npt.NDArray[Any]]
+
+_WHOLE: Final = 480
+"""Pixels of a whole picture's longer side, at most."""
+
+_STRIP_BYTES: Final = 60_000
+_STRIP_PANEL: Final = 280
+_GAP: Final = 6
+
+# Left, top and side of square details, as shares of the picture.
+_SPHERE: Final = (0.54, 0.58, 0.40)
+_SHADOW: Final = (0.50, 0.70, 0.30)
+_NOISE: Final = (0.42, 0.62, 0.25)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One picture of a figure: (H, W, 3) display pixels and a few words."""
+
+    pixels: _Pixels
+    words: str
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the report, or a further one.
+
+    Attributes
+    ----------
+    name : str
+        Of its file.
+    title, caption : str
+    rows : sequence of sequence of Panel
+        Pictures beside and below each other; empty where there is a drawing.
+    svg : str
+        The drawing.
+    """
+
+    name: str
+    title: str
+    caption: str
+    rows: Sequence[Sequence[Panel]] = field(default_factory=tuple)
+    svg: str = ""
+
+
+def figures(images: _Images, results: Results) -> list[Figure]:
+    """All that are pictures.
+
+    Parameters
+    ----------
+    images : mapping
+        As of `clrender.report.runs.Measured`.
+    results : Results
+        For the captions.
+    """
+    return [
+        Figure(
+            "figure-2-5",
+            "Figures 2 and 5: reflection, colour bleeding, soft shadows",
+            "A mirror sphere shows the room (room-mirror). The white sphere takes on the green of the wall beside "
+            "it. Area lights cast shadows with soft edges.",
+            [
+                [
+                    Panel(_whole(images["mirror"]), "reflection"),
+                    Panel(_detail(images["reference"], _SPHERE), "colour bleeding"),
+                    Panel(_detail(images["reference"], _SHADOW), "soft shadows"),
+                ]
+            ],
+        ),
+        Figure(
+            "figure-4",
+            "Figure 4: direct and indirect light, and direct light only",
+            f"Of the light on surfaces {-100 * results.beside_reference(results.direct_mean):.0f} % is indirect: "
+            "without it the ceiling is black and shadows have no light.",
+            [
+                [
+                    Panel(_whole(images["reference"]), "direct and indirect"),
+                    Panel(_whole(images["direct"]), "direct only"),
+                ]
+            ],
+        ),
+        Figure(
+            "figure-6",
+            "Figure 6: tone curves",
+            "The square root, which the report calls logarithmic (it is a power law), beside no curve at all. One "
+            "render, shown twice.",
+            [
+                [
+                    Panel(_whole(images["reference"]), "square root"),
+                    Panel(_whole(images["reference"], "linear"), "linear"),
+                ]
+            ],
+        ),
+        _compared(
+            "figure-7", "Figure 7: samples", "256, 64 and 16 samples a pixel, two shadow rays.", images,
+            {"samples-256": "256 samples", "samples-64": "64 samples", "samples-16": "16 samples"},
+        ),
+        _compared(
+            "figure-8", "Figure 8: shadow rays", "One, two and four shadow rays, 16 samples a pixel.", images,
+            {"base": "1 shadow ray", "samples-16": "2 shadow rays", "shadow-4": "4 shadow rays"},
+        ),
+        _compared(
+            "figure-9", "Figure 9: depth",
+            "Deepest paths of about 14, 7 and 5; 16 samples, one shadow ray. What survives the roulette is divided "
+            "by its probability, so all have the same light on average, but the right ones have it in ever rarer, "
+            "brighter specks.",
+            images,
+            {name: f"deepest path {_deepest(results, name)}" for name in ("base", "depth-7", "depth-5")},
+        ),
+        _compared(
+            "roulettes", "Further: the roulette",
+            "The report's roulette by absorption beside clrender's, which ends a path by how little it can still "
+            "carry: same samples, same shadow rays.",
+            images, {"base": "by absorption", "own-base": "by throughput"},
+        ),
+        Figure(
+            "whitted",
+            "Section 2.1.2: Whitted's ray tracing",
+            "Path tracing beside Whitted's ray tracing on the scene room: mirror and glass are followed, but "
+            "lights are points, shadows hard, and there is no indirect light.",
+            [[Panel(_whole(images["path"]), "path tracing"), Panel(_whole(images["whitted"]), "Whitted")]],
+        ),
+    ]  # fmt: skip
+
+
+def _compared(name: str, title: str, caption: str, images: _Images, words: Mapping[str, str]) -> Figure:
+    """Images of several rows beside each other, whole above, a detail in its own pixels below."""
+    wholes = [Panel(_whole(images[row]), word) for row, word in words.items()]
+    details = [Panel(_detail(images[row], _NOISE), f"{word}, detail") for row, word in words.items()]
+    return Figure(name, title, caption, [wholes, details])
+
+
+def _deepest(results: Results, name: str) -> int:
+    """Of the run that is shown, the first."""
+    return results.rows[name].runs[0].deepest
+
+
+def _whole(linear: npt.NDArray[Any], tone_map: str = "sqrt") -> _Pixels:
+    """Display pixels, made smaller by a whole factor, in linear light, where the image is large."""
+    factor = -(-max(linear.shape[:2]) // _WHOLE)
+    height, width = (side // factor * factor for side in linear.shape[:2])
+    blocks = linear[:height, :width].reshape(height // factor, factor, width // factor, factor, 3)
+    return to_display(blocks.mean(axis=(1, 3)), tone_map)
+
+
+def _detail(linear: npt.NDArray[Any], where: tuple[float, float, float]) -> _Pixels:
+    height, width = linear.shape[:2]
+    left, top, side = int(where[0] * width), int(where[1] * height), max(int(where[2] * min(width, height)), 1)
+    return to_display(linear[top : top + side, left : left + side], "sqrt")
+
+
+def data_uri(pixels: _Pixels) -> str:
+    """A picture inside a page."""
+    return "data:image/jpeg;base64," + base64.b64encode(_jpeg(pixels, 88)).decode()
+
+
+def strip(figure: Figure) -> bytes:
+    """All of a figure's pictures as one JPEG file of at most 60 kB.
+
+    Parameters
+    ----------
+    figure : Figure
+        With pictures.
+    """
+    from PIL import Image
+
+    columns = max(len(row) for row in figure.rows)
+    cell = _STRIP_PANEL + _GAP
+    sheet = np.full((len(figure.rows) * cell - _GAP, columns * cell - _GAP, 3), 255, np.uint8)
+    for i, row in enumerate(figure.rows):
+        for j, panel in enumerate(row):
+            enlarged = panel.pixels.shape[0] < _STRIP_PANEL
+            how = Image.Resampling.NEAREST if enlarged else Image.Resampling.LANCZOS
+            picture = Image.fromarray(panel.pixels)
+            picture.thumbnail((_STRIP_PANEL, _STRIP_PANEL), how)
+            scale = _STRIP_PANEL / max(picture.size)
+            picture = picture.resize((round(picture.width * scale), round(picture.height * scale)), how)
+            pixels = np.asarray(picture)
+            sheet[i * cell : i * cell + pixels.shape[0], j * cell : j * cell + pixels.shape[1]] = pixels
+    for quality in range(88, 0, -6):
+        data = _jpeg(sheet, quality)
+        if len(data) <= _STRIP_BYTES:
+            break
+    return data
+
+
+def _jpeg(pixels: _Pixels, quality: int) -> bytes:
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.fromarray(pixels).save(data, "JPEG", quality=quality, optimize=True)
+    return data.getvalue()

@@ -1,0 +1,153 @@
+"""The report's table, its numbers beside ours, and the work and the noise of every setting: as rows of text."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from clrender.report.founding import GROUPS
+from clrender.report.results import Results, Row
+from clrender.report.verdicts import Verdict
+from clrender.report.wording import factor, significant
+
+__all__ = ["Table", "noise_table", "times_table", "verdict_table"]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Text in rows and columns.
+
+    Attributes
+    ----------
+    caption : str
+    header : sequence of str
+    rows : sequence of sequence of str
+    words : int
+        Of its columns, the first so many are words, the others numbers.
+    """
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    words: int = 1
+
+
+def times_table(results: Results) -> Table:
+    """The report's Table 1 with our times beside its own.
+
+    Parameters
+    ----------
+    results : Results
+    """
+    header = (
+        "Test", "Samples", "Shadow rays", "Cores", "Deepest: report", "Deepest: ours", "Absorption",
+        "Time: report", "Time: ours", "CPU time", "Ratio: report", "Ratio: ours",
+    )  # fmt: skip
+    lines = []
+    for group in GROUPS:
+        base = group.rows[group.base]
+        for theirs in group.rows:
+            start = [group.title, str(theirs.samples), str(theirs.shadow_rays)]
+            row = results.rows.get(theirs.run)
+            if row is None:
+                told = ["one", str(theirs.depth), "–", "–", theirs.clock, "left out", "–"]
+                lines.append([*start, *told, factor(theirs.seconds / base.seconds), "–"])
+                continue
+            ratio = 1.0 if theirs is base else _ratio(results, row, results.rows[base.run])
+            cores = "one" if not theirs.cores else f"all ({row.cores})" if row.cores else "all"
+            lines.append(
+                [
+                    *start, cores, str(theirs.depth), _deepest(row), f"{row.absorption}", theirs.clock,
+                    f"{significant(row.seconds)} s", f"{significant(row.cpu_seconds)} s",
+                    factor(theirs.seconds / base.seconds), factor(ratio),
+                ]
+            )  # fmt: skip
+    caption = (
+        f"Table 1: the report's benchmark. Its times (mm:ss) are of 800 × 800 pixels, ours of {results.width} × "
+        f"{results.height}, medians. Ratios are to the line of the same test with ratio ×1; ours are of processor "
+        "time on a CPU, as an idle machine would take, but those of cores by the clock. Deepest: the most "
+        "scattering events of any path, least and greatest of the runs."
+    )
+    return Table(caption, header, lines)
+
+
+def noise_table(results: Results) -> Table:
+    """Work, error and efficiency of every setting.
+
+    Parameters
+    ----------
+    results : Results
+    """
+    header = (
+        "Roulette", "Samples", "Shadow rays", "Runs", "Paths, M", "Rays, M", "Shadow rays, M", "Deepest", "Time",
+        "relMSE", "Visible error", "Typical pixel", "Efficiency",
+    )  # fmt: skip
+    lines = []
+    for row in sorted(results.rows.values(), key=lambda row: (row.absorption or 0.0, row.shadow_rays, row.samples)):
+        if row.name.startswith("one-core"):
+            continue
+        told = "throughput" if row.absorption is None else f"absorption {row.absorption}"
+        typical = statistics.fmean(run.typical for run in row.runs)
+        work = [statistics.fmean(values) / 1e6 for values in (
+            row.values(lambda run: run.paths), row.values(lambda run: run.rays), row.values(lambda run: run.shadow_rays)
+        )]  # fmt: skip
+        seen = row.seen
+        half = f" ± {significant(100 * (seen.high - seen.value), 2)}" if seen.known else ""
+        lines.append(
+            [
+                told, str(row.samples), str(row.shadow_rays), str(len(row.runs)),
+                *(significant(value) for value in work),
+                _deepest(row), f"{significant(row.seconds)} s", _error(row), f"{significant(100 * seen.value)}{half} %",
+                f"{100 * typical:.1f} %", _efficiency(row),
+            ]
+        )  # fmt: skip
+    caption = (
+        "Table 2: work and noise of every setting. relMSE and efficiency, 1/(relMSE × s): ± is a 95 % t-interval "
+        "over runs with seeds of their own; with * the variance may have no bound (see below), so the median is "
+        "given with the least and the greatest run. Visible error: root mean square difference from the reference "
+        "through the square root, cut to 0–100 %. Typical pixel: median of image over reference; below 100 % light "
+        "is missing from most pixels and piled up in a few."
+    )
+    return Table(caption, header, lines)
+
+
+def verdict_table(found: Sequence[Verdict]) -> Table:
+    """What holds of the conclusions.
+
+    Parameters
+    ----------
+    found : sequence of Verdict
+    """
+    lines = [[each.claim, each.outcome, each.measured] for each in found]
+    return Table("The report's conclusions, and what the numbers say.", ("The report", "Verdict", "Measured"), lines, 3)
+
+
+def _ratio(results: Results, row: Row, base: Row) -> float:
+    if row.cores == 1 and base.cores != 1:
+        # One core alone was measured beside these runs of all cores.
+        seeds = {run.seed for run in row.runs}
+        return row.seconds / statistics.median(run.seconds for run in base.runs if run.seed in seeds)
+    return row.cost / base.cost
+
+
+def _deepest(row: Row) -> str:
+    low, high = row.deepest
+    return str(low) if low == high else f"{low}–{high}"
+
+
+def _error(row: Row) -> str:
+    values = row.values(lambda run: run.noise)
+    return _told(values, row.bounded, row.noise.high - row.noise.value)
+
+
+def _efficiency(row: Row) -> str:
+    values = row.values(lambda run: run.efficiency)
+    return _told(values, row.bounded, row.efficiency.high - row.efficiency.value)
+
+
+def _told(values: Sequence[float], bounded: bool, half: float) -> str:
+    if not bounded:
+        return f"{significant(statistics.median(values))} ({significant(min(values))}–{significant(max(values))})*"
+    mean = statistics.fmean(values)
+    return f"{significant(mean)} ± {significant(half, 2)}" if len(values) > 1 else significant(mean)
