@@ -34,4 +34,5 @@ INTEGRATORS: Final[Mapping[str, Integrator]] = {
     "path": Integrator("integrator/path.cl", "integrator_path"),
     "direct": Integrator("integrator/path.cl", "integrator_path"),
     "whitted": Integrator("integrator/whitted.cl", "integrator_whitted"),
+    "radiosity": Integrator("radiosity/display.cl", "integrator_radiosity"),
 }

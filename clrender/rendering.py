@@ -11,18 +11,20 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from clrender.device import select
 from clrender.device.source import kernels_sha256
-from clrender.device.worker import Cut, DeviceWorker
+from clrender.device.worker import Cut, DeviceWorker, Preparation
 from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
 from clrender.integrators import INTEGRATORS
+from clrender.radiosity.display import Display, looks
+from clrender.radiosity.solution import Sought, solve_scene, summary
 from clrender.schedule import Plan, Tally, run
 from clrender.settings import RenderSettings, settings_for
 from clrender.version import __version__
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from clrender.scene import Scene
 
 __all__ = ["Progress", "RenderedImage", "render"]
+
+_Prepare: TypeAlias = Callable[[DeviceWorker], Preparation]
 
 
 @dataclass(frozen=True)
@@ -164,8 +168,16 @@ def render(
     sample_by_sample = INTEGRATORS[wanted.integrator].sample_by_sample
     side = tile_side(wanted.tile, wanted.width, wanted.height)
     plan = Plan(wanted.width, wanted.height, wanted.spp, side, sample_by_sample)
+
+    def stops() -> bool:
+        late = wanted.time_limit is not None and time.perf_counter() - begin >= wanted.time_limit
+        return late or (should_stop is not None and should_stop())
+
     devices = select(device, notify=tell, alone=notify is not None)
-    workers = _workers(devices, flat, wanted, plan.tile)
+    prepare: _Prepare | None = None
+    if wanted.integrator == "radiosity":
+        flat, prepare = _radiosity(scene, devices[0], wanted, tell, stops)
+    workers = _workers(devices, flat, wanted, plan.tile, prepare)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
     started = time.perf_counter()
 
@@ -173,10 +185,6 @@ def render(
         if on_progress is not None:
             total = plan.width * plan.height * plan.spp
             on_progress(Progress(samples, total, time.perf_counter() - started, rays))
-
-    def stops() -> bool:
-        late = wanted.time_limit is not None and time.perf_counter() - begin >= wanted.time_limit
-        return late or (should_stop is not None and should_stop())
 
     try:
         tally = run(plan, workers, film, advance, stops)
@@ -208,9 +216,26 @@ def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
     return dataclasses.replace(flat, arrays={**flat.arrays, "materials": materials})
 
 
-def _workers(devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int) -> list[DeviceWorker]:
-    cut = Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
-    integrator, prepare = INTEGRATORS[wanted.integrator], None
+def _cut(wanted: RenderSettings) -> Cut:
+    return Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
+
+
+def _radiosity(
+    scene: Scene, device: Device, wanted: RenderSettings, tell: Callable[[str], None], stops: Callable[[], bool]
+) -> tuple[FlatScene, _Prepare]:
+    """Radiosity is solved once, on one device; all of them show it."""
+    sought = Sought(wanted.patches, wanted.patch_rays, seed=wanted.seed)
+    size = (wanted.width, wanted.height)
+    solution = solve_scene(scene, device, sought, size, _cut(wanted), wanted.light_choice, stops)
+    tell(summary(solution))
+    table = looks(solution, wanted.radiosity_display)
+    return solution.flat, lambda worker: Display(worker, table, wanted.radiosity_display)
+
+
+def _workers(
+    devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int, prepare: _Prepare | None
+) -> list[DeviceWorker]:
+    cut, integrator = _cut(wanted), INTEGRATORS[wanted.integrator]
     return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]
 
 

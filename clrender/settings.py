@@ -13,6 +13,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
+from clrender.radiosity.display import DISPLAYS
 from clrender.scene.lights import LIGHT_CHOICES
 
 if TYPE_CHECKING:
@@ -54,6 +55,10 @@ class RenderSettings:
     light_choice : str
         How one of many lights is picked: by a ``tree`` of what they can give at the point, by ``power``, each alike
         (``uniform``), or ``auto``: the tree where there are many.
+    patches, patch_rays : int
+        Of ``radiosity``: how many patches, about, and rays from each.
+    radiosity_display : str
+        ``constant``, ``smooth`` or ``gather``.
     tile, samples_per_pass, work_group, lanes, traversal
         How work is cut; None: by the device.
     time_limit : float or None
@@ -72,6 +77,9 @@ class RenderSettings:
     absorption: float | None = None
     sampling: str = "both"
     light_choice: str = "auto"
+    patches: int = 8000
+    patch_rays: int = 256
+    radiosity_display: str = "smooth"
     tile: int = 64
     samples_per_pass: int | None = None
     work_group: int | None = None
@@ -82,7 +90,8 @@ class RenderSettings:
     def request(self) -> dict[str, Any]:
         """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
         names = ("width", "height", "seed", "integrator", "shadow_rays", "indirect_rays", "max_depth", "roulette")
-        return {name: getattr(self, name) for name in (*names, "absorption", "sampling", "light_choice")}
+        own = ("patches", "patch_rays", "radiosity_display") if self.integrator == "radiosity" else ()
+        return {name: getattr(self, name) for name in (*names, "absorption", "sampling", "light_choice", *own)}
 
     def struct(self, tile: int) -> npt.NDArray[np.void]:
         """The `Settings` that kernels read, for tiles of this side.
@@ -134,7 +143,7 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
     wanted = RenderSettings(**{**values, **given})
     for name, least, most in (
         ("spp", 1, 2**20), ("width", 1, 65536), ("height", 1, 65536), ("seed", 0, 2**32 - 1), ("shadow_rays", 1, 4096),
-        ("indirect_rays", 0, 4096), ("tile", 1, 65536),
+        ("indirect_rays", 0, 4096), ("tile", 1, 65536), ("patches", 1, 2**20), ("patch_rays", 1, 2**16),
     ):  # fmt: skip
         value = getattr(wanted, name)
         if not isinstance(value, (int, np.integer)) or not least <= value <= most:
@@ -144,6 +153,7 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
         ("roulette", _ROULETTES),
         ("sampling", _STRATEGIES),
         ("light_choice", LIGHT_CHOICES),
+        ("radiosity_display", DISPLAYS),
     ):
         if getattr(wanted, name) not in choices:
             raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")

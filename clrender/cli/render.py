@@ -73,6 +73,13 @@ _FILM_BYTES: Final = 52
 @click.option(
     "--absorption", type=number(0, 1, below=True), metavar="A", help="Probability to end a path at every hit."
 )
+@click.option("--patches", type=number(1, 2**20, whole=True), help="Of radiosity: how many, about (8000).")
+@click.option("--patch-rays", type=number(1, 2**16, whole=True), metavar="N", help="Of radiosity: from each (256).")
+@click.option(
+    "--radiosity-display",
+    type=click.Choice(("constant", "smooth", "gather")),
+    help="Patches evenly bright, interpolated, or one bounce gathered anew (smooth).",
+)
 @tone_options
 @click.option("--tile", type=number(1, 65536, whole=True), help="Side of a tile; never changes the image.")
 @click.option(

@@ -20,6 +20,7 @@ LAYERS = (
     ("__init__",),
     ("rendering",),
     ("settings",),
+    ("radiosity",),
     ("compare", "flip"),
     ("schedule",),
     ("device",),
