@@ -127,14 +127,19 @@ class Patches:
         return flat
 
     def _meshes(self) -> list[MeshData]:
-        points, index = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)
-        triangles = index.reshape(-1, 3)
-        meshes = []
+        points = self.corners.reshape(-1, 3)
+        return [MeshData(points[corners], triangles) for corners, triangles in self._welded]
+
+    @cached_property
+    def _welded(self) -> list[tuple[NDArray[np.int64], NDArray[np.uint32]]]:
+        """For each shape: a corner for each of its vertices, and triangles of vertices."""
+        welded = []
         for shape in range(len(self.scene.shapes)):
             first, end = (side // 2 for side in self.sides_of(shape))
-            used, local = np.unique(triangles[first:end], return_inverse=True)
-            meshes.append(MeshData(points[used], local.reshape(-1, 3).astype(np.uint32)))
-        return meshes
+            points = self.corners[first:end].reshape(-1, 3)
+            _, corner, vertex = np.unique(points, axis=0, return_index=True, return_inverse=True)
+            welded.append((3 * first + corner, vertex.reshape(-1, 3).astype(np.uint32)))
+        return welded
 
     def bisected(self, which: NDArray[np.bool_]) -> Patches:
         """Some patches cut in two across the middle of their longest edge; halves stay beside each other.
@@ -155,12 +160,27 @@ class Patches:
         corners = np.where(which[places, None, None], both[places, second.astype(np.int64)], self.corners[places])
         return Patches(self.scene, corners, self.shape[places])
 
-    def moved(self, shape: int, by: tuple[float, float, float], scene: Scene | None = None) -> Patches:
-        """One shape somewhere else, or lights elsewhere with another scene of the same shapes."""
+    def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
+        """The same patches, with one shape somewhere else; the scene's description stays as it is.
+
+        Parameters
+        ----------
+        shape : int
+        by : three floats
+            Metres.
+        """
         first, end = (side // 2 for side in self.sides_of(shape))
         corners = self.corners.copy()
         corners[first:end] += np.array(by)
-        return replace(self, corners=corners, scene=scene or self.scene)
+        moved = replace(self, corners=corners)
+        moved.__dict__["_welded"] = self._welded
+        return moved
+
+    def lit_by(self, scene: Scene) -> Patches:
+        """The same patches in a scene that differs in its lights only."""
+        lit = replace(self, scene=scene)
+        lit.__dict__["_welded"] = self._welded
+        return lit
 
 
 def cut_into_patches(scene: Scene, count: int) -> Patches:

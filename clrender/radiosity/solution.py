@@ -17,6 +17,7 @@ from clrender.radiosity.factors import FormFactors, factors_of_hits
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.solve import Balance, gather
 from clrender.radiosity.tracer import MOST_DIRECT_SAMPLES, Stopped, Tracer
+from clrender.scene.shapes import Box, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
@@ -162,18 +163,31 @@ def side_areas(patches: Patches) -> _Floats:
 
 def first_sides(patches: Patches) -> _Uints:
     """All fronts, and the backs that the camera may look at."""
+    camera = patches.scene.camera
+    x, y, z = (patches.centers - np.array(camera.position)).T
+    normal_x, normal_y, normal_z = patches.normals.T
+    behind = (x * normal_x + y * normal_y) + z * normal_z > -camera.aperture_radius
+    for index, shape in enumerate(patches.scene.shapes):
+        # From outside, nobody sees the inside of what is closed and convex
+        if isinstance(shape, Sphere | Box | Tetrahedron) and not shape.flip_normals:
+            first, end = (side // 2 for side in patches.sides_of(index))
+            behind[first:end] &= behind[first:end].all()
     used = np.zeros(2 * len(patches), bool)
     used[::2] = True
-    camera = patches.scene.camera
-    ahead = [(p - camera.position[axis]) for axis, p in enumerate(patches.centers.T)]
-    x, y, z = patches.normals.T
-    slack = camera.aperture_radius
-    used[1::2] = (ahead[0] * x + ahead[1] * y) + ahead[2] * z > -slack
+    used[1::2] = behind
     return np.flatnonzero(used).astype(np.uint32)
 
 
-def traced_sides(tracer: Tracer, sides: _Uints) -> tuple[_Uints, _Uints]:
+def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_] | None = None) -> tuple[_Uints, _Uints]:
     """Rays from these sides, and from every side that they see.
+
+    Parameters
+    ----------
+    tracer : Tracer
+    sides : (k,) uint32
+        Ascending.
+    known : (2 n + 1,) bool, optional
+        Sides whose rays are traced already.
 
     Returns
     -------
@@ -186,6 +200,8 @@ def traced_sides(tracer: Tracer, sides: _Uints) -> tuple[_Uints, _Uints]:
         seen = np.zeros(tracer.outside + 1, bool)
         seen[hits] = True
         seen[sides] = False
+        if known is not None:
+            seen &= ~known
         new = np.flatnonzero(seen[:-1]).astype(np.uint32)
         if not len(new):
             return sides, hits

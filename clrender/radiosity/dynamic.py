@@ -1,0 +1,299 @@
+"""Radiosity of a scene that changes: only light that a move touches is followed again, near the observer first."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import UsageError
+from clrender.radiosity.patches import Patches
+from clrender.radiosity.solution import (
+    Sought,
+    carried_radiance,
+    check_sought,
+    first_sides,
+    side_areas,
+    solve_scene,
+    traced_sides,
+)
+from clrender.radiosity.sweeper import Sweeper
+from clrender.radiosity.tracer import Tracer
+from clrender.scene.description import DirectionalLight, EnvironmentLight, PointLight
+
+if TYPE_CHECKING:
+    from clrender.device.device import Device
+    from clrender.device.worker import Cut
+    from clrender.flatten import FlatScene
+    from clrender.scene import Scene
+
+__all__ = ["DynamicRadiosity", "Update"]
+
+_NEAR: Final = 0.25
+"""Of the scene's diagonal: nobody is so near that what is nearer than this counts for more."""
+_BOX_MARGIN: Final = 1e-4
+_MOST_SWEEPS: Final = 1000
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Update:
+    """What a change took.
+
+    Attributes
+    ----------
+    rays : int
+        Traced again, of `all_rays`.
+    all_rays : int
+    sweeps : int
+    seconds : float
+    """
+
+    rays: int
+    all_rays: int
+    sweeps: int
+    seconds: float
+
+
+class DynamicRadiosity:
+    """A scene's radiosity, kept up to date while shapes and lights move.
+
+    The rays of each side are numbered and the same in every frame, so an update ends at the solution that a fresh start
+    with the same patches ends at, but for the tolerance. Light is corrected by shooting the difference between what a
+    side sends and what it now should: less light than before is a negative amount (Chen 1990; George, Sillion &
+    Greenberg 1990). Sides near the observer are held to the tolerance, others to more in proportion to the square of
+    their distance (after Shcherbakov); what they keep back is not lost, but waits for a later frame or for `settle`.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of diffuse surfaces only.
+    device : Device
+    sought : Sought, optional
+        `tolerance` is that of a side's radiance against the mean radiance of the scene.
+    size : (int, int)
+        Of the image that the camera is for.
+    cut : Cut, optional
+    patches : Patches, optional
+        To begin with; else found for the scene as it is, refined where it wants it.
+
+    Attributes
+    ----------
+    patches : Patches
+    flat : FlatScene
+    started : Update
+        What it took to begin.
+
+    Raises
+    ------
+    SceneError, UsageError, RenderError
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        device: Device,
+        sought: Sought | None = None,
+        size: tuple[int, int] = (64, 64),
+        cut: Cut | None = None,
+        patches: Patches | None = None,
+    ) -> None:
+        self._sought = sought or Sought(tolerance=1e-3)
+        check_sought(self._sought)
+        self._device, self._size, self._cut = device, size, cut
+        self.patches = patches or solve_scene(scene, device, self._sought, size, cut).patches
+        self.flat: FlatScene
+        self._tracer: Tracer | None = None
+        self._weights = _importance(self.patches)
+        self.started = self.start_again()
+
+    @property
+    def reflected(self) -> _Floats:
+        """(2 n + 1, 3) float64: radiance that each side reflects."""
+        wide = np.zeros((2 * len(self.patches) + 1, 3))
+        wide[self._sides] = self._reflected
+        return wide
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """(2 n + 1,) bool: sides that are solved for."""
+        used = np.zeros(2 * len(self.patches) + 1, bool)
+        used[self._sides] = True
+        return used
+
+    def start_again(self) -> Update:
+        """Forget all and solve anew, for the patches as they are now."""
+        begin = time.perf_counter()
+        self._place()
+        assert self._tracer is not None
+        self._sides, self._hits = traced_sides(self._tracer, first_sides(self.patches))
+        self._irradiance, self._seen = self._tracer.direct(self._sides, self._sought.direct_samples)
+        self._reflected = np.zeros((len(self._sides), 3))
+        sweeps = self._settle(None)
+        return Update(self._hits.size, self._hits.size, sweeps, time.perf_counter() - begin)
+
+    def move(self, shape: int, by: Sequence[float]) -> Update:
+        """Move a shape, and bring the light up to date.
+
+        Parameters
+        ----------
+        shape : int
+            Its place in the scene's list.
+        by : three floats
+            Metres.
+
+        Raises
+        ------
+        UsageError
+            When there is no such shape.
+        """
+        begin = time.perf_counter()
+        if not 0 <= shape < len(self.patches.scene.shapes):
+            raise UsageError(f"there is no shape {shape}; the scene has {len(self.patches.scene.shapes)}, from 0")
+        moved = self.patches.sides_of(shape)
+        boxes = np.zeros((2, 6), np.float32)
+        boxes[0] = _box(self.patches, moved)
+        self.patches = self.patches.moved(shape, (float(by[0]), float(by[1]), float(by[2])))
+        boxes[1] = _box(self.patches, moved)
+        before = self.flat
+        self._place()
+        assert self._tracer is not None
+        traced = self._tracer.trace_again(self._sides, self._hits, moved, boxes[1])
+        rays = int(np.count_nonzero(traced)) + self._add_sides()
+        shines = self.patches.shadow_rays_find_emission and self.patches.scene.shapes[shape].emission is not None
+        self._direct(None if shines or _lights_differ(before, self.flat) else (moved, boxes))
+        sweeps = self._settle(self._weights)
+        return Update(rays, self._hits.size, sweeps, time.perf_counter() - begin)
+
+    def move_light(self, light: int, by: Sequence[float]) -> Update:
+        """Move a point light, and bring the light up to date.
+
+        Parameters
+        ----------
+        light : int
+            Its place in the scene's list of lights; shapes that shine are moved with `move`.
+        by : three floats
+            Metres.
+
+        Raises
+        ------
+        UsageError
+            When there is no such light, or it is infinitely far away.
+        """
+        begin = time.perf_counter()
+        scene = self.patches.scene
+        if not 0 <= light < len(scene.lights):
+            raise UsageError(f"there is no light {light}; the scene has {len(scene.lights)}, from 0")
+        old = scene.lights[light]
+        if not isinstance(old, PointLight):
+            assert isinstance(old, DirectionalLight | EnvironmentLight)
+            raise UsageError(f"light {light} is {old.type} and infinitely far away, so it cannot be moved")
+        place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
+        lights = list(scene.lights)
+        lights[light] = PointLight(type="point", position=place, intensity=old.intensity)  # type: ignore[arg-type]
+        self.patches = self.patches.lit_by(scene.model_copy(update={"lights": tuple(lights)}))
+        self._place()
+        self._direct(None)
+        sweeps = self._settle(self._weights)
+        return Update(0, self._hits.size, sweeps, time.perf_counter() - begin)
+
+    def settle(self) -> int:
+        """Hold every side to the tolerance, however far it is; the number of sweeps it took."""
+        return self._settle(None)
+
+    def release(self) -> None:
+        """Give the device's memory back."""
+        if self._tracer is not None:
+            self._tracer.release()
+            self._tracer = None
+
+    def _place(self) -> None:
+        """Put the patches, where they are now, on the device."""
+        self.release()
+        self.flat = self.patches.flat(*self._size)
+        self._tracer = Tracer(self._device, self.flat, self._sought.rays, self._sought.seed, self._cut)
+
+    def _add_sides(self) -> int:
+        """Take in sides that are seen now and were not before; the number of rays that took."""
+        assert self._tracer is not None
+        used = self.used
+        seen = np.zeros(len(used), bool)
+        seen[self._hits] = True
+        seen[first_sides(self.patches)] = True
+        new = np.flatnonzero(seen[:-1] & ~used[:-1]).astype(np.uint32)
+        if not len(new):
+            return 0
+        sides, hits = traced_sides(self._tracer, new, used)
+        every = np.concatenate([self._sides, sides])
+        order = np.argsort(every, kind="stable")
+
+        def merged(old: NDArray[np.generic], more: NDArray[np.generic]) -> NDArray[np.generic]:
+            return np.concatenate([old, more])[order]
+
+        self._sides = every[order]
+        self._hits = np.concatenate([self._hits, hits])[order]
+        self._reflected = np.concatenate([self._reflected, np.zeros((len(sides), 3))])[order]
+        irradiance, bits = self._tracer.direct(sides, self._sought.direct_samples)
+        self._irradiance = np.concatenate([self._irradiance, irradiance])[order]
+        self._seen = np.concatenate([self._seen, bits])[order]
+        return hits.size
+
+    def _direct(self, change: tuple[tuple[int, int], NDArray[np.float32]] | None) -> None:
+        """Direct light, all of it or where a moved shape may have changed it."""
+        assert self._tracer is not None
+        samples = self._sought.direct_samples
+        if change is None:
+            self._irradiance, self._seen = self._tracer.direct(self._sides, samples)
+        else:
+            self._irradiance, self._seen = self._tracer.direct(self._sides, samples, self._seen, *change)
+
+    def _settle(self, weights: _Floats | None) -> int:
+        """Shoot what sides send too much or too little of, until it is small; the number of sweeps."""
+        reflectance = self.patches.reflectance[self._sides // 2]
+        sweeper = Sweeper(self._device, self._sides, self._hits, reflectance, 2 * len(self.patches) + 1)
+        everything = carried_radiance(self.patches)
+        everything[self._sides] += self._reflected
+        direct = reflectance * self._irradiance / math.pi
+        left = direct + sweeper.reflected(everything) - self._reflected
+        weight = np.ones(len(self._sides)) if weights is None else weights[self._sides]
+        areas = side_areas(self.patches)[self._sides]
+        sweeps, shot = 1, np.zeros_like(everything)
+        while sweeps < _MOST_SWEEPS:
+            mean = float((np.abs(self._reflected + left).max(axis=1) * areas).sum() / areas.sum())
+            chosen = np.abs(left).max(axis=1) * weight > self._sought.tolerance * mean
+            if not chosen.any():
+                break
+            shot[self._sides] = now = np.where(chosen[:, None], left, 0.0)
+            self._reflected += now
+            left += sweeper.reflected(shot) - now
+            sweeps += 1
+        sweeper.release()
+        return sweeps
+
+
+def _importance(patches: Patches) -> _Floats:
+    """(2 n,): 1 near the observer, falling with the square of the distance."""
+    spans = patches.corners.reshape(-1, 3).max(axis=0) - patches.corners.reshape(-1, 3).min(axis=0)
+    near = (_NEAR * math.sqrt(float((spans * spans).sum()))) ** 2
+    x, y, z = (patches.centers - np.array(patches.scene.camera.position)).T
+    return np.repeat(np.minimum(1.0, near / np.maximum((x * x + y * y) + z * z, 1e-30)), 2)
+
+
+def _box(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
+    """(6,): around a shape's patches, a little larger than roundings."""
+    corners = patches.corners[moved[0] // 2 : moved[1] // 2].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = _BOX_MARGIN * max(float((high - low).max()), float(np.abs(corners).max()) * 1e-2)
+    return np.concatenate([low - margin, high + margin]).astype(np.float32)
+
+
+def _lights_differ(before: FlatScene, after: FlatScene) -> bool:
+    """Whether shadow rays choose among the lights in another way."""
+    names = ("lights", "light_nodes", "light_order")
+    return any(not np.array_equal(before.arrays[name], after.arrays[name]) for name in names)
