@@ -25,6 +25,7 @@ STARTED: Final = time.perf_counter()
 
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
+    "radiosity": "Animate a diffuse scene: a shape moves and its light follows.",
     "devices": "List OpenCL devices and whether each computes rightly.",
     "doctor": "Find out what is wrong with OpenCL here and how to cure it.",
     "scenes": "List the built-in scenes.",

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import UsageError
-from clrender.radiosity.patches import Patches
+from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.solution import (
     Sought,
     carried_radiance,
     check_sought,
     first_sides,
+    sealed_sides,
     side_areas,
     solve_scene,
     traced_sides,
@@ -27,7 +28,7 @@ from clrender.radiosity.tracer import Tracer
 from clrender.scene.description import DirectionalLight, EnvironmentLight, PointLight
 
 if TYPE_CHECKING:
-    from clrender.device.device import Device
+    from clrender.device.device import Buffer, Device
     from clrender.device.worker import Cut
     from clrender.flatten import FlatScene
     from clrender.scene import Scene
@@ -107,9 +108,10 @@ class DynamicRadiosity:
         self._sought = sought or Sought(tolerance=1e-3)
         check_sought(self._sought)
         self._device, self._size, self._cut = device, size, cut
-        self.patches = patches or solve_scene(scene, device, self._sought, size, cut).patches
+        self.patches = patches or self._cut_up(scene)
         self.flat: FlatScene
         self._tracer: Tracer | None = None
+        self._on_device: Buffer | None = None
         self._weights = _importance(self.patches)
         self.started = self.start_again()
 
@@ -128,15 +130,18 @@ class DynamicRadiosity:
         return used
 
     def start_again(self) -> Update:
-        """Forget all and solve anew, for the patches as they are now."""
-        begin = time.perf_counter()
+        """Forget all and solve anew, for the patches as they are now; its time leaves the driver's compiler out."""
+        begin = time.perf_counter() - self._device.compile_seconds
         self._place()
         assert self._tracer is not None
-        self._sides, self._hits = traced_sides(self._tracer, first_sides(self.patches))
+        first, sealed = first_sides(self.patches), sealed_sides(self.patches)
+        self._sides, self._hits = traced_sides(self._tracer, first, sealed)
+        self._keep_hits()
         self._irradiance, self._seen = self._tracer.direct(self._sides, self._sought.direct_samples)
         self._reflected = np.zeros((len(self._sides), 3))
         sweeps = self._settle(None)
-        return Update(self._hits.size, self._hits.size, sweeps, time.perf_counter() - begin)
+        seconds = time.perf_counter() - self._device.compile_seconds - begin
+        return Update(self._hits.size, self._hits.size, sweeps, seconds)
 
     def move(self, shape: int, by: Sequence[float]) -> Update:
         """Move a shape, and bring the light up to date.
@@ -164,8 +169,10 @@ class DynamicRadiosity:
         before = self.flat
         self._place()
         assert self._tracer is not None
-        traced = self._tracer.trace_again(self._sides, self._hits, moved, boxes[1])
-        rays = int(np.count_nonzero(traced)) + self._add_sides()
+        assert self._on_device is not None
+        listed, met = self._tracer.trace_again(self._sides, self._on_device, moved, boxes[1])
+        self._hits.reshape(-1)[listed] = met
+        rays = len(listed) + self._add_sides(met)
         shines = self.patches.shadow_rays_find_emission and self.patches.scene.shapes[shape].emission is not None
         self._direct(None if shines or _lights_differ(before, self.flat) else (moved, boxes))
         sweeps = self._settle(self._weights)
@@ -196,7 +203,7 @@ class DynamicRadiosity:
             raise UsageError(f"light {light} is {old.type} and infinitely far away, so it cannot be moved")
         place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
         lights = list(scene.lights)
-        lights[light] = PointLight(type="point", position=place, intensity=old.intensity)  # type: ignore[arg-type]
+        lights[light] = PointLight(type="point", position=place, intensity=old.intensity)
         self.patches = self.patches.lit_by(scene.model_copy(update={"lights": tuple(lights)}))
         self._place()
         self._direct(None)
@@ -207,37 +214,48 @@ class DynamicRadiosity:
         """Hold every side to the tolerance, however far it is; the number of sweeps it took."""
         return self._settle(None)
 
+    def _cut_up(self, scene: Scene) -> Patches:
+        if self._sought.refine:
+            return solve_scene(scene, self._device, self._sought, self._size, self._cut).patches
+        return cut_into_patches(scene, self._sought.patches)
+
     def release(self) -> None:
         """Give the device's memory back."""
         if self._tracer is not None:
             self._tracer.release()
-            self._tracer = None
+        if self._on_device is not None:
+            self._device.release(self._on_device)
+        self._tracer = self._on_device = None
 
     def _place(self) -> None:
         """Put the patches, where they are now, on the device."""
-        self.release()
+        if self._tracer is not None:
+            self._tracer.release()
         self.flat = self.patches.flat(*self._size)
         self._tracer = Tracer(self._device, self.flat, self._sought.rays, self._sought.seed, self._cut)
 
-    def _add_sides(self) -> int:
-        """Take in sides that are seen now and were not before; the number of rays that took."""
+    def _keep_hits(self) -> None:
+        """Have what rays met on the device as well."""
+        if self._on_device is not None:
+            self._device.release(self._on_device)
+        self._on_device = self._device.upload(self._hits)
+
+    def _add_sides(self, met: NDArray[np.uint32]) -> int:
+        """Take in sides that are met now and were not before; the number of rays that took."""
         assert self._tracer is not None
-        used = self.used
-        seen = np.zeros(len(used), bool)
-        seen[self._hits] = True
+        known = self.used | sealed_sides(self.patches)
+        seen = np.zeros(len(known), bool)
+        seen[met] = True
         seen[first_sides(self.patches)] = True
-        new = np.flatnonzero(seen[:-1] & ~used[:-1]).astype(np.uint32)
+        new = np.flatnonzero(seen[:-1] & ~known[:-1]).astype(np.uint32)
         if not len(new):
             return 0
-        sides, hits = traced_sides(self._tracer, new, used)
+        sides, hits = traced_sides(self._tracer, new, known)
         every = np.concatenate([self._sides, sides])
         order = np.argsort(every, kind="stable")
-
-        def merged(old: NDArray[np.generic], more: NDArray[np.generic]) -> NDArray[np.generic]:
-            return np.concatenate([old, more])[order]
-
         self._sides = every[order]
         self._hits = np.concatenate([self._hits, hits])[order]
+        self._keep_hits()
         self._reflected = np.concatenate([self._reflected, np.zeros((len(sides), 3))])[order]
         irradiance, bits = self._tracer.direct(sides, self._sought.direct_samples)
         self._irradiance = np.concatenate([self._irradiance, irradiance])[order]
@@ -256,7 +274,8 @@ class DynamicRadiosity:
     def _settle(self, weights: _Floats | None) -> int:
         """Shoot what sides send too much or too little of, until it is small; the number of sweeps."""
         reflectance = self.patches.reflectance[self._sides // 2]
-        sweeper = Sweeper(self._device, self._sides, self._hits, reflectance, 2 * len(self.patches) + 1)
+        assert self._on_device is not None
+        sweeper = Sweeper(self._device, self._on_device, self._sought.rays, reflectance, 2 * len(self.patches) + 1)
         everything = carried_radiance(self.patches)
         everything[self._sides] += self._reflected
         direct = reflectance * self._irradiance / math.pi

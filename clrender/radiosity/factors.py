@@ -64,8 +64,7 @@ class FormFactors:
     def row_sums(self) -> _Floats:
         """(r,) float64: what a side sees of other sides; 1 where nothing is open to the outside."""
         inside = np.where(self.column < self.columns - 1, self.value, 0.0)
-        sums: _Floats = np.bincount(self.row, weights=inside, minlength=len(self.sides))
-        return sums
+        return np.bincount(self.row, weights=inside, minlength=len(self.sides)).astype(np.float64)
 
     def between(self, first: NDArray[np.bool_], second: NDArray[np.bool_], areas: _Floats) -> float:
         """Form factor from all sides of one set together to another set.
@@ -75,7 +74,7 @@ class FormFactors:
         first, second : (columns,) bool
         areas : (columns,) float64
         """
-        weight = areas[self.sides][self.row] * first[self.sides][self.row] * second[self.column]
+        weight: _Floats = areas[self.sides][self.row] * first[self.sides][self.row] * second[self.column]
         return float((weight * self.value).sum() / areas[self.sides][first[self.sides]].sum())
 
 

@@ -122,7 +122,7 @@ class Patches:
         if flat.triangle_count != len(self):
             lost = len(self) - flat.triangle_count
             raise SceneError(
-                f"{self.scene.source}: {lost} of {len(self)} patches have no area in single precision; take fewer patches"
+                f"{self.scene.source}: {lost} of {len(self)} patches have no area in single precision; take fewer"
             )
         return flat
 

@@ -17,6 +17,7 @@ from clrender.radiosity.factors import FormFactors, factors_of_hits
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.solve import Balance, gather
 from clrender.radiosity.tracer import MOST_DIRECT_SAMPLES, Stopped, Tracer
+from clrender.scene.description import PointLight
 from clrender.scene.shapes import Box, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
@@ -25,7 +26,19 @@ if TYPE_CHECKING:
     from clrender.flatten import FlatScene
     from clrender.scene import Scene
 
-__all__ = ["Solution", "Sought", "check_sought", "own_radiance", "solve_scene", "summary", "traced_sides"]
+__all__ = [
+    "Solution",
+    "Sought",
+    "carried_radiance",
+    "check_sought",
+    "first_sides",
+    "own_radiance",
+    "sealed_sides",
+    "side_areas",
+    "solve_scene",
+    "summary",
+    "traced_sides",
+]
 
 _COARSE_SHARE: Final = 0.5
 """Of the patches wanted, before those are halved across which the radiance changes most."""
@@ -161,24 +174,44 @@ def side_areas(patches: Patches) -> _Floats:
     return np.append(np.repeat(patches.areas, 2), 0.0)
 
 
+def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
+    """Sides that are the dark inside of something closed: (2 n + 1,) bool.
+
+    A sphere, box or tetrahedron is, when neither the camera nor anything that shines reaches into the box around it.
+    """
+    sealed = np.zeros(2 * len(patches) + 1, bool)
+    scene = patches.scene
+    spans = [tuple(side // 2 for side in patches.sides_of(shape)) for shape in range(len(scene.shapes))]
+    boxes = [patches.corners[first:end].reshape(-1, 3) for first, end in spans]
+    lows, highs = [b.min(axis=0) for b in boxes], [b.max(axis=0) for b in boxes]
+    points = [light.position for light in scene.lights if isinstance(light, PointLight)]
+    points.append(scene.camera.position)
+    reach = scene.camera.aperture_radius
+    for index, shape in enumerate(scene.shapes):
+        if not isinstance(shape, Sphere | Box | Tetrahedron) or shape.flip_normals:
+            continue
+        low, high = lows[index], highs[index]
+        open_ = any(((np.array(p) >= low - reach) & (np.array(p) <= high + reach)).all() for p in points)
+        for other, source in enumerate(scene.shapes):
+            if other != index and source.emission is not None:
+                open_ = open_ or bool(((lows[other] <= high) & (highs[other] >= low)).all())
+        if not open_:
+            sealed[2 * spans[index][0] + 1 : 2 * spans[index][1] : 2] = True
+    return sealed
+
+
 def first_sides(patches: Patches) -> _Uints:
     """All fronts, and the backs that the camera may look at."""
     camera = patches.scene.camera
     x, y, z = (patches.centers - np.array(camera.position)).T
     normal_x, normal_y, normal_z = patches.normals.T
-    behind = (x * normal_x + y * normal_y) + z * normal_z > -camera.aperture_radius
-    for index, shape in enumerate(patches.scene.shapes):
-        # From outside, nobody sees the inside of what is closed and convex
-        if isinstance(shape, Sphere | Box | Tetrahedron) and not shape.flip_normals:
-            first, end = (side // 2 for side in patches.sides_of(index))
-            behind[first:end] &= behind[first:end].all()
     used = np.zeros(2 * len(patches), bool)
     used[::2] = True
-    used[1::2] = behind
-    return np.flatnonzero(used).astype(np.uint32)
+    used[1::2] = (x * normal_x + y * normal_y) + z * normal_z > -camera.aperture_radius
+    return np.flatnonzero(used & ~sealed_sides(patches)[:-1]).astype(np.uint32)
 
 
-def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_] | None = None) -> tuple[_Uints, _Uints]:
+def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tuple[_Uints, _Uints]:
     """Rays from these sides, and from every side that they see.
 
     Parameters
@@ -186,8 +219,8 @@ def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_] | None 
     tracer : Tracer
     sides : (k,) uint32
         Ascending.
-    known : (2 n + 1,) bool, optional
-        Sides whose rays are traced already.
+    known : (2 n + 1,) bool
+        Sides whose rays are traced already, or need not be.
 
     Returns
     -------
@@ -200,8 +233,7 @@ def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_] | None 
         seen = np.zeros(tracer.outside + 1, bool)
         seen[hits] = True
         seen[sides] = False
-        if known is not None:
-            seen &= ~known
+        seen &= ~known
         new = np.flatnonzero(seen[:-1]).astype(np.uint32)
         if not len(new):
             return sides, hits
@@ -277,7 +309,7 @@ def _solve(
     tracer = Tracer(device, flat, wanted.rays, wanted.seed, cut, should_stop)
     times.append(time.perf_counter())
     try:
-        sides, hits = traced_sides(tracer, first_sides(patches))
+        sides, hits = traced_sides(tracer, first_sides(patches), sealed_sides(patches))
         times.append(time.perf_counter())
         irradiance, _ = tracer.direct(sides, wanted.direct_samples)
     finally:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from clrender.device.device import Device
+    from clrender.device.device import Buffer, Device
 
 __all__ = ["Sweeper"]
 
@@ -17,7 +17,6 @@ _FEW: Final = 0.3
 """Where less than this share of the sides sends anything, it pays to ask first."""
 
 _Floats = NDArray[np.float64]
-_Uints = NDArray[np.uint32]
 
 
 class Sweeper:
@@ -26,22 +25,22 @@ class Sweeper:
     Parameters
     ----------
     device : Device
-    sides : (r,) uint32
-        Side of each row.
-    hits : (r, rays) uint32
+    hits : Buffer
+        (r, rays) uint32, sides that rays met.
+    rays : int
     reflectance : (r, 3) float64
     columns : int
         2 n + 1.
     """
 
-    def __init__(self, device: Device, sides: _Uints, hits: _Uints, reflectance: _Floats, columns: int) -> None:
+    def __init__(self, device: Device, hits: Buffer, rays: int, reflectance: _Floats, columns: int) -> None:
         self._device, self._program = device, device.program("radiosity/sweep.cl")
-        self._rows, self._rays = hits.shape
+        self._rows, self._rays, self._hits = len(reflectance), rays, hits
         self._sent, self._got = np.zeros((columns, 4), np.float32), np.empty((self._rows, 4), np.float32)
         self._bits = np.zeros(-(-columns // 32) * 32, bool)
         colors = np.zeros((self._rows, 4), np.float32)
         colors[:, :3] = reflectance
-        self._hits, self._colors = device.upload(hits), device.upload(colors)
+        self._colors = device.upload(colors)
         self._wide, self._out = device.empty(self._sent.nbytes), device.empty(self._got.nbytes)
         self._senders = device.empty(len(self._bits) // 8)
 
@@ -64,14 +63,13 @@ class Sweeper:
         few = np.count_nonzero(self._bits) < _FEW * columns
         device.write(self._wide, self._sent)
         device.write(self._senders, np.packbits(self._bits, bitorder="little").view("<u4"))
-        span = [np.uint32(self._rows), np.uint32(self._rays), np.float32(1.0 / self._rays)]
-        tail = [self._colors, self._wide, np.uint32(few), self._senders, self._out]
-        size = -(-self._rows // _GROUP) * _GROUP
-        device.launch(self._program, "radiosity_sweep", size, _GROUP, [self._hits, *span, *tail])
+        arguments: list[Buffer | np.generic] = [self._hits, np.uint32(self._rows), np.uint32(self._rays)]
+        arguments += [np.float32(1.0 / self._rays), self._colors, self._wide, np.uint32(few), self._senders, self._out]
+        device.launch(self._program, "radiosity_sweep", -(-self._rows // _GROUP) * _GROUP, _GROUP, arguments)
         device.read(self._out, self._got)
         return self._got[:, :3].astype(np.float64)
 
     def release(self) -> None:
         """Give the device's memory back."""
-        for buffer in (self._hits, self._colors, self._wide, self._out, self._senders):
+        for buffer in (self._colors, self._wide, self._out, self._senders):
             self._device.release(buffer)

@@ -53,16 +53,16 @@ def _icosphere(level: int) -> _Floats:
     axes = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
     points = np.zeros((12, 3))
     for number, (x, y, z) in enumerate(axes):
-        for k, (a, b) in enumerate(((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))):
-            points[number * 4 + k, [x, y, z]] = 0.0, a, b * golden
+        for k, (one, other) in enumerate(((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))):
+            points[number * 4 + k, [x, y, z]] = 0.0, one, other * golden
     edge = 2.0 + 1e-9
     faces = []
     for i in range(12):
         for j in range(i + 1, 12):
             for k in range(j + 1, 12):
-                a, b, c = points[i], points[j], points[k]
-                if max(_length(a - b), _length(b - c), _length(c - a)) <= edge:
-                    faces.append((i, j, k) if _volume(a, b, c) > 0.0 else (i, k, j))
+                p, q, r = points[i], points[j], points[k]
+                if max(_length(p - q), _length(q - r), _length(r - p)) <= edge:
+                    faces.append((i, j, k) if _volume(p, q, r) > 0.0 else (i, k, j))
     corners = _on_sphere(points[np.array(faces)])
     for _ in range(level):
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]

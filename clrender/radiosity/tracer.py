@@ -110,27 +110,29 @@ class Tracer:
         if total > 2**31:
             raise UsageError(f"{len(sides)} sides of patches with {rays} rays each are too many; take fewer of either")
         device, met = self.device, np.empty((len(sides), rays), np.uint32)
+        program = self._worker.program(_FORM.entry)
         of, hits = device.upload(sides), device.empty(met.nbytes)
-        table = device.upload(np.zeros(1, np.uint32) if cells is None else cells)
-        listed = [] if cells is not None else [np.uint32(0)]
+        table = [] if cells is None else [device.upload(cells)]
 
         def launch(first: int, count: int) -> None:
             span = [np.uint32(first), np.uint32(count), np.uint32(rays)]
-            self._launch(kernel, count, [of, table, *listed, *span, hits])
+            self._worker.launch(program, kernel, count, [of, *table, *span, hits])
 
         self._slices(total, _FIRST_LAUNCH, launch)
         device.read(hits, met)
-        self._release(of, hits, table)
+        self._release(of, hits, *table)
         return met
 
-    def trace_again(self, sides: _Uints, hits: _Uints, moved: tuple[int, int], box: Boxes) -> NDArray[np.bool_]:
+    def trace_again(
+        self, sides: _Uints, hits: Buffer, moved: tuple[int, int], box: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int64], _Uints]:
         """Trace only those rays that a move may have changed.
 
         Parameters
         ----------
         sides : (r,) uint32
-        hits : (r, rays) uint32
-            Before the move; changed in place.
+        hits : Buffer
+            (r, rays) uint32 of before the move; changed in place.
         moved : (int, int)
             First side that moved, and the one after the last.
         box : (6,) float32
@@ -138,34 +140,35 @@ class Tracer:
 
         Returns
         -------
-        (r, rays) bool
-            Rays that were traced.
+        listed : (k,) int64
+            Rays that were traced: row x rays + index.
+        met : (k,) uint32
         """
         device, worker = self.device, self._worker
-        flags = np.empty(hits.size, np.uint8)
-        of, old, around = device.upload(sides), device.upload(hits), device.upload(box)
-        affected = device.empty(flags.nbytes)
+        flags = np.empty(len(sides) * self.rays, np.uint8)
+        of, around, affected = device.upload(sides), device.upload(box), device.empty(flags.nbytes)
         program = worker.program(_FORM.entry)
 
         def mark(first: int, count: int) -> None:
             span = [np.uint32(n) for n in (first, count, self.rays, *moved)]
-            worker.launch(program, "radiosity_affected", count, [of, *span, around, old, affected])
+            worker.launch(program, "radiosity_affected", count, [of, *span, around, hits, affected])
 
-        self._slices(hits.size, _FIRST_LAUNCH * 16, mark)
+        self._slices(flags.size, _FIRST_LAUNCH * 16, mark)
         device.read(affected, flags)
-        listed = np.flatnonzero(flags).astype(np.uint32)
+        listed = np.flatnonzero(flags)
+        met = np.empty(len(listed), np.uint32)
         if len(listed):
-            which = device.upload(listed)
+            which, found = device.upload(listed.astype(np.uint32)), device.empty(met.nbytes)
 
             def launch(first: int, count: int) -> None:
-                span = [np.uint32(n) for n in (1, first, count, self.rays)]
-                worker.launch(program, "radiosity_rays", count, [of, which, *span, old])
+                span = [np.uint32(n) for n in (first, count, self.rays)]
+                worker.launch(program, "radiosity_listed", count, [of, which, *span, hits, found])
 
             self._slices(len(listed), _FIRST_LAUNCH, launch)
-            device.read(old, hits)
-            self._release(which)
-        self._release(of, old, around, affected)
-        return flags.reshape(hits.shape) != 0
+            device.read(found, met)
+            self._release(which, found)
+        self._release(of, around, affected)
+        return listed, met
 
     def direct(
         self,
@@ -209,9 +212,6 @@ class Tracer:
             self._release(around, of, out, kept)
         return result.astype(np.float64), bits
 
-    def _launch(self, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:
-        self._worker.launch(self._worker.program(_FORM.entry), kernel, count, arguments)
-
     def _slices(self, total: int, first: int, launch: Callable[[int, int], None]) -> None:
         """Launch over parts of `total` things, each of about `_LAUNCH_SECONDS`."""
         start, length = 0, first
@@ -224,7 +224,7 @@ class Tracer:
             self.device.finish()
             seconds = max(time.perf_counter() - begin, 1e-4)
             start += count
-            length = max(first // 4, min(int(count / seconds * _LAUNCH_SECONDS), 4 * count))
+            length = max(first // 4, min(int(count / seconds * _LAUNCH_SECONDS), 4 * count)) // 1024 * 1024
 
     def _release(self, *buffers: Buffer) -> None:
         for buffer in buffers:

@@ -1,27 +1,59 @@
 // Entry points that find what each patch sees: form factors by rays.
 #include "radiosity/patch.h"
 
-// Rays are numbered row × rays + index; rows are the sides in use, `sides` tells which. With `listed`, ray n of the launch is
-// list[first + n], else first + n. hits: the side met by each, or the number that stands for outside.
-__kernel void radiosity_rays(SCENE_PARAMETERS __global const uint* sides, __global const uint* list, uint listed, uint first,
-                             uint count, uint rays, __global uint* hits) {
+// Side and index of the ray in each lane, for LANES rays from number `n` on, of which `left` are real; the others repeat the first.
+// Where rows are a multiple of LANES, and `n` too, all lanes have the same side, and need no division each.
+static void form_number(__global const uint* sides, uint n, uint left, uint rays, vuint* side, vuint* index) {
+    if (rays % LANES == 0u && n % LANES == 0u) {
+        const uint row = n / rays;
+        *side = splat_uint(sides[row]);
+        *index = lane_index() + (n - row * rays);
+        return;
+    }
+    uint at[LANES], k[LANES];
+    for (uint lane = 0; lane < LANES; ++lane) {
+        const uint number = n + (lane < left ? lane : 0u), row = number / rays;
+        at[lane] = sides[row];
+        k[lane] = number - row * rays;
+    }
+    *side = lane_restore(at);
+    *index = lane_restore(k);
+}
+
+// Rays are numbered row × rays + index; rows are the sides in use, `sides` tells which. hits: the side met by each, or the number
+// that stands for outside.
+__kernel void radiosity_rays(SCENE_PARAMETERS __global const uint* sides, uint first, uint count, uint rays, __global uint* hits) {
     SCENE_COLLECT(scene);
     const uint base = (uint)get_global_id(0) * LANES;
     if (base >= count) return;
-    uint number[LANES], side[LANES], index[LANES], met[LANES];
-    int real[LANES];
+    uint met[LANES];
+    vuint side, index;
+    form_number(sides, first + base, count - base, rays, &side, &index);
+    const vmask active = lane_index() < count - base;
+    const Ray ray = patch_ray(&scene, settings->seed, side, index);
+    lane_store(patch_met(&scene, &ray, traverse_nearest(&scene.bvh, &ray, active)), met);
+    for (uint lane = 0; lane < LANES && base + lane < count; ++lane) hits[first + base + lane] = met[lane];
+}
+
+// The same for rays list[first], …; `found` gets them in the order of the list, too.
+__kernel void radiosity_listed(SCENE_PARAMETERS __global const uint* sides, __global const uint* list, uint first, uint count,
+                               uint rays, __global uint* hits, __global uint* found) {
+    SCENE_COLLECT(scene);
+    const uint base = (uint)get_global_id(0) * LANES;
+    if (base >= count) return;
+    uint side[LANES], index[LANES], met[LANES];
     for (uint lane = 0; lane < LANES; ++lane) {
-        real[lane] = base + lane < count;
-        const uint n = first + (real[lane] ? base + lane : base);
-        number[lane] = listed ? list[n] : n;
-        side[lane] = sides[number[lane] / rays];
-        index[lane] = number[lane] % rays;
+        const uint number = list[first + min(base + lane, count - 1u)], row = number / rays;
+        side[lane] = sides[row];
+        index[lane] = number - row * rays;
     }
-    const vmask active = lane_restore(real) != 0;
+    const vmask active = lane_index() < count - base;
     const Ray ray = patch_ray(&scene, settings->seed, lane_restore(side), lane_restore(index));
     lane_store(patch_met(&scene, &ray, traverse_nearest(&scene.bvh, &ray, active)), met);
-    for (uint lane = 0; lane < LANES; ++lane)
-        if (real[lane]) hits[number[lane]] = met[lane];
+    for (uint lane = 0; lane < LANES && base + lane < count; ++lane) {
+        hits[list[first + base + lane]] = met[lane];
+        found[first + base + lane] = met[lane];
+    }
 }
 
 // The same with rays through the cells of a hemicube about the side's centre (Cohen & Greenberg 1985); `cells`: a direction for
@@ -58,18 +90,16 @@ __kernel void radiosity_affected(SCENE_PARAMETERS __global const uint* sides, ui
     SCENE_COLLECT(scene);
     const uint base = (uint)get_global_id(0) * LANES;
     if (base >= count) return;
-    uint side[LANES], index[LANES], met[LANES];
+    uint from[LANES];
     int passes[LANES];
-    for (uint lane = 0; lane < LANES; ++lane) {
-        const uint n = first + min(base + lane, count - 1u);
-        side[lane] = sides[n / rays];
-        index[lane] = n % rays;
-        met[lane] = hits[n];
-    }
-    const Ray ray = patch_ray(&scene, settings->seed, lane_restore(side), lane_restore(index));
+    vuint side, index;
+    form_number(sides, first + base, count - base, rays, &side, &index);
+    const Ray ray = patch_ray(&scene, settings->seed, side, index);
+    lane_store(side, from);
     lane_store(patch_passes_box(&ray, box), passes);
     for (uint lane = 0; lane < LANES && base + lane < count; ++lane) {
-        const int own = side[lane] >= moved && side[lane] < moved_end, lost = met[lane] >= moved && met[lane] < moved_end;
+        const uint met = hits[first + base + lane];
+        const int own = from[lane] >= moved && from[lane] < moved_end, lost = met >= moved && met < moved_end;
         affected[first + base + lane] = (uchar)(own || lost || passes[lane] != 0);
     }
 }

@@ -21,7 +21,8 @@ from clrender.tonemap import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
     "output spp size seed device integrator shadow-rays indirect-rays max-depth light-choice roulette absorption "
-    "patches patch-rays radiosity-display tone-map exposure tile samples-per-pass work-group lanes time stats quiet allow-path"
+    "patches patch-rays radiosity-display tone-map exposure tile samples-per-pass work-group lanes time stats quiet "
+    "allow-path"
 )
 
 
