@@ -18,6 +18,8 @@ from clrender.radiosity.solution import (
     carried_radiance,
     check_sought,
     first_sides,
+    lifted,
+    open_share,
     sealed_sides,
     side_areas,
     solve_scene,
@@ -273,7 +275,8 @@ class DynamicRadiosity:
 
     def _settle(self, weights: _Floats | None) -> int:
         """Shoot what sides send too much or too little of, until it is small; the number of sweeps."""
-        reflectance = self.patches.reflectance[self._sides // 2]
+        share = open_share(self._hits, sealed_sides(self.patches))
+        reflectance = lifted(self.patches.reflectance[self._sides // 2], share)
         assert self._on_device is not None
         sweeper = Sweeper(self._device, self._on_device, self._sought.rays, reflectance, 2 * len(self.patches) + 1)
         everything = carried_radiance(self.patches)

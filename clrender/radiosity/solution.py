@@ -32,6 +32,8 @@ __all__ = [
     "carried_radiance",
     "check_sought",
     "first_sides",
+    "lifted",
+    "open_share",
     "own_radiance",
     "sealed_sides",
     "side_areas",
@@ -89,6 +91,8 @@ class Solution:
         Radiance that each side reflects, W/(sr m²).
     used : (2 n + 1,) bool
         Sides that were solved for; the others are seen by nothing.
+    open_share : (2 n + 1,) float64
+        Of each side's area; the rest is covered by something closed that stands on it.
     steps : int
     unshot : float
         Share of the power.
@@ -103,6 +107,7 @@ class Solution:
     balance: Balance
     reflected: _Floats
     used: NDArray[np.bool_]
+    open_share: _Floats
     steps: int
     unshot: float
     seconds: dict[str, float]
@@ -198,6 +203,32 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
         if not open_:
             sealed[2 * spans[index][0] + 1 : 2 * spans[index][1] : 2] = True
     return sealed
+
+
+def open_share(hits: _Uints, sealed: NDArray[np.bool_]) -> _Floats:
+    """Share of each side's area that is in the open, and not inside of something closed that stands on it.
+
+    Nothing reaches the covered part, and nobody sees it: a side's radiance is that of its part in the open.
+
+    Parameters
+    ----------
+    hits : (r, rays) uint32
+        A ray that meets a sealed side has set out from the covered part.
+    sealed : (2 n + 1,) bool
+
+    Returns
+    -------
+    (r,) float64
+    """
+    if not sealed.any():
+        return np.ones(len(hits))
+    covered = np.count_nonzero(sealed[hits], axis=1)
+    return 1.0 - covered / hits.shape[1]
+
+
+def lifted(reflectance: _Floats, share: _Floats) -> _Floats:
+    """Reflectance that turns what arrives on the whole of a side, by mean, into what its open part reflects."""
+    return np.divide(reflectance, share[:, None], out=np.zeros_like(reflectance), where=share[:, None] > 0.0)
 
 
 def first_sides(patches: Patches) -> _Uints:
@@ -309,14 +340,16 @@ def _solve(
     tracer = Tracer(device, flat, wanted.rays, wanted.seed, cut, should_stop)
     times.append(time.perf_counter())
     try:
-        sides, hits = traced_sides(tracer, first_sides(patches), sealed_sides(patches))
+        sealed = sealed_sides(patches)
+        sides, hits = traced_sides(tracer, first_sides(patches), sealed)
         times.append(time.perf_counter())
         irradiance, _ = tracer.direct(sides, wanted.direct_samples)
     finally:
         tracer.release()
     times.append(time.perf_counter())
     factors = factors_of_hits(sides, hits, 2 * len(patches) + 1)
-    reflectance = patches.reflectance[sides // 2]
+    share = open_share(hits, sealed)
+    reflectance = lifted(patches.reflectance[sides // 2], share)
     direct = reflectance * irradiance / math.pi
     balance = Balance(factors, reflectance, direct, carried_radiance(patches), side_areas(patches))
     times.append(time.perf_counter())
@@ -327,7 +360,9 @@ def _solve(
     left = balance.power(done.unshot) / max(balance.power(done.reflected), 1e-300)
     names = ("upload", "form_factors", "direct", "matrix", "solve")
     seconds = {name: end - start for name, start, end in zip(names, times[:-1], times[1:], strict=True)}
-    return Solution(patches, flat, balance, balance.spread(done.reflected), used, done.steps, left, seconds)
+    open_ = np.zeros(factors.columns)
+    open_[sides] = share
+    return Solution(patches, flat, balance, balance.spread(done.reflected), used, open_, done.steps, left, seconds)
 
 
 def _refined(solution: Solution, count: int) -> Patches:
@@ -352,4 +387,5 @@ def _nothing(patches: Patches, size: tuple[int, int], light_choice: str) -> Solu
     empty = np.zeros((0, 3))
     balance = Balance(factors, empty, empty, carried_radiance(patches), side_areas(patches))
     flat = patches.flat(*size, light_choice)
-    return Solution(patches, flat, balance, np.zeros((columns, 3)), np.zeros(columns, bool), 0, 1.0, {}, False)
+    none, nowhere = np.zeros(columns, bool), np.zeros(columns)
+    return Solution(patches, flat, balance, np.zeros((columns, 3)), none, nowhere, 0, 1.0, {}, False)

@@ -23,7 +23,7 @@ class Balance:
     ----------
     factors : FormFactors
     reflectance : (r, 3) float64
-        Of each row's side.
+        Of each row's side, over the share of it that is in the open.
     direct : (r, 3) float64
         Radiance reflected of light that shadow rays found, by row.
     sent : (columns, 3) float64
@@ -120,7 +120,6 @@ def shoot(
     start = np.searchsorted(factors.column[order], np.arange(factors.columns + 1))
     unshot = balance.first()
     reflected, steps = unshot.copy(), 0
-    progress = Progress(0, reflected, unshot, _ambient(balance, unshot))
     while steps < most and balance.power(unshot) > tolerance * balance.power(reflected):
         power = np.abs(unshot).sum(axis=1) * areas
         shooters = np.flatnonzero(power >= 0.5 * power.max())
@@ -134,8 +133,7 @@ def shoot(
         reflected += gained
         steps += 1
         if on_step is not None:
-            progress = Progress(steps, reflected, unshot, _ambient(balance, unshot))
-            on_step(progress)
+            on_step(Progress(steps, reflected.copy(), unshot.copy(), _ambient(balance, unshot)))
     return Progress(steps, reflected, unshot, _ambient(balance, unshot))
 
 
