@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from radiosity_support import fronts, path_traced, tracer_of
 from render_support import lambert, quad, scene, sphere
-from scipy import stats
 from stats_support import Evidence
 
 import clrender
@@ -80,13 +79,15 @@ def test_the_delta_form_factors_of_a_hemicube() -> None:
         hemicube_cells(5)
 
 
-@pytest.mark.parametrize("name", ["room-diffuse", "furnace-room", "furnace-sphere", "inside-sphere"])
+@pytest.mark.parametrize("name", ["room-diffuse", "furnace-room", "inside-sphere"])
 def test_in_closed_rooms_all_that_leaves_arrives(device: Device, name: str) -> None:
     with tracer_of(device, clrender.load(name), 2000, 256) as (patches, tracer):
         sides = fronts(patches)
         sums = factors_of_hits(sides, tracer.hits(sides), tracer.outside + 1).row_sums()
-    inner = sums if name != "furnace-sphere" else sums[patches.areas > 0]
-    assert inner.min() >= 1.0 - 1e-3 and inner.max() <= 1.0 + 1e-12, (sums.min(), sums.max())
+    if name == "room-diffuse":  # a box's bottom lies in the floor, and a sphere of flat patches dips into it
+        sums = sums[(patches.shape < 8) | (patches.corners[:, :, 1].min(axis=1) > 1e-3)]
+    assert len(sums) > 0.9 * len(patches)
+    assert sums.min() >= 1.0 - 1e-3 and sums.max() <= 1.0 + 1e-12
 
 
 def test_reciprocity(device: Device, evidence: Evidence) -> None:
@@ -174,16 +175,12 @@ def test_shooting_and_gathering_end_at_the_same(device: Device) -> None:
     assert (np.abs(lifted - end) < 0.5 * np.abs(now - end)).all()
 
 
-def _z_scores(device: Device, what: Scene, seeds: int, spp: int, count: int) -> tuple[Any, Any, Any]:
-    """(k,) scores of groups of patches: radiosity against path tracing, both over independent seeds; and their errors."""
+def bright(device: Device, what: Scene, count: int, rays: int, seeds: int, spp: int) -> tuple[Any, Any]:
+    """(seeds, groups x 3) mean radiance of groups of patches, by radiosity and by path tracing.
+
+    Groups are of neighbours, of one shape and of about a sixtieth of all area. Every seed is a solution of its own.
+    """
     patches = cut_into_patches(what, count)
-    solved, traced = [], []
-    for seed in range(seeds):
-        solution = solve_scene(what, device, Sought(count, 256, refine=False, seed=seed + 1000))
-        assert len(solution.patches) == len(patches)
-        solved.append(solution.reflected[:-1:2])
-        traced.append(path_traced(device, patches, spp, seed))
-    # Neighbours together: groups of the patches of a shape, in its order, that hold about equal area
     group, step = np.zeros(len(patches), int), float(patches.areas.sum()) / 60.0
     for shape in range(len(what.shapes)):
         here = patches.shape == shape
@@ -191,23 +188,43 @@ def _z_scores(device: Device, what: Scene, seeds: int, spp: int, count: int) -> 
         group[here] = (within / step).astype(int) + (group.max() + 1 if shape else 0)
     area = np.bincount(group, patches.areas)
 
-    def grouped(rows: list[Any]) -> Any:
-        return np.array([[np.bincount(group, patches.areas * c) / area for c in row.T] for row in rows])
+    def grouped(rows: Any) -> Any:
+        return np.concatenate([np.bincount(group, patches.areas * channel) / area for channel in rows.T])
 
-    a, b = grouped(solved), grouped(traced)
-    lit = b.mean(axis=0) > 1e-3
-    error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / seeds)
-    return (a - b).mean(axis=0)[lit] / error[lit], error[lit] / b.mean(axis=0)[lit], seeds
+    solved, traced = [], []
+    for seed in range(seeds):
+        solution = solve_scene(what, device, Sought(count, rays, refine=False, seed=1000 + seed))
+        assert np.array_equal(solution.patches.corners, patches.corners)
+        solved.append(grouped((solution.reflected * solution.open_share[:, None])[:-1:2]))
+        traced.append(grouped(path_traced(device, patches, spp, seed)))
+    return np.array(solved), np.array(traced)
 
 
+def judged(evidence: Evidence, solved: Any, traced: Any, bias: float) -> None:
+    lit = traced.mean(axis=0) > 1e-2 * traced.mean()
+    error = np.sqrt(((solved - traced).var(axis=0, ddof=1) / len(solved))[lit]) / traced.mean(axis=0)[lit]
+    assert lit.sum() > 120 and np.median(error) < 0.01
+    evidence.equal("groups", traced[:, lit], solved[:, lit], rounding=bias)
+
+
+def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence: Evidence) -> None:
+    """Noise below a percent; for what a patch is not evenly bright, a bias of 1.5 % of a group's radiance is allowed."""
+    judged(evidence, *bright(device, clrender.load("room-diffuse"), 4000, 128, 8, 16), 0.015)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["room-diffuse", "cornell"])
-def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, name: str) -> None:
-    """Some hundred groups of patches by Welch's z over 8 seeds each, one in a thousand false alarms for all together.
+def test_the_more_patches_the_nearer(device: Device, evidence: Evidence, name: str) -> None:
+    """With 12 000 patches, 0.7 % is enough; and with an eighth of them the bias is more than twice what it is then."""
+    fine = bright(device, clrender.load(name), 12000, 256, 8, 32)
+    judged(evidence, *fine, 0.007)
+    coarse = bright(device, clrender.load(name), 1500, 256, 8, 256)
 
-    Noise of both is below a percent; what patches do that are not infinitely small is below that.
-    """
-    score, error, seeds = _z_scores(device, clrender.load(name), 8, 64, 3000)
-    level = 1.0 - (1.0 - 1e-3) ** (1.0 / score.size)
-    print(np.abs(score).max(), np.sqrt((score**2).mean()), score.mean(), np.median(error), score.size)
-    assert np.median(error) < 0.01
-    assert 2.0 * stats.t.sf(np.abs(score).max(), 2 * seeds - 2) > level
+    def bias(pair: Any) -> float:
+        lit = pair[1].mean(axis=0) > 1e-2 * pair[1].mean()
+        apart = (pair[0] - pair[1])[:, lit] / pair[1].mean(axis=0)[lit]
+        squares = apart.mean(axis=0) ** 2 - apart.var(axis=0, ddof=1) / len(apart)
+        return math.sqrt(max(float(squares.mean()), 1e-10))
+
+    print(bias(fine), bias(coarse))
+    assert bias(coarse) > 2.0 * bias(fine)
