@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.radiosity.corners import Corners
-from clrender.radiosity.solution import Solution, own_radiance
+from clrender.radiosity.sides import own_radiance
+from clrender.radiosity.solution import Solution
 
 if TYPE_CHECKING:
     from clrender.device.device import Buffer

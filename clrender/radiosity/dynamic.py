@@ -13,21 +13,20 @@ from numpy.typing import NDArray
 
 from clrender.errors import UsageError
 from clrender.radiosity.patches import Patches, cut_into_patches
-from clrender.radiosity.solution import (
-    Sought,
+from clrender.radiosity.sides import (
     carried_radiance,
-    check_sought,
     first_sides,
+    importance,
     lifted,
     open_share,
     sealed_sides,
     side_areas,
-    solve_scene,
     traced_sides,
 )
+from clrender.radiosity.solution import Sought, check_sought, solve_scene
 from clrender.radiosity.sweeper import Sweeper
 from clrender.radiosity.tracer import Tracer
-from clrender.scene.description import DirectionalLight, EnvironmentLight, PointLight
+from clrender.scene.description import PointLight
 
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device
@@ -37,8 +36,6 @@ if TYPE_CHECKING:
 
 __all__ = ["DynamicRadiosity", "Update"]
 
-_NEAR: Final = 0.25
-"""Of the scene's diagonal: nobody is so near that what is nearer than this counts for more."""
 _BOX_MARGIN: Final = 1e-4
 _MOST_SWEEPS: Final = 1000
 
@@ -114,7 +111,7 @@ class DynamicRadiosity:
         self.flat: FlatScene
         self._tracer: Tracer | None = None
         self._on_device: Buffer | None = None
-        self._weights = _importance(self.patches)
+        self._weights = importance(self.patches)
         self.started = self.start_again()
 
     @property
@@ -163,15 +160,12 @@ class DynamicRadiosity:
         begin = time.perf_counter()
         if not 0 <= shape < len(self.patches.scene.shapes):
             raise UsageError(f"there is no shape {shape}; the scene has {len(self.patches.scene.shapes)}, from 0")
-        moved = self.patches.sides_of(shape)
-        boxes = np.zeros((2, 6), np.float32)
-        boxes[0] = _box(self.patches, moved)
+        moved, before = self.patches.sides_of(shape), self.flat
+        old = _box(self.patches, moved)
         self.patches = self.patches.moved(shape, (float(by[0]), float(by[1]), float(by[2])))
-        boxes[1] = _box(self.patches, moved)
-        before = self.flat
+        boxes = np.stack([old, _box(self.patches, moved)])
         self._place()
-        assert self._tracer is not None
-        assert self._on_device is not None
+        assert self._tracer is not None and self._on_device is not None
         listed, met = self._tracer.trace_again(self._sides, self._on_device, moved, boxes[1])
         self._hits.reshape(-1)[listed] = met
         rays = len(listed) + self._add_sides(met)
@@ -201,7 +195,6 @@ class DynamicRadiosity:
             raise UsageError(f"there is no light {light}; the scene has {len(scene.lights)}, from 0")
         old = scene.lights[light]
         if not isinstance(old, PointLight):
-            assert isinstance(old, DirectionalLight | EnvironmentLight)
             raise UsageError(f"light {light} is {old.type} and infinitely far away, so it cannot be moved")
         place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
         lights = list(scene.lights)
@@ -267,11 +260,8 @@ class DynamicRadiosity:
     def _direct(self, change: tuple[tuple[int, int], NDArray[np.float32]] | None) -> None:
         """Direct light, all of it or where a moved shape may have changed it."""
         assert self._tracer is not None
-        samples = self._sought.direct_samples
-        if change is None:
-            self._irradiance, self._seen = self._tracer.direct(self._sides, samples)
-        else:
-            self._irradiance, self._seen = self._tracer.direct(self._sides, samples, self._seen, *change)
+        known = (self._seen, *change) if change else ()
+        self._irradiance, self._seen = self._tracer.direct(self._sides, self._sought.direct_samples, *known)
 
     def _settle(self, weights: _Floats | None) -> int:
         """Shoot what sides send too much or too little of, until it is small; the number of sweeps."""
@@ -297,14 +287,6 @@ class DynamicRadiosity:
             sweeps += 1
         sweeper.release()
         return sweeps
-
-
-def _importance(patches: Patches) -> _Floats:
-    """(2 n,): 1 near the observer, falling with the square of the distance."""
-    spans = patches.corners.reshape(-1, 3).max(axis=0) - patches.corners.reshape(-1, 3).min(axis=0)
-    near = (_NEAR * math.sqrt(float((spans * spans).sum()))) ** 2
-    x, y, z = (patches.centers - np.array(patches.scene.camera.position)).T
-    return np.repeat(np.minimum(1.0, near / np.maximum((x * x + y * y) + z * z, 1e-30)), 2)
 
 
 def _box(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:

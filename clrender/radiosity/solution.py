@@ -15,10 +15,18 @@ from clrender.errors import UsageError
 from clrender.radiosity.corners import Corners
 from clrender.radiosity.factors import FormFactors, factors_of_hits
 from clrender.radiosity.patches import Patches, cut_into_patches
+from clrender.radiosity.sides import (
+    carried_radiance,
+    first_sides,
+    lifted,
+    open_share,
+    own_radiance,
+    sealed_sides,
+    side_areas,
+    traced_sides,
+)
 from clrender.radiosity.solve import Balance, gather
 from clrender.radiosity.tracer import MOST_DIRECT_SAMPLES, Stopped, Tracer
-from clrender.scene.description import PointLight
-from clrender.scene.shapes import Box, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
@@ -26,28 +34,13 @@ if TYPE_CHECKING:
     from clrender.flatten import FlatScene
     from clrender.scene import Scene
 
-__all__ = [
-    "Solution",
-    "Sought",
-    "carried_radiance",
-    "check_sought",
-    "first_sides",
-    "lifted",
-    "open_share",
-    "own_radiance",
-    "sealed_sides",
-    "side_areas",
-    "solve_scene",
-    "summary",
-    "traced_sides",
-]
+__all__ = ["Solution", "Sought", "check_sought", "solve_scene", "summary"]
 
 _COARSE_SHARE: Final = 0.5
 """Of the patches wanted, before those are halved across which the radiance changes most."""
 _MOST_PATCHES: Final = 1 << 20
 
 _Floats = NDArray[np.float64]
-_Uints = NDArray[np.uint32]
 
 
 @dataclass(frozen=True)
@@ -156,121 +149,6 @@ def check_sought(sought: Sought) -> None:
         value = getattr(sought, name)
         if not least <= value <= most:
             raise UsageError(f"radiosity: {name} is {value}; it must be from {least} to {most}")
-
-
-def own_radiance(patches: Patches) -> _Floats:
-    """(2 n + 1, 3): what sides send out by themselves, and last what comes from outside."""
-    own = np.zeros((2 * len(patches) + 1, 3))
-    own[:-1:2] = patches.emission
-    own[-1] = patches.environment
-    return own
-
-
-def carried_radiance(patches: Patches) -> _Floats:
-    """The part of `own_radiance` that form factors carry; shadow rays find the rest."""
-    own = own_radiance(patches)
-    if patches.shadow_rays_find_emission:
-        own[:-1] = 0.0
-    return own
-
-
-def side_areas(patches: Patches) -> _Floats:
-    """(2 n + 1,) float64; outside has none."""
-    return np.append(np.repeat(patches.areas, 2), 0.0)
-
-
-def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
-    """Sides that are the dark inside of something closed: (2 n + 1,) bool.
-
-    A sphere, box or tetrahedron is, when neither the camera nor anything that shines reaches into the box around it.
-    """
-    sealed = np.zeros(2 * len(patches) + 1, bool)
-    scene = patches.scene
-    spans = [tuple(side // 2 for side in patches.sides_of(shape)) for shape in range(len(scene.shapes))]
-    boxes = [patches.corners[first:end].reshape(-1, 3) for first, end in spans]
-    lows, highs = [b.min(axis=0) for b in boxes], [b.max(axis=0) for b in boxes]
-    points = [light.position for light in scene.lights if isinstance(light, PointLight)]
-    points.append(scene.camera.position)
-    reach = scene.camera.aperture_radius
-    for index, shape in enumerate(scene.shapes):
-        if not isinstance(shape, Sphere | Box | Tetrahedron) or shape.flip_normals:
-            continue
-        low, high = lows[index], highs[index]
-        open_ = any(((np.array(p) >= low - reach) & (np.array(p) <= high + reach)).all() for p in points)
-        for other, source in enumerate(scene.shapes):
-            if other != index and source.emission is not None:
-                open_ = open_ or bool(((lows[other] <= high) & (highs[other] >= low)).all())
-        if not open_:
-            sealed[2 * spans[index][0] + 1 : 2 * spans[index][1] : 2] = True
-    return sealed
-
-
-def open_share(hits: _Uints, sealed: NDArray[np.bool_]) -> _Floats:
-    """Share of each side's area that is in the open, and not inside of something closed that stands on it.
-
-    Nothing reaches the covered part, and nobody sees it: a side's radiance is that of its part in the open.
-
-    Parameters
-    ----------
-    hits : (r, rays) uint32
-        A ray that meets a sealed side has set out from the covered part.
-    sealed : (2 n + 1,) bool
-
-    Returns
-    -------
-    (r,) float64
-    """
-    if not sealed.any():
-        return np.ones(len(hits))
-    covered = np.count_nonzero(sealed[hits], axis=1)
-    return 1.0 - covered / hits.shape[1]
-
-
-def lifted(reflectance: _Floats, share: _Floats) -> _Floats:
-    """Reflectance that turns what arrives on the whole of a side, by mean, into what its open part reflects."""
-    return np.divide(reflectance, share[:, None], out=np.zeros_like(reflectance), where=share[:, None] > 0.0)
-
-
-def first_sides(patches: Patches) -> _Uints:
-    """All fronts, and the backs that the camera may look at."""
-    camera = patches.scene.camera
-    x, y, z = (patches.centers - np.array(camera.position)).T
-    normal_x, normal_y, normal_z = patches.normals.T
-    used = np.zeros(2 * len(patches), bool)
-    used[::2] = True
-    used[1::2] = (x * normal_x + y * normal_y) + z * normal_z > -camera.aperture_radius
-    return np.flatnonzero(used & ~sealed_sides(patches)[:-1]).astype(np.uint32)
-
-
-def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tuple[_Uints, _Uints]:
-    """Rays from these sides, and from every side that they see.
-
-    Parameters
-    ----------
-    tracer : Tracer
-    sides : (k,) uint32
-        Ascending.
-    known : (2 n + 1,) bool
-        Sides whose rays are traced already, or need not be.
-
-    Returns
-    -------
-    sides : (r,) uint32
-        Ascending.
-    hits : (r, rays) uint32
-    """
-    hits = tracer.hits(sides)
-    while True:
-        seen = np.zeros(tracer.outside + 1, bool)
-        seen[hits] = True
-        seen[sides] = False
-        seen &= ~known
-        new = np.flatnonzero(seen[:-1]).astype(np.uint32)
-        if not len(new):
-            return sides, hits
-        every = np.concatenate([sides, new])
-        order = np.argsort(every, kind="stable")
-        sides, hits = every[order], np.concatenate([hits, tracer.hits(new)])[order]
 
 
 def solve_scene(

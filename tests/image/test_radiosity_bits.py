@@ -1,4 +1,4 @@
-"""The picture of a radiosity solution is the same bits however its work is cut, and what it refuses it refuses clearly."""
+"""The picture of a radiosity solution is the same bits however its work is cut; refusals are clear."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_gathered_and_smooth_pictures_agree_with_paths(device: Device) -> None:
 
 def test_mirrors_and_glass_are_refused_by_name(device: Device) -> None:
     for name, kind, shape in (("room", "a mirror", 10), ("room-glass", "glass", None)):
-        with pytest.raises(SceneError, match=f"is {kind}.*lambert.*--integrator path") as error:
+        with pytest.raises(SceneError, match=rf"is {kind}.*lambert.*--integrator path") as error:
             clrender.render(clrender.load(name), device=device.info.index, size=(4, 4), integrator="radiosity")
         assert "shapes[" in str(error.value) and (shape is None or f"shapes[{shape}].material" in str(error.value))
 
@@ -78,9 +78,9 @@ def test_mirrors_and_glass_are_refused_by_name(device: Device) -> None:
 def test_what_makes_no_sense_is_refused(device: Device) -> None:
     with pytest.raises(UsageError, match="patches is 0"):
         render(device, "smooth", patches=0)
-    with pytest.raises(UsageError, match="radiosity_display is 'nice'.*constant, smooth, gather"):
+    with pytest.raises(UsageError, match=r"radiosity_display is 'nice'.*constant, smooth, gather"):
         render(device, "nice")
-    nothing = clrender.Scene(camera={"position": [0, 0, 1], "target": [0, 0, 0]})  # type: ignore[arg-type]
+    nothing = clrender.Scene(camera={"position": [0, 0, 1], "target": [0, 0, 0]})
     with pytest.raises(SceneError, match="no shapes"):
         clrender.render(nothing, device=device.info.index, size=(4, 4), integrator="radiosity")
 

@@ -1,4 +1,4 @@
-"""Radiosity: form factors with known values, closed spaces with known answers, and the path tracer's word for the rest."""
+"""Radiosity: form factors with known values, closed spaces, and the path tracer's word for the rest."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import clrender
 from clrender.radiosity.factors import FormFactors, factors_of_hits, hemicube_cells
 from clrender.radiosity.patches import cut_into_patches
 from clrender.radiosity.solution import Sought, solve_scene
-from clrender.radiosity.solve import gather, shoot
+from clrender.radiosity.solve import Progress, gather, shoot
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -141,7 +141,7 @@ def test_a_closed_furnace_is_exact(device: Device, shape: str) -> None:
 
 
 def test_a_point_light_in_a_sphere(device: Device) -> None:
-    """Radiance 10 / (4 pi) everywhere (inside-sphere.toml); a sphere of flat patches is off by the square of their size."""
+    """Radiance 10 / (4 pi) everywhere (inside-sphere.toml); flat patches are off by the square of their size."""
     off = []
     for count in (300, 5000):
         solution = solve_scene(clrender.load("inside-sphere"), device, Sought(count, 64, tolerance=1e-9, refine=False))
@@ -161,7 +161,7 @@ def test_environment_light(device: Device) -> None:
 
 def test_shooting_and_gathering_end_at_the_same(device: Device) -> None:
     solution = solve_scene(clrender.load("room-diffuse"), device, Sought(800, 64, tolerance=1e-9))
-    seen = []
+    seen: list[Progress] = []
     shot = shoot(solution.balance, 1e-9, on_step=seen.append)
     gathered = gather(solution.balance, 1e-9)
     assert solution.balance.power(shot.reflected - gathered.reflected) < 1e-7 * solution.balance.power(
@@ -208,7 +208,7 @@ def judged(evidence: Evidence, solved: Any, traced: Any, bias: float) -> None:
 
 
 def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence: Evidence) -> None:
-    """Noise below a percent; for what a patch is not evenly bright, a bias of 1.5 % of a group's radiance is allowed."""
+    """Noise is below a percent; for patches are not evenly bright, a bias of 1.5 % of a group's radiance is allowed."""
     judged(evidence, *bright(device, clrender.load("room-diffuse"), 4000, 128, 8, 16), 0.015)
 
 
