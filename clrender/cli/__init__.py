@@ -25,7 +25,6 @@ STARTED: Final = time.perf_counter()
 
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
-    "radiosity": "Animate a diffuse scene: a shape moves and its light follows.",
     "devices": "List OpenCL devices and whether each computes rightly.",
     "doctor": "Find out what is wrong with OpenCL here and how to cure it.",
     "scenes": "List the built-in scenes.",
@@ -33,6 +32,7 @@ COMMANDS: Final[dict[str, str]] = {
     "schema": "Print the JSON Schema of scene files.",
     "tonemap": "Turn a linear image into one for display.",
     "compare": "Measure how far an image is from a reference.",
+    "radiosity": "Animate a diffuse scene: a shape moves and its light follows.",
     "bench": "Measure how fast clrender is here, with its peers beside it.",
 }
 """Name -> first line of its help; the command `NAME` is `NAME` in the module `clrender.cli.NAME`."""

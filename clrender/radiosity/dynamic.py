@@ -108,7 +108,6 @@ class DynamicRadiosity:
         check_sought(self._sought)
         self._device, self._size, self._cut = device, size, cut
         self.patches = patches or self._cut_up(scene)
-        self.flat: FlatScene
         self._tracer: Tracer | None = None
         self._on_device: Buffer | None = None
         self._weights = importance(self.patches)
@@ -133,8 +132,7 @@ class DynamicRadiosity:
         begin = time.perf_counter() - self._device.compile_seconds
         self._place()
         assert self._tracer is not None
-        first, sealed = first_sides(self.patches), sealed_sides(self.patches)
-        self._sides, self._hits = traced_sides(self._tracer, first, sealed)
+        self._sides, self._hits = traced_sides(self._tracer, first_sides(self.patches), sealed_sides(self.patches))
         self._keep_hits()
         self._irradiance, self._seen = self._tracer.direct(self._sides, self._sought.direct_samples)
         self._reflected = np.zeros((len(self._sides), 3))
@@ -189,17 +187,16 @@ class DynamicRadiosity:
         UsageError
             When there is no such light, or it is infinitely far away.
         """
-        begin = time.perf_counter()
-        scene = self.patches.scene
+        begin, scene = time.perf_counter(), self.patches.scene
         if not 0 <= light < len(scene.lights):
             raise UsageError(f"there is no light {light}; the scene has {len(scene.lights)}, from 0")
         old = scene.lights[light]
         if not isinstance(old, PointLight):
             raise UsageError(f"light {light} is {old.type} and infinitely far away, so it cannot be moved")
         place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
-        lights = list(scene.lights)
-        lights[light] = PointLight(type="point", position=place, intensity=old.intensity)
-        self.patches = self.patches.lit_by(scene.model_copy(update={"lights": tuple(lights)}))
+        new = PointLight(type="point", position=place, intensity=old.intensity)
+        lights = (*scene.lights[:light], new, *scene.lights[light + 1 :])
+        self.patches = self.patches.lit_by(scene.model_copy(update={"lights": lights}))
         self._place()
         self._direct(None)
         sweeps = self._settle(self._weights)
@@ -299,5 +296,4 @@ def _box(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
 
 def _lights_differ(before: FlatScene, after: FlatScene) -> bool:
     """Whether shadow rays choose among the lights in another way."""
-    names = ("lights", "light_nodes", "light_order")
-    return any(not np.array_equal(before.arrays[name], after.arrays[name]) for name in names)
+    return any(not np.array_equal(before.arrays[n], after.arrays[n]) for n in ("lights", "light_nodes", "light_order"))
