@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 from clrender.errors import UsageError
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.sides import (
+    box_around,
     carried_radiance,
+    covered_rays,
     first_sides,
     importance,
+    largest,
     lifted,
-    open_share,
+    lights_differ,
     sealed_sides,
     side_areas,
     traced_sides,
@@ -31,12 +34,10 @@ from clrender.scene.description import PointLight
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device
     from clrender.device.worker import Cut
-    from clrender.flatten import FlatScene
     from clrender.scene import Scene
 
 __all__ = ["DynamicRadiosity", "Update"]
 
-_BOX_MARGIN: Final = 1e-4
 _MOST_SWEEPS: Final = 1000
 
 _Floats = NDArray[np.float64]
@@ -132,7 +133,9 @@ class DynamicRadiosity:
         begin = time.perf_counter() - self._device.compile_seconds
         self._place()
         assert self._tracer is not None
-        self._sides, self._hits = traced_sides(self._tracer, first_sides(self.patches), sealed_sides(self.patches))
+        self._sealed = sealed_sides(self.patches)
+        self._sides, self._hits = traced_sides(self._tracer, first_sides(self.patches), self._sealed)
+        self._covered = covered_rays(self._hits, self._sealed)
         self._keep_hits()
         self._irradiance, self._seen = self._tracer.direct(self._sides, self._sought.direct_samples)
         self._reflected = np.zeros((len(self._sides), 3))
@@ -159,16 +162,16 @@ class DynamicRadiosity:
         if not 0 <= shape < len(self.patches.scene.shapes):
             raise UsageError(f"there is no shape {shape}; the scene has {len(self.patches.scene.shapes)}, from 0")
         moved, before = self.patches.sides_of(shape), self.flat
-        old = _box(self.patches, moved)
+        old = box_around(self.patches, moved)
         self.patches = self.patches.moved(shape, (float(by[0]), float(by[1]), float(by[2])))
-        boxes = np.stack([old, _box(self.patches, moved)])
+        boxes = np.stack([old, box_around(self.patches, moved)])
         self._place()
         assert self._tracer is not None and self._on_device is not None
         listed, met = self._tracer.trace_again(self._sides, self._on_device, moved, boxes[1])
-        self._hits.reshape(-1)[listed] = met
+        self._take(listed, met)
         rays = len(listed) + self._add_sides(met)
         shines = self.patches.shadow_rays_find_emission and self.patches.scene.shapes[shape].emission is not None
-        self._direct(None if shines or _lights_differ(before, self.flat) else (moved, boxes))
+        self._direct(None if shines or lights_differ(before, self.flat) else (moved, boxes))
         sweeps = self._settle(self._weights)
         return Update(rays, self._hits.size, sweeps, time.perf_counter() - begin)
 
@@ -232,10 +235,19 @@ class DynamicRadiosity:
             self._device.release(self._on_device)
         self._on_device = self._device.upload(self._hits)
 
+    def _take(self, listed: NDArray[np.int64], met: NDArray[np.uint32]) -> None:
+        """Put what was traced again in the place of what was."""
+        flat, sealed = self._hits.reshape(-1), sealed_sides(self.patches)
+        old, flat[listed] = flat[listed], met
+        change = sealed[met].astype(np.float64) - sealed[old]
+        self._covered += np.bincount(listed // self._sought.rays, change, len(self._sides)).astype(np.int64)
+        if not np.array_equal(sealed, self._sealed):
+            self._covered, self._sealed = covered_rays(self._hits, sealed), sealed
+
     def _add_sides(self, met: NDArray[np.uint32]) -> int:
         """Take in sides that are met now and were not before; the number of rays that took."""
         assert self._tracer is not None
-        known = self.used | sealed_sides(self.patches)
+        known = self.used | self._sealed
         seen = np.zeros(len(known), bool)
         seen[met] = True
         seen[first_sides(self.patches)] = True
@@ -247,6 +259,7 @@ class DynamicRadiosity:
         order = np.argsort(every, kind="stable")
         self._sides = every[order]
         self._hits = np.concatenate([self._hits, hits])[order]
+        self._covered = np.concatenate([self._covered, covered_rays(hits, self._sealed)])[order]
         self._keep_hits()
         self._reflected = np.concatenate([self._reflected, np.zeros((len(sides), 3))])[order]
         irradiance, bits = self._tracer.direct(sides, self._sought.direct_samples)
@@ -262,7 +275,7 @@ class DynamicRadiosity:
 
     def _settle(self, weights: _Floats | None) -> int:
         """Shoot what sides send too much or too little of, until it is small; the number of sweeps."""
-        share = open_share(self._hits, sealed_sides(self.patches))
+        share = 1.0 - self._covered / self._sought.rays
         reflectance = lifted(self.patches.reflectance[self._sides // 2], share)
         assert self._on_device is not None
         sweeper = Sweeper(self._device, self._on_device, self._sought.rays, reflectance, 2 * len(self.patches) + 1)
@@ -274,8 +287,8 @@ class DynamicRadiosity:
         areas = side_areas(self.patches)[self._sides]
         sweeps, shot = 1, np.zeros_like(everything)
         while sweeps < _MOST_SWEEPS:
-            mean = float((np.abs(self._reflected + left).max(axis=1) * areas).sum() / areas.sum())
-            chosen = np.abs(left).max(axis=1) * weight > self._sought.tolerance * mean
+            mean = float((largest(self._reflected + left) * areas).sum() / areas.sum())
+            chosen = largest(left) * weight > self._sought.tolerance * mean
             if not chosen.any():
                 break
             shot[self._sides] = now = np.where(chosen[:, None], left, 0.0)
@@ -284,16 +297,3 @@ class DynamicRadiosity:
             sweeps += 1
         sweeper.release()
         return sweeps
-
-
-def _box(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
-    """(6,): around a shape's patches, a little larger than roundings."""
-    corners = patches.corners[moved[0] // 2 : moved[1] // 2].reshape(-1, 3)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    margin = _BOX_MARGIN * max(float((high - low).max()), float(np.abs(corners).max()) * 1e-2)
-    return np.concatenate([low - margin, high + margin]).astype(np.float32)
-
-
-def _lights_differ(before: FlatScene, after: FlatScene) -> bool:
-    """Whether shadow rays choose among the lights in another way."""
-    return any(not np.array_equal(before.arrays[n], after.arrays[n]) for n in ("lights", "light_nodes", "light_order"))

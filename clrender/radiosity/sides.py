@@ -13,20 +13,25 @@ from clrender.scene.description import PointLight
 from clrender.scene.shapes import Box, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
+    from clrender.flatten import FlatScene
     from clrender.radiosity.tracer import Tracer
 
 __all__ = [
+    "box_around",
     "carried_radiance",
+    "covered_rays",
     "first_sides",
     "importance",
+    "largest",
     "lifted",
-    "open_share",
+    "lights_differ",
     "own_radiance",
     "sealed_sides",
     "side_areas",
     "traced_sides",
 ]
 
+_BOX_MARGIN: Final = 1e-4
 _NEAR: Final = 0.25
 """Of the scene's diagonal: nobody is so near that what is nearer than this counts for more."""
 
@@ -81,10 +86,10 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
     return sealed
 
 
-def open_share(hits: _Uints, sealed: NDArray[np.bool_]) -> _Floats:
-    """Share of each side's area that is in the open, and not inside of something closed that stands on it.
+def covered_rays(hits: _Uints, sealed: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many rays of each side set out inside of something closed that stands on it.
 
-    Nothing reaches the covered part, and nobody sees it: a side's radiance is that of its part in the open.
+    Nothing reaches that part of the side, and nobody sees it: the side's radiance is that of its part in the open.
 
     Parameters
     ----------
@@ -94,13 +99,12 @@ def open_share(hits: _Uints, sealed: NDArray[np.bool_]) -> _Floats:
 
     Returns
     -------
-    (r,) float64
+    (r,) int64
     """
     if not sealed.any():
-        return np.ones(len(hits))
-    covered = np.count_nonzero(sealed[hits], axis=1)
-    share: _Floats = 1.0 - covered / hits.shape[1]
-    return share
+        return np.zeros(len(hits), np.int64)
+    covered: NDArray[np.int64] = np.count_nonzero(sealed[hits], axis=1).astype(np.int64)
+    return covered
 
 
 def lifted(reflectance: _Floats, share: _Floats) -> _Floats:
@@ -157,3 +161,23 @@ def importance(patches: Patches) -> _Floats:
     near = (_NEAR * math.sqrt(float((spans * spans).sum()))) ** 2
     x, y, z = (patches.centers - np.array(patches.scene.camera.position)).T
     return np.repeat(np.minimum(1.0, near / np.maximum((x * x + y * y) + z * z, 1e-30)), 2)
+
+
+def box_around(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
+    """(6,): around a shape's patches, a little larger than roundings."""
+    corners = patches.corners[moved[0] // 2 : moved[1] // 2].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = _BOX_MARGIN * max(float((high - low).max()), float(np.abs(corners).max()) * 1e-2)
+    return np.concatenate([low - margin, high + margin]).astype(np.float32)
+
+
+def lights_differ(before: FlatScene, after: FlatScene) -> bool:
+    """Whether shadow rays choose among the lights in another way."""
+    return any(not np.array_equal(before.arrays[n], after.arrays[n]) for n in ("lights", "light_nodes", "light_order"))
+
+
+def largest(radiance: _Floats) -> _Floats:
+    """Of each row's magnitudes the largest; column by column, which is faster than NumPy's way along a short axis."""
+    size = np.abs(radiance)
+    most: _Floats = np.maximum(np.maximum(size[:, 0], size[:, 1]), size[:, 2])
+    return most

@@ -17,9 +17,9 @@ from clrender.radiosity.factors import FormFactors, factors_of_hits
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.sides import (
     carried_radiance,
+    covered_rays,
     first_sides,
     lifted,
-    open_share,
     own_radiance,
     sealed_sides,
     side_areas,
@@ -226,7 +226,7 @@ def _solve(
         tracer.release()
     times.append(time.perf_counter())
     factors = factors_of_hits(sides, hits, 2 * len(patches) + 1)
-    share = open_share(hits, sealed)
+    share = 1.0 - covered_rays(hits, sealed) / wanted.rays
     reflectance = lifted(patches.reflectance[sides // 2], share)
     direct = reflectance * irradiance / math.pi
     balance = Balance(factors, reflectance, direct, carried_radiance(patches), side_areas(patches))

@@ -59,7 +59,7 @@ class Sweeper:
         """
         device, columns = self._device, len(sent)
         self._sent[:, :3] = sent
-        self._bits[:columns] = (self._sent != 0.0).any(axis=1)
+        self._bits[:columns] = (sent[:, 0] != 0.0) | (sent[:, 1] != 0.0) | (sent[:, 2] != 0.0)
         few = np.count_nonzero(self._bits) < _FEW * columns
         device.write(self._wide, self._sent)
         device.write(self._senders, np.packbits(self._bits, bitorder="little").view("<u4"))
