@@ -62,4 +62,5 @@ INTEGRATORS: Final[Mapping[str, Integrator]] = {
     ),
     "reuse": Integrator("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
     "photon": Integrator("integrator/photon.cl", "integrator_photon", sample_by_sample=True, bias="consistent"),
+    "radiosity": Integrator("radiosity/display.cl", "integrator_radiosity", leaves_out=(CAUSTICS,), bias="discretised"),
 }

@@ -23,10 +23,9 @@ SHRINKING: Final = 2.0 / 3.0
 RADIUS_SHARE: Final = 0.01
 """Of the scene's radius: the first photon map's, unless the user says otherwise."""
 
-# kernels/photon/trace.h and photons.cl; a test compares them.
+# kernels/photon/deposit.h; a test compares them.
 DEPOSITS: Final = 8
 DEPOSIT_WORDS: Final = 12
-PHOTONS_PER_ITEM: Final = 256
 
 _MAP_WORDS: Final = 10
 _MOST_CELLS: Final = 1 << 22
@@ -47,6 +46,11 @@ def radius_of_pass(first: float, number: int) -> float:
     for i in range(1, number + 1):
         squared *= (i + SHRINKING) / (i + 1)
     return math.sqrt(squared)
+
+
+def photons_per_item(lanes: int) -> int:
+    """Photons that a work-item follows: ``PHOTONS_PER_ITEM`` of ``kernels/photon/photons.cl``."""
+    return 1 if lanes == 1 else 16 * lanes
 
 
 def scene_box(flat: FlatScene) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -133,10 +137,10 @@ class PhotonMaps:
         device, worker = self._worker.device, self._worker
         deposits = device.empty(4 * DEPOSIT_WORDS * DEPOSITS * self._photons)
         counts = device.empty(4 * self._photons)
+        device.write(counts, np.zeros(self._photons, np.uint32))
         if self._dark:
-            device.write(counts, np.zeros(self._photons, np.uint32))
             return deposits, counts
-        items = worker.padded(-(-self._photons // PHOTONS_PER_ITEM))
+        items = worker.padded(-(-self._photons // photons_per_item(worker.lanes)))
         rays = device.empty(4 * items)
         arguments: list[Argument] = [self._bounds, np.uint32(number), np.uint32(self._photons), deposits, counts, rays]
         worker.launch(self._trace, "photon_pass", items, arguments)

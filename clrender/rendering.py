@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +19,15 @@ import numpy.typing as npt
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, check_aovs, exr_channels, first_hits
 from clrender.denoise import Denoiser
 from clrender.device import select
-from clrender.device.worker import Cut, DeviceWorker
+from clrender.device.worker import Cut, DeviceWorker, Preparation
 from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
 from clrender.integrators import INTEGRATORS
 from clrender.photon_map import PhotonMaps
+from clrender.radiosity.display import Display, looks
+from clrender.radiosity.solution import Sought, solve_scene, summary
 from clrender.render_stats import render_stats
 from clrender.schedule import Plan, run
 from clrender.settings import RenderSettings, settings_for
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from clrender.scene import Scene
 
 __all__ = ["Progress", "RenderedImage", "render"]
+
+_Prepare: TypeAlias = Callable[[DeviceWorker], Preparation]
 
 
 @dataclass(frozen=True)
@@ -187,13 +191,21 @@ def render(
     sample_by_sample = INTEGRATORS[wanted.integrator].sample_by_sample
     side = tile_side(wanted.tile, wanted.width, wanted.height)
     plan = Plan(wanted.width, wanted.height, wanted.spp, side, sample_by_sample)
+
+    def stops() -> bool:
+        late = wanted.time_limit is not None and time.perf_counter() - begin >= wanted.time_limit
+        return late or (should_stop is not None and should_stop())
+
     devices = select(device, notify=tell, alone=notify is not None)
     prepared = time.perf_counter()
     # Before the image, so that one stopped early has its layers whole.
     asked, most = [*layers, *(GUIDES if denoise else ())], LAYER_SAMPLES if layers else GUIDE_SAMPLES
     first = first_hits(devices, flat, wanted, asked, _cut(wanted), most, should_stop, tell)
     first_seconds = time.perf_counter() - prepared
-    workers = _workers(devices, flat, wanted, plan.tile)
+    prepare: _Prepare | None = None
+    if wanted.integrator == "radiosity":
+        flat, prepare = _radiosity(scene, devices[0], wanted, tell, stops)
+    workers = _workers(devices, flat, wanted, plan.tile, prepare)
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
     started, cpu_started = time.perf_counter(), time.process_time()
 
@@ -201,10 +213,6 @@ def render(
         if on_progress is not None:
             total = plan.width * plan.height * plan.spp
             on_progress(Progress(samples, total, time.perf_counter() - started, rays))
-
-    def stops() -> bool:
-        late = wanted.time_limit is not None and time.perf_counter() - begin >= wanted.time_limit
-        return late or (should_stop is not None and should_stop())
 
     try:
         tally = run(plan, workers, film, advance, stops)
@@ -269,9 +277,22 @@ def _cut(wanted: RenderSettings) -> Cut:
     return Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
 
 
-def _workers(devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int) -> list[DeviceWorker]:
-    cut = _cut(wanted)
-    integrator, prepare = INTEGRATORS[wanted.integrator], None
+def _radiosity(
+    scene: Scene, device: Device, wanted: RenderSettings, tell: Callable[[str], None], stops: Callable[[], bool]
+) -> tuple[FlatScene, _Prepare]:
+    """Radiosity is solved once, on one device; all of them show it."""
+    sought = Sought(wanted.patches, wanted.patch_rays, seed=wanted.seed)
+    size = (wanted.width, wanted.height)
+    solution = solve_scene(scene, device, sought, size, _cut(wanted), wanted.light_choice, stops)
+    tell(summary(solution))
+    table = looks(solution, wanted.radiosity_display)
+    return solution.flat, lambda worker: Display(worker, table, wanted.radiosity_display)
+
+
+def _workers(
+    devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int, prepare: _Prepare | None
+) -> list[DeviceWorker]:
+    cut, integrator = _cut(wanted), INTEGRATORS[wanted.integrator]
     if wanted.integrator == "photon":
         prepare = partial(PhotonMaps, flat=flat, photons=wanted.photons, radius=wanted.photon_radius)
     return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
+from clrender.radiosity.display import DISPLAYS
 from clrender.scene.lights import LIGHT_CHOICES
 
 if TYPE_CHECKING:
@@ -21,7 +22,11 @@ if TYPE_CHECKING:
 
 __all__ = ["RenderSettings", "settings_for"]
 
-_OWN_SETTINGS: Final = {"reuse": ("reuse",), "photon": ("photons", "photon_radius")}
+_OWN_SETTINGS: Final = {
+    "reuse": ("reuse",),
+    "photon": ("photons", "photon_radius"),
+    "radiosity": ("patches", "patch_rays", "radiosity_display"),
+}
 """Settings that decide the image of one integrator only, by its name."""
 _ROULETTES: Final = {
     "none": layout.ROULETTE_NONE,
@@ -63,6 +68,10 @@ class RenderSettings:
         Emitted for each sample, for the integrator ``photon``.
     photon_radius : float or None
         Within which the first sample looks for photons, metres; None: a hundredth of the scene's radius.
+    patches, patch_rays : int
+        Of ``radiosity``: how many patches, about, and rays from each.
+    radiosity_display : str
+        ``constant``, ``smooth`` or ``gather``.
     tile, samples_per_pass, work_group, lanes, traversal
         How work is cut; None: by the device.
     time_limit : float or None
@@ -84,6 +93,9 @@ class RenderSettings:
     reuse: int = 16
     photons: int = 131072
     photon_radius: float | None = None
+    patches: int = 8000
+    patch_rays: int = 256
+    radiosity_display: str = "smooth"
     tile: int = 64
     samples_per_pass: int | None = None
     work_group: int | None = None
@@ -148,8 +160,8 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
     wanted = RenderSettings(**{**values, **given})
     for name, least, most in (
         ("spp", 1, 2**20), ("width", 1, 65536), ("height", 1, 65536), ("seed", 0, 2**32 - 1), ("shadow_rays", 1, 4096),
-        ("indirect_rays", 0, 4096), ("tile", 1, 65536),
-        ("photons", 1, 2**26),
+        ("indirect_rays", 0, 4096), ("tile", 1, 65536), ("photons", 1, 2**26), ("patches", 1, 2**20),
+        ("patch_rays", 1, 2**16),
     ):  # fmt: skip
         value = getattr(wanted, name)
         if not isinstance(value, (int, np.integer)) or not least <= value <= most:
@@ -159,6 +171,7 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
         ("roulette", _ROULETTES),
         ("sampling", _STRATEGIES),
         ("light_choice", LIGHT_CHOICES),
+        ("radiosity_display", DISPLAYS),
     ):
         if getattr(wanted, name) not in choices:
             raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")

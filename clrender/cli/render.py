@@ -90,6 +90,13 @@ _FILM_BYTES: Final = 52
     metavar="R",
     help="Metres around a point in which the first sample looks for them (a hundredth of the scene's).",
 )
+@click.option("--patches", type=number(1, 2**20, whole=True), help="Of radiosity: how many, about (8000).")
+@click.option("--patch-rays", type=number(1, 2**16, whole=True), metavar="N", help="Of radiosity: from each (256).")
+@click.option(
+    "--radiosity-display",
+    type=click.Choice(("constant", "smooth", "gather")),
+    help="Patches evenly bright, interpolated, or one bounce gathered anew (smooth).",
+)
 @tone_options
 @click.option(
     "--aov",

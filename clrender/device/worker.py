@@ -37,6 +37,10 @@ _SMALL_TREE: Final = 8
 _NEAR_BYTES: Final = 3 << 19
 """Of a tree that the processor has at hand: in a larger one, memory is asked for ahead."""
 
+_SHORT_LOOPS: Final = ("rusticl",)
+"""Platforms whose loops end after 65,535 rounds, whatever their condition says (llvmpipe, counting the rounds of all
+loops of a work-item): a work-item then gets one sample, and one that is not delivered all the same is not finite."""
+
 _BLOCK_SLOTS: Final = BLOCK * BLOCK
 
 
@@ -92,6 +96,8 @@ class DeviceWorker:
 
     Attributes
     ----------
+    lanes : int
+        Paths a work-item carries.
     build_seconds : float
         Upload and tree.
     busy_seconds : float
@@ -127,9 +133,10 @@ class DeviceWorker:
         self._settings["lights_equal"] = bool((scene.arrays["lights"]["alias_threshold"] >= 1.0).all())
         self._settings_buffer = device.upload(self._settings)
         self.build_seconds = time.perf_counter() - begin
-        self._lanes = cut.lanes or _lanes(device)
-        self._group = cut.work_group or min(_work_group(device, self._lanes), device.max_work_group)
+        self.lanes = cut.lanes or _lanes(device)
+        self._group = cut.work_group or min(_work_group(device, self.lanes), device.max_work_group)
         self._per_pass = cut.samples_per_pass
+        self._short_loops = any(name in device.info.platform.lower() for name in _SHORT_LOOPS)
         self._defined = self._defines(cut)
         self._integrator = integrator
         self._program = self.program(integrator.entry)
@@ -153,12 +160,12 @@ class DeviceWorker:
         self.device.launch(program, kernel, items, self._group, [*self.scene_arguments, *arguments])
 
     def _defines(self, cut: Cut) -> dict[str, int | str]:
-        defines: dict[str, int | str] = {"LANES": self._lanes}
+        defines: dict[str, int | str] = {"LANES": self.lanes}
         if cut.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
-        if self._lanes >= 4 and self._arrays.tree.node_count <= _SMALL_TREE:
+        if self.lanes >= 4 and self._arrays.tree.node_count <= _SMALL_TREE:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
-        elif self._lanes >= 4 and self._arrays.tree.nbytes > _NEAR_BYTES:
+        elif self.lanes >= 4 and self._arrays.tree.nbytes > _NEAR_BYTES:
             defines["BVH_PREFETCH"] = 1
         stack = STACK
         while stack < self._arrays.tree.stack_entries:
@@ -238,9 +245,11 @@ class DeviceWorker:
         device = self.device
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
-        items = self.padded(-(-part.slot_count // self._lanes))
+        items = self.padded(-(-part.slot_count // self.lanes))
         samples = self._buffer("samples", 12 * part.slot_count * part.sample_count)
         stats = self._buffer("stats", 16 * items)
+        if self._short_loops:
+            device.write(samples, np.full(3 * part.slot_count * part.sample_count, np.nan, np.float32))
         span = [
             np.uint32(number) for number in (part.first_slot, part.slot_count, part.first_sample, part.sample_count)
         ]
@@ -287,7 +296,7 @@ class DeviceWorker:
 
     def _passes(self, slots: int, left: int) -> int:
         """Samples of a pixel in the next launches."""
-        if self._integrator.sample_by_sample:
+        if self._integrator.sample_by_sample or self._short_loops:
             return 1
         if self._per_pass is not None:
             return min(self._per_pass, left)

@@ -99,7 +99,7 @@ class Image(Part):
 class Render(Part):
     """Defaults of the render's settings; the command line wins."""
 
-    integrator: Literal["path", "direct", "whitted", "reuse", "photon"] = "path"
+    integrator: Literal["path", "direct", "whitted", "reuse", "photon", "radiosity"] = "path"
     spp: Annotated[Count, Field(ge=1, le=2**20)] = Field(64, description="samples per pixel")
     seed: Annotated[Count, Field(ge=0, lt=2**32)] = 0
     shadow_rays: Annotated[Count, Field(ge=1, le=4096)] = 1
@@ -241,6 +241,26 @@ class Scene(Part):
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
         scene._meshes = {}
+        return scene
+
+    def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
+        """The same scene with other triangles, in world space, for each of its shapes.
+
+        Parameters
+        ----------
+        meshes : sequence of MeshData
+            One for each shape.
+        lights : sequence of Light
+            In place of the scene's own.
+        emitting : bool
+            Whether shapes keep their emission.
+        """
+        shapes = tuple(
+            Mesh(type="mesh", file=f"shape {i}", material=s.material, emission=s.emission if emitting else None)
+            for i, s in enumerate(self.shapes)
+        )
+        scene = self.model_copy(update={"shapes": shapes, "lights": tuple(lights)})
+        scene._meshes = {f"shape {i}": mesh for i, mesh in enumerate(meshes)}
         return scene
 
     def mesh(self, index: int) -> MeshData:

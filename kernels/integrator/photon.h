@@ -8,6 +8,7 @@
 #define INTEGRATOR_PHOTON_H
 
 #include "integrator/path.h"
+#include "photon/deposit.h"
 #include "photon/grid.h"
 
 typedef struct {
@@ -24,7 +25,7 @@ typedef struct {
 
 // The flux that arrives around a point, on the side of `side`, from photons with at most `depth` scattering events, eight at a time.
 static float4 photon_gather_one(const PhotonMap* m, float4 point, float4 side, float depth) {
-    const float r = m->radius, r2 = r * r, off = r * PHOTON_OFF_PLANE;
+    const float r = m->radius, r2 = r * r, off = r * PHOTON_OFF_PLANE, caustic_r2 = r2 * (CAUSTIC_RADIUS * CAUSTIC_RADIUS);
     const float4 low = m->grid.low;
     const uint4 size = m->grid.size;
     const uint x0 = grid_along(point.x - r, low.x, low.w, size.x), x1 = grid_along(point.x + r, low.x, low.w, size.x);
@@ -44,8 +45,9 @@ static float4 photon_gather_one(const PhotonMap* m, float4 point, float4 side, f
                 const float8 above = fma(dx, (float8)(side.x), fma(dy, (float8)(side.y), dz * side.z));
                 const float8 faces = fma(vload8(0, at + 3 * n), (float8)(side.x),
                                          fma(vload8(0, at + 4 * n), (float8)(side.y), vload8(0, at + 5 * n) * side.z));
-                const int8 near = (distance2 <= r2) & (above <= off) & (above >= -off) & (faces > 0.0f) &
-                                  (vload8(0, at + 9 * n) <= depth) & (i + step < end);
+                const float8 events = vload8(0, at + 9 * n), within = events < 0.0f ? (float8)(caustic_r2) : (float8)(r2);
+                const int8 near = (distance2 <= within) & (above <= off) & (above >= -off) & (faces > 0.0f) &
+                                  (events <= depth) & (events >= -depth) & (i + step < end);
                 red += near ? vload8(0, at + 6 * n) : (float8)(0.0f);
                 green += near ? vload8(0, at + 7 * n) : (float8)(0.0f);
                 blue += near ? vload8(0, at + 8 * n) : (float8)(0.0f);

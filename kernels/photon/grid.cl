@@ -32,6 +32,8 @@ __kernel void grid_place(__global const float* deposits, __global const uint* de
     if (i >= starts[cells]) return;
     __global const float* deposit = deposits + (size_t)values[i] * DEPOSIT_WORDS;
     const uint made = deposit_counts[values[i] / PHOTON_DEPOSITS];
-    const float share = made > PHOTON_DEPOSITS ? (float)made / PHOTON_DEPOSITS : 1.0f;
+    // A photon of a caustic counts on a smaller disk, and so for more
+    const float density = deposit[9] < 0.0f ? 1.0f / (CAUSTIC_RADIUS * CAUSTIC_RADIUS) : 1.0f;
+    const float share = density * (made > PHOTON_DEPOSITS ? (float)made / PHOTON_DEPOSITS : 1.0f);
     for (uint k = 0; k < 10u; ++k) map[(size_t)k * stride + i] = k >= 6u && k < 9u ? deposit[k] * share : deposit[k];
 }

@@ -1,7 +1,9 @@
 // Entry point of the photons' way through the scene.
 #include "photon/trace.h"
 
-#define PHOTONS_PER_ITEM 256u
+// As many as keep the lanes full. With one lane there is nothing to fill, and a driver that lets work-items run side by side may allow a
+// loop only so many rounds.
+#define PHOTONS_PER_ITEM (LANES == 1 ? 1u : LANES * 16u)
 
 // bounds: centre and radius of a sphere about the scene. deposits: float [photon_count][8][12]; deposit_counts: uint [photon_count], how
 // many there were, also of those not kept; ray_counts: uint a work-item.

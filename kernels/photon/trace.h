@@ -17,11 +17,12 @@ typedef struct {
     vec3 flux;
     vuint depth;         // scattering events so far
     vuint deposits;
+    vmask specular;      // all scattering events so far were at mirrors and glass
 } Photon;
 
 static Photon photon_none(void) {
     Photon p;
-    p.alive = splat_uint(0u) != splat_uint(0u);
+    p.alive = p.specular = splat_uint(0u) != splat_uint(0u);
     p.number = p.depth = p.deposits = p.sampler.seed = p.sampler.index = splat_uint(0u);
     p.ray.origin = p.flux = vec3_all(0.0f);
     p.ray.direction = vec3_all(1.0f);
@@ -40,6 +41,7 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     p->flux = choose(start, e.flux, p->flux);
     p->depth = start ? splat_uint(0u) : p->depth;
     p->deposits = start ? splat_uint(0u) : p->deposits;
+    p->specular = p->specular | start;
     p->alive = p->alive | start;
 }
 
@@ -56,8 +58,9 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask w
     sampler_hash_bits(p->sampler, p->depth * SETS_PER_BOUNCE + SET_LIGHT, &random, &unused);
     const vuint drawn = mul_hi(random, p->deposits + 1u), place = p->deposits < PHOTON_DEPOSITS ? p->deposits : drawn;
     const vmask kept = where & (place < PHOTON_DEPOSITS);
+    const vfloat events = vfloat_of(vint_from_uint(p->depth));
     const vfloat words[10] = {s->point.x, s->point.y, s->point.z, -p->ray.direction.x, -p->ray.direction.y, -p->ray.direction.z,
-                              flux.x,     flux.y,     flux.z,     vfloat_of(vint_from_uint(p->depth))};
+                              flux.x,     flux.y,     flux.z,     p->specular ? -events : events};
     int is_kept[LANES];
     uint at[LANES];
     float word[LANES];
@@ -118,6 +121,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         }
 
         // Go on, or end and say how many deposits there were
+        photon.specular = photon.specular & !bsdf.smooth;
         const vmask goes_on = photon_scatter(scene, &photon, &surface, &bsdf, found);
         const vmask ended = photon.alive & !goes_on;
         if (lane_any(ended)) {

@@ -21,7 +21,8 @@ from clrender.tonemap import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
     "output spp size seed device integrator shadow-rays indirect-rays max-depth light-choice roulette absorption "
-    "tone-map exposure aov denoise tile samples-per-pass work-group lanes time stats quiet allow-path"
+    "reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
+    "samples-per-pass work-group lanes time stats quiet allow-path"
 )
 
 

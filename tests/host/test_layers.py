@@ -23,6 +23,7 @@ LAYERS = (
     ("rendering",),
     ("aov",),
     ("render_stats", "settings"),
+    ("radiosity",),
     ("compare", "flip"),
     ("schedule",),
     ("photon_map",),

@@ -85,7 +85,6 @@ def test_an_array_of_structs_is_read_member_by_member(all_devices: list[Device],
         ("geometry/build_cost.h", "COST_ROOTS", bvh.COST_ROOTS),
         ("photon/deposit.h", "PHOTON_DEPOSITS", photon_map.DEPOSITS),
         ("photon/deposit.h", "DEPOSIT_WORDS", photon_map.DEPOSIT_WORDS),
-        ("photon/photons.cl", "PHOTONS_PER_ITEM", photon_map.PHOTONS_PER_ITEM),
     ],
 )
 def test_numbers_of_the_kernels(file: str, name: str, value: int) -> None:

@@ -1,0 +1,115 @@
+"""Pictures of a scene in which something moves, its radiosity kept up to date from frame to frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.device.worker import DeviceWorker
+from clrender.film import Film
+from clrender.integrators import INTEGRATORS
+from clrender.radiosity.corners import Corners
+from clrender.radiosity.display import Display, looks_of
+from clrender.radiosity.dynamic import DynamicRadiosity, Update
+from clrender.schedule import Plan, run
+
+if TYPE_CHECKING:
+    from clrender.device.device import Device
+
+__all__ = ["Frame", "Motion", "frames", "picture"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What moves from each frame to the next.
+
+    Attributes
+    ----------
+    shape : int
+        Its place in the scene's list.
+    by : three floats
+        Metres a frame.
+    """
+
+    shape: int
+    by: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A picture, and what its light took.
+
+    Attributes
+    ----------
+    linear : (height, width, 3) float32
+        Radiance.
+    update : Update
+        Of the first frame: the whole solution.
+    """
+
+    linear: NDArray[np.float32]
+    update: Update
+
+
+def frames(
+    dynamic: DynamicRadiosity,
+    device: Device,
+    settings: NDArray[np.void],
+    motions: Sequence[Motion],
+    count: int,
+    spp: int,
+    display: str,
+) -> Iterator[Frame]:
+    """The frames of an animation.
+
+    Parameters
+    ----------
+    dynamic : DynamicRadiosity
+    device : Device
+    settings : (1,) `Settings`
+    motions : sequence of Motion
+    count : int
+    spp : int
+    display : str
+        One of `clrender.radiosity.display.DISPLAYS`.
+
+    Raises
+    ------
+    UsageError
+        When there is no such shape.
+    RenderError
+    """
+    corners = Corners(dynamic.patches) if display == "smooth" else None
+    update = dynamic.started
+    for number in range(count):
+        if number:
+            updates = [dynamic.move(motion.shape, motion.by) for motion in motions]
+            seconds, sweeps = sum(each.seconds for each in updates), sum(each.sweeps for each in updates)
+            update = Update(sum(each.rays for each in updates), updates[-1].all_rays, sweeps, seconds)
+        yield Frame(picture(dynamic, device, settings, spp, display, corners), update)
+
+
+def picture(
+    dynamic: DynamicRadiosity,
+    device: Device,
+    settings: NDArray[np.void],
+    spp: int,
+    display: str,
+    corners: Corners | None,
+) -> NDArray[np.float32]:
+    """The scene as it is now: (height, width, 3) float32, radiance."""
+    table = looks_of(dynamic.patches, dynamic.reflected, dynamic.used, corners)
+    width, height, tile = (int(settings[name][0]) for name in ("width", "height", "tile"))
+    worker = DeviceWorker(
+        device, dynamic.flat, settings, INTEGRATORS["radiosity"], None, lambda made: Display(made, table, display)
+    )
+    film = Film(width, height, {})
+    try:
+        run(Plan(width, height, spp, tile), [worker], film)
+    finally:
+        worker.release()
+    return film.mean()

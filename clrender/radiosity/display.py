@@ -1,0 +1,95 @@
+"""Radiosity made visible: the table that the display kernel looks radiance up in, and its place in a render."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.radiosity.corners import Corners
+from clrender.radiosity.sides import own_radiance
+from clrender.radiosity.solution import Solution
+
+if TYPE_CHECKING:
+    from clrender.device.device import Buffer
+    from clrender.device.worker import DeviceWorker
+    from clrender.radiosity.patches import Patches
+
+__all__ = ["DISPLAYS", "Display", "looks", "looks_of"]
+
+DISPLAYS: Final = ("constant", "smooth", "gather")
+"""Each patch evenly bright; interpolated between corners; what every pixel sees looked up one bounce later."""
+_GATHER: Final = 1
+_ROW: Final = 16
+
+_Floats = NDArray[np.float64]
+
+
+def looks(solution: Solution, display: str) -> NDArray[np.float32]:
+    """The table for a solution; `looks_of` has the details."""
+    corners = Corners(solution.patches) if display == "smooth" else None
+    return looks_of(solution.patches, solution.reflected, solution.used, corners)
+
+
+def looks_of(
+    patches: Patches, reflected: _Floats, used: NDArray[np.bool_], corners: Corners | None
+) -> NDArray[np.float32]:
+    """What the kernel reads of each side (``kernels/radiosity/display.h``).
+
+    Parameters
+    ----------
+    patches : Patches
+    reflected : (2 n + 1, 3) float64
+        Radiance.
+    used : (2 n + 1,) bool
+    corners : Corners or None
+        To interpolate between them; None: each patch is evenly bright.
+
+    Returns
+    -------
+    (2 n + 1, 16) float32
+    """
+    rows = np.zeros((2 * len(patches) + 1, _ROW))
+    rows[:, :9] = np.tile(reflected, 3)
+    rows[-1, :9] = 0.0
+    if corners is not None:
+        for back in (0, 1):
+            side = slice(back, 2 * len(patches), 2)
+            rows[side, :9] = corners.values(reflected[side], used[side]).reshape(-1, 9)
+    rows[:, 9:12] = own_radiance(patches)
+    rows[:, 12:15] = reflected
+    rows[:, 15] = 0.0 if patches.shadow_rays_find_emission else 1.0
+    rows[-1, 12:] = 0.0, 0.0, 0.0, 1.0
+    return rows.astype(np.float32)
+
+
+class Display:
+    """What the kernel of the integrator ``radiosity`` takes beside the scene.
+
+    Parameters
+    ----------
+    worker : DeviceWorker
+        Of the solution's flat scene.
+    table : (2 n + 1, 16) float32
+    display : str
+        One of `DISPLAYS`.
+    """
+
+    def __init__(self, worker: DeviceWorker, table: NDArray[np.float32], display: str) -> None:
+        self._device = worker.device
+        self._table = worker.device.upload(table)
+        self._mode = np.uint32(_GATHER if display == "gather" else 0)
+
+    def arguments(self, sample: int) -> Sequence[Buffer | np.generic]:
+        """The table, and how it is used; `sample` does not matter."""
+        return [self._table, self._mode]
+
+    def take_rays(self) -> int:
+        """None: those of the solution are traced before there is a worker."""
+        return 0
+
+    def release(self) -> None:
+        """Give the device's memory back."""
+        self._device.release(self._table)

@@ -1,0 +1,254 @@
+"""A scene cut into patches: small triangles that radiosity takes for evenly bright."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.flatten import FlatScene, flatten
+from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
+from clrender.scene.description import Dielectric, EnvironmentLight, Lambert, Scene
+from clrender.scene.importers import MeshData
+from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.surfaces import flat_surfaces
+
+__all__ = ["Patches", "cut_into_patches"]
+
+_SLACK: Final = 1.5
+"""A patch may be larger than wanted by this factor."""
+_ROUNDS: Final = 5
+_LIGHTS_SHARE: Final = 0.25
+"""Where more than this share of all area shines, form factors find it better than shadow rays do."""
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The patches of a scene; their sides are numbered 2 i (front) and 2 i + 1 (back).
+
+    Attributes
+    ----------
+    scene : Scene
+        Whose shapes they are parts of.
+    corners : (n, 3, 3) float64
+        World space, metres, counter-clockwise seen from the front; exact in float32 but for halving.
+    shape : (n,) int64
+        Which shape, ascending.
+    """
+
+    scene: Scene
+    corners: _Floats
+    shape: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+    @cached_property
+    def areas(self) -> _Floats:
+        """(n,) float64, square metres."""
+        x, y, z = self._across
+        areas: _Floats = np.sqrt((x * x + y * y) + z * z) / 2.0
+        return areas
+
+    @cached_property
+    def normals(self) -> _Floats:
+        """(n, 3) float64, unit, out of the front."""
+        return np.stack(self._across, axis=1) / (2.0 * self.areas)[:, None]
+
+    @cached_property
+    def _across(self) -> tuple[_Floats, _Floats, _Floats]:
+        a = self.corners[:, 0]
+        (ux, uy, uz), (vx, vy, vz) = (self.corners[:, 1] - a).T, (self.corners[:, 2] - a).T
+        return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+    @cached_property
+    def centers(self) -> _Floats:
+        """(n, 3) float64."""
+        centers: _Floats = ((self.corners[:, 0] + self.corners[:, 1]) + self.corners[:, 2]) / 3.0
+        return centers
+
+    @cached_property
+    def reflectance(self) -> _Floats:
+        """(n, 3) float64, of both sides."""
+        rows = [(0.0, 0.0, 0.0) if s.material is None else self._lambert(s.material) for s in self.scene.shapes]
+        colors: _Floats = np.array(rows, np.float64).reshape(-1, 3)[self.shape]
+        return colors
+
+    def _lambert(self, name: str) -> tuple[float, float, float]:
+        material = self.scene.materials[name]
+        assert isinstance(material, Lambert)
+        return material.reflectance
+
+    @cached_property
+    def emission(self) -> _Floats:
+        """(n, 3) float64, radiance of the front, W/(sr m²)."""
+        rows: _Floats = np.array([s.emission or (0.0, 0.0, 0.0) for s in self.scene.shapes], np.float64)
+        return rows.reshape(-1, 3)[self.shape]
+
+    @cached_property
+    def environment(self) -> _Floats:
+        """(3,) float64, radiance from outside."""
+        found = [light.radiance for light in self.scene.lights if isinstance(light, EnvironmentLight)]
+        return np.array(found[0] if found else (0.0, 0.0, 0.0), np.float64)
+
+    @cached_property
+    def shadow_rays_find_emission(self) -> bool:
+        """Whether light of shapes that shine is found by shadow rays; else form factors carry it."""
+        shining = self.emission.any(axis=1)
+        return bool(self.areas[shining].sum() < _LIGHTS_SHARE * self.areas.sum())
+
+    def sides_of(self, shape: int) -> tuple[int, int]:
+        """First side of a shape and the one after its last."""
+        first, end = np.searchsorted(self.shape, [shape, shape + 1])
+        return 2 * int(first), 2 * int(end)
+
+    def flat(self, width: int, height: int, light_choice: str = "auto") -> FlatScene:
+        """The patches as kernels see them: triangle i is patch i. Light that rays to patches find is left out.
+
+        Raises
+        ------
+        SceneError
+            When a patch is too small for single precision.
+        """
+        lights = [light for light in self.scene.lights if not isinstance(light, EnvironmentLight)]
+        scene = self.scene.remeshed(self._meshes(), lights, self.shadow_rays_find_emission)
+        flat = flatten(scene, width, height, light_choice)
+        if flat.triangle_count != len(self):
+            lost = len(self) - flat.triangle_count
+            raise SceneError(
+                f"{self.scene.source}: {lost} of {len(self)} patches have no area in single precision; take fewer"
+            )
+        return flat
+
+    def _meshes(self) -> list[MeshData]:
+        points = self.corners.reshape(-1, 3)
+        return [MeshData(points[corners], triangles) for corners, triangles in self._welded]
+
+    @cached_property
+    def _welded(self) -> list[tuple[NDArray[np.int64], NDArray[np.uint32]]]:
+        """For each shape: a corner for each of its vertices, and triangles of vertices."""
+        welded = []
+        for shape in range(len(self.scene.shapes)):
+            first, end = (side // 2 for side in self.sides_of(shape))
+            points = self.corners[first:end].reshape(-1, 3)
+            _, corner, vertex = np.unique(points, axis=0, return_index=True, return_inverse=True)
+            welded.append((3 * first + corner, vertex.reshape(-1, 3).astype(np.uint32)))
+        return welded
+
+    def bisected(self, which: NDArray[np.bool_]) -> Patches:
+        """Some patches cut in two across the middle of their longest edge; halves stay beside each other.
+
+        Parameters
+        ----------
+        which : (n,) bool
+        """
+        edges = self.corners - np.roll(self.corners, -1, axis=1)
+        squares = (edges[..., 0] ** 2 + edges[..., 1] ** 2) + edges[..., 2] ** 2
+        longest = squares.argmax(axis=1)
+        rows = np.arange(len(self))
+        a, b, c = (self.corners[rows, (longest + k) % 3] for k in range(3))
+        middle = (a + b) / 2.0
+        both = np.stack([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)], axis=1)
+        places = np.repeat(rows, np.where(which, 2, 1))
+        second = np.diff(places, prepend=-1) == 0
+        corners = np.where(which[places, None, None], both[places, second.astype(np.int64)], self.corners[places])
+        return Patches(self.scene, corners, self.shape[places])
+
+    def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
+        """The same patches, with one shape somewhere else; the scene's description stays as it is.
+
+        Parameters
+        ----------
+        shape : int
+        by : three floats
+            Metres.
+        """
+        first, end = (side // 2 for side in self.sides_of(shape))
+        corners = self.corners.copy()
+        corners[first:end] += np.array(by)
+        moved = replace(self, corners=corners)
+        moved.__dict__["_welded"] = self._welded
+        return moved
+
+    def lit_by(self, scene: Scene) -> Patches:
+        """The same patches in a scene that differs in its lights only."""
+        lit = replace(self, scene=scene)
+        lit.__dict__["_welded"] = self._welded
+        return lit
+
+
+def cut_into_patches(scene: Scene, count: int) -> Patches:
+    """The surfaces of a scene as about `count` patches of about equal area.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of diffuse surfaces only.
+    count : int
+        Wanted; shapes that need more to look like themselves get them.
+
+    Raises
+    ------
+    SceneError
+        When a shape is a mirror or of glass, or there is nothing in the scene.
+    """
+    _refuse_what_is_not_diffuse(scene)
+    whole, is_round = _coarse(scene, np.inf)
+    if not len(whole):
+        raise SceneError(f"{scene.source}: has no shapes, so there are no patches; use --integrator path")
+    total, size = float(whole.areas.sum()), float(whole.areas.sum()) / count
+    best: Patches | None = None
+    for _ in range(_ROUNDS):
+        patches, is_round = _coarse(scene, size)
+        while True:
+            large = (patches.areas > _SLACK * size) & ~is_round[patches.shape]
+            if not large.any() or len(patches) > 4 * count:
+                break
+            patches = patches.bisected(large)
+        if best is None or abs(len(patches) - count) < abs(len(best) - count):
+            best = patches
+        size = min(max(size * len(patches) / count, total / count / 16.0), total / count * 16.0)
+    assert best is not None
+    return best
+
+
+def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
+    """Triangles as the scene has them, spheres and disks as triangles of about `size`; which shapes are spheres."""
+    surfaces = flat_surfaces(scene)
+    corners = surfaces.vertices[surfaces.triangles].astype(np.float64)
+    parts: list[_Floats] = []
+    is_round = np.zeros(len(scene.shapes), bool)
+    for index, shape in enumerate(scene.shapes):
+        first, count = int(surfaces.first[index]), int(surfaces.count[index])
+        if not isinstance(shape, Sphere | Disk):
+            parts.append(corners[first : first + count])
+            continue
+        row = surfaces.rounds[first - len(corners)]
+        center, normal = row["center_radius"].astype(np.float64), row["normal"].astype(np.float64)
+        if isinstance(shape, Sphere):
+            is_round[index] = True
+            part = sphere_triangles(center[:3], float(center[3]), bool(normal[3] < 0.0), size)
+        else:
+            part = disk_triangles(center[:3], float(center[3]), normal[:3], size)
+        parts.append(part.astype(np.float32).astype(np.float64))
+    lengths = [len(part) for part in parts]
+    every = np.concatenate(parts) if parts else np.zeros((0, 3, 3))
+    return Patches(scene, every, np.repeat(np.arange(len(parts)), lengths)), is_round
+
+
+def _refuse_what_is_not_diffuse(scene: Scene) -> None:
+    for index, shape in enumerate(scene.shapes):
+        material = scene.materials[shape.material] if shape.material is not None else None
+        if material is None or isinstance(material, Lambert):
+            continue
+        kind = "glass" if isinstance(material, Dielectric) else "a mirror"
+        raise SceneError(
+            f"{scene.source}: shapes[{index}].material: {shape.material!r} is {kind}, and radiosity knows diffuse "
+            "surfaces only; give the shape a material of type lambert, or use --integrator path"
+        )

@@ -1,0 +1,183 @@
+"""Sides of patches: which of them matter, what they send out by themselves, how much of each is in the open."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.radiosity.patches import Patches
+from clrender.scene.description import PointLight
+from clrender.scene.shapes import Box, Sphere, Tetrahedron
+
+if TYPE_CHECKING:
+    from clrender.flatten import FlatScene
+    from clrender.radiosity.tracer import Tracer
+
+__all__ = [
+    "box_around",
+    "carried_radiance",
+    "covered_rays",
+    "first_sides",
+    "importance",
+    "largest",
+    "lifted",
+    "lights_differ",
+    "own_radiance",
+    "sealed_sides",
+    "side_areas",
+    "traced_sides",
+]
+
+_BOX_MARGIN: Final = 1e-4
+_NEAR: Final = 0.25
+"""Of the scene's diagonal: nobody is so near that what is nearer than this counts for more."""
+
+_Floats = NDArray[np.float64]
+_Uints = NDArray[np.uint32]
+
+
+def own_radiance(patches: Patches) -> _Floats:
+    """(2 n + 1, 3): what sides send out by themselves, and last what comes from outside."""
+    own = np.zeros((2 * len(patches) + 1, 3))
+    own[:-1:2] = patches.emission
+    own[-1] = patches.environment
+    return own
+
+
+def carried_radiance(patches: Patches) -> _Floats:
+    """The part of `own_radiance` that form factors carry; shadow rays find the rest."""
+    own = own_radiance(patches)
+    if patches.shadow_rays_find_emission:
+        own[:-1] = 0.0
+    return own
+
+
+def side_areas(patches: Patches) -> _Floats:
+    """(2 n + 1,) float64; outside has none."""
+    return np.append(np.repeat(patches.areas, 2), 0.0)
+
+
+def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
+    """Sides that are the dark inside of something closed: (2 n + 1,) bool.
+
+    A sphere, box or tetrahedron is, when neither the camera nor anything that shines reaches into the box around it.
+    """
+    sealed = np.zeros(2 * len(patches) + 1, bool)
+    scene = patches.scene
+    spans = [tuple(side // 2 for side in patches.sides_of(shape)) for shape in range(len(scene.shapes))]
+    boxes = [patches.corners[first:end].reshape(-1, 3) for first, end in spans]
+    lows, highs = [b.min(axis=0) for b in boxes], [b.max(axis=0) for b in boxes]
+    points = [light.position for light in scene.lights if isinstance(light, PointLight)]
+    points.append(scene.camera.position)
+    reach = scene.camera.aperture_radius
+    for index, shape in enumerate(scene.shapes):
+        if not isinstance(shape, Sphere | Box | Tetrahedron) or shape.flip_normals:
+            continue
+        low, high = lows[index], highs[index]
+        open_ = any(((np.array(p) >= low - reach) & (np.array(p) <= high + reach)).all() for p in points)
+        for other, source in enumerate(scene.shapes):
+            if other != index and source.emission is not None:
+                open_ = open_ or bool(((lows[other] <= high) & (highs[other] >= low)).all())
+        if not open_:
+            sealed[2 * spans[index][0] + 1 : 2 * spans[index][1] : 2] = True
+    return sealed
+
+
+def covered_rays(hits: _Uints, sealed: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many rays of each side set out inside of something closed that stands on it.
+
+    Nothing reaches that part of the side, and nobody sees it: the side's radiance is that of its part in the open.
+
+    Parameters
+    ----------
+    hits : (r, rays) uint32
+        A ray that meets a sealed side has set out from the covered part.
+    sealed : (2 n + 1,) bool
+
+    Returns
+    -------
+    (r,) int64
+    """
+    if not sealed.any():
+        return np.zeros(len(hits), np.int64)
+    covered: NDArray[np.int64] = np.count_nonzero(sealed[hits], axis=1).astype(np.int64)
+    return covered
+
+
+def lifted(reflectance: _Floats, share: _Floats) -> _Floats:
+    """Reflectance that turns what arrives on the whole of a side, by mean, into what its open part reflects."""
+    up: _Floats = np.divide(reflectance, share[:, None], out=np.zeros_like(reflectance), where=share[:, None] > 0.0)
+    return up
+
+
+def first_sides(patches: Patches) -> _Uints:
+    """All fronts, and the backs that the camera may look at."""
+    camera = patches.scene.camera
+    x, y, z = (patches.centers - np.array(camera.position)).T
+    normal_x, normal_y, normal_z = patches.normals.T
+    used = np.zeros(2 * len(patches), bool)
+    used[::2] = True
+    used[1::2] = (x * normal_x + y * normal_y) + z * normal_z > -camera.aperture_radius
+    return np.flatnonzero(used & ~sealed_sides(patches)[:-1]).astype(np.uint32)
+
+
+def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tuple[_Uints, _Uints]:
+    """Rays from these sides, and from every side that they see.
+
+    Parameters
+    ----------
+    tracer : Tracer
+    sides : (k,) uint32
+        Ascending.
+    known : (2 n + 1,) bool
+        Sides whose rays are traced already, or need not be.
+
+    Returns
+    -------
+    sides : (r,) uint32
+        Ascending.
+    hits : (r, rays) uint32
+    """
+    hits = tracer.hits(sides)
+    while True:
+        seen = np.zeros(tracer.outside + 1, bool)
+        seen[hits] = True
+        seen[sides] = False
+        seen &= ~known
+        new = np.flatnonzero(seen[:-1]).astype(np.uint32)
+        if not len(new):
+            return sides, hits
+        every = np.concatenate([sides, new])
+        order = np.argsort(every, kind="stable")
+        sides, hits = every[order], np.concatenate([hits, tracer.hits(new)])[order]
+
+
+def importance(patches: Patches) -> _Floats:
+    """How much the observer cares: (2 n,) float64, 1 near the observer, falling with the square of the distance."""
+    spans = patches.corners.reshape(-1, 3).max(axis=0) - patches.corners.reshape(-1, 3).min(axis=0)
+    near = (_NEAR * math.sqrt(float((spans * spans).sum()))) ** 2
+    x, y, z = (patches.centers - np.array(patches.scene.camera.position)).T
+    return np.repeat(np.minimum(1.0, near / np.maximum((x * x + y * y) + z * z, 1e-30)), 2)
+
+
+def box_around(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
+    """(6,): around a shape's patches, a little larger than roundings."""
+    corners = patches.corners[moved[0] // 2 : moved[1] // 2].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = _BOX_MARGIN * max(float((high - low).max()), float(np.abs(corners).max()) * 1e-2)
+    return np.concatenate([low - margin, high + margin]).astype(np.float32)
+
+
+def lights_differ(before: FlatScene, after: FlatScene) -> bool:
+    """Whether shadow rays choose among the lights in another way."""
+    return any(not np.array_equal(before.arrays[n], after.arrays[n]) for n in ("lights", "light_nodes", "light_order"))
+
+
+def largest(radiance: _Floats) -> _Floats:
+    """Of each row's magnitudes the largest; column by column, which is faster than NumPy's way along a short axis."""
+    size = np.abs(radiance)
+    most: _Floats = np.maximum(np.maximum(size[:, 0], size[:, 1]), size[:, 2])
+    return most

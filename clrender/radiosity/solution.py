@@ -1,0 +1,269 @@
+"""A scene's radiosity from beginning to end: patches, form factors, direct light, the solution, refinement."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import UsageError
+from clrender.radiosity.corners import Corners
+from clrender.radiosity.factors import FormFactors, factors_of_hits
+from clrender.radiosity.patches import Patches, cut_into_patches
+from clrender.radiosity.sides import (
+    carried_radiance,
+    covered_rays,
+    first_sides,
+    lifted,
+    own_radiance,
+    sealed_sides,
+    side_areas,
+    traced_sides,
+)
+from clrender.radiosity.solve import Balance, gather
+from clrender.radiosity.tracer import MOST_DIRECT_SAMPLES, Stopped, Tracer
+
+if TYPE_CHECKING:
+    from clrender.device.device import Device
+    from clrender.device.worker import Cut
+    from clrender.flatten import FlatScene
+    from clrender.scene import Scene
+
+__all__ = ["Solution", "Sought", "check_sought", "solve_scene", "summary"]
+
+_COARSE_SHARE: Final = 0.5
+"""Of the patches wanted, before those are halved across which the radiance changes most."""
+_MOST_PATCHES: Final = 1 << 20
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sought:
+    """What a solution is asked for.
+
+    Attributes
+    ----------
+    patches : int
+        How many, about.
+    rays : int
+        From each side of a patch that is in use.
+    direct_samples : int
+        Points of each side from which a light is looked at, at most 32.
+    tolerance : float
+        Share of the power that may be left unshot.
+    seed : int
+    refine : bool
+        Begin with half of the patches, and halve those across which the radiance changes most.
+    """
+
+    patches: int = 8000
+    rays: int = 256
+    direct_samples: int = MOST_DIRECT_SAMPLES
+    tolerance: float = 1e-5
+    seed: int = 0
+    refine: bool = True
+
+
+@dataclass(frozen=True)
+class Solution:
+    """How bright each side of each patch is.
+
+    Attributes
+    ----------
+    patches : Patches
+    flat : FlatScene
+        The patches as a device reads them.
+    balance : Balance
+    reflected : (2 n + 1, 3) float64
+        Radiance that each side reflects, W/(sr m²).
+    used : (2 n + 1,) bool
+        Sides that were solved for; the others are seen by nothing.
+    open_share : (2 n + 1,) float64
+        Of each side's area; the rest is covered by something closed that stands on it.
+    steps : int
+    unshot : float
+        Share of the power.
+    seconds : dict of str to float
+        What took how long.
+    complete : bool
+        False when it was stopped.
+    """
+
+    patches: Patches
+    flat: FlatScene
+    balance: Balance
+    reflected: _Floats
+    used: NDArray[np.bool_]
+    open_share: _Floats
+    steps: int
+    unshot: float
+    seconds: dict[str, float]
+    complete: bool = True
+
+    @property
+    def factors(self) -> FormFactors:
+        """Form factors of the sides in use."""
+        return self.balance.factors
+
+    @property
+    def sent(self) -> _Floats:
+        """(2 n + 1, 3) float64: radiance of each side, its own and what it reflects; the last is the environment's."""
+        return self.reflected + own_radiance(self.patches)
+
+    @property
+    def radiosity(self) -> _Floats:
+        """(2 n, 3) float64, W/m²."""
+        return math.pi * self.sent[:-1]
+
+
+def summary(solution: Solution) -> str:
+    """What was done, in a line."""
+    if not solution.complete:
+        return "radiosity: stopped before it was solved"
+    sums = solution.factors.row_sums()
+    text = (
+        f"radiosity: {len(solution.patches)} patches, {len(solution.factors.sides)} sides in use, each sees "
+        f"{sums.mean():.3f} of the others; solved in {sum(solution.seconds.values()):.1f} s and {solution.steps} steps"
+    )
+    if solution.unshot > 1e-3:
+        text += f"; warning: {solution.unshot:.1%} of the light is still on its way, for surfaces absorb next to none"
+    return text
+
+
+def check_sought(sought: Sought) -> None:
+    """Refuse what makes no sense.
+
+    Raises
+    ------
+    UsageError
+    """
+    for name, least, most in (
+        ("patches", 1, _MOST_PATCHES), ("rays", 1, 1 << 16), ("direct_samples", 1, MOST_DIRECT_SAMPLES),
+    ):  # fmt: skip
+        value = getattr(sought, name)
+        if not least <= value <= most:
+            raise UsageError(f"radiosity: {name} is {value}; it must be from {least} to {most}")
+
+
+def solve_scene(
+    scene: Scene,
+    device: Device,
+    sought: Sought | None = None,
+    size: tuple[int, int] = (64, 64),
+    cut: Cut | None = None,
+    light_choice: str = "auto",
+    should_stop: Callable[[], bool] | None = None,
+) -> Solution:
+    """Find the radiosity of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of diffuse surfaces only.
+    device : Device
+    sought : Sought, optional
+    size : (int, int)
+        Of the image that the camera is for.
+    cut : Cut, optional
+        Never changes the result.
+    light_choice : str
+    should_stop : callable, optional
+        When it says yes, what is returned is not `complete`.
+
+    Raises
+    ------
+    SceneError
+        When a shape is not diffuse.
+    UsageError, RenderError
+    """
+    wanted = sought or Sought()
+    check_sought(wanted)
+    begin = time.perf_counter()
+    patches = cut_into_patches(scene, math.ceil(wanted.patches * (_COARSE_SHARE if wanted.refine else 1.0)))
+    cutting = time.perf_counter() - begin
+    try:
+        solution = _solve(patches, device, wanted, size, cut, light_choice, should_stop)
+        while wanted.refine and len(solution.patches) < wanted.patches:
+            begin = time.perf_counter()
+            finer = _refined(solution, wanted.patches)
+            cutting += time.perf_counter() - begin
+            if len(finer) == len(solution.patches):
+                break
+            before, solution = solution, _solve(finer, device, wanted, size, cut, light_choice, should_stop)
+            for name, seconds in before.seconds.items():
+                solution.seconds[name] += seconds
+    except Stopped:
+        return _nothing(patches, size, light_choice)
+    solution.seconds["patches"] = cutting
+    return solution
+
+
+def _solve(
+    patches: Patches,
+    device: Device,
+    wanted: Sought,
+    size: tuple[int, int],
+    cut: Cut | None,
+    light_choice: str,
+    should_stop: Callable[[], bool] | None,
+) -> Solution:
+    times = [time.perf_counter()]
+    flat = patches.flat(*size, light_choice)
+    tracer = Tracer(device, flat, wanted.rays, wanted.seed, cut, should_stop)
+    times.append(time.perf_counter())
+    try:
+        sealed = sealed_sides(patches)
+        sides, hits = traced_sides(tracer, first_sides(patches), sealed)
+        times.append(time.perf_counter())
+        irradiance, _ = tracer.direct(sides, wanted.direct_samples)
+    finally:
+        tracer.release()
+    times.append(time.perf_counter())
+    factors = factors_of_hits(sides, hits, 2 * len(patches) + 1)
+    share = 1.0 - covered_rays(hits, sealed) / wanted.rays
+    reflectance = lifted(patches.reflectance[sides // 2], share)
+    direct = reflectance * irradiance / math.pi
+    balance = Balance(factors, reflectance, direct, carried_radiance(patches), side_areas(patches))
+    times.append(time.perf_counter())
+    done = gather(balance, wanted.tolerance)
+    times.append(time.perf_counter())
+    used = np.zeros(factors.columns, bool)
+    used[sides] = True
+    left = balance.power(done.unshot) / max(balance.power(done.reflected), 1e-300)
+    names = ("upload", "form_factors", "direct", "matrix", "solve")
+    seconds = {name: end - start for name, start, end in zip(names, times[:-1], times[1:], strict=True)}
+    open_ = np.zeros(factors.columns)
+    open_[sides] = share
+    return Solution(patches, flat, balance, balance.spread(done.reflected), used, open_, done.steps, left, seconds)
+
+
+def _refined(solution: Solution, count: int) -> Patches:
+    """Patches across which the brightness changes most, halved; at most `count` in all."""
+    patches = solution.patches
+    corners = Corners(patches)
+    contrast = np.zeros(len(patches))
+    for back in (0, 1):
+        side = slice(back, 2 * len(patches), 2)
+        contrast = np.maximum(contrast, corners.contrast(solution.reflected[side], solution.used[side]))
+    most = min(count - len(patches), len(patches) // 2)
+    which = np.zeros(len(patches), bool)
+    best = np.argsort(-contrast, kind="stable")[:most]
+    which[best[contrast[best] > 0.0]] = True
+    return patches.bisected(which)
+
+
+def _nothing(patches: Patches, size: tuple[int, int], light_choice: str) -> Solution:
+    """In place of a solution that nobody waited for."""
+    columns = 2 * len(patches) + 1
+    factors = factors_of_hits(np.zeros(0, np.uint32), np.zeros((0, 1), np.uint32), columns)
+    empty = np.zeros((0, 3))
+    balance = Balance(factors, empty, empty, carried_radiance(patches), side_areas(patches))
+    flat = patches.flat(*size, light_choice)
+    none, nowhere = np.zeros(columns, bool), np.zeros(columns)
+    return Solution(patches, flat, balance, np.zeros((columns, 3)), none, nowhere, 0, 1.0, {}, False)

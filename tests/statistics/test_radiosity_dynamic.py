@@ -1,0 +1,126 @@
+"""Radiosity of a scene that changes: an update ends where a fresh start ends, and traces few rays for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import clrender
+from clrender.radiosity.dynamic import DynamicRadiosity
+from clrender.radiosity.solution import Sought
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from clrender.device import Device
+    from clrender.scene import Scene
+
+TOLERANCE = 1e-4
+SOUGHT = Sought(1500, 64, 16, TOLERANCE, refine=False)
+BOX, TETRAHEDRON, SMALL_SPHERE, LAMP = 8, 9, 12, 6
+
+
+def room(**more: Any) -> Scene:
+    return clrender.load("room-diffuse").model_copy(update=more)
+
+
+def distance(a: DynamicRadiosity, before: Any) -> float:
+    """Largest difference of a side's radiance, against the mean radiance."""
+    areas = np.repeat(a.patches.areas, 2)[:, None]
+    now = a.reflected[:-1]
+    return float(np.abs(now - before[:-1]).max() / ((now * areas).sum() / areas[now.any(axis=1)].sum() / 3.0))
+
+
+def follow(dynamic: DynamicRadiosity, change: Callable[[], Any]) -> tuple[Any, float]:
+    """Make a change, and how far the solution then is from a fresh start."""
+    update = change()
+    dynamic.settle()
+    updated, hits, light = dynamic.reflected, dynamic._hits.copy(), dynamic._irradiance.copy()
+    dynamic.start_again()
+    if hits.shape == dynamic._hits.shape:
+        # The tree is another one now, and a hit within roundings of its leaf's box may go either way
+        assert (hits != dynamic._hits).mean() < 1e-4
+        assert (np.abs(light - dynamic._irradiance).max(axis=1) > 0).mean() < 1e-3
+    return update, distance(dynamic, updated)
+
+
+MOVES = {
+    "a sphere": [(SMALL_SPHERE, (0.1, 0.0, 0.0))],
+    "a box, there and further": [(BOX, (0.05, 0.3, 0.1)), (BOX, (0.3, 0.0, 0.6))],
+    "a box across another shape": [(TETRAHEDRON, (0.1, 0.2, -1.0))],
+    "a lamp": [(LAMP, (0.2, -0.5, 0.3))],
+}
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_an_update_ends_where_a_fresh_start_does(device: Device, name: str) -> None:
+    dynamic = DynamicRadiosity(room(), device, SOUGHT)
+    first = dynamic.reflected
+    for shape, by in MOVES[name][:-1]:
+        dynamic.move(shape, by)
+    shape, by = MOVES[name][-1]
+    update, off = follow(dynamic, lambda: dynamic.move(shape, by))
+    # What is below the tolerance on either side is passed on by reflectances up to 0.75
+    assert off < 2.0 * TOLERANCE / (1.0 - 0.75)
+    assert update.rays < 0.4 * update.all_rays
+    if first.shape == dynamic.reflected.shape:
+        assert distance(dynamic, first) > 20.0 * TOLERANCE  # there was something to follow
+    dynamic.release()
+
+
+def test_a_point_light_moves(device: Device) -> None:
+    lamp = {"type": "point", "position": [0.0, 2.0, 1.0], "intensity": [9.0, 9.0, 9.0]}
+    scene = clrender.Scene(
+        camera=room().camera,
+        materials=dict(room().materials),
+        shapes=tuple(s for s in room().shapes if s.emission is None),
+        lights=(lamp,),
+    )
+    dynamic = DynamicRadiosity(scene, device, SOUGHT)
+    update, off = follow(dynamic, lambda: dynamic.move_light(0, (0.5, 1.0, 0.0)))
+    assert off < 2.0 * TOLERANCE / (1.0 - 0.75)
+    assert update.rays == 0
+    with pytest.raises(clrender.UsageError, match="there is no light 1"):
+        dynamic.move_light(1, (0.0, 0.0, 1.0))
+    with pytest.raises(clrender.UsageError, match="there is no shape 11; the scene has 11"):
+        dynamic.move(11, (0.0, 0.0, 1.0))
+    dynamic.release()
+
+
+def test_there_and_back_again(device: Device) -> None:
+    dynamic = DynamicRadiosity(room(), device, SOUGHT)
+    before = dynamic.reflected
+    dynamic.move(SMALL_SPHERE, (0.25, 0.5, 0.0))
+    dynamic.move(SMALL_SPHERE, (-0.25, -0.5, 0.0))
+    dynamic.settle()
+    size = min(len(before), len(dynamic.reflected))
+    assert distance(dynamic, before[:size]) < 2.0 * TOLERANCE / (1.0 - 0.75)
+    dynamic.release()
+
+
+def test_near_the_observer_first(device: Device) -> None:
+    """A frame leaves more undone far away than near, and no more than it may: the rest is done by `settle`."""
+    dynamic = DynamicRadiosity(room(), device, Sought(1500, 64, 16, 3e-3, refine=False))
+    dynamic.move(BOX, (0.3, 0.2, 0.3))
+    quick = dynamic.reflected
+    assert dynamic.settle() > 1
+    error = np.abs(dynamic.reflected - quick)[:-1].max(axis=1)
+    weight = dynamic._weights
+    used = dynamic.used[:-1]
+    near, far = used & (weight > 0.9), used & (weight < 0.3)
+    assert near.sum() > 50 and far.sum() > 50
+    assert error[near].mean() < error[far].mean()
+    dynamic.release()
+
+
+@pytest.mark.slow
+def test_a_frame_takes_little_of_a_solution(device: Device) -> None:
+    """Counted and not timed: the rays traced again, and the sweeps."""
+    dynamic = DynamicRadiosity(room(), device, Sought(20000, 256, tolerance=1e-3, refine=False))
+    updates = [dynamic.move(SMALL_SPHERE, (0.05, 0.0, 0.0)) for _ in range(4)]
+    whole = dynamic.start_again()
+    for update in updates:
+        assert update.rays < 0.1 * update.all_rays and update.sweeps < whole.sweeps
+    dynamic.release()
