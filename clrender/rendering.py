@@ -25,9 +25,6 @@ from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
 from clrender.integrators import INTEGRATORS
-from clrender.photon_map import PhotonMaps
-from clrender.radiosity.display import Display, looks
-from clrender.radiosity.solution import Sought, solve_scene, summary
 from clrender.render_stats import render_stats
 from clrender.schedule import Plan, run
 from clrender.settings import RenderSettings, settings_for
@@ -281,6 +278,10 @@ def _radiosity(
     scene: Scene, device: Device, wanted: RenderSettings, tell: Callable[[str], None], stops: Callable[[], bool]
 ) -> tuple[FlatScene, _Prepare]:
     """Radiosity is solved once, on one device; all of them show it."""
+    # Here, because no other render should wait for what only this one imports.
+    from clrender.radiosity.display import Display, looks
+    from clrender.radiosity.solution import Sought, solve_scene, summary
+
     sought = Sought(wanted.patches, wanted.patch_rays, seed=wanted.seed)
     size = (wanted.width, wanted.height)
     solution = solve_scene(scene, device, sought, size, _cut(wanted), wanted.light_choice, stops)
@@ -294,5 +295,7 @@ def _workers(
 ) -> list[DeviceWorker]:
     cut, integrator = _cut(wanted), INTEGRATORS[wanted.integrator]
     if wanted.integrator == "photon":
+        from clrender.photon_map import PhotonMaps
+
         prepare = partial(PhotonMaps, flat=flat, photons=wanted.photons, radius=wanted.photon_radius)
     return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]

@@ -117,7 +117,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "negative seed": ("render room -o a.png --seed -1", ("--seed", "at least 0")),
     "seed of 33 bits": ("render room -o a.png --seed 4294967296", ("--seed", "at most 4294967295")),
     "unknown integrator": ("render room -o a.png --integrator pathh", ("--integrator", "'pathh'", "whitted")),
-    "an integrator not built": ("render room -o a.png --integrator photon", ("--integrator", "'path', 'direct'")),
+    "no such integrator": ("render room -o a.png --integrator metropolis", ("--integrator", "'path', 'direct'")),
     "no shadow rays": ("render room -o a.png --shadow-rays 0", ("--shadow-rays", "at least 1")),
     "negative indirect rays": ("render room -o a.png --indirect-rays -1", ("--indirect-rays", "at least 0")),
     "negative depth": ("render room -o a.png --max-depth -1", ("--max-depth", "at least 0")),
