@@ -159,6 +159,10 @@ class DeviceWorker:
         """Launch a kernel over a padded number of work-items; the scene's arguments come first."""
         self.device.launch(program, kernel, items, self._group, [*self.scene_arguments, *arguments])
 
+    def launch_over(self, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
+        """The same over so many things, one in every lane."""
+        self.launch(program, kernel, self.padded(-(-count // self.lanes)), arguments)
+
     def _defines(self, cut: Cut) -> dict[str, int | str]:
         defines: dict[str, int | str] = {"LANES": self.lanes}
         if cut.traversal == "single":

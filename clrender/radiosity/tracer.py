@@ -116,7 +116,7 @@ class Tracer:
 
         def launch(first: int, count: int) -> None:
             span = [np.uint32(first), np.uint32(count), np.uint32(rays)]
-            self._worker.launch(program, kernel, count, [of, *table, *span, hits])
+            self._worker.launch_over(program, kernel, count, [of, *table, *span, hits])
 
         self._slices(total, _FIRST_LAUNCH, launch)
         device.read(hits, met)
@@ -151,7 +151,7 @@ class Tracer:
 
         def mark(first: int, count: int) -> None:
             span = [np.uint32(n) for n in (first, count, self.rays, *moved)]
-            worker.launch(program, "radiosity_affected", count, [of, *span, around, hits, affected])
+            worker.launch_over(program, "radiosity_affected", count, [of, *span, around, hits, affected])
 
         self._slices(flags.size, _FIRST_LAUNCH * 16, mark)
         device.read(affected, flags)
@@ -162,7 +162,7 @@ class Tracer:
 
             def launch(first: int, count: int) -> None:
                 span = [np.uint32(n) for n in (first, count, self.rays)]
-                worker.launch(program, "radiosity_listed", count, [of, which, *span, hits, found])
+                worker.launch_over(program, "radiosity_listed", count, [of, which, *span, hits, found])
 
             self._slices(len(listed), _FIRST_LAUNCH, launch)
             device.read(found, met)
@@ -204,7 +204,7 @@ class Tracer:
 
             def launch(first: int, count: int) -> None:
                 span = [np.uint32(n) for n in (first, count, samples, update, *moved)]
-                self._worker.launch(program, "radiosity_direct", count, [of, *span, around, kept, out])
+                self._worker.launch_over(program, "radiosity_direct", count, [of, *span, around, kept, out])
 
             self._slices(len(sides), 4096, launch)
             device.read(out, result)

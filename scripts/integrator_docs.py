@@ -1,0 +1,113 @@
+"""Make the pictures of docs/integrators.md and print its numbers; arguments: pictures, reuse, caustic (all)."""
+
+from __future__ import annotations
+
+import io
+import statistics
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+import clrender
+
+if TYPE_CHECKING:
+    from clrender.rendering import RenderedImage
+
+__all__: list[str] = []
+
+_DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
+_Image = npt.NDArray[np.float64]
+
+
+def main() -> int:
+    """Do what is asked for, or all."""
+    parts = {"pictures": _pictures, "reuse": _reuse, "caustic": _caustic}
+    for name in sys.argv[1:] or parts:
+        parts[name]()
+    return 0
+
+
+def _shown(image: RenderedImage, exposure: float = 0.0) -> Image.Image:
+    png = io.BytesIO()
+    image.linear[:] = image.linear * 2.0**exposure
+    png.write(image._repr_png_())
+    return Image.open(png).convert("RGB")
+
+
+def _sheet(name: str, pictures: list[list[Image.Image]], quality: int = 80) -> None:
+    """Pictures of one size in rows, four pixels of white between."""
+    width, height = pictures[0][0].size
+    across, gap = len(pictures[0]), 4
+    sheet = Image.new("RGB", (across * (width + gap) - gap, len(pictures) * (height + gap) - gap), "white")
+    for row, line in enumerate(pictures):
+        for column, picture in enumerate(line):
+            sheet.paste(picture, (column * (width + gap), row * (height + gap)))
+    sheet.save(_DOCS / name, quality=quality, optimize=True)
+    print(f"{name}: {(_DOCS / name).stat().st_size / 1024:.0f} KiB")
+
+
+def _pictures() -> None:
+    room, diffuse = clrender.load("room"), clrender.load("room-diffuse")
+    wanted: dict[str, Any] = {"size": (256, 256), "spp": 64}
+    names = ("path", "direct", "whitted", "reuse", "photon")
+    shown = [_shown(clrender.render(room, integrator=name, **wanted)) for name in names]
+    shown.append(_shown(clrender.render(diffuse, integrator="radiosity", **wanted)))
+    _sheet("integrators.jpg", [shown[:3], shown[3:]])
+
+
+def _seconds(image: RenderedImage) -> float:
+    return float(image.stats["devices"][0]["seconds"])
+
+
+def _relative(image: RenderedImage, reference: _Image) -> float:
+    """Mean of the squared error over the squared reference, as `clrender compare` has it."""
+    difference = image.linear.astype(np.float64) - reference
+    return float((difference**2 / (reference**2 + 1e-2)).mean())
+
+
+def _reuse() -> None:
+    """Noise and time of path reuse against path tracing, seeds in turns."""
+    print("| scene | pixels that share | error of path / of reuse | time of reuse / of path | gain at equal time |")
+    print("|---|---|---|---|---|")
+    for name in ("cornell", "room-diffuse", "room"):
+        scene = clrender.load(name)
+        size: dict[str, Any] = {"size": (128, 128)}
+        reference = clrender.render(scene, spp=4096, seed=999, **size).linear.astype(np.float64)
+        ways: dict[int, dict[str, Any]] = {1: {}} | {n: {"integrator": "reuse", "reuse": n} for n in (2, 4, 8, 16)}
+        errors: dict[int, list[float]] = {n: [] for n in ways}
+        seconds: dict[int, list[float]] = {n: [] for n in ways}
+        for seed in range(5):
+            for n, way in ways.items():
+                image = clrender.render(scene, spp=32, seed=seed, **size, **way)
+                errors[n].append(_relative(image, reference))
+                seconds[n].append(_seconds(image))
+        error = {n: statistics.median(values) for n, values in errors.items()}
+        time = {n: statistics.median(values) for n, values in seconds.items()}
+        for n in (2, 4, 8, 16):
+            less, more = error[1] / error[n], time[n] / time[1]
+            print(f"| `{name}` | {n} | {less:.2f} | {more:.2f} | {less / more:.2f} |", flush=True)
+
+
+def _caustic() -> None:
+    """The caustic in the same time by both, and how far the mean of photon mapping is from path tracing's."""
+    scene = clrender.load("caustic")
+    size: dict[str, Any] = {"size": (400, 300)}
+    photon = clrender.render(scene, spp=64, integrator="photon", **size)
+    path = clrender.render(scene, spp=2**20, time_limit=photon.stats["wall_seconds"], **size)
+    spp = path.stats["samples"] / 400 / 300
+    print(f"photon: 64 samples in {_seconds(photon):.1f} s; path: {spp:.0f} samples in {_seconds(path):.1f} s")
+    _sheet("caustic.jpg", [[_shown(path), _shown(photon)]], 85)
+    for name in ("cornell", "room-glass"):
+        scene = clrender.load(name)
+        path = clrender.render(scene, size=(64, 64), spp=8192)
+        photon = clrender.render(scene, size=(64, 64), spp=77, integrator="photon")
+        share = photon.linear.mean(axis=(0, 1)) / path.linear.mean(axis=(0, 1)) - 1.0
+        print(f"{name}: mean after ten million photons {', '.join(f'{100 * part:+.2f} %' for part in share)}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
