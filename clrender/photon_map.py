@@ -29,7 +29,6 @@ DEPOSIT_WORDS: Final = 12
 
 _MAP_WORDS: Final = 10
 _MOST_CELLS: Final = 1 << 22
-_PADDING: Final = 8
 
 
 def radius_of_pass(first: float, number: int) -> float:
@@ -121,10 +120,10 @@ class PhotonMaps:
         keys, values = sort(device, keys, values, places, cells.bit_length())
         starts = device.empty(4 * (cells + 1))
         launch_each(device, self._grid, "grid_starts", places + 1, [keys, np.uint32(places), np.uint32(cells), starts])
-        stride = np.uint32(places + _PADDING)
+        stride = np.uint32(-(-places // 16) * 16 + 16)
         photon_map = device.empty(4 * _MAP_WORDS * int(stride))
         arguments = [deposits, counts, values, starts, np.uint32(cells), stride, photon_map]
-        launch_each(device, self._grid, "grid_place", places, arguments)
+        launch_each(device, self._grid, "grid_place", int(stride), arguments)
         device.finish()
         for buffer in (deposits, counts, keys, values):
             device.release(buffer)

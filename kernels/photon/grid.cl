@@ -25,11 +25,15 @@ __kernel void grid_starts(__global const ulong* keys, uint count, uint cells, __
     for (uint cell = before; cell <= here; ++cell) starts[cell] = i;
 }
 
-// The deposits in their order, number by number: map [10][stride]. Those that a photon did not keep are stood for by those it did.
+// The deposits in their order, number by number, and eight zeros after them, because they are read eight at a time: map [10][stride]. Those that a photon did not keep are stood for by those it did.
 __kernel void grid_place(__global const float* deposits, __global const uint* deposit_counts, __global const uint* values,
                          __global const uint* starts, uint cells, uint stride, __global float* map) {
     const uint i = (uint)get_global_id(0);
-    if (i >= starts[cells]) return;
+    const uint kept = starts[cells];
+    if (i >= kept) {
+        for (uint k = 0; i < kept + 8u && k < 10u; ++k) map[(size_t)k * stride + i] = 0.0f;
+        return;
+    }
     __global const float* deposit = deposits + (size_t)values[i] * DEPOSIT_WORDS;
     const uint made = deposit_counts[values[i] / PHOTON_DEPOSITS];
     // A photon of a caustic counts on a smaller disk, and so for more

@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
@@ -26,6 +27,12 @@ from clrender.device.ordering import CHUNK
 from clrender.device.worker import Cut, DeviceWorker
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
+from clrender.photon_map import PhotonMaps
+from clrender.radiosity.display import Display, looks_of
+from clrender.radiosity.dynamic import DynamicRadiosity
+from clrender.radiosity.factors import hemicube_cells
+from clrender.radiosity.solution import Sought
+from clrender.radiosity.tracer import Tracer
 from clrender.scene import Scene
 from clrender.settings import RenderSettings
 from clrender.work import Unit, slot_count
@@ -47,7 +54,7 @@ class Run:
     Attributes
     ----------
     kernel : str
-        ``path`` or ``whitted``.
+        An integrator's name.
     lanes : int
     traversal : str
     samples : int
@@ -71,6 +78,8 @@ RENDERS: Final = {
     "path-8-large": Run("path", 8, large=True),
     "path-16-large-single": Run("path", 16, "single", large=True),
     "whitted-4": Run("whitted", 4),
+    "reuse-4": Run("reuse", 4, samples=2),
+    "photon-4": Run("photon", 4, samples=2),
     "whitted-1-large": Run("whitted", 1, samples=2, large=True),
 }
 
@@ -118,13 +127,15 @@ def render(device: Device, run: Run) -> str:
     """Hash of the sums of an image."""
     settings = np.zeros(1, layout.dtype("Settings"))
     for name, value in {
-        "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": 2, "indirect_rays": 2,
-        "max_depth": 6, "roulette": layout.ROULETTE_THROUGHPUT,
+        "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": 2, "max_depth": 6, "reuse": 16,
+        "indirect_rays": {"reuse": 1, "photon": 0}.get(run.kernel, 2), "roulette": layout.ROULETTE_THROUGHPUT,
     }.items():  # fmt: skip
         settings[name] = value
     with tempfile.TemporaryDirectory() as folder:
         flat = scene(run.large, Path(folder))
-    worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel], Cut(run.lanes, 2, None, run.traversal))
+    prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5) if run.kernel == "photon" else None
+    cut = Cut(run.lanes, 2, None, run.traversal)
+    worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel], cut, prepare)
     sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples))
     worker.release()
     assert sums.complete
@@ -143,6 +154,35 @@ def layers(device: Device) -> str:
         sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1))
         digest.update(sums.sums.tobytes() + sums.counts.tobytes())
     worker.release()
+    return digest.hexdigest()
+
+
+def radiosity(device: Device) -> str:
+    """Hash of what patches meet and reflect, before and after one of two boxes moves, and of its picture."""
+    camera = {"position": (0, 1, 2.5), "target": (0, 0.5, 0)}
+    shapes = [
+        {"type": "quad", "origin": (-2, 0, 2), "edge_u": (4, 0, 0), "edge_v": (0, 0, -4), "material": "matt"},
+        {"type": "box", "center": (0.3, 0.4, 0.2), "size": (0.7, 0.8, 0.7), "material": "matt"},
+        {"type": "quad", "origin": (-1, 2, -1), "edge_u": (1, 0, 0), "edge_v": (0, 0, 1), "emission": (3, 2, 1)},
+    ]
+    matt = {"type": "lambert", "reflectance": (0.7, 0.6, 0.5)}
+    what = Scene.model_validate({"camera": camera, "materials": {"matt": matt}, "shapes": shapes})
+    cut = Cut(4, 2)
+    dynamic = DynamicRadiosity(what, device, Sought(24, 4, 2, 1e-2, refine=False), (WIDTH, HEIGHT), cut)
+    digest = hashlib.sha256(dynamic.reflected.tobytes())
+    dynamic.move(1, (0.2, 0.0, 0.1))
+    digest.update(dynamic.reflected.tobytes())
+    tracer = Tracer(device, dynamic.flat, 4, cut=cut)
+    digest.update(tracer.hemicube(np.arange(4, dtype=np.uint32), hemicube_cells(4)[0]).tobytes())
+    table = looks_of(dynamic.patches, dynamic.reflected, dynamic.used, None)
+    settings = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE)
+    integrator = INTEGRATORS["radiosity"]
+    worker = DeviceWorker(
+        device, dynamic.flat, settings, integrator, cut, partial(Display, table=table, display="gather")
+    )
+    digest.update(worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1)).sums.tobytes())
+    for each in (worker, tracer, dynamic):
+        each.release()
     return digest.hexdigest()
 
 
@@ -169,8 +209,8 @@ def arithmetic(device: Device) -> str:
 
 
 def perform(device: Device, name: str) -> str:
-    """Do ``scan``, ``arithmetic``, ``layers`` or one of `RENDERS`; gives what must be equal everywhere."""
-    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers}
+    """Do ``scan``, ``arithmetic``, ``layers``, ``radiosity`` or one of `RENDERS`; gives what must be equal everywhere."""
+    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers, "radiosity": radiosity}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
 

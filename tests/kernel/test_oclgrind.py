@@ -65,7 +65,8 @@ def every_kernel() -> set[str]:
 
 
 def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
-    launched = check(device, ["scan", "arithmetic", "path-4", "whitted-4", "layers"], tmp_path)
+    names = ["scan", "arithmetic", "path-4", "whitted-4", "layers", "reuse-4", "photon-4", "radiosity"]
+    launched = check(device, names, tmp_path)
     assert launched == every_kernel()
 
 
