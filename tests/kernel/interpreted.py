@@ -209,7 +209,7 @@ def arithmetic(device: Device) -> str:
 
 
 def perform(device: Device, name: str) -> str:
-    """Do ``scan``, ``arithmetic``, ``layers``, ``radiosity`` or one of `RENDERS`; gives what must be equal everywhere."""
+    """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
     others = {"scan": scan, "arithmetic": arithmetic, "layers": layers, "radiosity": radiosity}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
