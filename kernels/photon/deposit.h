@@ -8,6 +8,6 @@
 // mirrors and glass, which makes it part of a caustic.
 #define DEPOSIT_WORDS 12u
 // Caustics are sharp, and have many photons where they are bright: of theirs only those within so much of the radius count.
-#define CAUSTIC_RADIUS 0.25f
+#define CAUSTIC_RADIUS 0.5f
 
 #endif
