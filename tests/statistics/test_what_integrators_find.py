@@ -22,7 +22,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "integrators.md"
 ALLOWED = {"photon": 0.06, "radiosity": 0.05}
 NOISE = 0.02
 SETTINGS: dict[str, dict[str, Any]] = {
-    "photon": {"spp": 32, "photons": 1 << 18, "photon_radius": 0.6},
+    "photon": {"spp": 32, "photons": 1 << 18, "photon_radius": 0.3},
     "radiosity": {"spp": 4, "patches": 4000},
 }
 WHITE = lambert(0.8)
