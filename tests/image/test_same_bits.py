@@ -75,10 +75,6 @@ def test_every_combination(all_devices: list[Device], expected: dict[str, str], 
     [
         {"integrator": "whitted"},
         {"integrator": "direct", "shadow_rays": 3},
-        {"integrator": "reuse"},
-        {"integrator": "photon", "photons": 3000},
-        {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
-        {"integrator": "reuse", "reuse": 4, "max_depth": 3},
         {"indirect_rays": 3, "shadow_rays": 2, "max_depth": 4},
         {"roulette": "absorption"},
         {"roulette": "none", "max_depth": 7, "sampling": "materials"},
@@ -91,6 +87,22 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
     """Several rays from a hit, ends by roulette: what lanes do differently at a time must come to the same."""
     one = Cutting(1, "packet", 16, 1, 16, "shuffled")
     assert sha(scene, all_devices[:1], one, **settings) == sha(scene, all_devices[:1], **settings)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"integrator": "reuse"},
+        {"integrator": "reuse", "reuse": 4, "max_depth": 3},
+        {"integrator": "photon", "photons": 3000},
+        {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
+    ],
+    ids=str,
+)
+def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, Any]) -> None:
+    """Pixels that share paths or photons, in a mesh with interpolated normals."""
+    one = Cutting(1, "packet", 16, 1, 16, "shuffled")
+    assert sha("bumpy", all_devices[:1], one, **settings) == sha("bumpy", all_devices[:1], **settings)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 70), (130, 1), (3, 5)], ids=str)
@@ -118,7 +130,8 @@ def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene
         other = Cutting(tile=32, samples_per_pass=16, work_group=64)
         if GPU_LIKE not in device.info.platform:
             other = Cutting(4, "single", 16, 4, 16, "shuffled")
-        for cutting in (Cutting(), other):
+        # One sample a work-item makes rusticl slow, and there is no other number of lanes to try.
+        for cutting in (Cutting(), other) if scene == "room" or GPU_LIKE not in device.info.platform else (other,):
             assert sha(scene, [device], cutting) == expected[scene], f"{cutting} on {device.info.title}"
 
 

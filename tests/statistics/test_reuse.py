@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 # Everything that decides which pixels may share: how paths end, how far they go, how many share.
 WAYS: dict[str, dict[str, Any]] = {
     "16": {},
-    "8": {"reuse": 8},
     "2": {"reuse": 2, "shadow_rays": 2},
     "limited depth": {"max_depth": 3},
     "absorption": {"roulette": "absorption", "absorption": 0.2},
