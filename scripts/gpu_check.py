@@ -25,6 +25,13 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
+_RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
+    **{scene: (scene, {}) for scene in SCENES},
+    "room, reuse": ("room", {"integrator": "reuse"}),
+    "room, photon": ("room", {"integrator": "photon", "photons": 20000}),
+    "room-diffuse, radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 1000}),
+}
+"""What is rendered: a title, the scene, settings."""
 _CUTS: Final = (Cutting(), Cutting(tile=16, samples_per_pass=1), Cutting(order="shuffled", samples_per_pass=4))
 _GROUPS: Final = (32, 64, 128, 256)
 _ROOT: Final = Path(__file__).resolve().parents[1]
@@ -65,22 +72,22 @@ def _bits(device: Device, known: Sequence[Device]) -> bool:
     print(f"## {device.info.title}\n\n| scene | built and rendered, s | again, s | hash | same as |")
     print("|---|---|---|---|---|")
     equal = True
-    for scene in SCENES:
+    for title, (scene, settings) in _RENDERS.items():
         begin = time.perf_counter()
-        hashes = {render(scene, [device]).stats["image_sha256"]}
+        hashes = {render(scene, [device], **settings).stats["image_sha256"]}
         middle = time.perf_counter()
-        hashes |= {render(scene, [device], cut).stats["image_sha256"] for cut in _CUTS}
+        hashes |= {render(scene, [device], cut, **settings).stats["image_sha256"] for cut in _CUTS}
         again = (time.perf_counter() - middle) / len(_CUTS)
         shown = ", ".join(sorted(one[:12] for one in hashes))
-        others = {each.info.title: render(scene, [each]).stats["image_sha256"] for each in known}
-        same = [title for title, one in others.items() if hashes == {one}]
+        others = {each.info.title: render(scene, [each], **settings).stats["image_sha256"] for each in known}
+        same = [other for other, one in others.items() if hashes == {one}]
         equal &= len(hashes) == 1 and len(same) == len(others)
         told = (
             "; ".join(same) or "(no other device)"
             if len(same) == len(others)
             else f"NOT {'; '.join(others.keys() - set(same))}"
         )
-        print(f"| {scene} | {middle - begin:.1f} | {again:.2f} | {shown} | {told} |", flush=True)
+        print(f"| {title} | {middle - begin:.1f} | {again:.2f} | {shown} | {told} |", flush=True)
     print(f"\n{'The same bits.' if equal else 'OTHER BITS: do not trust this device.'}\n")
     return equal
 

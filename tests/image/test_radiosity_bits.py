@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 DISPLAYS = ("constant", "smooth", "gather")
 CUTS: list[dict[str, Any]] = [
     {"lanes": 4, "tile": 16, "traversal": "single"},
-    {"lanes": 8, "tile": 24, "work_group": 2},
-    {"lanes": 1, "tile": 64, "samples_per_pass": 1},
+    {"lanes": 1, "tile": 24, "work_group": 2, "samples_per_pass": 1},
 ]
 
 
