@@ -9,7 +9,7 @@ from typing import Any, Final
 import click
 
 from clrender.cli.inputs import read_linear
-from clrender.cli.options import number
+from clrender.cli.options import allow_path_option, number
 from clrender.cli.options import size as parse_size
 
 __all__ = ["compare"]
@@ -44,14 +44,7 @@ _LINES: Final = (
 )
 @click.option("--check", is_flag=True, help="Exit with 1 when integrators differ where they should agree.")
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
-@click.option(
-    "--allow-path",
-    "allow_paths",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-    metavar="DIR",
-    multiple=True,
-    help="A folder, besides the scene's own, that the scene may read files from. Repeatable.",
-)
+@allow_path_option
 @click.pass_context
 def compare(ctx: click.Context, /, first: str, second: str | None, integrators: str | None, **options: Any) -> None:
     """Measure how far image A is from the reference B.

@@ -1,15 +1,16 @@
-"""Option types of the commands: numbers with bounds, image sizes, and outputs that can be written."""
+"""Option types of the commands, and options that several share: numbers with bounds, sizes, folders to read from."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final
 
 import click
 
-__all__ = ["PIXEL_LIMIT", "SIDE_LIMIT", "TONE_MAPS", "number", "size", "tone_options"]
+__all__ = ["PIXEL_LIMIT", "SIDE_LIMIT", "TONE_MAPS", "allow_path_option", "number", "size", "tone_options"]
 
 SIDE_LIMIT: Final = 65536
 PIXEL_LIMIT: Final = 2**30
@@ -76,6 +77,18 @@ def tone_options(command: Any) -> Any:
         "--exposure", type=number(-128, 128), default=0.0, show_default=True, metavar="EV", help="Stops, for display."
     )
     return tone_map(exposure(command))
+
+
+def allow_path_option(command: Any) -> Any:
+    """Decorator: where a scene that is rendered may read files from."""
+    return click.option(
+        "--allow-path",
+        "allow_paths",
+        type=click.Path(path_type=Path, exists=True, file_okay=False),
+        metavar="DIR",
+        multiple=True,
+        help="A folder, besides the scene's own, that the scene may read files from. Repeatable.",
+    )(command)
 
 
 def _shown(value: object) -> str:

@@ -14,7 +14,7 @@ import click
 
 from clrender.cli import STARTED
 from clrender.cli.interrupt import INTERRUPTED, Interrupt, interruptible
-from clrender.cli.options import number, tone_options
+from clrender.cli.options import allow_path_option, number, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.cli.progress import ProgressDisplay, ProgressLike, duration, quantity
 from clrender.errors import ClrenderError, UsageError
@@ -127,14 +127,7 @@ _FILM_BYTES: Final = 52
     "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
 )
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
-@click.option(
-    "--allow-path",
-    "allow_paths",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-    metavar="DIR",
-    multiple=True,
-    help="A folder, besides the scene's own, that the scene may read files from. Repeatable.",
-)
+@allow_path_option
 def render(
     *,
     scene: str,
