@@ -153,3 +153,21 @@ def test_depth_counts_events_of_path_and_photon_together(studio: Studio) -> None
         path = means(studio, what, spp=512, max_depth=depth)
         photon = means(studio, what, spp=64, integrator="photon", photons=16384, max_depth=depth)
         np.testing.assert_allclose(photon, path, rtol=0.01)
+
+
+def test_a_mirror_before_the_photons_counts_as_an_event(studio: Studio) -> None:
+    """Of depth 2 one event is the mirror's, and only direct light is left for what it shows."""
+    room = {
+        "type": "box",
+        "size": [4.0, 4.0, 4.0],
+        "flip_normals": True,
+        "material": "wall",
+        "emission": [1.0, 1.0, 1.0],
+    }
+    mirror = quad((-1.5, -1.5, -1.5), (3, 0, 0), (0, 3, 0), material="mirror")
+    camera = {"position": [0, 0, 0], "target": [0.1, 0.1, -1], "vertical_fov": 20.0}
+    materials: dict[str, Any] = {"wall": lambert(ALBEDO), "mirror": {"type": "mirror", "reflectance": [0.9, 0.9, 0.9]}}
+    what = scene([room, mirror], camera=camera, **materials)
+    path = studio.image(what, 16, spp=256, max_depth=2).mean()
+    photon = studio.image(what, 16, spp=32, integrator="photon", photons=16384, max_depth=2).mean()
+    assert photon == pytest.approx(path, rel=0.02)
