@@ -22,9 +22,9 @@ __all__ = [
     "COST_ROOTS",
     "MERGE_CHUNK",
     "NODE_WORDS",
-    "ROUND_PACK_WORDS",
+    "ROUND_BLOCK_WORDS",
     "STACK",
-    "TRIANGLE_PACK_WORDS",
+    "TRIANGLE_BLOCK_WORDS",
     "Bvh",
     "SourceArrays",
     "build",
@@ -32,13 +32,17 @@ __all__ = [
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
 NODE_WORDS: Final = 56
-TRIANGLE_PACK_WORDS: Final = 128
-ROUND_PACK_WORDS: Final = 64
+TRIANGLE_BLOCK_WORDS: Final = 128
+ROUND_BLOCK_WORDS: Final = 64
 MERGE_CHUNK: Final = 64
 COST_ROOTS: Final = 7
 STACK: Final = 96
 """Entries a traversal has room for unless the host asks for more."""
 _SORT_BITS: Final = 63
+# A reference tells so many blocks of eight columns apart.
+_MOST_BLOCKS: Final = 1 << 24
+# Whoever reads eight columns from a block's last one, in its last row, reads beyond it.
+_BEYOND: Final = 8
 
 _Arguments: TypeAlias = "list[Argument]"
 
@@ -64,7 +68,7 @@ class Bvh:
     ----------
     nodes, triangle_packs, round_packs : Buffer
         Laid out as ``kernels/geometry/bvh.h`` says; node 0 is the root.
-    node_count, triangle_pack_count, round_pack_count : int
+    node_count, triangle_block_count, round_block_count : int
     levels : int
         Of nodes, which bounds the traversal's stack: seven entries a level.
     """
@@ -73,8 +77,8 @@ class Bvh:
     triangle_packs: Buffer
     round_packs: Buffer
     node_count: int
-    triangle_pack_count: int
-    round_pack_count: int
+    triangle_block_count: int
+    round_block_count: int
     levels: int
 
     @property
@@ -95,7 +99,7 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     ----------
     device : Device
     source : SourceArrays
-        At most 2**29 triangles, spheres and disks.
+        At most 2**24 blocks of packs in the tree: some hundred million triangles.
 
     Returns
     -------
@@ -106,11 +110,8 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     RenderError
         When there are too many primitives, or the device has no memory for them.
     """
-    count = source.triangle_count + source.round_count
-    if count > 1 << 29:
-        raise RenderError(f"the scene has {count} triangles and spheres and the tree holds {1 << 29}: split the scene")
     builder = _Builder(device, source)
-    if count == 0:
+    if source.triangle_count + source.round_count == 0:
         return builder.empty()
     order, boxes = builder.order()
     return builder.collapse(order, builder.merge(order, boxes))
@@ -155,7 +156,7 @@ class _Builder:
         node = np.zeros(NODE_WORDS, np.float32)
         node[48:].view(np.uint32)[:] = 0xFFFFFFFF
         upload = self.device.upload
-        packs = upload(np.zeros(TRIANGLE_PACK_WORDS, np.float32)), upload(np.zeros(ROUND_PACK_WORDS, np.float32))
+        packs = upload(np.zeros(_BEYOND, np.float32)), upload(np.zeros(_BEYOND, np.float32))
         return Bvh(upload(node), *packs, 1, 0, 0, 1)
 
     def order(self) -> tuple[Buffer, Buffer]:
@@ -187,12 +188,12 @@ class _Builder:
         """The binary tree over the ordered units; consumes `boxes`."""
         device, count = self.device, self._count_units
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
-        children, costs = device.empty(8 * 2 * count), device.empty(4 * COST_ROOTS * 2 * count)
-        clusters, merged, nearest = (device.empty(4 * count) for _ in range(3))
+        costs, clusters = device.empty(4 * COST_ROOTS * 2 * count), device.empty(4 * count)
         arguments: _Arguments = [boxes, order, _u(self._triangle_units), _u(count), node_boxes, members]
         arguments += [costs, clusters]
         self._each(self._merge, "build_leaves", count, arguments)
         device.release(boxes)
+        children, merged, nearest = device.empty(8 * 2 * count), device.empty(4 * count), device.empty(4 * count)
         length, next_node = count, count
         while length > 1:
             chunks = -(-length // CHUNK)
@@ -214,11 +215,16 @@ class _Builder:
 
     def collapse(self, order: Buffer, tree: _BinaryTree) -> Bvh:
         """The wide tree; consumes the binary one."""
-        device, source = self.device, self.source
-        nodes, triangle_packs, round_packs = self._sizes(tree)
+        device = self.device
+        nodes, *blocks = self._sizes(tree)
+        if max(blocks) > _MOST_BLOCKS:
+            self._release(order, self._units, tree.boxes, tree.members, tree.children, tree.costs)
+            raise RenderError(
+                f"the tree over {self._count_units} triangles and spheres takes {max(blocks)} blocks and holds "
+                f"{_MOST_BLOCKS} of them: split the scene"
+            )
         node_buffer = device.empty(4 * NODE_WORDS * nodes)
-        triangle_buffer = device.empty(4 * TRIANGLE_PACK_WORDS * max(triangle_packs, 1))
-        round_buffer = device.empty(4 * ROUND_PACK_WORDS * max(round_packs, 1))
+        columns = [device.empty(4 * max(8 * count, 1)) for count in blocks]
         made = [0, 0, 0]
         levels = 0
         tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1
@@ -226,20 +232,33 @@ class _Builder:
             slots, counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
             arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(self._count_units), slots]
-            arguments += [_u(task_count), *counts, *(_u(number) for number in made)]
-            arguments += [self._units, source.vertices, source.triangles, source.rounds]
-            arguments += [_u(self._triangle_units), _u(source.triangle_count)]
-            arguments += [node_buffer, triangle_buffer, round_buffer, next_tasks]
+            arguments += [_u(task_count), *counts, *(_u(number) for number in made), node_buffer, *columns, next_tasks]
             self._each(self._collapse, "build_collapse", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
             self._release(slots, *counts, tasks)
             tasks, task_count = next_tasks, totals[0]
             levels += 1
-        self._release(tasks, order, self._units, tree.boxes, tree.members, tree.children, tree.costs)
-        return Bvh(node_buffer, triangle_buffer, round_buffer, made[0], made[1], made[2], levels)
+        self._release(tasks, order, tree.boxes, tree.members, tree.children, tree.costs)
+        packs = self._fill(columns, blocks)
+        self._release(self._units, *columns)
+        return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], levels)
+
+    def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:
+        """The packs, column by column; only now is there memory for them."""
+        source, words = self.source, (TRIANGLE_BLOCK_WORDS, ROUND_BLOCK_WORDS)
+        triangles, rounds = (self.device.empty(4 * (w * n + _BEYOND)) for w, n in zip(words, blocks, strict=True))
+        count = 8 * blocks[0]
+        arguments: _Arguments = [columns[0], _u(count), self._units, source.vertices, source.triangles, triangles]
+        if count:
+            self._each(self._collapse, "build_triangle_columns", count, arguments)
+        count, first = 8 * blocks[1], [_u(self._triangle_units), _u(source.triangle_count)]
+        arguments = [columns[1], _u(count), *first, source.rounds, rounds]
+        if count:
+            self._each(self._collapse, "build_round_columns", count, arguments)
+        return triangles, rounds
 
     def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
-        """How many nodes and packs there will be: a pass over the levels that writes only the next level's tasks."""
+        """How many nodes and blocks there will be: a pass over the levels that writes only the next level's tasks."""
         device = self.device
         made = [0, 0, 0]
         tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1

@@ -24,10 +24,30 @@ static uint collapse_children(__global const uint2* children, __global const flo
     }
 }
 
-// Each task is a binary node that becomes a wide one: its children, and how many of them are nodes, packs of triangles, of rounds.
+// Where in blocks of their own the packs of one kind among the children go: the largest first, each into the first block that has
+// room. Returns how many blocks. With NONE a child is something else.
+static uint collapse_places(__global const uint* members, const uint child[8], uint count, uint kind, uint places[8]) {
+    uint taken[8];
+    uint blocks = 0;
+    for (uint i = 0; i < count; ++i) places[i] = NONE;
+    for (uint size = 8; size > 0; --size) {
+        for (uint i = 0; i < count; ++i) {
+            if (members[child[i]] != (kind | size)) continue;
+            uint block = 0;
+            while (block < blocks && taken[block] + size > 8) ++block;
+            if (block == blocks) taken[blocks++] = 0;
+            places[i] = block * 8 + taken[block];
+            taken[block] += size;
+        }
+    }
+    return blocks;
+}
+
+// Each task is a binary node that becomes a wide one: its children, and how many of them are nodes, and how many blocks the packs of
+// triangles and of rounds among them take.
 __kernel void build_collapse_count(__global const uint* members, __global const uint2* children, __global const float* costs,
                                    __global const uint* tasks, uint task_count, __global uint* slots, __global uint* inner,
-                                   __global uint* triangle_packs, __global uint* round_packs) {
+                                   __global uint* triangle_blocks, __global uint* round_blocks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
     uint child[8];
@@ -35,18 +55,14 @@ __kernel void build_collapse_count(__global const uint* members, __global const 
     child[0] = tasks[task];
     // Only the root of a scene that fits into one pack
     if (!cost_fits_leaf(members[child[0]])) count = collapse_children(children, costs, tasks[task], child);
-    uint inners = 0, triangles = 0, rounds = 0;
+    uint inners = 0, places[8];
     for (uint i = 0; i < 8; ++i) {
-        const uint node = i < count ? child[i] : NONE;
-        slots[(size_t)task * 8 + i] = node;
-        if (node == NONE) continue;
-        if (!cost_fits_leaf(members[node])) ++inners;
-        else if (members[node] & MEMBERS_TRIANGLE) ++triangles;
-        else ++rounds;
+        slots[(size_t)task * 8 + i] = i < count ? child[i] : NONE;
+        if (i < count && !cost_fits_leaf(members[child[i]])) ++inners;
     }
     inner[task] = inners;
-    triangle_packs[task] = triangles;
-    round_packs[task] = rounds;
+    triangle_blocks[task] = collapse_places(members, child, count, MEMBERS_TRIANGLE, places);
+    round_blocks[task] = collapse_places(members, child, count, MEMBERS_ROUND, places);
 }
 
 // The tasks of the next level, where nothing else is wanted of this one.
@@ -79,75 +95,37 @@ static uint collapse_units(__global const uint2* children, __global const uint* 
     return count;
 }
 
-static void collapse_triangle_pack(__global float* pack, const uint members[8], uint count, __global const uint* units,
-                                   __global const float* vertices, __global const uint* triangles) {
-    for (uint i = 0; i < 8; ++i) {
-        const uint unit = i < count ? units[members[i]] : NONE;
-        vec3 corner[6];
-        for (uint k = 0; k < 6; ++k) corner[k] = vec3_all(0.0f);
-        const int pair = i < count && (unit & BVH_PAIR);
-        for (uint k = 0; k < (i < count ? (pair ? 6u : 3u) : 0u); ++k)
-            corner[k] = build_vertex(vertices, triangles, (size_t)(unit & ~BVH_PAIR) * 3 + k);
-        Triangle t = triangle_of(corner[0], corner[1], corner[2]);
-        if (pair) t = triangle_pair_of(corner[0], corner[1], corner[2], corner[5]);
-        const vec3 rows[4] = {t.a, t.ab, t.ca, t.normal};
-        for (uint k = 0; k < 4; ++k) pack[k * 24 + i] = rows[k].x, pack[k * 24 + 8 + i] = rows[k].y, pack[k * 24 + 16 + i] = rows[k].z;
-        pack[96 + i] = t.size;
-        pack[104 + i] = t.unsure;
-        pack[112 + i] = t.diagonal;
-        pack[TRIANGLE_PACK_ID + i] = as_float(unit);
-    }
-}
-
-static void collapse_round_pack(__global float* pack, const uint members[8], uint count, __global const Round* rounds,
-                                uint triangle_units, uint triangle_count) {
-    for (uint i = 0; i < 8; ++i) {
-        Round r = {(float4)(0.0f, 0.0f, 0.0f, 0.0f), (float4)(0.0f, 0.0f, 0.0f, 0.0f)};
-        const uint number = i < count ? members[i] - triangle_units : NONE;
-        if (i < count) r = rounds[number];
-        pack[i] = r.center_radius.x, pack[8 + i] = r.center_radius.y, pack[16 + i] = r.center_radius.z;
-        pack[24 + i] = r.center_radius.w;
-        pack[32 + i] = r.normal.x, pack[40 + i] = r.normal.y, pack[48 + i] = r.normal.z;
-        pack[ROUND_PACK_ID + i] = as_float(i < count ? number + triangle_count : NONE);
-    }
-}
-
-// Writes the nodes and packs of a level and the tasks of the next. `first_*`: how many of each exist from earlier levels.
+// Writes the nodes of a level, what the columns of its packs hold, and the tasks of the next level. `first_*`: how many of each exist from
+// earlier levels.
 __kernel void build_collapse(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
                              __global const uint* order, uint leaf_count, __global const uint* slots, uint task_count,
                              __global const uint* inner, __global const uint* triangle_offsets, __global const uint* round_offsets,
-                             uint first_node, uint first_triangle_pack, uint first_round_pack, __global const uint* units,
-                             __global const float* vertices, __global const uint* triangles, __global const Round* rounds,
-                             uint triangle_units, uint triangle_count,
-                             __global float* nodes, __global float* triangle_packs, __global float* round_packs,
-                             __global uint* next_tasks) {
+                             uint first_node, uint first_triangle_block, uint first_round_block, __global float* nodes,
+                             __global uint* triangle_columns, __global uint* round_columns, __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
     __global float* node = nodes + (size_t)(first_node + task) * BVH_NODE_WORDS;
-    uint next = inner[task];
-    uint triangle_pack = first_triangle_pack + triangle_offsets[task], round_pack = first_round_pack + round_offsets[task];
+    uint next = inner[task], count = 0, child[8], triangle_places[8], round_places[8];
+    for (; count < 8 && slots[(size_t)task * 8 + count] != NONE; ++count) child[count] = slots[(size_t)task * 8 + count];
+    const uint first_triangle = (first_triangle_block + triangle_offsets[task]) * 8;
+    const uint first_round = (first_round_block + round_offsets[task]) * 8;
+    const uint triangle_blocks = collapse_places(members, child, count, MEMBERS_TRIANGLE, triangle_places);
+    const uint round_blocks = collapse_places(members, child, count, MEMBERS_ROUND, round_places);
+    for (uint k = 0; k < triangle_blocks * 8; ++k) triangle_columns[first_triangle + k] = NONE;
+    for (uint k = 0; k < round_blocks * 8; ++k) round_columns[first_round + k] = NONE;
     for (uint i = 0; i < 8; ++i) {
-        const uint child = slots[(size_t)task * 8 + i];
         uint reference = BVH_EMPTY;
-        Box b = box_empty();
-        if (child != NONE) {
-            b = box_load(node_boxes, child);
-            uint held[8];
-            if (!cost_fits_leaf(members[child])) {
-                reference = first_node + task_count + next;
-                next_tasks[next++] = child;
-            } else {
-                const uint count = collapse_units(children, order, leaf_count, child, held);
-                if (members[child] & MEMBERS_TRIANGLE) {
-                    collapse_triangle_pack(triangle_packs + (size_t)triangle_pack * TRIANGLE_PACK_WORDS, held, count, units,
-                                           vertices, triangles);
-                    reference = BVH_LEAF | triangle_pack++;
-                } else {
-                    collapse_round_pack(round_packs + (size_t)round_pack * ROUND_PACK_WORDS, held, count, rounds,
-                                        triangle_units, triangle_count);
-                    reference = BVH_LEAF | BVH_ROUND | round_pack++;
-                }
-            }
+        const Box b = i < count ? box_load(node_boxes, child[i]) : box_empty();
+        if (i < count && !cost_fits_leaf(members[child[i]])) {
+            reference = first_node + task_count + next;
+            next_tasks[next++] = child[i];
+        } else if (i < count) {
+            uint units[8];
+            const uint size = collapse_units(children, order, leaf_count, child[i], units);
+            const int round = triangle_places[i] == NONE;
+            const uint place = round ? first_round + round_places[i] : first_triangle + triangle_places[i];
+            for (uint k = 0; k < size; ++k) (round ? round_columns : triangle_columns)[place + k] = units[k];
+            reference = BVH_LEAF | (round ? BVH_ROUND : 0u) | (size - 1u) << BVH_COUNT | place;
         }
         for (int k = 0; k < 3; ++k) {
             node[BVH_LOW + k * 8 + i] = b.low[k];
@@ -155,4 +133,42 @@ __kernel void build_collapse(__global const float* node_boxes, __global const ui
         }
         node[BVH_CHILD + i] = as_float(reference);
     }
+}
+
+// What a column of a block holds: the number of a unit, or NONE.
+__kernel void build_triangle_columns(__global const uint* columns, uint count, __global const uint* units,
+                                     __global const float* vertices, __global const uint* triangles, __global float* packs) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) return;
+    __global float* column = packs + (size_t)(i / 8u) * TRIANGLE_BLOCK_WORDS + i % 8u;
+    const uint unit = columns[i] == NONE ? NONE : units[columns[i]];
+    float rows[TRIANGLE_BLOCK_WORDS / 8] = {0.0f};
+    if (unit != NONE) {
+        vec3 corner[6];
+        for (uint k = 0; k < (unit & BVH_PAIR ? 6u : 3u); ++k)
+            corner[k] = build_vertex(vertices, triangles, (size_t)(unit & ~BVH_PAIR) * 3 + k);
+        Triangle t = triangle_of(corner[0], corner[1], corner[2]);
+        if (unit & BVH_PAIR) t = triangle_pair_of(corner[0], corner[1], corner[2], corner[5]);
+        const vec3 vectors[4] = {t.a, t.ab, t.ca, t.normal};
+        for (uint k = 0; k < 4; ++k) rows[k * 3] = vectors[k].x, rows[k * 3 + 1] = vectors[k].y, rows[k * 3 + 2] = vectors[k].z;
+        rows[12] = t.size, rows[13] = t.unsure, rows[14] = t.diagonal;
+        rows[TRIANGLE_ID / 8] = as_float(unit | BVH_NUMBER);
+    }
+    for (uint k = 0; k < TRIANGLE_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];
+}
+
+__kernel void build_round_columns(__global const uint* columns, uint count, uint triangle_units, uint triangle_count,
+                                  __global const Round* rounds, __global float* packs) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) return;
+    __global float* column = packs + (size_t)(i / 8u) * ROUND_BLOCK_WORDS + i % 8u;
+    float rows[ROUND_BLOCK_WORDS / 8] = {0.0f};
+    if (columns[i] != NONE) {
+        const uint number = columns[i] - triangle_units;
+        const Round r = rounds[number];
+        rows[0] = r.center_radius.x, rows[1] = r.center_radius.y, rows[2] = r.center_radius.z, rows[3] = r.center_radius.w;
+        rows[4] = r.normal.x, rows[5] = r.normal.y, rows[6] = r.normal.z;
+        rows[ROUND_ID / 8] = as_float((number + triangle_count) | BVH_NUMBER);
+    }
+    for (uint k = 0; k < ROUND_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];
 }

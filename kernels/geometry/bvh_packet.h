@@ -52,13 +52,12 @@ static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat
 }
 
 // Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.
-static void packet_triangles(PacketRay* ray, __global const float* pack, vfloat entered, int any_hit) {
+static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfloat entered, int any_hit) {
+    __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, reference);
     vfloat nearest = ray->nearest;
     vuint primitive = ray->primitive;
-    for (int i = 0; i < 8; ++i, ++pack) {
-        const uint word = as_uint(pack[TRIANGLE_PACK_ID]);
-        if (word == NONE) break;
-        const uint first = word & ~BVH_PAIR, last = first + (word >> 31);
+    for (uint left = bvh_members(reference); left > 0; --left, ++pack) {
+        const uint word = as_uint(pack[TRIANGLE_ID]) & ~BVH_NUMBER, first = word & ~BVH_PAIR, last = first + (word >> 31);
         const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
         const vfloat nx = splat(pack[72]), ny = splat(pack[80]), nz = splat(pack[88]);
         vfloat determinant, b, c;
@@ -75,10 +74,10 @@ static void packet_triangles(PacketRay* ray, __global const float* pack, vfloat 
     ray->primitive = primitive;
 }
 
-static void packet_rounds(PacketRay* ray, __global const float* pack, vfloat entered, int any_hit) {
-    for (int i = 0; i < 8; ++i, ++pack) {
-        const uint id = as_uint(pack[ROUND_PACK_ID]);
-        if (id == NONE) break;
+static void packet_rounds(PacketRay* ray, const Bvh* bvh, uint reference, vfloat entered, int any_hit) {
+    __global const float* pack = bvh_pack(bvh->round_packs, ROUND_BLOCK_WORDS, reference);
+    for (uint left = bvh_members(reference); left > 0; --left, ++pack) {
+        const uint id = as_uint(pack[ROUND_ID]) & ~BVH_NUMBER;
         const float cx = pack[0], cy = pack[8], cz = pack[16], radius = pack[24], nx = pack[32], ny = pack[40], nz = pack[48];
         const vec3 to = vec3_of(cx - ray->origin.x, cy - ray->origin.y, cz - ray->origin.z);
         const vec3 d = ray->direction;
@@ -163,7 +162,6 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
         const vmask wants = entered <= ray->nearest;
         --top;
         if (!lane_any(wants)) continue;
-        const size_t index = reference & BVH_INDEX;
         if (!(reference & BVH_LEAF)) {
 #if PACKET_PARTS > 0
             if (lane_count(wants) <= PACKET_PARTS) {
@@ -171,11 +169,11 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
                 if (++handed_over % SINGLE_STARTS == 0) packet_alone(bvh, ray, &alone, any_hit);
             } else
 #endif
-                top = packet_children(ray, bvh->nodes + index * BVH_NODE_WORDS, stack, stack_near, top);
+                top = packet_children(ray, bvh->nodes + (size_t)reference * BVH_NODE_WORDS, stack, stack_near, top);
         } else if (reference & BVH_ROUND)
-            packet_rounds(ray, bvh->round_packs + index * ROUND_PACK_WORDS, entered, any_hit);
+            packet_rounds(ray, bvh, reference, entered, any_hit);
         else
-            packet_triangles(ray, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, entered, any_hit);
+            packet_triangles(ray, bvh, reference, entered, any_hit);
     }
 #if PACKET_PARTS > 0
     if (handed_over > 0) packet_alone(bvh, ray, &alone, any_hit);

@@ -28,13 +28,13 @@ typedef struct {
 static ulong single_entry(uint reference, float entered) { return (ulong)as_uint(entered) << 32 | reference; }
 
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.
-// `entered` is where the ray enters the leaf's box, `later` where it hits the second of a pair.
+// `entered` is where the ray enters the leaf's box, `later` where it hits the second of a pair, `members` how many of the eight count.
 static void single_keep(SingleRays* rays, int lane, int8 hit, int8 later, float8 distance, float entered, __global const float* ids,
-                        int any_hit) {
-    const uint8 words = as_uint8(vload8(0, ids)), first = words & ~BVH_PAIR, pair = words >> 31;
+                        uint members, int any_hit) {
+    const uint8 words = as_uint8(vload8(0, ids)), first = words & ~(BVH_PAIR | BVH_NUMBER), pair = words >> 31;
     const float8 at = distance < entered ? (float8)(entered) : distance;
     const float nearest = rays->nearest[lane];
-    int8 keep = hit & (at > BOX_START) & (at <= nearest) & (rays->from[lane] - first > pair);
+    int8 keep = hit & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members) & (at > BOX_START) & (at <= nearest) & (rays->from[lane] - first > pair);
     if (any_hit) {
         keep &= rays->to[lane] - first > pair;
         rays->nearest[lane] = any_of_eight(keep) ? -1.0f : nearest;
@@ -48,7 +48,8 @@ static void single_keep(SingleRays* rays, int lane, int8 hit, int8 later, float8
     rays->primitive[lane] = nearer ? id : rays->primitive[lane];
 }
 
-static void single_triangles(SingleRays* rays, int lane, __global const float* pack, float entered, int any_hit) {
+static void single_triangles(SingleRays* rays, int lane, const Bvh* bvh, uint reference, float entered, int any_hit) {
+    __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, reference);
     const float8 from_x = rays->origin[0][lane] - vload8(0, pack), from_y = rays->origin[1][lane] - vload8(1, pack);
     const float8 from_z = rays->origin[2][lane] - vload8(2, pack);
     const float8 nx = vload8(9, pack), ny = vload8(10, pack), nz = vload8(11, pack);
@@ -58,10 +59,11 @@ static void single_triangles(SingleRays* rays, int lane, __global const float* p
                                        vload8(14, pack), (float8)(rays->direction[0][lane]), (float8)(rays->direction[1][lane]),
                                        (float8)(rays->direction[2][lane]), (float8)(rays->slack[lane]), &determinant, &b, &c);
     const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
-    single_keep(rays, lane, hit, c > b, distance, entered, pack + TRIANGLE_PACK_ID, any_hit);
+    single_keep(rays, lane, hit, c > b, distance, entered, pack + TRIANGLE_ID, bvh_members(reference), any_hit);
 }
 
-static void single_rounds(SingleRays* rays, int lane, __global const float* pack, float entered, int any_hit) {
+static void single_rounds(SingleRays* rays, int lane, const Bvh* bvh, uint reference, float entered, int any_hit) {
+    __global const float* pack = bvh_pack(bvh->round_packs, ROUND_BLOCK_WORDS, reference);
     const float8 cx = vload8(0, pack), cy = vload8(1, pack), cz = vload8(2, pack), radius = vload8(3, pack);
     const float8 nx = vload8(4, pack), ny = vload8(5, pack), nz = vload8(6, pack);
     const float8 dx = (float8)(rays->direction[0][lane]), dy = (float8)(rays->direction[1][lane]);
@@ -71,9 +73,8 @@ static void single_rounds(SingleRays* rays, int lane, __global const float* pack
     float8 sphere_distance, disk_distance;
     const int8 sphere = sphere_hit_pack(to_x, to_y, to_z, radius, dx, dy, dz, (float8)(rays->inverse2[lane]), &sphere_distance);
     const int8 flat = disk_hit_pack(to_x, to_y, to_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
-    const int8 there = as_uint8(vload8(0, pack + ROUND_PACK_ID)) != NONE;
-    single_keep(rays, lane, (disk ? flat : sphere) & there, (int8)(0), disk ? disk_distance : sphere_distance, entered,
-                pack + ROUND_PACK_ID, any_hit);
+    single_keep(rays, lane, disk ? flat : sphere, (int8)(0), disk ? disk_distance : sphere_distance, entered, pack + ROUND_ID,
+                bvh_members(reference), any_hit);
 }
 
 // Push the children that the ray enters, the nearest last. The boxes' near planes are known by the ray's direction, which gives the
@@ -112,13 +113,12 @@ static void single_children(SingleRays* rays, int lane, __global const float* no
 static void single_prefetch(const Bvh* bvh, const SingleRays* rays, int lane) {
 #ifdef BVH_PREFETCH
     const uint next = (uint)rays->stack[lane][max(rays->top[lane], 0)];
-    const size_t index = next & BVH_INDEX;
     if (next & BVH_LEAF) {
-        __global const float* pack = bvh->triangle_packs + (next & BVH_ROUND ? 0 : index * TRIANGLE_PACK_WORDS);
+        __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, next & BVH_ROUND ? 0 : next);
         #pragma unroll
-        for (int line = 0; line < TRIANGLE_PACK_WORDS / 16; ++line) __builtin_prefetch(pack + line * 16);
+        for (int line = 0; line < TRIANGLE_BLOCK_WORDS / 16; ++line) __builtin_prefetch(pack + line * 16);
     } else {
-        __global const float* node = bvh->nodes + index * BVH_NODE_WORDS;
+        __global const float* node = bvh->nodes + (size_t)next * BVH_NODE_WORDS;
         #pragma unroll
         for (int line = 0; line < BVH_NODE_WORDS / 16; ++line) __builtin_prefetch(node + line * 16);
     }
@@ -141,13 +141,12 @@ static void bvh_single(const Bvh* bvh, SingleRays* rays, int any_hit) {
             const float entered = as_float((uint)(entry >> 32));
             const uint reference = (uint)entry;
             if (entered <= rays->nearest[lane]) {
-                const size_t index = reference & BVH_INDEX;
                 if (!(reference & BVH_LEAF))
-                    single_children(rays, lane, bvh->nodes + index * BVH_NODE_WORDS);
+                    single_children(rays, lane, bvh->nodes + (size_t)reference * BVH_NODE_WORDS);
                 else if (reference & BVH_ROUND)
-                    single_rounds(rays, lane, bvh->round_packs + index * ROUND_PACK_WORDS, entered, any_hit);
+                    single_rounds(rays, lane, bvh, reference, entered, any_hit);
                 else
-                    single_triangles(rays, lane, bvh->triangle_packs + index * TRIANGLE_PACK_WORDS, entered, any_hit);
+                    single_triangles(rays, lane, bvh, reference, entered, any_hit);
             }
             single_prefetch(bvh, rays, lane);
             queue[left] = lane;

@@ -17,8 +17,10 @@ from tree_reference import bounds_of, check, cost, download, median_cost, stack_
 
 import clrender
 from clrender import layout
+from clrender.device import bvh
 from clrender.device.bvh import STACK
 from clrender.device.worker import DeviceWorker
+from clrender.errors import RenderError
 from clrender.flatten import flatten
 
 if TYPE_CHECKING:
@@ -176,6 +178,15 @@ def test_the_tree_has_the_same_bits_on_every_driver(all_devices: list[Device], n
             words = download(tree)
             trees.append([array.tobytes() for array in (words.nodes, words.triangle_packs, words.round_packs)])
     assert all(each == trees[0] for each in trees)
+
+
+def test_a_tree_beyond_what_references_reach_is_refused(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bvh, "_MOST_BLOCKS", 1)
+    with tree_on(device, scene_named("a triangle")):
+        pass
+    message = r"takes \d+ blocks and holds 1 of them: split the scene"
+    with pytest.raises(RenderError, match=message), tree_on(device, scene_named("mixed")):
+        pass
 
 
 def test_a_renderer_has_the_stack_that_a_deep_tree_needs(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,6 +49,7 @@ __kernel void trace_every_leaf(__global const float* nodes, __global const float
     if (at >= count) return;
     const Ray ray = trace_load(rays, ends, count, at);
     PacketRay one = packet_ray(&ray, 1);
+    const Bvh bvh = trace_tree(nodes, triangle_packs, round_packs);
     for (uint number = 0; number < node_count; ++number) {
         __global const float* node = nodes + (size_t)number * BVH_NODE_WORDS;
         for (int i = 0; i < 8; ++i) {
@@ -59,11 +60,10 @@ __kernel void trace_every_leaf(__global const float* nodes, __global const float
                                node[24 + i] - one.origin.x, node[32 + i] - one.origin.y, node[40 + i] - one.origin.z,
                                one.inverse.x, one.inverse.y, one.inverse.z, &near, &far);
             if (!(near <= far)) continue;
-            const size_t index = reference & BVH_INDEX;
             if (reference & BVH_ROUND)
-                packet_rounds(&one, round_packs + index * ROUND_PACK_WORDS, near, 0);
+                packet_rounds(&one, &bvh, reference, near, 0);
             else
-                packet_triangles(&one, triangle_packs + index * TRIANGLE_PACK_WORDS, near, 0);
+                packet_triangles(&one, &bvh, reference, near, 0);
         }
     }
     distances[at] = one.nearest;

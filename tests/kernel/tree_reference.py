@@ -11,7 +11,7 @@ import numpy.typing as npt
 from kernel_support import Tree
 
 from clrender import layout
-from clrender.device.bvh import NODE_WORDS, ROUND_PACK_WORDS, TRIANGLE_PACK_WORDS
+from clrender.device.bvh import NODE_WORDS, ROUND_BLOCK_WORDS, TRIANGLE_BLOCK_WORDS
 
 if TYPE_CHECKING:
     from clrender.flatten import FlatScene
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["Words", "bounds_of", "check", "cost", "download", "median_cost", "stack_needed", "sweep_cost"]
 
 # kernels/geometry/bvh.h
-EMPTY, LEAF, ROUND, INDEX, PAIR = 0xFFFFFFFF, 0x80000000, 0x40000000, 0x3FFFFFFF, np.uint32(0x80000000)
+EMPTY, LEAF, ROUND, COUNT, INDEX = 0xFFFFFFFF, 0x80000000, 0x40000000, 27, 0x07FFFFFF
+PAIR, NUMBER = np.uint32(0x80000000), np.uint32(0x40000000)
 
 Floats = npt.NDArray[np.float64]
 
@@ -31,8 +32,9 @@ class Words:
     Attributes
     ----------
     nodes : (n, 56) float32
-    triangle_packs : (t, 128) float32
-    round_packs : (r, 64) float32
+    triangle_packs : (8 t, 16) float32
+        A row each for the columns of all blocks.
+    round_packs : (8 r, 8) float32
     """
 
     nodes: npt.NDArray[np.float32]
@@ -42,6 +44,22 @@ class Words:
     @property
     def references(self) -> npt.NDArray[np.uint32]:
         return np.ascontiguousarray(self.nodes[:, 48:]).view(np.uint32)
+
+    def packs(self, leaves: npt.NDArray[np.bool_], rounds: bool) -> npt.NDArray[np.uint32]:
+        """(leaves, 8) uint32: primitives of the packs that these references lead to, PAIR left in; NONE fills up."""
+        references = self.references[leaves]
+        assert (((references & ROUND) != 0) == rounds).all()
+        columns = (references & INDEX).astype(np.int64)[:, None] + np.arange(8)
+        size = (references >> COUNT & 7) + 1
+        assert (columns[:, 0] % 8 + size <= 8).all(), "a pack is in one block"
+        there = np.arange(8) < size[:, None]
+        rows = self.round_packs if rounds else self.triangle_packs
+        ids = np.ascontiguousarray(rows[:, -1]).view(np.uint32)
+        taken = np.bincount(columns[there], minlength=len(rows))
+        assert (taken <= 1).all(), "no two packs share a column"
+        assert (rows[taken == 0] == 0).all(), "other columns hold zeros"
+        assert ((ids[taken == 1] & NUMBER) != 0).all(), "numbers are normal as floats"
+        return np.where(there, ids[np.where(there, columns, 0)] & ~NUMBER, layout.NONE)
 
     @property
     def low(self) -> Floats:
@@ -54,15 +72,17 @@ class Words:
 
 def download(tree: Tree) -> Words:
     """Read a tree back."""
-    counts = (tree.bvh.node_count, tree.bvh.triangle_pack_count, tree.bvh.round_pack_count)
+    counts = (tree.bvh.node_count, tree.bvh.triangle_block_count, tree.bvh.round_block_count)
     arrays = []
     for buffer, count, words in zip(
-        tree.buffers, counts, (NODE_WORDS, TRIANGLE_PACK_WORDS, ROUND_PACK_WORDS), strict=True
+        tree.buffers, counts, (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ROUND_BLOCK_WORDS), strict=True
     ):
         array = np.empty((count, words), np.float32)
         tree.device.read(buffer, array)
         arrays.append(array)
-    return Words(*arrays)
+    nodes, *blocks = arrays
+    columns = [each.reshape(len(each), each.shape[1] // 8, 8).transpose(0, 2, 1) for each in blocks]
+    return Words(nodes, *(each.reshape(8 * len(each), each.shape[2]) for each in columns))
 
 
 def bounds_of(scene: FlatScene) -> tuple[Floats, Floats]:
@@ -94,8 +114,6 @@ def check(words: Words, scene: FlatScene) -> None:
     round_leaf = leaf & ((references & ROUND) != 0)
     inner = references[used & ~leaf]
     assert np.array_equal(np.sort(inner), np.arange(1, len(words.nodes))), "every node but the root has one parent"
-    for packs, leaves in ((words.triangle_packs, leaf & ~round_leaf), (words.round_packs, round_leaf)):
-        assert np.array_equal(np.sort(references[leaves] & INDEX), np.arange(len(packs))), "every pack has one parent"
 
     parent, slot = np.nonzero(used & ~leaf)
     low, high = words.low, words.high
@@ -104,25 +122,19 @@ def check(words: Words, scene: FlatScene) -> None:
     assert np.array_equal(low[parent, slot], low[below].min(1)), "a box is the union of those in it"
     assert np.array_equal(high[parent, slot], high[below].max(1)), "a box is the union of those in it"
 
-    triangle_ids = np.ascontiguousarray(words.triangle_packs[:, 120:]).view(np.uint32)
-    round_ids = np.ascontiguousarray(words.round_packs[:, 56:]).view(np.uint32)
+    triangle_ids, round_ids = words.packs(leaf & ~round_leaf, False), words.packs(round_leaf, True)
     pairs = (triangle_ids != layout.NONE) & ((triangle_ids & PAIR) != 0)
     triangle_ids = np.where(pairs, triangle_ids & ~PAIR, triangle_ids)
     seconds = triangle_ids[pairs] + np.uint32(1)
     ids = np.concatenate([triangle_ids[triangle_ids != layout.NONE], seconds, round_ids[round_ids != layout.NONE]])
     assert np.array_equal(np.sort(ids), np.arange(scene.triangle_count + scene.round_count)), "each is in one leaf"
     assert (triangle_ids[triangle_ids != layout.NONE] < scene.triangle_count).all()
-    for kind in (triangle_ids, round_ids):
-        full = kind != layout.NONE
-        assert full[:, :1].all(), "no pack is empty"
-        assert (np.diff(full.astype(int), axis=1) <= 0).all(), "primitives fill the front"
-    _check_numbers(words, scene, triangle_ids, pairs, round_ids)
+    _check_numbers(words, scene)
     exact_low, exact_high = bounds_of(scene)
     with_seconds = np.concatenate([triangle_ids, np.where(pairs, triangle_ids + np.uint32(1), layout.NONE)], axis=1)
     for pack_ids, leaves in ((with_seconds, leaf & ~round_leaf), (round_ids, round_leaf)):
         parent, slot = np.nonzero(leaves)
-        mine = pack_ids[references[parent, slot] & INDEX]
-        safe = np.where(mine == layout.NONE, mine[:, :1], mine)
+        safe = np.where(pack_ids == layout.NONE, pack_ids[:, :1], pack_ids)
         inner_low, inner_high = exact_low[safe].min(1), exact_high[safe].max(1)
         box_low, box_high = low[parent, slot], high[parent, slot]
         assert (box_low <= inner_low).all(), "a leaf's box holds what is in it"
@@ -133,16 +145,11 @@ def check(words: Words, scene: FlatScene) -> None:
         assert (box_high - inner_high <= room).all(), "and little more"
 
 
-def _check_numbers(
-    words: Words,
-    scene: FlatScene,
-    triangle_ids: npt.NDArray[np.uint32],
-    pairs: npt.NDArray[np.bool_],
-    round_ids: npt.NDArray[np.uint32],
-) -> None:
-    pack, slot = np.nonzero(triangle_ids != layout.NONE)
-    pair = pairs[pack, slot]
-    number = triangle_ids[pack, slot].astype(np.int64)
+def _check_numbers(words: Words, scene: FlatScene) -> None:
+    stored = words.triangle_packs[words.triangle_packs[:, 15] != 0]
+    numbers = np.ascontiguousarray(stored[:, 15]).view(np.uint32)
+    pair = (numbers & PAIR) != 0
+    number = (numbers & ~(PAIR | NUMBER)).astype(np.int64)
     a, b, c = scene.arrays["vertices"][scene.arrays["triangles"][number]].transpose(1, 0, 2)
     again_a, again_c, d = scene.arrays["vertices"][scene.arrays["triangles"][number + pair]].transpose(1, 0, 2)
     assert np.array_equal(again_a[pair], a[pair]) and np.array_equal(again_c[pair], c[pair]), "pairs share A and C"
@@ -150,7 +157,6 @@ def _check_numbers(
     largest = np.abs(np.stack([a, b, c, d])).max((0, 2))
     assert (gap <= 8 * 2**-24 * largest)[pair].all(), "pairs are parallelograms"
     c = np.where(pair[:, None], d, c)
-    stored = words.triangle_packs[:, :120].reshape(-1, 15, 8)[pack, :, slot]
     assert np.array_equal(stored[:, 14], np.where(pair, 0.0, 1.0)), "packs tell pairs from triangles"
     assert np.array_equal(stored[:, :3].view(np.uint32), a.view(np.uint32)), "packs hold A to the bit"
     for edge, exact in ((stored[:, 3:6], b.astype(np.float64) - a), (stored[:, 6:9], a.astype(np.float64) - c)):
@@ -164,11 +170,11 @@ def _check_numbers(
     wrong = (np.abs(normal - exactly) + 2**-23 * np.abs(normal)).sum(1) + 3 * 2**-24 * np.abs(normal).sum(1)
     wrong += np.where(pair, gap * stored[:, 12], 0.0)
     assert (stored[:, 13] * 10 * 2**-24 >= 2 * wrong - 1e-37).all(), "packs bound the normal's error"
-    pack, slot = np.nonzero(round_ids != layout.NONE)
-    rows = scene.arrays["rounds"][round_ids[pack, slot] - scene.triangle_count]
+    stored = words.round_packs[words.round_packs[:, 7] != 0]
+    numbers = np.ascontiguousarray(stored[:, 7]).view(np.uint32) & ~NUMBER
+    rows = scene.arrays["rounds"][numbers - scene.triangle_count]
     wanted = np.concatenate([rows["center_radius"], rows["normal"][:, :3]], axis=1)
-    stored = words.round_packs[:, :56].reshape(-1, 7, 8)[pack, :, slot]
-    assert np.array_equal(stored, wanted), "packs hold the spheres and disks to the bit"
+    assert np.array_equal(stored[:, :7], wanted), "packs hold the spheres and disks to the bit"
 
 
 def stack_needed(words: Words) -> tuple[int, int]:
