@@ -113,15 +113,12 @@ static void single_children(SingleRays* rays, int lane, __global const float* no
 static void single_prefetch(const Bvh* bvh, const SingleRays* rays, int lane) {
 #ifdef BVH_PREFETCH
     const uint next = (uint)rays->stack[lane][max(rays->top[lane], 0)];
-    if (next & BVH_LEAF) {
-        __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, next & BVH_ROUND ? 0 : next);
-        #pragma unroll
-        for (int line = 0; line < TRIANGLE_BLOCK_WORDS / 16; ++line) __builtin_prefetch(pack + line * 16);
-    } else {
-        __global const float* node = bvh->nodes + (size_t)next * BVH_NODE_WORDS;
-        #pragma unroll
-        for (int line = 0; line < BVH_NODE_WORDS / 16; ++line) __builtin_prefetch(node + line * 16);
-    }
+    __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, next & BVH_ROUND ? 0 : next);
+    __global const float* node = bvh->nodes + (size_t)(next & BVH_INDEX) * BVH_NODE_WORDS;
+    const size_t leaf = 0 - (size_t)(next >> 31);
+    __global const float* at = (__global const float*)(((size_t)pack & leaf) | ((size_t)node & ~leaf));
+    #pragma unroll
+    for (int line = 0; line < TRIANGLE_BLOCK_WORDS / 16; ++line) __builtin_prefetch(at + line * 16);
 #endif
 }
 
