@@ -6,9 +6,8 @@
 #ifndef INTEGRATOR_FIRST_HIT_H
 #define INTEGRATOR_FIRST_HIT_H
 
-#include "camera/perspective.h"
-#include "film/pool.h"
 #include "geometry/surface.h"
+#include "integrator/path_state.h"
 #include "light/light.h"
 #include "material/bsdf.h"
 
@@ -35,57 +34,34 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surf
 static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, uint wanted) {
     __global const Settings* settings = scene->settings;
     const uint followed = wanted == FIRST_HIT_ALBEDO ? FIRST_HIT_FOLLOWED : 0u;
-    PoolSample sample = pool_no_sample();
-    Ray ray;
-    vec3 throughput = vec3_all(0.0f), albedo = vec3_all(0.0f);
-    vuint depth = splat_uint(0u);
-    vmask alive = depth != depth;
-    ray.origin = ray.direction = vec3_all(1.0f);
-    ray.limit = splat(FAR);
-    ray.from = ray.to = splat_uint(NONE);
+    Path path = path_none();             // its radiance is the albedo
 
-    for (;;) {
-        // Lanes without a ray take the next sample of the pool
-        if (lane_any(!alive)) {
-            const vmask start = pool_take(settings, pool, !alive, &sample);
-            vfloat film_x, film_y;
-            pool_film(settings, &sample, &film_x, &film_y);
-            ray_replace(&ray, perspective_ray(scene, film_x, film_y, sample.sampler), start);
-            throughput = choose(start, vec3_all(1.0f), throughput);
-            albedo = choose(start, vec3_all(0.0f), albedo);
-            depth = start ? splat_uint(0u) : depth;
-            alive = alive | start;
-            if (!lane_any(alive)) {
-                if (pool_empty(pool)) break;
-                continue;
-            }
-        }
-
+    while (path_next(scene, pool, &path)) {
         // Find the nearest surface; what shines counts as if its light were its colour
-        const Hit hit = traverse_nearest(&scene->bvh, &ray, alive);
-        stats->rays += lane_count(alive);
-        stats->deepest = pool_deepest(stats->deepest, depth, alive);
-        const vmask found = alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &ray, hit, found);
+        const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
+        stats->rays += lane_count(path.alive);
+        stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
+        const vmask found = path.alive & (hit.primitive != NONE);
+        const Surface surface = surface_at(scene, &path.ray, hit, found);
         vfloat pdf;
-        const vec3 outside = light_environment(scene, ray.origin, ray.direction, &pdf);
-        const vec3 shining = light_emitted(scene, &surface, ray.origin, ray.direction, &pdf);
-        albedo = choose(alive, add(albedo, mul(throughput, choose(found, shining, outside))), albedo);
+        const vec3 outside = light_environment(scene, path.ray.origin, path.ray.direction, &pdf);
+        const vec3 shining = light_emitted(scene, &surface, path.ray.origin, path.ray.direction, &pdf);
+        path.radiance = choose(path.alive, add(path.radiance, mul(path.throughput, choose(found, shining, outside))), path.radiance);
 
         // Look through mirrors and glass, in the direction that the image's path takes there. Their colour counts; that radiance is
         // squeezed together in glass does not, for it says nothing about colour
-        const Bsdf bsdf = bsdf_at(&surface, ray.direction);
+        const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
         vuint bits_u, bits_v;
-        sampler_bounce_bits(sample.sampler, SET_MATERIAL, depth, &bits_u, &bits_v);
+        sampler_bounce_bits(path.sample.sampler, SET_MATERIAL, path.depth, &bits_u, &bits_v);
         const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
-        const vmask goes_on = found & !bsdf.smooth & (depth < followed) & (largest(next.weight) > 0.0f);
-        const vmask ended = alive & !goes_on;
-        throughput = choose(found, mul(throughput, surface.color), throughput);
-        albedo = choose(ended & found, add(albedo, throughput), albedo);
-        if (lane_any(ended)) pool_deliver(pool, &sample, first_hit_value(scene, wanted, &surface, &bsdf, albedo, found), ended);
-        depth = depth + 1u;
-        ray = surface_leave(&surface, next.direction);
-        alive = alive & !ended;
+        const vmask goes_on = found & !bsdf.smooth & (path.depth < followed) & (largest(next.weight) > 0.0f);
+        const vmask ended = path.alive & !goes_on;
+        path.throughput = choose(found, mul(path.throughput, surface.color), path.throughput);
+        path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
+        if (lane_any(ended)) pool_deliver(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
+        path.depth = path.depth + 1u;
+        path.ray = surface_leave(&surface, next.direction);
+        path.alive = path.alive & !ended;
     }
 }
 

@@ -6,23 +6,10 @@
 #ifndef INTEGRATOR_PATH_H
 #define INTEGRATOR_PATH_H
 
-#include "camera/perspective.h"
-#include "film/pool.h"
 #include "geometry/surface.h"
+#include "integrator/path_state.h"
 #include "light/light.h"
 #include "material/bsdf.h"
-
-typedef struct {
-    vmask alive;
-    PoolSample sample;       // which one of the pool, and its random numbers
-    Ray ray;                 // the next segment
-    vec3 throughput;         // what the camera gets of the radiance arriving along it
-    vec3 radiance;           // found so far
-    vuint depth;             // scattering events so far
-    vec3 normal;             // of the last surface, on the side that the ray left from
-    vfloat material_pdf;     // density of the ray's direction times the number of such rays; 0 from the camera or a delta
-    vmask diffused;          // it has met a surface that is not a delta
-} Path;
 
 // The first diffuse hit, kept for the further rays that leave it.
 typedef struct {
@@ -33,21 +20,6 @@ typedef struct {
     vuint left;              // rays that have still to leave
 } Branch;
 
-// No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
-static Path path_none(void) {
-    Path path;
-    path.alive = path.diffused = splat_uint(0u) != splat_uint(0u);
-    path.depth = splat_uint(0u);
-    path.material_pdf = splat(0.0f);
-    path.throughput = path.radiance = path.normal = vec3_all(0.0f);
-    path.ray.origin = vec3_all(0.0f);
-    path.ray.direction = vec3_all(1.0f);
-    path.ray.limit = splat(FAR);
-    path.ray.from = path.ray.to = splat_uint(NONE);
-    path.sample = pool_no_sample();
-    return path;
-}
-
 static Branch path_no_branch(const Path* path) {
     Branch branch;
     branch.ray = path->ray;
@@ -56,18 +28,6 @@ static Branch path_no_branch(const Path* path) {
     branch.throughput = vec3_all(0.0f);
     branch.depth = branch.left = splat_uint(0u);
     return branch;
-}
-
-static void path_start(const Scene* scene, vmask start, Path* path) {
-    vfloat film_x, film_y;
-    pool_film(scene->settings, &path->sample, &film_x, &film_y);
-    ray_replace(&path->ray, perspective_ray(scene, film_x, film_y, path->sample.sampler), start);
-    path->throughput = choose(start, vec3_all(1.0f), path->throughput);
-    path->radiance = choose(start, vec3_all(0.0f), path->radiance);
-    path->depth = start ? splat_uint(0u) : path->depth;
-    path->material_pdf = start ? splat(0.0f) : path->material_pdf;
-    path->diffused = path->diffused & !start;
-    path->alive = path->alive | start;
 }
 
 // The weight of a sample found with density `a` when it could have been found with density `b` too (balance heuristic).
@@ -197,17 +157,7 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     Branch branch = path_no_branch(&path);
     vmask resumes = path.alive;
 
-    for (;;) {
-        // Lanes without a path take the next sample of the pool
-        if (lane_any(!path.alive)) {
-            const vmask started = pool_take(settings, pool, !path.alive, &path.sample);
-            if (lane_any(started)) path_start(scene, started, &path);
-            if (!lane_any(path.alive)) {
-                if (pool_empty(pool)) break;
-                continue;
-            }
-        }
-
+    while (path_next(scene, pool, &path)) {
         // Find the nearest surface along each ray; a path that resumes at its branch knows it already
         const vmask traced = path.alive & !resumes;
         Hit hit = traverse_nearest(&scene->bvh, &path.ray, traced);

@@ -89,17 +89,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
     __global const Settings* settings = scene->settings;
     Path path = path_none();
 
-    for (;;) {
-        // Lanes without a path take the next sample of the pool
-        if (lane_any(!path.alive)) {
-            const vmask started = pool_take(settings, pool, !path.alive, &path.sample);
-            if (lane_any(started)) path_start(scene, started, &path);
-            if (!lane_any(path.alive)) {
-                if (pool_empty(pool)) break;
-                continue;
-            }
-        }
-
+    while (path_next(scene, pool, &path)) {
         // Find the nearest surface, and add the light the ray ran into
         const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);

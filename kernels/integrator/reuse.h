@@ -128,19 +128,11 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
     Path path = path_none();
     Reuse reuse = reuse_none();
 
-    for (;;) {
-        // Lanes without a path take the next sample of the pool
-        if (lane_any(!path.alive)) {
-            const vmask started = pool_take(settings, pool, !path.alive, &path.sample);
-            if (lane_any(started)) path_start(scene, started, &path);
-            reuse.anchored = reuse.anchored & !started;
-            reuse.leaves = reuse.leaves & !started;
-            reuse.shared = reuse.shared & !started;
-            if (!lane_any(path.alive)) {
-                if (pool_empty(pool)) break;
-                continue;
-            }
-        }
+    while (path_next(scene, pool, &path)) {
+        const vmask goes = path.depth > 0u;
+        reuse.anchored = reuse.anchored & goes;
+        reuse.leaves = reuse.leaves & goes;
+        reuse.shared = reuse.shared & goes;
 
         // Find the nearest surface along each ray, and add the light the ray ran into
         const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);

@@ -3,55 +3,31 @@
 #ifndef INTEGRATOR_WHITTED_H
 #define INTEGRATOR_WHITTED_H
 
-#include "camera/perspective.h"
-#include "film/pool.h"
 #include "geometry/surface.h"
+#include "integrator/path_state.h"
 #include "light/light.h"
 #include "material/bsdf.h"
 
 static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     __global const Settings* settings = scene->settings;
-    PoolSample sample = pool_no_sample();
-    Ray ray;
-    vec3 throughput = vec3_all(0.0f), radiance = vec3_all(0.0f);
-    vuint depth = splat_uint(0u);
-    vmask alive = depth != depth;
-    ray.origin = ray.direction = vec3_all(1.0f);
-    ray.limit = splat(FAR);
-    ray.from = ray.to = splat_uint(NONE);
+    Path path = path_none();
 
-    for (;;) {
-        // Lanes without a ray take the next sample of the pool
-        if (lane_any(!alive)) {
-            const vmask start = pool_take(settings, pool, !alive, &sample);
-            vfloat film_x, film_y;
-            pool_film(settings, &sample, &film_x, &film_y);
-            ray_replace(&ray, perspective_ray(scene, film_x, film_y, sample.sampler), start);
-            throughput = choose(start, vec3_all(1.0f), throughput);
-            radiance = choose(start, vec3_all(0.0f), radiance);
-            depth = start ? splat_uint(0u) : depth;
-            alive = alive | start;
-            if (!lane_any(alive)) {
-                if (pool_empty(pool)) break;
-                continue;
-            }
-        }
-
+    while (path_next(scene, pool, &path)) {
         // Find the nearest surface and add the light it sends out, or the environment's
-        const Hit hit = traverse_nearest(&scene->bvh, &ray, alive);
-        stats->rays += lane_count(alive);
-        stats->deepest = pool_deepest(stats->deepest, depth, alive);
-        const vmask found = alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &ray, hit, found);
+        const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
+        stats->rays += lane_count(path.alive);
+        stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
+        const vmask found = path.alive & (hit.primitive != NONE);
+        const Surface surface = surface_at(scene, &path.ray, hit, found);
         vfloat pdf;
-        const vec3 outside = light_environment(scene, ray.origin, ray.direction, &pdf);
-        const vec3 shining = light_emitted(scene, &surface, ray.origin, ray.direction, &pdf);
-        const vec3 seen = mul(throughput, choose(found, shining, outside));
-        radiance = choose(alive, add(radiance, seen), radiance);
+        const vec3 outside = light_environment(scene, path.ray.origin, path.ray.direction, &pdf);
+        const vec3 shining = light_emitted(scene, &surface, path.ray.origin, path.ray.direction, &pdf);
+        const vec3 seen = mul(path.throughput, choose(found, shining, outside));
+        path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
         // Light a diffuse surface from the centre of every light that nothing hides
-        const Bsdf bsdf = bsdf_at(&surface, ray.direction);
-        const vmask may_scatter = found & (depth < settings->max_depth);
+        const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
+        const vmask may_scatter = found & (path.depth < settings->max_depth);
         const vmask lit = may_scatter & bsdf.smooth;
         if (lane_any(lit)) {
             for (uint number = 0; number < settings->light_count; ++number) {
@@ -61,21 +37,21 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
                 const Ray shadow_ray = light_shadow_ray(&surface, &light);
                 const vmask blocked = traverse_occluded(&scene->bvh, &shadow_ray, asked);
                 stats->shadow_rays += lane_count(asked);
-                radiance = choose(asked & !blocked, add(radiance, mul(throughput, direct)), radiance);
-                stats->deepest = pool_deepest(stats->deepest, depth + 1u, asked);
+                path.radiance = choose(asked & !blocked, add(path.radiance, mul(path.throughput, direct)), path.radiance);
+                stats->deepest = pool_deepest(stats->deepest, path.depth + 1u, asked);
             }
         }
 
         // Follow mirrors and glass
         vuint bits_u, bits_v;
-        sampler_bounce_bits(sample.sampler, SET_MATERIAL, depth, &bits_u, &bits_v);
+        sampler_bounce_bits(path.sample.sampler, SET_MATERIAL, path.depth, &bits_u, &bits_v);
         const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
-        throughput = mul(throughput, next.weight);
-        depth = depth + 1u;
-        ray = surface_leave(&surface, next.direction);
-        const vmask ended = alive & !(may_scatter & !bsdf.smooth & (largest(throughput) > 0.0f));
-        if (lane_any(ended)) pool_deliver(pool, &sample, radiance, ended);
-        alive = alive & !ended;
+        path.throughput = mul(path.throughput, next.weight);
+        path.depth = path.depth + 1u;
+        path.ray = surface_leave(&surface, next.direction);
+        const vmask ended = path.alive & !(may_scatter & !bsdf.smooth & (largest(path.throughput) > 0.0f));
+        if (lane_any(ended)) pool_deliver(pool, &path.sample, path.radiance, ended);
+        path.alive = path.alive & !ended;
     }
 }
 
