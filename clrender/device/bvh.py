@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from clrender.device.ordering import CHUNK, launch_each, scan, sort
 from clrender.errors import RenderError
@@ -39,6 +40,7 @@ COST_ROOTS: Final = 7
 STACK: Final = 96
 """Entries a traversal has room for unless the host asks for more."""
 _SORT_BITS: Final = 63
+_PAIR: Final = np.uint32(1 << 31)
 
 _Arguments: TypeAlias = "list[Argument]"
 
@@ -88,7 +90,7 @@ class Bvh:
         return 7 * self.levels + 1
 
 
-def build(device: Device, source: SourceArrays) -> Bvh:
+def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | None = None) -> Bvh:
     """Build the tree over a scene's triangles, spheres and disks.
 
     Parameters
@@ -96,6 +98,8 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     device : Device
     source : SourceArrays
         At most 2**29 triangles, spheres and disks.
+    among : (triangle_count,) bool, optional
+        Triangles that the tree is over, all or none of a shape's; they keep their numbers.
 
     Returns
     -------
@@ -109,8 +113,8 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     count = source.triangle_count + source.round_count
     if count > 1 << 29:
         raise RenderError(f"the scene has {count} triangles and spheres and the tree holds {1 << 29}: split the scene")
-    builder = _Builder(device, source)
-    if count == 0:
+    builder = _Builder(device, source, among)
+    if builder.unit_count == 0:
         return builder.empty()
     order, boxes = builder.order()
     return builder.collapse(order, builder.merge(order, boxes))
@@ -128,7 +132,7 @@ class _BinaryTree:
 class _Builder:
     """One build: its programs, and the buffers it has to give back."""
 
-    def __init__(self, device: Device, source: SourceArrays) -> None:
+    def __init__(self, device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | None = None) -> None:
         self.device = device
         self.source = source
         defines = {"LANES": 1}
@@ -136,7 +140,9 @@ class _Builder:
         self._merge = device.program("geometry/build_merge.cl", defines)
         self._collapse = device.program("geometry/build_collapse.cl", defines)
         self._units, self._triangle_units = self._paired()
-        self._count_units = self._triangle_units + source.round_count
+        if among is not None:
+            self._choose(among)
+        self.unit_count = self._triangle_units + source.round_count
 
     def _paired(self) -> tuple[Buffer, int]:
         """What stands in the tree for the triangles: one for each, or for two that are a parallelogram."""
@@ -151,6 +157,14 @@ class _Builder:
         device.release(places)
         return units, total
 
+    def _choose(self, among: npt.NDArray[np.bool_]) -> None:
+        """Leave out what is not wanted."""
+        units = np.empty(self._triangle_units, np.uint32)
+        self.device.read(self._units, units)
+        chosen = units[among[units & ~_PAIR]]
+        self.device.write(self._units, chosen)
+        self._triangle_units = len(chosen)
+
     def empty(self) -> Bvh:
         node = np.zeros(NODE_WORDS, np.float32)
         node[48:].view(np.uint32)[:] = 0xFFFFFFFF
@@ -160,7 +174,7 @@ class _Builder:
 
     def order(self) -> tuple[Buffer, Buffer]:
         """Units in Morton order, and their boxes in their own."""
-        source, count = self.source, self._count_units
+        source, count = self.source, self.unit_count
         boxes = self.device.empty(24 * count)
         self._each(
             self._order,
@@ -185,7 +199,7 @@ class _Builder:
 
     def merge(self, order: Buffer, boxes: Buffer) -> _BinaryTree:
         """The binary tree over the ordered units; consumes `boxes`."""
-        device, count = self.device, self._count_units
+        device, count = self.device, self.unit_count
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
         children, costs = device.empty(8 * 2 * count), device.empty(4 * COST_ROOTS * 2 * count)
         clusters, merged, nearest = (device.empty(4 * count) for _ in range(3))
@@ -225,7 +239,7 @@ class _Builder:
         while task_count:
             slots, counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(self._count_units), slots]
+            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(self.unit_count), slots]
             arguments += [_u(task_count), *counts, *(_u(number) for number in made)]
             arguments += [self._units, source.vertices, source.triangles, source.rounds]
             arguments += [_u(self._triangle_units), _u(source.triangle_count)]

@@ -37,12 +37,12 @@ def follow(dynamic: DynamicRadiosity, change: Callable[[], Any]) -> tuple[Any, f
     """Make a change, and how far the solution then is from a fresh start."""
     update = change()
     dynamic.settle()
-    updated, hits, light = dynamic.reflected, dynamic._hits.copy(), dynamic._irradiance.copy()
+    updated, hits, light = dynamic.reflected, dynamic.rows.met.copy(), dynamic.rows.irradiance.copy()
     dynamic.start_again()
-    if hits.shape == dynamic._hits.shape:
+    if hits.shape == dynamic.rows.met.shape:
         # The tree is another one now, and a hit within roundings of its leaf's box may go either way
-        assert (hits != dynamic._hits).mean() < 1e-4
-        assert (np.abs(light - dynamic._irradiance).max(axis=1) > 0).mean() < 1e-3
+        assert (hits != dynamic.rows.met).mean() < 1e-4
+        assert (np.abs(light - dynamic.rows.irradiance).max(axis=1) > 0).mean() < 1e-3
     return update, distance(dynamic, updated)
 
 
