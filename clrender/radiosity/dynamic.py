@@ -19,6 +19,7 @@ from clrender.radiosity.sides import (
     carried_radiance,
     first_sides,
     importance,
+    is_convex,
     light_boxes,
     lights_differ,
     reaches_inside,
@@ -241,7 +242,7 @@ class DynamicRadiosity:
         if self._moving is None or self._moving.shape != shape:
             if self._moving is not None:
                 self._moving.release()
-            self._moving = Moving(self._device, shape, moved)
+            self._moving = Moving(self._device, shape, moved, is_convex(self.patches.scene.shapes[shape]))
         boxes, inside = np.stack([before, box_around(self.patches, moved)]), reaches_inside(self.patches, shape)
         self._moving.step(self.flat, boxes, self.patches.corners[moved[0] // 2, 0], np.array(by), inside)
         self._place()

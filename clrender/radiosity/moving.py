@@ -29,6 +29,8 @@ class Moving:
         Its place in the scene's list.
     sides : (int, int)
         First side of the shape, and the one after its last.
+    convex : bool
+        Whether rays that leave the front of the shape cannot meet it again.
 
     Attributes
     ----------
@@ -37,8 +39,8 @@ class Moving:
         Over all but the shape, or over all.
     """
 
-    def __init__(self, device: Device, shape: int, sides: tuple[int, int]) -> None:
-        self._device, self.shape, self._sides = device, shape, sides
+    def __init__(self, device: Device, shape: int, sides: tuple[int, int], convex: bool) -> None:
+        self._device, self.shape, self._sides, self._convex = device, shape, sides, convex
         self._own: bvh.Bvh | None = None
         self._over_all = False
         self._place = device.empty(4 * 18)
@@ -93,7 +95,8 @@ class Moving:
         """What kernels take for ``MOVING_PARAMETERS``."""
         assert self._own is not None
         first, end = self._sides
-        return [self._own.nodes, self._own.triangle_packs, self._place, np.uint32(first), np.uint32(end)]
+        numbers = [np.uint32(n) for n in (first, end, self._convex)]
+        return [self._own.nodes, self._own.triangle_packs, self._place, *numbers]
 
     def _release(self, tree: bvh.Bvh) -> None:
         for buffer in (tree.nodes, tree.triangle_packs, tree.round_packs):

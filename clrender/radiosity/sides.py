@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from clrender.radiosity.patches import Patches
 from clrender.scene.description import DirectionalLight, PointLight
-from clrender.scene.shapes import Box, Sphere, Tetrahedron
+from clrender.scene.shapes import Box, Shape, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
     from clrender.flatten import FlatScene
@@ -22,6 +22,7 @@ __all__ = [
     "covered_rays",
     "first_sides",
     "importance",
+    "is_convex",
     "largest",
     "lifted",
     "light_boxes",
@@ -86,6 +87,11 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
         if not open_:
             sealed[2 * spans[index][0] + 1 : 2 * spans[index][1] : 2] = True
     return sealed
+
+
+def is_convex(shape: Shape) -> bool:
+    """Whether rays that leave the front of the shape's patches cannot meet it again."""
+    return isinstance(shape, _CLOSED) and not shape.flip_normals
 
 
 def reaches_inside(patches: Patches, shape: int) -> bool:

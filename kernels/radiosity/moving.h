@@ -13,7 +13,8 @@
 #define MOVING_STEP 15
 
 #define MOVING_PARAMETERS                                                                                                   \
-    __global const float *moving_nodes, __global const float *moving_packs, __global const float *place, uint moved, uint moved_end,
+    __global const float *moving_nodes, __global const float *moving_packs, __global const float *place, uint moved,        \
+        uint moved_end, uint convex,
 #define MOVING_COLLECT(moving)                                                                                              \
     Moving moving;                                                                                                          \
     moving.tree.nodes = moving_nodes;                                                                                       \
@@ -22,12 +23,14 @@
     moving.tree.root = 0;                                                                                                   \
     moving.place = place;                                                                                                   \
     moving.first = moved;                                                                                                   \
-    moving.end = moved_end
+    moving.end = moved_end;                                                                                                 \
+    moving.convex = convex
 
 typedef struct {
     Bvh tree;
     __global const float* place;
     uint first, end;     // sides; none: nothing moves
+    uint convex;         // whether rays that leave the front of the shape cannot meet it again
 } Moving;
 
 static vmask moving_has(const Moving* moving, vuint side) {

@@ -53,7 +53,7 @@ __kernel void radiosity_list(__global const uint* bits, __global const uint* pla
             list[to++] = row * rays + k * 32u + popcount((word & -word) - 1u);
 }
 
-// How far along the ray the plane of the patch is that it met, `back` by so much; FAR where it met nothing.
+// How far along the ray the plane of the patch is that it met, `back` by so much; FAR where it met nothing, below 0 where it cannot be told.
 static vfloat update_distance(const Scene* scene, const Ray* ray, vuint met, vec3 back) {
     const vmask found = met < patch_outside(scene);
     vfloat row[16];
@@ -62,17 +62,19 @@ static vfloat update_distance(const Scene* scene, const Ray* ray, vuint met, vec
     const vec3 normal = unit(outer(sub(vec3_of(row[3], row[4], row[5]), a), sub(vec3_of(row[6], row[7], row[8]), a)));
     const vfloat slope = inner(ray->direction, normal), height = inner(sub(sub(a, back), ray->origin), normal);
     const vmask sure = found & (absolute(slope) > 1.0e-6f);
-    return sure ? height / (sure ? slope : splat(1.0f)) : splat(FAR);
+    return sure ? height / (sure ? slope : splat(1.0f)) : (found ? splat(-1.0f) : splat(FAR));
 }
 
 // What rays meet now that met `before`. Those from the shape that moved, and those that met it, are followed through everything, but
 // what has not moved is not where a ray went before; others only to the shape. Gives those that had to be followed at all.
-static vuint update_met(const Scene* scene, const Moving* moving, const Ray* ray, vuint before, vmask own, vmask active,
+static vuint update_met(const Scene* scene, const Moving* moving, const Ray* ray, vuint side, vuint before, vmask active,
                         vmask* traced) {
     __global const float* step = moving->place + MOVING_STEP;
-    const vmask lost = moving_has(moving, before), anew = own | lost;
+    const vmask own = moving_has(moving, side), lost = moving_has(moving, before);
+    const vmask away = own & ((side & 1u) == 0u) & (splat_uint(moving->convex) != 0u);
     const vec3 back = choose(lost, vec3_of(splat(step[0]), splat(step[1]), splat(step[2])), vec3_all(0.0f));
     const vfloat way = update_distance(scene, ray, before, back);
+    const vmask anew = own | lost | (way < 0.0f);
     Hit hit;
     vmask found = active & !active, asked = active & (anew | moving_passes_box(ray, moving->place + MOVING_AFTER));
     *traced = asked;
@@ -80,8 +82,9 @@ static vuint update_met(const Scene* scene, const Moving* moving, const Ray* ray
     other.limit = anew ? ray->limit : way;
     Bvh tree = moving->tree;
     for (uint turn = 0; turn < 2; ++turn) {
-        const Hit next = traverse_nearest(&tree, &other, asked);
-        const vmask better = asked & (next.primitive != NONE);
+        const vmask walks = turn == 0 ? asked & !away : asked;
+        const Hit next = traverse_nearest(&tree, &other, walks);
+        const vmask better = walks & (next.primitive != NONE);
         if (turn == 0) hit = next;
         hit.primitive = better ? next.primitive : hit.primitive;
         hit.distance = better ? next.distance : hit.distance;
@@ -116,7 +119,7 @@ __kernel void radiosity_listed(SCENE_PARAMETERS MOVING_PARAMETERS __global const
     const vuint side = lane_restore(at);
     const Ray ray = patch_ray(&scene, settings->seed, side, lane_restore(index));
     vmask traced;
-    lane_store(update_met(&scene, &moving, &ray, lane_restore(old), moving_has(&moving, side), active, &traced), met);
+    lane_store(update_met(&scene, &moving, &ray, side, lane_restore(old), active, &traced), met);
     lane_store(traced, asked);
     for (uint lane = 0; lane < LANES && base + lane < count; ++lane) {
         hits[list[first + base + lane]] = met[lane];
