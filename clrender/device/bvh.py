@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from clrender.device.ordering import CHUNK, launch_each, scan, sort
 from clrender.errors import RenderError
@@ -43,6 +44,7 @@ _SORT_BITS: Final = 63
 _MOST_BLOCKS: Final = 1 << 24
 # Whoever reads eight columns from a block's last one, in its last row, reads beyond it.
 _BEYOND: Final = 8
+_PAIR: Final = np.uint32(1 << 31)
 
 _Arguments: TypeAlias = "list[Argument]"
 
@@ -92,7 +94,7 @@ class Bvh:
         return 7 * self.levels + 1
 
 
-def build(device: Device, source: SourceArrays) -> Bvh:
+def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | None = None) -> Bvh:
     """Build the tree over a scene's triangles, spheres and disks.
 
     Parameters
@@ -100,6 +102,8 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     device : Device
     source : SourceArrays
         At most 2**24 blocks of packs in the tree: some hundred million triangles.
+    among : (triangle_count,) bool, optional
+        Triangles that the tree is over, all or none of a shape's; they keep their numbers.
 
     Returns
     -------
@@ -110,8 +114,8 @@ def build(device: Device, source: SourceArrays) -> Bvh:
     RenderError
         When there are too many primitives, or the device has no memory for them.
     """
-    builder = _Builder(device, source)
-    if source.triangle_count + source.round_count == 0:
+    builder = _Builder(device, source, among)
+    if builder.unit_count == 0:
         return builder.empty()
     order, boxes = builder.order()
     return builder.collapse(order, builder.merge(order, boxes))
@@ -129,7 +133,7 @@ class _BinaryTree:
 class _Builder:
     """One build: its programs, and the buffers it has to give back."""
 
-    def __init__(self, device: Device, source: SourceArrays) -> None:
+    def __init__(self, device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | None = None) -> None:
         self.device = device
         self.source = source
         defines = {"LANES": 1}
@@ -137,7 +141,9 @@ class _Builder:
         self._merge = device.program("geometry/build_merge.cl", defines)
         self._collapse = device.program("geometry/build_collapse.cl", defines)
         self._units, self._triangle_units = self._paired()
-        self._count_units = self._triangle_units + source.round_count
+        if among is not None:
+            self._choose(among)
+        self.unit_count = self._triangle_units + source.round_count
 
     def _paired(self) -> tuple[Buffer, int]:
         """What stands in the tree for the triangles: one for each, or for two that are a parallelogram."""
@@ -152,7 +158,16 @@ class _Builder:
         device.release(places)
         return units, total
 
+    def _choose(self, among: npt.NDArray[np.bool_]) -> None:
+        """Leave out what is not wanted."""
+        units = np.empty(self._triangle_units, np.uint32)
+        self.device.read(self._units, units)
+        chosen = units[among[units & ~_PAIR]]
+        self.device.write(self._units, chosen)
+        self._triangle_units = len(chosen)
+
     def empty(self) -> Bvh:
+        self.device.release(self._units)
         node = np.zeros(NODE_WORDS, np.float32)
         node[48:].view(np.uint32)[:] = 0xFFFFFFFF
         upload = self.device.upload
@@ -161,7 +176,7 @@ class _Builder:
 
     def order(self) -> tuple[Buffer, Buffer]:
         """Units in Morton order, and their boxes in their own."""
-        source, count = self.source, self._count_units
+        source, count = self.source, self.unit_count
         boxes = self.device.empty(24 * count)
         self._each(
             self._order,
@@ -186,7 +201,7 @@ class _Builder:
 
     def merge(self, order: Buffer, boxes: Buffer) -> _BinaryTree:
         """The binary tree over the ordered units; consumes `boxes`."""
-        device, count = self.device, self._count_units
+        device, count = self.device, self.unit_count
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
         costs, clusters = device.empty(4 * COST_ROOTS * 2 * count), device.empty(4 * count)
         arguments: _Arguments = [boxes, order, _u(self._triangle_units), _u(count), node_boxes, members]
@@ -220,7 +235,7 @@ class _Builder:
         if max(blocks) > _MOST_BLOCKS:
             self._release(order, self._units, tree.boxes, tree.members, tree.children, tree.costs)
             raise RenderError(
-                f"the tree over {self._count_units} triangles and spheres takes {max(blocks)} blocks and holds "
+                f"the tree over {self.unit_count} triangles and spheres takes {max(blocks)} blocks and holds "
                 f"{_MOST_BLOCKS} of them: split the scene"
             )
         node_buffer = device.empty(4 * NODE_WORDS * nodes)
@@ -231,7 +246,7 @@ class _Builder:
         while task_count:
             slots, counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(self._count_units), slots]
+            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(self.unit_count), slots]
             arguments += [_u(task_count), *counts, *(_u(number) for number in made), node_buffer, *columns, next_tasks]
             self._each(self._collapse, "build_collapse", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]

@@ -35,6 +35,8 @@ class SceneArrays:
     ----------
     device : Device
     scene : FlatScene
+    tree : bvh.Bvh, optional
+        Instead of one over all of the scene; it stays its owner's.
 
     Attributes
     ----------
@@ -48,14 +50,15 @@ class SceneArrays:
         When the device has not the memory.
     """
 
-    def __init__(self, device: Device, scene: FlatScene) -> None:
+    def __init__(self, device: Device, scene: FlatScene, tree: bvh.Bvh | None = None) -> None:
         self._device = device
+        self._lent = tree
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.round_count
         arrays = {name: device.upload(array) for name, array in scene.arrays.items()}
         vertices, corners, rounds = arrays["vertices"], arrays["triangles"], arrays["rounds"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, rounds, shape_of, shapes, triangles, scene.round_count)
-        self.tree = bvh.build(device, source)
+        self.tree = tree or bvh.build(device, source)
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so there has to be one.
@@ -90,6 +93,8 @@ class SceneArrays:
 
     def release(self) -> None:
         """Give the device's memory back."""
+        lent = [self.tree.nodes, self.tree.triangle_packs, self.tree.round_packs] if self._lent else []
         for buffer in self.buffers.values():
-            self._device.release(buffer)
+            if buffer not in lent:
+                self._device.release(buffer)
         self.buffers.clear()

@@ -18,6 +18,7 @@ from clrender.integrators import INTEGRATORS, Integrator
 from clrender.work import BLOCK, Unit, UnitSums
 
 if TYPE_CHECKING:
+    from clrender.device.bvh import Bvh
     from clrender.device.device import Argument, Buffer, Device, Program
     from clrender.flatten import FlatScene
 
@@ -93,6 +94,8 @@ class DeviceWorker:
     cut : Cut
     prepare : callable, optional
         Makes what the integrator needs beside the scene, given this worker.
+    tree : Bvh, optional
+        Over a part of the scene, where the integrator's kernels know of the rest; it stays its owner's.
 
     Attributes
     ----------
@@ -117,13 +120,14 @@ class DeviceWorker:
         integrator: Integrator = INTEGRATORS["path"],
         cut: Cut | None = None,
         prepare: Callable[[DeviceWorker], Preparation] | None = None,
+        tree: Bvh | None = None,
     ) -> None:
         cut = cut or Cut()
         self.device = device
         self.name = device.info.title
         self.busy_seconds = 0.0
         begin = time.perf_counter()
-        self._arrays = SceneArrays(device, scene)
+        self._arrays = SceneArrays(device, scene, tree)
         self._settings = settings.copy()
         self._settings["triangle_count"] = scene.triangle_count
         self._settings["primitive_count"] = scene.triangle_count + scene.round_count

@@ -24,6 +24,8 @@ _SLACK: Final = 1.5
 _ROUNDS: Final = 5
 _LIGHTS_SHARE: Final = 0.25
 """Where more than this share of all area shines, form factors find it better than shadow rays do."""
+_CARRIED: Final = ("areas", "normals", "reflectance", "emission", "shadow_rays_find_emission")
+"""What a shape keeps as it moves."""
 
 _Floats = NDArray[np.float64]
 
@@ -72,6 +74,15 @@ class Patches:
         """(n, 3) float64."""
         centers: _Floats = ((self.corners[:, 0] + self.corners[:, 1]) + self.corners[:, 2]) / 3.0
         return centers
+
+    @cached_property
+    def boxes(self) -> tuple[_Floats, _Floats]:
+        """Low and high corners of the boxes around all shapes: (s, 3) float64 each."""
+        a, b, c = (self.corners[:, k] for k in range(3))
+        firsts = np.searchsorted(self.shape, np.arange(len(self.scene.shapes)))
+        lows: _Floats = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), firsts)
+        highs: _Floats = np.maximum.reduceat(np.maximum(np.maximum(a, b), c), firsts)
+        return lows, highs
 
     @cached_property
     def reflectance(self) -> _Floats:
@@ -172,15 +183,17 @@ class Patches:
         first, end = (side // 2 for side in self.sides_of(shape))
         corners = self.corners.copy()
         corners[first:end] += np.array(by)
-        moved = replace(self, corners=corners)
-        moved.__dict__["_welded"] = self._welded
-        return moved
+        return self._again(replace(self, corners=corners), *_CARRIED)
 
     def lit_by(self, scene: Scene) -> Patches:
         """The same patches in a scene that differs in its lights only."""
-        lit = replace(self, scene=scene)
-        lit.__dict__["_welded"] = self._welded
-        return lit
+        return self._again(replace(self, scene=scene))
+
+    def _again(self, other: Patches, *same: str) -> Patches:
+        """The other patches, with what need not be found again."""
+        for name in ("_welded", *same):
+            other.__dict__[name] = getattr(self, name)
+        return other
 
 
 def cut_into_patches(scene: Scene, count: int) -> Patches:

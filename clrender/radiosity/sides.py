@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.radiosity.patches import Patches
-from clrender.scene.description import PointLight
-from clrender.scene.shapes import Box, Sphere, Tetrahedron
+from clrender.scene.description import DirectionalLight, PointLight
+from clrender.scene.shapes import Box, Shape, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
     from clrender.flatten import FlatScene
@@ -22,16 +22,20 @@ __all__ = [
     "covered_rays",
     "first_sides",
     "importance",
+    "is_convex",
     "largest",
     "lifted",
+    "light_boxes",
     "lights_differ",
     "own_radiance",
+    "reaches_inside",
     "sealed_sides",
     "side_areas",
     "traced_sides",
 ]
 
 _BOX_MARGIN: Final = 1e-4
+_CLOSED: Final = (Sphere, Box, Tetrahedron)
 _NEAR: Final = 0.25
 """Of the scene's diagonal: nobody is so near that what is nearer than this counts for more."""
 
@@ -68,13 +72,12 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
     sealed = np.zeros(2 * len(patches) + 1, bool)
     scene = patches.scene
     spans = [tuple(side // 2 for side in patches.sides_of(shape)) for shape in range(len(scene.shapes))]
-    boxes = [patches.corners[first:end].reshape(-1, 3) for first, end in spans]
-    lows, highs = [b.min(axis=0) for b in boxes], [b.max(axis=0) for b in boxes]
+    lows, highs = patches.boxes
     points = [light.position for light in scene.lights if isinstance(light, PointLight)]
     points.append(scene.camera.position)
     reach = scene.camera.aperture_radius
     for index, shape in enumerate(scene.shapes):
-        if not isinstance(shape, Sphere | Box | Tetrahedron) or shape.flip_normals:
+        if not isinstance(shape, _CLOSED) or shape.flip_normals:
             continue
         low, high = lows[index], highs[index]
         open_ = any(((np.array(p) >= low - reach) & (np.array(p) <= high + reach)).all() for p in points)
@@ -84,6 +87,38 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
         if not open_:
             sealed[2 * spans[index][0] + 1 : 2 * spans[index][1] : 2] = True
     return sealed
+
+
+def is_convex(shape: Shape) -> bool:
+    """Whether rays that leave the front of the shape's patches cannot meet it again."""
+    return isinstance(shape, _CLOSED) and not shape.flip_normals
+
+
+def reaches_inside(patches: Patches, shape: int) -> bool:
+    """Whether a shape may reach into another, or the other into it, and one of them is a box or tetrahedron."""
+    lows, highs = patches.boxes
+    near = ((lows <= highs[shape]) & (highs >= lows[shape])).all(axis=1)
+    shapes = patches.scene.shapes
+    for other in np.flatnonzero(near):
+        flat = any(isinstance(shapes[each], Box | Tetrahedron) for each in (shape, other))
+        if other != shape and flat and not _apart(patches, shape, int(other)):
+            return True
+    return False
+
+
+def _apart(patches: Patches, *pair: int) -> bool:
+    """Whether a face of one of two shapes, or a plane across the line between their middles, parts them."""
+    ranges = [slice(*(side // 2 for side in patches.sides_of(shape))) for shape in pair]
+    points = [patches.corners[each].reshape(-1, 3) for each in ranges]
+    axes = [(points[1].mean(axis=0) - points[0].mean(axis=0))[None]]
+    for shape, each in zip(pair, ranges, strict=True):
+        if isinstance(patches.scene.shapes[shape], Box | Tetrahedron):
+            axes.append(np.unique(np.round(patches.normals[each], 6), axis=0))
+    for x, y, z in np.concatenate(axes):
+        one, two = ((p[:, 0] * x + p[:, 1] * y) + p[:, 2] * z for p in points)
+        if one.max() <= two.min() or two.max() <= one.min():
+            return True
+    return False
 
 
 def covered_rays(hits: _Uints, sealed: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -113,15 +148,15 @@ def lifted(reflectance: _Floats, share: _Floats) -> _Floats:
     return up
 
 
-def first_sides(patches: Patches) -> _Uints:
-    """All fronts, and the backs that the camera may look at."""
+def first_sides(patches: Patches, sealed: NDArray[np.bool_] | None = None) -> _Uints:
+    """All fronts, and the backs that the camera may look at; `sealed` if it is known already."""
     camera = patches.scene.camera
     x, y, z = (patches.centers - np.array(camera.position)).T
     normal_x, normal_y, normal_z = patches.normals.T
     used = np.zeros(2 * len(patches), bool)
     used[::2] = True
     used[1::2] = (x * normal_x + y * normal_y) + z * normal_z > -camera.aperture_radius
-    return np.flatnonzero(used & ~sealed_sides(patches)[:-1]).astype(np.uint32)
+    return np.flatnonzero(used & ~(sealed_sides(patches) if sealed is None else sealed)[:-1]).astype(np.uint32)
 
 
 def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tuple[_Uints, _Uints]:
@@ -169,6 +204,24 @@ def box_around(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = _BOX_MARGIN * max(float((high - low).max()), float(np.abs(corners).max()) * 1e-2)
     return np.concatenate([low - margin, high + margin]).astype(np.float32)
+
+
+def light_boxes(patches: Patches) -> NDArray[np.float32]:
+    """(k, 6): around everything that shadow rays go to; where that may be infinitely far, around everything."""
+    scene = patches.scene
+    boxes = [
+        box_around(patches, patches.sides_of(shape))
+        for shape, each in enumerate(scene.shapes)
+        if each.emission is not None and patches.shadow_rays_find_emission
+    ]
+    for light in scene.lights:
+        if isinstance(light, PointLight):
+            place = np.array(light.position)
+            margin = _BOX_MARGIN * max(float(np.abs(place).max()), 1e-6)
+            boxes.append(np.concatenate([place - margin, place + margin]).astype(np.float32))
+        elif isinstance(light, DirectionalLight):
+            boxes.append(np.repeat(np.array([-1e30, 1e30], np.float32), 3))
+    return np.stack(boxes) if boxes else np.zeros((1, 6), np.float32)
 
 
 def lights_differ(before: FlatScene, after: FlatScene) -> bool:

@@ -4,32 +4,71 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.device.ordering import launch_each, scan
 from clrender.device.worker import Cut, DeviceWorker
 from clrender.errors import UsageError
 from clrender.integrators import Integrator
 
 if TYPE_CHECKING:
-    from clrender.device.device import Buffer, Device
+    from clrender.device.device import Argument, Buffer, Device
     from clrender.flatten import FlatScene
+    from clrender.radiosity.moving import Moving
 
-__all__ = ["MOST_DIRECT_SAMPLES", "Boxes", "Stopped", "Tracer"]
+__all__ = ["MOST_DIRECT_SAMPLES", "Changes", "Known", "Stopped", "Tracer"]
 
 MOST_DIRECT_SAMPLES: Final = 32
 _LAUNCH_SECONDS: Final = 0.15
 _FIRST_LAUNCH: Final = 1 << 16
-_GROUP: Final = 16
 _FORM: Final = Integrator("radiosity/form.cl", "radiosity_rays")
 
 _Floats = NDArray[np.float64]
 _Uints = NDArray[np.uint32]
-Boxes = NDArray[np.float32]
-"""(2, 6): where a shape was and where it is, low x, y, z and high x, y, z."""
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a step of the moving shape changed of what rays meet.
+
+    Attributes
+    ----------
+    brought : (r, 3) float64
+        Mean over each side's rays of the radiance that they bring, now less before.
+    covered : (r,) int64
+        So many more of its rays meet a sealed side.
+    rays : int
+        That had to be traced.
+    unknown : bool
+        Whether a side was met that has no row.
+    """
+
+    brought: _Floats
+    covered: NDArray[np.int64]
+    rays: int
+    unknown: bool
+
+
+@dataclass(frozen=True)
+class Known:
+    """Direct light of before a step of the moving shape.
+
+    Attributes
+    ----------
+    irradiance, seen
+        What `Tracer.direct` gave.
+    lights : (k, 6) float32
+        Boxes that the lights are in.
+    """
+
+    irradiance: _Floats
+    seen: _Uints
+    lights: NDArray[np.float32]
 
 
 class Stopped(Exception):
@@ -50,6 +89,8 @@ class Tracer:
     cut : Cut, optional
     should_stop : callable, optional
         Asked between launches.
+    moving : Moving, optional
+        Only `follow` and `direct` then see all of the scene.
     """
 
     def __init__(
@@ -60,6 +101,7 @@ class Tracer:
         seed: int = 0,
         cut: Cut | None = None,
         should_stop: Callable[[], bool] | None = None,
+        moving: Moving | None = None,
     ) -> None:
         settings = np.zeros(1, layout.dtype("Settings"))
         settings["seed"] = seed
@@ -67,7 +109,10 @@ class Tracer:
         self.rays = rays
         self.outside = 2 * scene.triangle_count
         self._has_lights = scene.light_count > 0
-        self._worker = DeviceWorker(device, scene, settings, _FORM, cut)
+        self._worker = DeviceWorker(device, scene, settings, _FORM, cut, tree=moving.others if moving else None)
+        any_buffer = self._worker.scene_arguments[0]
+        nothing: list[Argument] = [any_buffer, any_buffer, any_buffer, *[np.uint32(0)] * 3]
+        self._moving = moving.arguments if moving else nothing
         self._should_stop = should_stop
 
     def hits(self, sides: _Uints) -> _Uints:
@@ -123,61 +168,56 @@ class Tracer:
         self._release(of, hits, *table)
         return met
 
-    def trace_again(
-        self, sides: _Uints, hits: Buffer, moved: tuple[int, int], box: NDArray[np.float32]
-    ) -> tuple[NDArray[np.int64], _Uints]:
-        """Trace only those rays that a move may have changed.
+    def follow(self, sides: _Uints, hits: Buffer, sent: NDArray[np.float32], kinds: NDArray[np.uint8]) -> Changes:
+        """Trace only those rays that the step of the moving shape may have changed.
 
         Parameters
         ----------
         sides : (r,) uint32
         hits : Buffer
-            (r, rays) uint32 of before the move; changed in place.
-        moved : (int, int)
-            First side that moved, and the one after the last.
-        box : (6,) float32
-            Around where they are now.
-
-        Returns
-        -------
-        listed : (k,) int64
-            Rays that were traced: row x rays + index.
-        met : (k,) uint32
+            (r, rays) uint32 of before the step; changed in place.
+        sent : (2 n + 1, 4) float32
+            Radiance of each side.
+        kinds : (2 n + 1,) uint8
+            1 for sealed sides, 2 for those that have no row.
         """
-        device, worker = self.device, self._worker
-        flags = np.empty(len(sides) * self.rays, np.uint8)
-        of, around, affected = device.upload(sides), device.upload(box), device.empty(flags.nbytes)
-        program = worker.program(_FORM.entry)
+        device, worker, rows = self.device, self._worker, len(sides)
+        program, words = worker.program("radiosity/update.cl"), -(-self.rays // 32)
+        of, bits, places = (
+            device.upload(sides),
+            device.empty(4 * rows * words),
+            device.upload(np.zeros(rows + 1, "<u4")),
+        )
 
         def mark(first: int, count: int) -> None:
-            span = [np.uint32(n) for n in (first, count, self.rays, *moved)]
-            worker.launch_over(program, "radiosity_affected", count, [of, *span, around, hits, affected])
+            span = [np.uint32(n) for n in (first, count, self.rays, words)]
+            more = [*self._moving, of, *span, hits, bits, places]
+            worker.launch(program, "radiosity_mark", worker.padded(count), more)
 
-        self._slices(flags.size, _FIRST_LAUNCH * 16, mark)
-        device.read(affected, flags)
-        listed = np.flatnonzero(flags)
-        met = np.empty(len(listed), np.uint32)
-        if len(listed):
-            which, found = device.upload(listed.astype(np.uint32)), device.empty(met.nbytes)
+        self._slices(rows, 4096, mark)
+        total = scan(device, places, rows + 1)
+        which, was = device.empty(4 * total), device.empty(4 * total)
+        shape = [np.uint32(n) for n in (rows, self.rays)]
+        launch_each(device, program, "radiosity_list", rows, [bits, places, *shape, np.uint32(words), which])
 
-            def launch(first: int, count: int) -> None:
-                span = [np.uint32(n) for n in (first, count, self.rays)]
-                worker.launch_over(program, "radiosity_listed", count, [of, which, *span, hits, found])
+        def trace(first: int, count: int) -> None:
+            span = [np.uint32(n) for n in (first, count, self.rays)]
+            worker.launch_over(program, "radiosity_listed", count, [*self._moving, of, which, *span, hits, was])
 
-            self._slices(len(listed), _FIRST_LAUNCH, launch)
-            device.read(found, met)
-            self._release(which, found)
-        self._release(of, around, affected)
-        return listed, met
+        self._slices(total, _FIRST_LAUNCH, trace)
+        radiance, kind = device.upload(sent), device.upload(kinds)
+        brought, counted = np.empty((rows, 4), np.float32), np.empty((rows, 4), np.int32)
+        out = device.empty(brought.nbytes), device.empty(counted.nbytes)
+        launch_each(
+            device, program, "radiosity_changes", rows, [which, was, hits, places, shape[0], radiance, kind, *out]
+        )
+        device.read(out[0], brought)
+        device.read(out[1], counted)
+        self._release(of, bits, places, which, was, radiance, kind, *out)
+        followed, covered, unknown = counted[:, :3].astype(np.int64).T
+        return Changes(brought[:, :3].astype(np.float64) / self.rays, covered, int(followed.sum()), bool(unknown.any()))
 
-    def direct(
-        self,
-        sides: _Uints,
-        samples: int,
-        seen: _Uints | None = None,
-        moved: tuple[int, int] = (0, 0),
-        boxes: Boxes | None = None,
-    ) -> tuple[_Floats, _Uints]:
+    def direct(self, sides: _Uints, samples: int, known: Known | None = None) -> tuple[_Floats, _Uints]:
         """Irradiance straight from the lights that shadow rays look for.
 
         Parameters
@@ -185,8 +225,8 @@ class Tracer:
         sides : (r,) uint32
         samples : int
             Points of each side, at most 32.
-        seen : (r,) uint32, optional
-            Of before a move, whose sides and boxes then have to be given too.
+        known : Known, optional
+            Of before the step of the moving shape, to look only where it may have changed something.
 
         Returns
         -------
@@ -195,16 +235,19 @@ class Tracer:
             A bit for each sample that arrived.
         """
         result, bits = np.zeros((len(sides), 3), np.float32), np.zeros(len(sides), np.uint32)
+        lights = np.zeros((1, 6), np.float32)
+        if known is not None:
+            result, bits, lights = known.irradiance.astype(np.float32), known.seen.copy(), known.lights
         if self._has_lights and len(sides):
             device, program = self.device, self._worker.program("radiosity/direct.cl")
-            around = device.upload(np.zeros((2, 6), np.float32) if boxes is None else boxes)
-            of, out = device.upload(sides), device.empty(result.nbytes)
-            kept = device.upload(bits if seen is None else seen)
-            update = seen is not None and boxes is not None
+            around, of = device.upload(lights), device.upload(sides)
+            out, kept = device.upload(result), device.upload(bits)
+            boxes: list[Argument] = [around, np.uint32(0 if known is None else len(lights))]
 
             def launch(first: int, count: int) -> None:
-                span = [np.uint32(n) for n in (first, count, samples, update, *moved)]
-                self._worker.launch_over(program, "radiosity_direct", count, [of, *span, around, kept, out])
+                span = [np.uint32(n) for n in (first, count, samples)]
+                more = [*self._moving, of, *span, *boxes, kept, out]
+                self._worker.launch_over(program, "radiosity_direct", count, more)
 
             self._slices(len(sides), 4096, launch)
             device.read(out, result)

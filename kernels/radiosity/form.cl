@@ -35,27 +35,6 @@ __kernel void radiosity_rays(SCENE_PARAMETERS __global const uint* sides, uint f
     for (uint lane = 0; lane < LANES && base + lane < count; ++lane) hits[first + base + lane] = met[lane];
 }
 
-// The same for rays list[first], …; `found` gets them in the order of the list, too.
-__kernel void radiosity_listed(SCENE_PARAMETERS __global const uint* sides, __global const uint* list, uint first, uint count,
-                               uint rays, __global uint* hits, __global uint* found) {
-    SCENE_COLLECT(scene);
-    const uint base = (uint)get_global_id(0) * LANES;
-    if (base >= count) return;
-    uint side[LANES], index[LANES], met[LANES];
-    for (uint lane = 0; lane < LANES; ++lane) {
-        const uint number = list[first + min(base + lane, count - 1u)], row = number / rays;
-        side[lane] = sides[row];
-        index[lane] = number - row * rays;
-    }
-    const vmask active = lane_index() < count - base;
-    const Ray ray = patch_ray(&scene, settings->seed, lane_restore(side), lane_restore(index));
-    lane_store(patch_met(&scene, &ray, traverse_nearest(&scene.bvh, &ray, active)), met);
-    for (uint lane = 0; lane < LANES && base + lane < count; ++lane) {
-        hits[list[first + base + lane]] = met[lane];
-        found[first + base + lane] = met[lane];
-    }
-}
-
 // The same with rays through the cells of a hemicube about the side's centre (Cohen & Greenberg 1985); `cells`: a direction for
 // each, in the frame of the normal.
 __kernel void radiosity_hemicube(SCENE_PARAMETERS __global const uint* sides, __global const float4* cells, uint first, uint count,
@@ -81,25 +60,4 @@ __kernel void radiosity_hemicube(SCENE_PARAMETERS __global const uint* sides, __
     lane_store(patch_met(&scene, &ray, traverse_nearest(&scene.bvh, &ray, active)), met);
     for (uint lane = 0; lane < LANES; ++lane)
         if (real[lane]) hits[first + base + lane] = met[lane];
-}
-
-// Which rays may meet something else after the sides [moved, moved_end) went from where they were to `box`: those that met them,
-// those that pass the box, and their own.
-__kernel void radiosity_affected(SCENE_PARAMETERS __global const uint* sides, uint first, uint count, uint rays, uint moved,
-                                 uint moved_end, __global const float* box, __global const uint* hits, __global uchar* affected) {
-    SCENE_COLLECT(scene);
-    const uint base = (uint)get_global_id(0) * LANES;
-    if (base >= count) return;
-    uint from[LANES];
-    int passes[LANES];
-    vuint side, index;
-    form_number(sides, first + base, count - base, rays, &side, &index);
-    const Ray ray = patch_ray(&scene, settings->seed, side, index);
-    lane_store(side, from);
-    lane_store(patch_passes_box(&ray, box), passes);
-    for (uint lane = 0; lane < LANES && base + lane < count; ++lane) {
-        const uint met = hits[first + base + lane];
-        const int own = from[lane] >= moved && from[lane] < moved_end, lost = met >= moved && met < moved_end;
-        affected[first + base + lane] = (uchar)(own || lost || passes[lane] != 0);
-    }
 }

@@ -61,19 +61,4 @@ static vuint patch_met(const Scene* scene, const Ray* ray, Hit hit) {
     return found ? side : patch_outside(scene);
 }
 
-// Whether the ray passes a box, before its limit. `box`: low x, y, z and high x, y, z.
-static vmask patch_passes_box(const Ray* ray, __global const float* box) {
-    vfloat enter = splat(0.0f), leave = ray->limit;
-    const vfloat origin[3] = {ray->origin.x, ray->origin.y, ray->origin.z};
-    const vfloat direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
-    for (int axis = 0; axis < 3; ++axis) {
-        const vmask flat = absolute(direction[axis]) < 1.0e-30f;
-        const vfloat inverse = flat ? splat(1.0e30f) : splat(1.0f) / (flat ? splat(1.0f) : direction[axis]);
-        const vfloat a = (splat(box[axis]) - origin[axis]) * inverse, b = (splat(box[axis + 3]) - origin[axis]) * inverse;
-        enter = greater(enter, lesser(a, b));
-        leave = lesser(leave, greater(a, b));
-    }
-    return enter <= leave;
-}
-
 #endif

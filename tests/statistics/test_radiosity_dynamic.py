@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import clrender
+from clrender.device.worker import Cut
 from clrender.radiosity.dynamic import DynamicRadiosity
+from clrender.radiosity.sides import carried_radiance, covered_rays, sealed_sides
 from clrender.radiosity.solution import Sought
+from clrender.radiosity.tracer import Tracer
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,12 +40,12 @@ def follow(dynamic: DynamicRadiosity, change: Callable[[], Any]) -> tuple[Any, f
     """Make a change, and how far the solution then is from a fresh start."""
     update = change()
     dynamic.settle()
-    updated, hits, light = dynamic.reflected, dynamic._hits.copy(), dynamic._irradiance.copy()
+    updated, hits, light = dynamic.reflected, dynamic.rows.met.copy(), dynamic.rows.irradiance.copy()
     dynamic.start_again()
-    if hits.shape == dynamic._hits.shape:
+    if hits.shape == dynamic.rows.met.shape:
         # The tree is another one now, and a hit within roundings of its leaf's box may go either way
-        assert (hits != dynamic._hits).mean() < 1e-4
-        assert (np.abs(light - dynamic._irradiance).max(axis=1) > 0).mean() < 1e-3
+        assert (hits != dynamic.rows.met).mean() < 1e-4
+        assert (np.abs(light - dynamic.rows.irradiance).max(axis=1) > 0).mean() < 1e-3
     return update, distance(dynamic, updated)
 
 
@@ -98,6 +101,43 @@ def test_there_and_back_again(device: Device) -> None:
     size = min(len(before), len(dynamic.reflected))
     assert distance(dynamic, before[:size]) < 2.0 * TOLERANCE / (1.0 - 0.75)
     dynamic.release()
+
+
+def test_what_is_kept_up_to_date_is_what_would_be_found_anew(device: Device) -> None:
+    """What arrives at each side and how much of it is covered, after steps that only say what they changed."""
+    dynamic = DynamicRadiosity(room(), device, SOUGHT)
+    steps = [(SMALL_SPHERE, (0.1, 0.0, 0.0)), (SMALL_SPHERE, (0.1, 0.0, 0.0)), (LAMP, (0.1, -0.2, 0.0))]
+    # At last far enough that something stands between where they were and where they are
+    for shape, by in [*steps, (BOX, (0.1, 0.1, 0.2)), (SMALL_SPHERE, (1.7, 0.1, 0.2)), (BOX, (3.0, 0.1, 0.0))]:
+        dynamic.move(shape, by)
+        rows = dynamic.rows
+        assert np.array_equal(rows._covered, covered_rays(rows.met, sealed_sides(dynamic.patches)))
+        assert rows._arriving is not None
+        anew = rows._gathered(carried_radiance(dynamic.patches) + dynamic.reflected)
+        assert np.abs(rows._arriving - anew).max() < 1e-5 * anew.mean()
+        tracer = Tracer(device, dynamic.flat, SOUGHT.rays, SOUGHT.seed)
+        assert (tracer.hits(rows.sides) != rows.met).mean() < 1e-4
+        light, seen = tracer.direct(rows.sides, SOUGHT.direct_samples)
+        assert (seen != rows.seen).mean() < 1e-3 and (light != rows.irradiance).any(axis=1).mean() < 1e-3
+        tracer.release()
+    dynamic.release()
+
+
+def test_the_same_bits_however_cut(device: Device) -> None:
+    """Steps of a shape beside others and inside of one, and of a lamp."""
+    sought = Sought(700, 48, 8, 1e-3, refine=False)
+    steps = [(SMALL_SPHERE, (0.1, 0.0, 0.0)), (LAMP, (0.2, -0.3, 0.0)), (BOX, (0.1, 0.0, 0.3)), (BOX, (0.1, 0.0, 0.1))]
+
+    def found(cut: Cut | None) -> list[bytes]:
+        dynamic = DynamicRadiosity(room(), device, sought, cut=cut)
+        result = []
+        for shape, by in steps:
+            rays = dynamic.move(shape, by).rays
+            result += [dynamic.reflected.tobytes(), dynamic.rows.met.tobytes(), str(rays).encode()]
+        dynamic.release()
+        return result
+
+    assert found(Cut(1, 16, traversal="single")) == found(None)
 
 
 def test_near_the_observer_first(device: Device) -> None:
