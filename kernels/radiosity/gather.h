@@ -1,4 +1,4 @@
-// Final gather (Reichert 1992) over two bounces: a path of the path tracer to its third surface, and there, in place of the rest of the
+// Final gather (Reichert 1992) over three bounces: a path of the path tracer to its fourth surface, and there, in place of the rest of the
 // path, what the patches know of light that has been reflected before. Direct light is sampled at every surface, so that what patches are
 // too coarse for, shadows and the surroundings of lights, does not depend on them. The scene is the one before it was cut into patches.
 #ifndef RADIOSITY_GATHER_H
@@ -10,7 +10,7 @@
 #include "light/light.h"
 #include "material/bsdf.h"
 
-#define GATHER_BOUNCES 2u
+#define GATHER_BOUNCES 3u
 
 // Of a primitive, or of what lies outside: radiance that its front sends out; 1 where a gathering ray has to count it, because no shadow
 // ray looks for it; its first texel and how many there are along an edge. Texels are squares of radiance, front and back.
