@@ -170,6 +170,7 @@ def solve_scene(
     cut: Cut | None = None,
     light_choice: str = "auto",
     should_stop: Callable[[], bool] | None = None,
+    patches: Patches | None = None,
 ) -> Solution:
     """Find the radiosity of a scene.
 
@@ -186,6 +187,8 @@ def solve_scene(
     light_choice : str
     should_stop : callable, optional
         When it says yes, what is returned is not `complete`.
+    patches : Patches, optional
+        To begin with, such as those of another solution; else the scene is cut up.
 
     Raises
     ------
@@ -196,7 +199,8 @@ def solve_scene(
     wanted = sought or Sought()
     check_sought(wanted)
     begin = time.perf_counter()
-    patches = cut_into_patches(scene, math.ceil(wanted.patches * (_COARSE_SHARE if wanted.refine else 1.0)))
+    if patches is None:
+        patches = cut_into_patches(scene, math.ceil(wanted.patches * (_COARSE_SHARE if wanted.refine else 1.0)))
     cutting = time.perf_counter() - begin
     pilots: list[Solution] = []
     try:
@@ -272,10 +276,8 @@ def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
     patches = solution.patches
     shown = solution.indirect if gathered else solution.reflected
     corners = Corners(patches)
-    contrast = np.zeros(len(patches))
-    for back in (0, 1):
-        side = slice(back, 2 * len(patches), 2)
-        contrast = np.maximum(contrast, corners.contrast(shown[side], solution.used[side]))
+    sides = [slice(back, 2 * len(patches), 2) for back in (0, 1)]
+    contrast = np.maximum(*(corners.contrast(shown[side], solution.used[side]) for side in sides))
     if gathered:
         contrast = contrast * np.sqrt(patches.areas)
     most = min(max(count - len(patches), 0), len(patches) // 2)
