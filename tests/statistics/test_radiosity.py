@@ -219,9 +219,9 @@ def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["room-diffuse", "cornell"])
 def test_the_more_patches_the_nearer(device: Device, evidence: Evidence, name: str) -> None:
-    """With 12 000 patches there is no telling them apart; an eighth of them are off by half as much again, at least."""
+    """With 12 000 patches the test sees no difference; an eighth of them are off by half as much again, at least."""
     fine = bright(device, clrender.load(name), 12000, 256, 16, 64)
-    judged(evidence, *fine, 0.002)
+    judged(evidence, *fine, 0.0025)
     coarse = bright(device, clrender.load(name), 1500, 256, 16, 512)
 
     def bias(pair: Any) -> float:
