@@ -24,7 +24,7 @@ from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
 from clrender.image_io import image_sha256, png_bytes, write_image
-from clrender.integrators import INTEGRATORS
+from clrender.integrators import INTEGRATORS, Integrator
 from clrender.render_stats import render_stats
 from clrender.schedule import Plan, run
 from clrender.settings import RenderSettings, settings_for
@@ -199,10 +199,12 @@ def render(
     asked, most = [*layers, *(GUIDES if denoise else ())], LAYER_SAMPLES if layers else GUIDE_SAMPLES
     first = first_hits(devices, flat, wanted, asked, _cut(wanted), most, should_stop, tell)
     first_seconds = time.perf_counter() - prepared
-    prepare: _Prepare | None = None
+    integrator, prepare = INTEGRATORS[wanted.integrator], _prepared(flat, wanted)
     if wanted.integrator == "radiosity":
-        flat, prepare = _radiosity(scene, devices[0], wanted, tell, stops)
-    workers = _workers(devices, flat, wanted, plan.tile, prepare)
+        flat, integrator, prepare = _radiosity(scene, devices[0], wanted, tell, stops)
+    workers = [
+        DeviceWorker(each, flat, wanted.struct(plan.tile), integrator, _cut(wanted), prepare) for each in devices
+    ]
     film = Film(wanted.width, wanted.height, {**wanted.request(), "scene_sha256": flat.sha256})
     started, cpu_started = time.perf_counter(), time.process_time()
 
@@ -276,26 +278,28 @@ def _cut(wanted: RenderSettings) -> Cut:
 
 def _radiosity(
     scene: Scene, device: Device, wanted: RenderSettings, tell: Callable[[str], None], stops: Callable[[], bool]
-) -> tuple[FlatScene, _Prepare]:
+) -> tuple[FlatScene, Integrator, _Prepare]:
     """Radiosity is solved once, on one device; all of them show it."""
     # Here, because no other render should wait for what only this one imports.
-    from clrender.radiosity.display import Display, looks
+    from clrender.radiosity.atlas import atlas_of
+    from clrender.radiosity.display import GATHER, Display, Gather, looks
     from clrender.radiosity.solution import Sought, solve_scene, summary
 
-    sought = Sought(wanted.patches, wanted.patch_rays, seed=wanted.seed)
+    gathered = wanted.radiosity_display == "gather"
+    sought = Sought(wanted.patches, wanted.patch_rays, seed=wanted.seed, gathered=gathered)
     size = (wanted.width, wanted.height)
     solution = solve_scene(scene, device, sought, size, _cut(wanted), wanted.light_choice, stops)
     tell(summary(solution))
+    if gathered and solution.complete:
+        whole = solution.patches.whole(*size, wanted.light_choice)
+        return whole, GATHER, partial(Gather, atlas=atlas_of(solution))
     table = looks(solution, wanted.radiosity_display)
-    return solution.flat, lambda worker: Display(worker, table, wanted.radiosity_display)
+    return solution.flat, INTEGRATORS["radiosity"], partial(Display, table=table, display=wanted.radiosity_display)
 
 
-def _workers(
-    devices: Sequence[Device], flat: FlatScene, wanted: RenderSettings, tile: int, prepare: _Prepare | None
-) -> list[DeviceWorker]:
-    cut, integrator = _cut(wanted), INTEGRATORS[wanted.integrator]
-    if wanted.integrator == "photon":
-        from clrender.photon_map import PhotonMaps
+def _prepared(flat: FlatScene, wanted: RenderSettings) -> _Prepare | None:
+    if wanted.integrator != "photon":
+        return None
+    from clrender.photon_map import PhotonMaps
 
-        prepare = partial(PhotonMaps, flat=flat, photons=wanted.photons, radius=wanted.photon_radius)
-    return [DeviceWorker(each, flat, wanted.struct(tile), integrator, cut, prepare) for each in devices]
+    return partial(PhotonMaps, flat=flat, photons=wanted.photons, radius=wanted.photon_radius)

@@ -55,7 +55,8 @@ def compare_integrators(
     tile_size : int
         Side in pixels of the tiles that are compared; larger ones tame fireflies, smaller ones show more.
     device, on_progress, notify, **settings
-        As of `clrender.render`; progress is over everything.
+        As of `clrender.render`; progress is over everything. `radiosity_display` is ``gather`` unless given: the other
+        ways show patches, and spheres made of them.
 
     Returns
     -------
@@ -79,7 +80,7 @@ def compare_integrators(
     told = _Told(notify, on_progress, total)
 
     def image(name: str, own: int) -> RenderedImage:
-        one = {**settings, "integrator": name, "spp": each, "seed": own}
+        one = {"radiosity_display": "gather", **settings, "integrator": name, "spp": each, "seed": own}
         notice = told.notice if notify else None
         made = render(
             scene, device=device, size=wanted, on_progress=told.advance, notify=notice, keep_film=False, **one

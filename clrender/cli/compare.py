@@ -53,7 +53,8 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
 
     With --integrators: render SCENE with each of them, as independent batches of small images, and tell for any two
     whether they agree. Tiles of the images are compared by t-tests; the chance that any pair of integrators that agree
-    is said to differ is 1 %, as long as fireflies are rare. The exit code is 0 whatever comes out, but for --check.
+    is said to differ is 1 %, as long as fireflies are rare. Of radiosity it takes the final gather. The exit code is 0
+    whatever comes out, but for --check.
     """
     as_json = options.pop("as_json")
     if integrators is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.integrators import Integrator
 from clrender.radiosity.corners import Corners
 from clrender.radiosity.sides import own_radiance
 from clrender.radiosity.solution import Solution
@@ -15,12 +16,15 @@ from clrender.radiosity.solution import Solution
 if TYPE_CHECKING:
     from clrender.device.device import Buffer
     from clrender.device.worker import DeviceWorker
+    from clrender.radiosity.atlas import Atlas
     from clrender.radiosity.patches import Patches
 
-__all__ = ["DISPLAYS", "Display", "looks", "looks_of"]
+__all__ = ["DISPLAYS", "GATHER", "Display", "Gather", "looks", "looks_of"]
 
 DISPLAYS: Final = ("constant", "smooth", "gather")
 """Each patch evenly bright; interpolated between corners; what every pixel sees looked up one bounce later."""
+GATHER: Final = Integrator("radiosity/gather.cl", "radiosity_gather")
+"""Of the scene before it was cut into patches."""
 _GATHER: Final = 1
 _ROW: Final = 16
 
@@ -63,6 +67,33 @@ def looks_of(
     rows[:, 15] = 0.0 if patches.shadow_rays_find_emission else 1.0
     rows[-1, 12:] = 0.0, 0.0, 0.0, 1.0
     return rows.astype(np.float32)
+
+
+class Gather:
+    """What the kernel of the final gather takes beside the scene before it was cut into patches.
+
+    Parameters
+    ----------
+    worker : DeviceWorker
+    atlas : Atlas
+    """
+
+    def __init__(self, worker: DeviceWorker, atlas: Atlas) -> None:
+        self._device = worker.device
+        self._tables = [worker.device.upload(atlas.rows), worker.device.upload(atlas.texels)]
+
+    def arguments(self, sample: int) -> Sequence[Buffer | np.generic]:
+        """Both tables; `sample` does not matter."""
+        return self._tables
+
+    def take_rays(self) -> int:
+        """None: those of the solution are traced before there is a worker."""
+        return 0
+
+    def release(self) -> None:
+        """Give the device's memory back."""
+        for table in self._tables:
+            self._device.release(table)
 
 
 class Display:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
-from clrender.scene.description import Dielectric, EnvironmentLight, Lambert, Scene
+from clrender.scene.description import Dielectric, EnvironmentLight, Lambert, Light, Scene
 from clrender.scene.importers import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
@@ -42,11 +42,14 @@ class Patches:
         World space, metres, counter-clockwise seen from the front; exact in float32 but for halving.
     shape : (n,) int64
         Which shape, ascending.
+    primitive : (n,) int64
+        Which triangle or round of it, as `clrender.scene.surfaces` numbers them.
     """
 
     scene: Scene
     corners: _Floats
     shape: NDArray[np.int64]
+    primitive: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.corners)
@@ -127,8 +130,7 @@ class Patches:
         SceneError
             When a patch is too small for single precision.
         """
-        lights = [light for light in self.scene.lights if not isinstance(light, EnvironmentLight)]
-        scene = self.scene.remeshed(self._meshes(), lights, self.shadow_rays_find_emission)
+        scene = self.scene.remeshed(self._meshes(), self._lights, self.shadow_rays_find_emission)
         flat = flatten(scene, width, height, light_choice)
         if flat.triangle_count != len(self):
             lost = len(self) - flat.triangle_count
@@ -136,6 +138,18 @@ class Patches:
                 f"{self.scene.source}: {lost} of {len(self)} patches have no area in single precision; take fewer"
             )
         return flat
+
+    def whole(self, width: int, height: int, light_choice: str = "auto") -> FlatScene:
+        """The scene before it was cut into patches, with the same lights as `flat`."""
+        shapes = self.scene.shapes
+        if not self.shadow_rays_find_emission:
+            shapes = tuple(shape.model_copy(update={"emission": None}) for shape in shapes)
+        scene = self.scene.model_copy(update={"shapes": shapes, "lights": self._lights})
+        return flatten(scene, width, height, light_choice)
+
+    @property
+    def _lights(self) -> tuple[Light, ...]:
+        return tuple(light for light in self.scene.lights if not isinstance(light, EnvironmentLight))
 
     def _meshes(self) -> list[MeshData]:
         points = self.corners.reshape(-1, 3)
@@ -169,7 +183,7 @@ class Patches:
         places = np.repeat(rows, np.where(which, 2, 1))
         second = np.diff(places, prepend=-1) == 0
         corners = np.where(which[places, None, None], both[places, second.astype(np.int64)], self.corners[places])
-        return Patches(self.scene, corners, self.shape[places])
+        return Patches(self.scene, corners, self.shape[places], self.primitive[places])
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
         """The same patches, with one shape somewhere else; the scene's description stays as it is.
@@ -236,11 +250,13 @@ def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
     surfaces = flat_surfaces(scene)
     corners = surfaces.vertices[surfaces.triangles].astype(np.float64)
     parts: list[_Floats] = []
+    primitive: list[NDArray[np.int64]] = []
     is_round = np.zeros(len(scene.shapes), bool)
     for index, shape in enumerate(scene.shapes):
         first, count = int(surfaces.first[index]), int(surfaces.count[index])
         if not isinstance(shape, Sphere | Disk):
             parts.append(corners[first : first + count])
+            primitive.append(np.arange(first, first + count))
             continue
         row = surfaces.rounds[first - len(corners)]
         center, normal = row["center_radius"].astype(np.float64), row["normal"].astype(np.float64)
@@ -250,9 +266,11 @@ def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
         else:
             part = disk_triangles(center[:3], float(center[3]), normal[:3], size)
         parts.append(part.astype(np.float32).astype(np.float64))
+        primitive.append(np.full(len(part), first))
     lengths = [len(part) for part in parts]
     every = np.concatenate(parts) if parts else np.zeros((0, 3, 3))
-    return Patches(scene, every, np.repeat(np.arange(len(parts)), lengths)), is_round
+    of = np.concatenate(primitive) if primitive else np.zeros(0, np.int64)
+    return Patches(scene, every, np.repeat(np.arange(len(parts)), lengths), of), is_round
 
 
 def _refuse_what_is_not_diffuse(scene: Scene) -> None:

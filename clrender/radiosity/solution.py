@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -39,6 +39,9 @@ __all__ = ["Solution", "Sought", "check_sought", "solve_scene", "summary"]
 _COARSE_SHARE: Final = 0.5
 """Of the patches wanted, before those are halved across which the radiance changes most."""
 _MOST_PATCHES: Final = 1 << 20
+_PILOT_RAYS: Final = 64
+_PILOT_ROUNDS: Final = 4
+"""For a gather: where patches have to be small is found with few rays, a quarter of the halvings at a time."""
 
 _Floats = NDArray[np.float64]
 
@@ -60,6 +63,8 @@ class Sought:
     seed : int
     refine : bool
         Begin with half of the patches, and halve those across which the radiance changes most.
+    gathered : bool
+        For a final gather, which samples direct light itself: indirect radiance decides what is halved.
     """
 
     patches: int = 8000
@@ -68,6 +73,7 @@ class Sought:
     tolerance: float = 1e-5
     seed: int = 0
     refine: bool = True
+    gathered: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,11 @@ class Solution:
         return self.reflected + own_radiance(self.patches)
 
     @property
+    def indirect(self) -> _Floats:
+        """(2 n + 1, 3) float64: the part of `reflected` that no shadow ray finds at the side itself."""
+        return self.reflected - self.balance.spread(self.balance.direct)
+
+    @property
     def radiosity(self) -> _Floats:
         """(2 n, 3) float64, W/m²."""
         return math.pi * self.sent[:-1]
@@ -159,6 +170,7 @@ def solve_scene(
     cut: Cut | None = None,
     light_choice: str = "auto",
     should_stop: Callable[[], bool] | None = None,
+    patches: Patches | None = None,
 ) -> Solution:
     """Find the radiosity of a scene.
 
@@ -175,6 +187,8 @@ def solve_scene(
     light_choice : str
     should_stop : callable, optional
         When it says yes, what is returned is not `complete`.
+    patches : Patches, optional
+        To begin with, such as those of another solution; else the scene is cut up.
 
     Raises
     ------
@@ -185,21 +199,32 @@ def solve_scene(
     wanted = sought or Sought()
     check_sought(wanted)
     begin = time.perf_counter()
-    patches = cut_into_patches(scene, math.ceil(wanted.patches * (_COARSE_SHARE if wanted.refine else 1.0)))
+    if patches is None:
+        patches = cut_into_patches(scene, math.ceil(wanted.patches * (_COARSE_SHARE if wanted.refine else 1.0)))
     cutting = time.perf_counter() - begin
+    pilots: list[Solution] = []
     try:
+        if wanted.refine and wanted.gathered:
+            pilot = replace(wanted, rays=min(wanted.rays, _PILOT_RAYS))
+            for left in range(_PILOT_ROUNDS, 0, -1):
+                pilots.append(_solve(patches, device, pilot, size, cut, light_choice, should_stop))
+                begin = time.perf_counter()
+                patches = _refined(pilots[-1], len(patches) + (wanted.patches - len(patches)) // left, gathered=True)
+                cutting += time.perf_counter() - begin
         solution = _solve(patches, device, wanted, size, cut, light_choice, should_stop)
-        while wanted.refine and len(solution.patches) < wanted.patches:
+        while wanted.refine and not wanted.gathered and len(solution.patches) < wanted.patches:
             begin = time.perf_counter()
             finer = _refined(solution, wanted.patches)
             cutting += time.perf_counter() - begin
             if len(finer) == len(solution.patches):
                 break
-            before, solution = solution, _solve(finer, device, wanted, size, cut, light_choice, should_stop)
-            for name, seconds in before.seconds.items():
-                solution.seconds[name] += seconds
+            pilots.append(solution)
+            solution = _solve(finer, device, wanted, size, cut, light_choice, should_stop)
     except Stopped:
         return _nothing(patches, size, light_choice)
+    for before in pilots:
+        for name, seconds in before.seconds.items():
+            solution.seconds[name] += seconds
     solution.seconds["patches"] = cutting
     return solution
 
@@ -243,15 +268,19 @@ def _solve(
     return Solution(patches, flat, balance, balance.spread(done.reflected), used, open_, done.steps, left, seconds)
 
 
-def _refined(solution: Solution, count: int) -> Patches:
-    """Patches across which the brightness changes most, halved; at most `count` in all."""
+def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
+    """Patches across which the brightness changes most, halved; at most `count` in all.
+
+    For a gather that of indirect light, and large patches sooner than small ones, because nobody looks at their edges.
+    """
     patches = solution.patches
+    shown = solution.indirect if gathered else solution.reflected
     corners = Corners(patches)
-    contrast = np.zeros(len(patches))
-    for back in (0, 1):
-        side = slice(back, 2 * len(patches), 2)
-        contrast = np.maximum(contrast, corners.contrast(solution.reflected[side], solution.used[side]))
-    most = min(count - len(patches), len(patches) // 2)
+    sides = [slice(back, 2 * len(patches), 2) for back in (0, 1)]
+    contrast = np.maximum(*(corners.contrast(shown[side], solution.used[side]) for side in sides))
+    if gathered:
+        contrast = contrast * np.sqrt(patches.areas)
+    most = min(max(count - len(patches), 0), len(patches) // 2)
     which = np.zeros(len(patches), bool)
     best = np.argsort(-contrast, kind="stable")[:most]
     which[best[contrast[best] > 0.0]] = True

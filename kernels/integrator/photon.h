@@ -9,10 +9,11 @@
 
 #include "integrator/path.h"
 #include "photon/deposit.h"
+#include "photon/disk.h"
 #include "photon/grid.h"
 
 typedef struct {
-    __global const float* map;       // [10][stride]: position, direction it came from, flux, scattering events (photon/grid.cl)
+    __global const float* map;       // [10][stride]: position, normal, flux, scattering events (photon/grid.cl)
     __global const uint* starts;
     uint stride;
     Grid grid;
@@ -20,19 +21,28 @@ typedef struct {
     float scale;                     // one over number of photons and area of the disk
 } PhotonMap;
 
-// Of a photon within the radius at most this far above or below the tangent plane, in radii: around a corner lies another surface.
-#define PHOTON_OFF_PLANE 0.25f
+// The flux around a point, as a density over the disk's plane: of all photons, and of those of caustics, which are not in the first.
+typedef struct {
+    float4 others, caustics;
+} PhotonFlux;
 
-// The flux that arrives around a point, on the side of `side`, from photons with at most `depth` scattering events, eight at a time.
-static float4 photon_gather_one(const PhotonMap* m, float4 point, float4 side, float depth) {
-    const float r = m->radius, r2 = r * r, off = r * PHOTON_OFF_PLANE, caustic_r2 = r2 * (CAUSTIC_RADIUS * CAUSTIC_RADIUS);
+static float photon_sum(float8 x) {
+    const float4 half_ = x.lo + x.hi;
+    const float2 quarter = half_.lo + half_.hi;
+    return quarter.x + quarter.y;
+}
+
+// On the side of `side`, from photons with at most `depth` scattering events, eight at a time.
+static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 side, float depth) {
+    const float r = m->radius, r2 = r * r, off = r * DISK_OFF_PLANE, caustic_r2 = r2 * (CAUSTIC_RADIUS * CAUSTIC_RADIUS);
     const float4 low = m->grid.low;
     const uint4 size = m->grid.size;
     const uint x0 = grid_along(point.x - r, low.x, low.w, size.x), x1 = grid_along(point.x + r, low.x, low.w, size.x);
     const uint y0 = grid_along(point.y - r, low.y, low.w, size.y), y1 = grid_along(point.y + r, low.y, low.w, size.y);
     const uint z0 = grid_along(point.z - r, low.z, low.w, size.z), z1 = grid_along(point.z + r, low.z, low.w, size.z);
     const uint8 step = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
-    float8 red = (float8)(0.0f), green = (float8)(0.0f), blue = (float8)(0.0f);
+    const float8 none = (float8)(0.0f);
+    float8 red = none, green = none, blue = none, caustic_red = none, caustic_green = none, caustic_blue = none;
     for (uint z = z0; z <= z1; ++z)
         for (uint y = y0; y <= y1; ++y) {
             const size_t row = ((size_t)z * size.y + y) * size.x;
@@ -43,23 +53,31 @@ static float4 photon_gather_one(const PhotonMap* m, float4 point, float4 side, f
                 const float8 dx = vload8(0, at) - point.x, dy = vload8(0, at + n) - point.y, dz = vload8(0, at + 2 * n) - point.z;
                 const float8 distance2 = fma(dx, dx, fma(dy, dy, dz * dz));
                 const float8 above = fma(dx, (float8)(side.x), fma(dy, (float8)(side.y), dz * side.z));
-                const float8 faces = fma(vload8(0, at + 3 * n), (float8)(side.x),
-                                         fma(vload8(0, at + 4 * n), (float8)(side.y), vload8(0, at + 5 * n) * side.z));
+                const float8 cosine = fma(vload8(0, at + 3 * n), (float8)(side.x),
+                                          fma(vload8(0, at + 4 * n), (float8)(side.y), vload8(0, at + 5 * n) * side.z));
                 const float8 events = vload8(0, at + 9 * n), within = events < 0.0f ? (float8)(caustic_r2) : (float8)(r2);
-                const int8 near = (distance2 <= within) & (above <= off) & (above >= -off) & (faces > 0.0f) &
+                const int8 near = (distance2 <= within) & (above <= off) & (above >= -off) & (cosine > 0.0f) &
                                   (events <= depth) & (events >= -depth) & (i + step < end);
-                red += near ? vload8(0, at + 6 * n) : (float8)(0.0f);
-                green += near ? vload8(0, at + 7 * n) : (float8)(0.0f);
-                blue += near ? vload8(0, at + 8 * n) : (float8)(0.0f);
+                const int8 other = near & (events >= 0.0f), caustic = near & (events < 0.0f);
+                const float8 r8 = vload8(0, at + 6 * n), g8 = vload8(0, at + 7 * n), b8 = vload8(0, at + 8 * n);
+                red += other ? r8 * cosine : none;
+                green += other ? g8 * cosine : none;
+                blue += other ? b8 * cosine : none;
+                if (!any(caustic)) continue;
+                caustic_red += caustic ? r8 * cosine : none;
+                caustic_green += caustic ? g8 * cosine : none;
+                caustic_blue += caustic ? b8 * cosine : none;
             }
         }
-    const float4 r4 = red.lo + red.hi, g4 = green.lo + green.hi, b4 = blue.lo + blue.hi;
-    const float2 rr = r4.lo + r4.hi, gg = g4.lo + g4.hi, bb = b4.lo + b4.hi;
-    return (float4)(rr.x + rr.y, gg.x + gg.y, bb.x + bb.y, 0.0f);
+    PhotonFlux flux;
+    flux.others = (float4)(photon_sum(red), photon_sum(green), photon_sum(blue), 0.0f);
+    flux.caustics = (float4)(photon_sum(caustic_red), photon_sum(caustic_green), photon_sum(caustic_blue), 0.0f);
+    return flux;
 }
 
-// Radiant exitance that photons bring to each lane's surface, per reflectance: the flux around it over the disk's area.
-static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surface* surface, const Bsdf* bsdf, vuint depth, vmask where) {
+// The flux in each lane's disk, over the whole disk's area.
+static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface* surface, vec3 side, vuint depth, vmask where,
+                          vec3* others, vec3* caustics) {
     int is_there[LANES];
     float x[LANES], y[LANES], z[LANES], nx[LANES], ny[LANES], nz[LANES];
     uint events[LANES];
@@ -67,22 +85,42 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
     lane_store(surface->point.x, x);
     lane_store(surface->point.y, y);
     lane_store(surface->point.z, z);
-    lane_store(bsdf->side.x, nx);
-    lane_store(bsdf->side.y, ny);
-    lane_store(bsdf->side.z, nz);
+    lane_store(side.x, nx);
+    lane_store(side.y, ny);
+    lane_store(side.z, nz);
     lane_store(depth, events);
     const uint most = scene->settings->max_depth;
     for (int lane = 0; lane < LANES; ++lane) {
-        float4 flux = (float4)(0.0f);
+        PhotonFlux flux;
+        flux.others = flux.caustics = (float4)(0.0f);
         if (is_there[lane]) {
             const float left = most == NONE ? FAR : (float)(most - events[lane] - 1u);
             flux = photon_gather_one(m, (float4)(x[lane], y[lane], z[lane], 0.0f), (float4)(nx[lane], ny[lane], nz[lane], 0.0f), left);
         }
-        x[lane] = flux.x;
-        y[lane] = flux.y;
-        z[lane] = flux.z;
+        x[lane] = flux.others.x;
+        y[lane] = flux.others.y;
+        z[lane] = flux.others.z;
+        nx[lane] = flux.caustics.x;
+        ny[lane] = flux.caustics.y;
+        nz[lane] = flux.caustics.z;
     }
-    return scale(vec3_of(lane_restore(x), lane_restore(y), lane_restore(z)), splat(m->scale));
+    *others = scale(vec3_of(lane_restore(x), lane_restore(y), lane_restore(z)), splat(m->scale));
+    *caustics = scale(vec3_of(lane_restore(nx), lane_restore(ny), lane_restore(nz)), splat(m->scale));
+}
+
+// Radiant exitance that photons bring to each lane's surface, per reflectance: the flux around it over the area that it is on.
+static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surface* surface, const Bsdf* bsdf, const Path* path,
+                              vmask where, PoolStats* stats) {
+    vec3 others, caustics;
+    photon_gather(scene, m, surface, bsdf->side, path->depth, where, &others, &caustics);
+    const vuint set = DISK_SET + path->depth * (2u * DISK_MOST_TRIES);
+    vmask asked = where & (largest(others) > 0.0f);
+    vec3 sum = scale(others, disk_tries(scene, surface, bsdf->side, path->sample.sampler, set, m->radius, asked, stats));
+    asked = where & (largest(caustics) > 0.0f);
+    if (!lane_any(asked)) return sum;
+    const float radius = m->radius * CAUSTIC_RADIUS;
+    const vfloat tries = disk_tries(scene, surface, bsdf->side, path->sample.sampler, set + DISK_MOST_TRIES, radius, asked, stats);
+    return add(sum, scale(caustics, tries));
 }
 
 static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
@@ -104,7 +142,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         const vmask diffuse = may_scatter & bsdf.smooth;
         if (lane_any(diffuse)) {
             if (settings->light_count > 0) path_add_direct(scene, &path, &surface, &bsdf, diffuse, stats);
-            const vec3 arriving = photon_irradiance(scene, map, &surface, &bsdf, path.depth, diffuse);
+            const vec3 arriving = photon_irradiance(scene, map, &surface, &bsdf, &path, diffuse, stats);
             const vec3 leaving = scale(mul(mul(path.throughput, bsdf.color), arriving), splat(INV_PI));
             path.radiance = choose(diffuse, add(path.radiance, leaving), path.radiance);
         }

@@ -45,10 +45,11 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     p->alive = p->alive | start;
 }
 
-// How much a surface's interpolated normal changes what a photon brings, for one of its directions (Veach 1997, 5.3.2).
+// How much a surface's interpolated normal changes what a photon brings, for one of its directions (Veach 1997, 5.3.2): nothing where it
+// is the surface's own, however grazing the direction.
 static vfloat photon_shading(const Bsdf* bsdf, vec3 direction) {
     const vfloat shading = absolute(inner(direction, bsdf->frame.normal)), side = absolute(inner(direction, bsdf->side));
-    return shading / greater(side, splat(1.0e-6f));
+    return greater(shading, splat(1.0e-6f)) / greater(side, splat(1.0e-6f));
 }
 
 // Keep the deposit in the next free place of its photon; when all are taken, in a random one or nowhere, so that at any time each
@@ -59,7 +60,8 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask w
     const vuint drawn = mul_hi(random, p->deposits + 1u), place = p->deposits < PHOTON_DEPOSITS ? p->deposits : drawn;
     const vmask kept = where & (place < PHOTON_DEPOSITS);
     const vfloat events = vfloat_of(vint_from_uint(p->depth));
-    const vfloat words[10] = {s->point.x, s->point.y, s->point.z, -p->ray.direction.x, -p->ray.direction.y, -p->ray.direction.z,
+    const vec3 side = choose(s->front, s->normal, negate(s->normal));
+    const vfloat words[10] = {s->point.x, s->point.y, s->point.z, side.x, side.y, side.z,
                               flux.x,     flux.y,     flux.z,     p->specular ? -events : events};
     int is_kept[LANES];
     uint at[LANES];

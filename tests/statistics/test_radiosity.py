@@ -13,7 +13,6 @@ from stats_support import Evidence
 
 import clrender
 from clrender.radiosity.factors import FormFactors, factors_of_hits, hemicube_cells
-from clrender.radiosity.patches import cut_into_patches
 from clrender.radiosity.solution import Sought, solve_scene
 from clrender.radiosity.solve import Progress, gather, shoot
 
@@ -175,12 +174,17 @@ def test_shooting_and_gathering_end_at_the_same(device: Device) -> None:
     assert (np.abs(lifted - end) < 0.5 * np.abs(now - end)).all()
 
 
-def bright(device: Device, what: Scene, count: int, rays: int, seeds: int, spp: int) -> tuple[Any, Any]:
-    """(seeds, groups x 3) mean radiance of groups of patches, by radiosity and by path tracing.
+WEIGHTS = np.array([0.5, 0.3, 0.2])
+"""Channels become one number: they are not independent of each other."""
 
-    Groups are of neighbours, of one shape and of about a sixtieth of all area. Every seed is a solution of its own.
+
+def bright(device: Device, what: Scene, count: int, rays: int, seeds: int, spp: int) -> tuple[Any, Any]:
+    """(seeds, groups) mean radiance of groups of patches, by radiosity and by path tracing.
+
+    Patches are those of a gather, small where indirect light changes. Groups are of neighbours, of one shape and of
+    about a sixtieth of all area. Every seed is a solution of its own.
     """
-    patches = cut_into_patches(what, count)
+    patches = solve_scene(what, device, Sought(count, 64, seed=77, gathered=True)).patches
     group, step = np.zeros(len(patches), int), float(patches.areas.sum()) / 60.0
     for shape in range(len(what.shapes)):
         here = patches.shape == shape
@@ -189,36 +193,36 @@ def bright(device: Device, what: Scene, count: int, rays: int, seeds: int, spp: 
     area = np.bincount(group, patches.areas)
 
     def grouped(rows: Any) -> Any:
-        return np.concatenate([np.bincount(group, patches.areas * channel) / area for channel in rows.T])
+        return np.bincount(group, patches.areas * (rows @ WEIGHTS)) / area
 
     solved, traced = [], []
     for seed in range(seeds):
-        solution = solve_scene(what, device, Sought(count, rays, refine=False, seed=1000 + seed))
-        assert np.array_equal(solution.patches.corners, patches.corners)
+        sought = Sought(count, rays, refine=False, seed=1000 + seed)
+        solution = solve_scene(what, device, sought, patches=patches)
         solved.append(grouped((solution.reflected * solution.open_share[:, None])[:-1:2]))
         traced.append(grouped(path_traced(device, patches, spp, seed)))
     return np.array(solved), np.array(traced)
 
 
-def judged(evidence: Evidence, solved: Any, traced: Any, bias: float) -> None:
+def judged(evidence: Evidence, solved: Any, traced: Any, most: float) -> None:
+    """No bias is allowed for: a difference of rms 1.2 standard errors is seen nine times in ten, and of `most`."""
     lit = traced.mean(axis=0) > 1e-2 * traced.mean()
     error = np.sqrt(((solved - traced).var(axis=0, ddof=1) / len(solved))[lit]) / traced.mean(axis=0)[lit]
-    assert lit.sum() > 120 and np.median(error) < 0.01
-    evidence.equal("groups", traced[:, lit], solved[:, lit], rounding=bias)
+    assert lit.sum() > 35 and 1.2 * np.median(error) < most
+    evidence.equal("groups", traced[:, lit], solved[:, lit])
 
 
 def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence: Evidence) -> None:
-    """Noise is below a percent; for patches are not evenly bright, a bias of 1.5 % of a group's radiance is allowed."""
-    judged(evidence, *bright(device, clrender.load("room-diffuse"), 4000, 128, 8, 16), 0.015)
+    judged(evidence, *bright(device, clrender.load("room-diffuse"), 4000, 128, 16, 32), 0.008)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["room-diffuse", "cornell"])
 def test_the_more_patches_the_nearer(device: Device, evidence: Evidence, name: str) -> None:
-    """With 12 000 patches, 0.7 % is enough; and with an eighth of them the bias is half as large again, at least."""
-    fine = bright(device, clrender.load(name), 12000, 256, 8, 32)
-    judged(evidence, *fine, 0.007)
-    coarse = bright(device, clrender.load(name), 1500, 256, 8, 256)
+    """With 12 000 patches the test sees no difference; an eighth of them are off by half as much again, at least."""
+    fine = bright(device, clrender.load(name), 12000, 256, 16, 64)
+    judged(evidence, *fine, 0.0025)
+    coarse = bright(device, clrender.load(name), 1500, 256, 16, 512)
 
     def bias(pair: Any) -> float:
         lit = pair[1].mean(axis=0) > 1e-2 * pair[1].mean()
@@ -226,4 +230,5 @@ def test_the_more_patches_the_nearer(device: Device, evidence: Evidence, name: s
         squares = apart.mean(axis=0) ** 2 - apart.var(axis=0, ddof=1) / len(apart)
         return math.sqrt(max(float(squares.mean()), 1e-10))
 
+    print(f"rms bias of 1500 patches {bias(coarse):.3%}, of 12 000 {bias(fine):.3%}")
     assert bias(coarse) > 1.5 * bias(fine)

@@ -1,0 +1,82 @@
+// How much of the disk around a point is surface: at edges and corners photons can be on a part of it only.
+//
+// Photons within the disk's radius count where they are at most a little above or below its plane, each with the cosine between the two
+// normals: that makes their flux a density over the disk. Points of the disk, drawn until one has such a surface below it, are in the
+// mean as many as one over the share of the disk that has (a geometric distribution), and independent of the photons; so flux times
+// that number, over the disk's area, has the mean of the irradiance on that share as its own mean. (The reciprocal of a probability by
+// counting: Booth 2007; for photons, Qin et al., "Unbiased photon gathering for light transport simulation", ACM TOG 34(6) 2015.)
+#ifndef PHOTON_DISK_H
+#define PHOTON_DISK_H
+
+#include "core/sampler.h"
+#include "core/warp.h"
+#include "film/pool.h"
+#include "geometry/surface.h"
+#include "light/light.h"
+#include "types.h"
+
+// Of a photon within the radius at most this far above or below the tangent plane, in radii: around a corner lies another surface.
+#define DISK_OFF_PLANE 0.25f
+// Slivers of surface may need more points than that: then it looks a little darker.
+#define DISK_MOST_TRIES 64u
+#define DISK_SET 0x10000u        // of the sampler's sets of dimensions the first of these points
+
+// Whether rays meet the back of a surface: they are inside of something.
+static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask asked) {
+    Ray ray;
+    ray.origin = origin;
+    ray.direction = direction;
+    ray.limit = splat(FAR);
+    ray.from = ray.to = splat_uint(NONE);
+    const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
+    const vmask found = asked & (hit.primitive != NONE);
+    const Surface s = surface_at(scene, &ray, hit, found);
+    return found & !s.front;
+}
+
+// Whether a photon could be below the point `to` away from the disk's centre. From above the centre a ray goes to above that point,
+// and from there down. What lies under something closed that stands on the surface is not reached: the first ray meets it from
+// outside, and above the point is its inside.
+static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 side, vec3 to, float radius, vmask asked, PoolStats* stats) {
+    const float off = radius * DISK_OFF_PLANE;
+    Ray ray = surface_leave(surface, side);
+    ray.origin = along(ray.origin, side, splat(off));
+    ray.direction = to;
+    ray.limit = splat(1.0f);
+    ray.from = splat_uint(NONE);
+    const vmask blocked = traverse_occluded(&scene->bvh, &ray, asked);
+    ray.origin = add(ray.origin, to);
+    ray.direction = negate(side);
+    ray.limit = splat(2.0f * off);
+    const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
+    vmask found = asked & (hit.primitive != NONE);
+    const Surface below = surface_at(scene, &ray, hit, found);
+    const vec3 away = sub(below.point, surface->point);
+    found = found & (below.kind == MATERIAL_LAMBERT) & (inner(away, away) <= radius * radius);
+    const vmask unsure = found & blocked;
+    stats->shadow_rays += lane_count(asked);
+    stats->rays += lane_count(asked);
+    if (!lane_any(unsure)) return found;
+    stats->rays += lane_count(unsure);
+    return found & !disk_inside(scene, ray.origin, side, unsure);
+}
+
+// One over the share of the disk that is surface, in the mean; 0 where it is not asked for. `set`: of random numbers.
+static vfloat disk_tries(const Scene* scene, const Surface* surface, vec3 side, Sampler sampler, vuint set, float radius, vmask asked,
+                         PoolStats* stats) {
+    const Frame frame = frame_around(side);
+    vfloat tries = splat(0.0f);
+    for (uint n = 0; n < DISK_MOST_TRIES && lane_any(asked); ++n) {
+        vuint bits_u, bits_v;
+        sampler_hash_bits(sampler, set + n, &bits_u, &bits_v);
+        vfloat x, y;
+        warp_disk(unit_interval(bits_u), unit_interval(bits_v), &x, &y);
+        x = (x == 0.0f) & (y == 0.0f) ? splat(1.0e-3f) : x;
+        const vec3 to = add(scale(frame.tangent, x * radius), scale(frame.bitangent, y * radius));
+        tries = asked ? tries + 1.0f : tries;
+        asked = asked & !disk_has_surface(scene, surface, side, to, radius, asked, stats);
+    }
+    return tries;
+}
+
+#endif
