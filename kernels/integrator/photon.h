@@ -113,14 +113,16 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
                               vmask where, PoolStats* stats) {
     vec3 others, caustics;
     photon_gather(scene, m, surface, bsdf->side, path->depth, where, &others, &caustics);
-    const vuint set = DISK_SET + path->depth * (2u * DISK_MOST_TRIES);
-    vmask asked = where & (largest(others) > 0.0f);
-    vec3 sum = scale(others, disk_tries(scene, surface, bsdf->side, path->sample.sampler, set, m->radius, asked, stats));
-    asked = where & (largest(caustics) > 0.0f);
-    if (!lane_any(asked)) return sum;
-    const float radius = m->radius * CAUSTIC_RADIUS;
-    const vfloat tries = disk_tries(scene, surface, bsdf->side, path->sample.sampler, set + DISK_MOST_TRIES, radius, asked, stats);
-    return add(sum, scale(caustics, tries));
+    vec3 sum = vec3_all(0.0f);
+    for (uint kind = 0; kind < 2u; ++kind) {
+        const vec3 flux = kind == 0u ? others : caustics;
+        const vmask asked = where & (largest(flux) > 0.0f);
+        if (!lane_any(asked)) continue;
+        const float radius = kind == 0u ? m->radius : m->radius * CAUSTIC_RADIUS;
+        const vuint set = DISK_SET + (path->depth * 2u + kind) * DISK_MOST_TRIES;
+        sum = add(sum, scale(flux, disk_tries(scene, surface, bsdf->side, path->sample.sampler, set, radius, asked, stats)));
+    }
+    return sum;
 }
 
 static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
