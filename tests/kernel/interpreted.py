@@ -28,10 +28,11 @@ from clrender.device.worker import Cut, DeviceWorker
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
 from clrender.photon_map import PhotonMaps
-from clrender.radiosity.display import Display, looks_of
+from clrender.radiosity.atlas import atlas_of
+from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity
 from clrender.radiosity.factors import hemicube_cells
-from clrender.radiosity.solution import Sought
+from clrender.radiosity.solution import Sought, solve_scene
 from clrender.radiosity.tracer import Tracer
 from clrender.scene import Scene
 from clrender.settings import RenderSettings
@@ -158,7 +159,7 @@ def layers(device: Device) -> str:
 
 
 def radiosity(device: Device) -> str:
-    """Hash of what patches meet and reflect, before and after one of two boxes moves, and of its picture."""
+    """Hash of what patches meet and reflect, before and after one of two boxes moves, and of pictures of it."""
     camera = {"position": (0, 1, 2.5), "target": (0, 0.5, 0)}
     shapes = [
         {"type": "quad", "origin": (-2, 0, 2), "edge_u": (4, 0, 0), "edge_v": (0, 0, -4), "material": "matt"},
@@ -168,7 +169,8 @@ def radiosity(device: Device) -> str:
     matt = {"type": "lambert", "reflectance": (0.7, 0.6, 0.5)}
     what = Scene.model_validate({"camera": camera, "materials": {"matt": matt}, "shapes": shapes})
     cut = Cut(4, 2)
-    dynamic = DynamicRadiosity(what, device, Sought(24, 4, 2, 1e-2, refine=False), (WIDTH, HEIGHT), cut)
+    sought, size = Sought(24, 4, 2, 1e-2, refine=False), (WIDTH, HEIGHT)
+    dynamic = DynamicRadiosity(what, device, sought, size, cut)
     digest = hashlib.sha256(dynamic.reflected.tobytes())
     dynamic.move(1, (0.2, 0.0, 0.1))
     digest.update(dynamic.reflected.tobytes())
@@ -176,12 +178,15 @@ def radiosity(device: Device) -> str:
     digest.update(tracer.hemicube(np.arange(4, dtype=np.uint32), hemicube_cells(4)[0]).tobytes())
     table = looks_of(dynamic.patches, dynamic.reflected, dynamic.used, None)
     settings = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE)
-    integrator = INTEGRATORS["radiosity"]
-    worker = DeviceWorker(
-        device, dynamic.flat, settings, integrator, cut, partial(Display, table=table, display="gather")
-    )
-    digest.update(worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1)).sums.tobytes())
-    for each in (worker, tracer, dynamic):
+    atlas = atlas_of(solve_scene(what, device, sought, size, cut))
+    for shown, integrator, prepare in (
+        (dynamic.flat, INTEGRATORS["radiosity"], partial(Display, table=table, display="gather")),
+        (dynamic.patches.whole(WIDTH, HEIGHT), GATHER, partial(Gather, atlas=atlas)),
+    ):
+        worker = DeviceWorker(device, shown, settings, integrator, cut, prepare)
+        digest.update(worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1)).sums.tobytes())
+        worker.release()
+    for each in (tracer, dynamic):
         each.release()
     return digest.hexdigest()
 
