@@ -292,9 +292,10 @@ def _radiosity(
     tell(summary(solution))
     if gathered and solution.complete:
         whole = solution.patches.whole(*size, wanted.light_choice)
-        return whole, GATHER, partial(Gather, atlas=atlas_of(solution))
+        atlas = atlas_of(solution.patches, solution.indirect, solution.used, solution.open_share)
+        return whole, GATHER, partial(Gather, atlas=atlas)
     table = looks(solution, wanted.radiosity_display)
-    return solution.flat, INTEGRATORS["radiosity"], partial(Display, table=table, display=wanted.radiosity_display)
+    return solution.flat, INTEGRATORS["radiosity"], partial(Display, table=table)
 
 
 def _prepared(flat: FlatScene, wanted: RenderSettings) -> _Prepare | None:

@@ -22,10 +22,9 @@ __all__: list[str] = []
 @pytest.fixture(scope="session", autouse=True)
 def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A cache folder that no other session shares: neither verdicts nor compiled kernels of before can hide a fault."""
-    folder, alone = tmp_path_factory.mktemp("cache"), "PYTEST_XDIST_WORKER" not in os.environ
-    if not alone:
-        folder = tmp_path_factory.getbasetemp().parent / "cache"  # the same for all workers
-        folder.mkdir(exist_ok=True)
+    alone, base = "PYTEST_XDIST_WORKER" not in os.environ, tmp_path_factory.getbasetemp()
+    folder = (base if alone else base.parent) / "cache"  # one for all workers
+    folder.mkdir(exist_ok=True)
     before = {name: os.environ.get(name) for name in ("XDG_CACHE_HOME", "POCL_CACHE_DIR")}
     os.environ["XDG_CACHE_HOME"] = str(folder)
     os.environ.pop("POCL_CACHE_DIR", None)

@@ -95,7 +95,7 @@ _FILM_BYTES: Final = 52
 @click.option(
     "--radiosity-display",
     type=click.Choice(("constant", "smooth", "gather")),
-    help="Patches evenly bright, interpolated, or looked up by paths after three bounces: gather (smooth).",
+    help="Patches evenly bright, interpolated, or looked up by paths after three bounces (smooth).",
 )
 @tone_options
 @click.option(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
 from clrender.integrators import INTEGRATORS
+from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.corners import Corners
-from clrender.radiosity.display import Display, looks_of
+from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity, Update
 from clrender.schedule import Plan, run
 
@@ -102,11 +104,16 @@ def picture(
     corners: Corners | None,
 ) -> NDArray[np.float32]:
     """The scene as it is now: (height, width, 3) float32, radiance."""
-    table = looks_of(dynamic.patches, dynamic.reflected, dynamic.used, corners)
     width, height, tile = (int(settings[name][0]) for name in ("width", "height", "tile"))
-    worker = DeviceWorker(
-        device, dynamic.flat, settings, INTEGRATORS["radiosity"], None, lambda made: Display(made, table, display)
-    )
+    patches, rows = dynamic.patches, dynamic.rows
+    if display == "gather":
+        atlas = atlas_of(patches, rows.indirect(patches), dynamic.used, rows.open_share)
+        flat = patches.whole(width, height)
+        worker = DeviceWorker(device, flat, settings, GATHER, None, partial(Gather, atlas=atlas))
+    else:
+        table = looks_of(patches, dynamic.reflected, dynamic.used, corners)
+        show = partial(Display, table=table)
+        worker = DeviceWorker(device, dynamic.flat, settings, INTEGRATORS["radiosity"], None, show)
     film = Film(width, height, {})
     try:
         run(Plan(width, height, spp, tile), [worker], film)

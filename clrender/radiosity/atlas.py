@@ -14,7 +14,6 @@ from clrender.scene.surfaces import FlatSurfaces, flat_surfaces
 
 if TYPE_CHECKING:
     from clrender.radiosity.patches import Patches
-    from clrender.radiosity.solution import Solution
 
 __all__ = ["Atlas", "atlas_of"]
 
@@ -46,16 +45,21 @@ class Atlas:
     texels: NDArray[np.float32]
 
 
-def atlas_of(solution: Solution) -> Atlas:
-    """Radiance that a solution's patches reflect of light that has been reflected before, on the scene as it is.
+def atlas_of(patches: Patches, indirect: _Floats, used: NDArray[np.bool_], open_share: _Floats) -> Atlas:
+    """Radiance that patches reflect of light that has been reflected before, on the scene as it is.
 
     A texel is the mean over what of the patches lies in it, in the open; where nothing does, that of the whole side.
 
     Parameters
     ----------
-    solution : Solution
+    patches : Patches
+    indirect : (2 n + 1, 3) float64
+        That radiance, W/(sr m²).
+    used : (2 n + 1,) bool
+        Sides that were solved for.
+    open_share : (2 n + 1,) float64
+        Of each side's area.
     """
-    patches = solution.patches
     surfaces = flat_surfaces(patches.scene)
     count = len(surfaces.triangles) + len(surfaces.rounds)
     number = np.bincount(patches.primitive, minlength=count)
@@ -63,8 +67,7 @@ def atlas_of(solution: Solution) -> Atlas:
     along[number < 2] = 1
     first = np.cumsum(2 * along * along) - 2 * along * along
     total = int((2 * along * along).sum())
-    indirect = solution.indirect
-    weight = np.where(solution.used, side_areas(patches) * solution.open_share, 0.0)
+    weight = np.where(used, side_areas(patches) * open_share, 0.0)
 
     of, size = patches.primitive, along[patches.primitive]
     sums, weights = np.zeros((total, 3)), np.zeros(total)

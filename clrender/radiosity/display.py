@@ -22,10 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["DISPLAYS", "GATHER", "Display", "Gather", "looks", "looks_of"]
 
 DISPLAYS: Final = ("constant", "smooth", "gather")
-"""Each patch evenly bright; interpolated between corners; what every pixel sees looked up one bounce later."""
+"""Each patch evenly bright; interpolated between corners; looked up by paths, some bounces later."""
 GATHER: Final = Integrator("radiosity/gather.cl", "radiosity_gather")
 """Of the scene before it was cut into patches."""
-_GATHER: Final = 1
 _ROW: Final = 16
 
 _Floats = NDArray[np.float64]
@@ -63,9 +62,6 @@ def looks_of(
             side = slice(back, 2 * len(patches), 2)
             rows[side, :9] = corners.values(reflected[side], used[side]).reshape(-1, 9)
     rows[:, 9:12] = own_radiance(patches)
-    rows[:, 12:15] = reflected
-    rows[:, 15] = 0.0 if patches.shadow_rays_find_emission else 1.0
-    rows[-1, 12:] = 0.0, 0.0, 0.0, 1.0
     return rows.astype(np.float32)
 
 
@@ -104,18 +100,15 @@ class Display:
     worker : DeviceWorker
         Of the solution's flat scene.
     table : (2 n + 1, 16) float32
-    display : str
-        One of `DISPLAYS`.
     """
 
-    def __init__(self, worker: DeviceWorker, table: NDArray[np.float32], display: str) -> None:
+    def __init__(self, worker: DeviceWorker, table: NDArray[np.float32]) -> None:
         self._device = worker.device
         self._table = worker.device.upload(table)
-        self._mode = np.uint32(_GATHER if display == "gather" else 0)
 
     def arguments(self, sample: int) -> Sequence[Buffer | np.generic]:
-        """The table, and how it is used; `sample` does not matter."""
-        return [self._table, self._mode]
+        """The table; `sample` does not matter."""
+        return [self._table]
 
     def take_rays(self) -> int:
         """None: those of the solution are traced before there is a worker."""

@@ -186,7 +186,7 @@ class Patches:
         return Patches(self.scene, corners, self.shape[places], self.primitive[places])
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
-        """The same patches, with one shape somewhere else; the scene's description stays as it is.
+        """The same patches, with one shape somewhere else, in the scene's description too.
 
         Parameters
         ----------
@@ -197,7 +197,10 @@ class Patches:
         first, end = (side // 2 for side in self.sides_of(shape))
         corners = self.corners.copy()
         corners[first:end] += np.array(by)
-        return self._again(replace(self, corners=corners), *_CARRIED)
+        shapes = list(self.scene.shapes)
+        shapes[shape] = shapes[shape].model_copy(update={"transform": shapes[shape].transform.moved(by)})
+        scene = self.scene.model_copy(update={"shapes": tuple(shapes)})
+        return self._again(replace(self, scene=scene, corners=corners), *_CARRIED)
 
     def lit_by(self, scene: Scene) -> Patches:
         """The same patches in a scene that differs in its lights only."""

@@ -98,6 +98,17 @@ class Rows:
         """(2 n + 1, 3) float64: radiance that each side reflects."""
         return self._spread(self._reflected)
 
+    def indirect(self, patches: Patches) -> _Floats:
+        """(2 n + 1, 3) float64: the part of `reflected` that no shadow ray finds at the side itself."""
+        return self._spread(self._reflected - self._reflectance(patches) * self.irradiance / math.pi)
+
+    @property
+    def open_share(self) -> _Floats:
+        """(2 n + 1,) float64: of each side's area, what nothing closed stands on; 1 of those without a row."""
+        share = np.ones(self._columns)
+        share[self.sides] = 1.0 - self._covered / self.rays
+        return share
+
     def joined(self, more: Traced, sealed: NDArray[np.bool_]) -> Rows:
         """These rows and others, sides ascending; these are used up."""
         sides = np.concatenate([self.sides, more.sides])
@@ -139,7 +150,7 @@ class Rows:
         sweeps = 0
         if weights is None or self._arriving is None:
             sweeps, self._arriving = 1, self._gathered(carried_radiance(patches) + self.reflected)
-        reflectance = lifted(patches.reflectance[self.sides // 2], 1.0 - self._covered / self.rays)
+        reflectance = self._reflectance(patches)
         left = reflectance * (self._arriving + self.irradiance / math.pi) - self._reflected
         weight = np.ones(len(self.sides)) if weights is None else weights[self.sides]
         areas = side_areas(patches)[self.sides]
@@ -155,6 +166,9 @@ class Rows:
             left += reflectance * got - now
             sweeps += 1
         return sweeps
+
+    def _reflectance(self, patches: Patches) -> _Floats:
+        return lifted(patches.reflectance[self.sides // 2], 1.0 - self._covered / self.rays)
 
     def _spread(self, radiance: _Floats) -> _Floats:
         wide = np.zeros((self._columns, 3))

@@ -89,6 +89,13 @@ class Transform(Part):
             raise fault("transform", "cannot be inverted: it would flatten the shape", "matrix")
         return self
 
+    def moved(self, by: tuple[float, float, float]) -> Transform:
+        """The same, and then a step in world space, metres."""
+        if self.matrix is None:
+            return self.model_copy(update={"translate": tuple(a + b for a, b in zip(self.translate, by, strict=True))})
+        rows = [(*row[:3], row[3] + step) for row, step in zip(self.matrix, (*by, 0.0), strict=True)]
+        return self.model_copy(update={"matrix": tuple(rows)})
+
     def is_similarity(self) -> bool:
         """Whether it scales all directions alike, so that a sphere stays a sphere."""
         if self.matrix is None:

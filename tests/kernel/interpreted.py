@@ -32,7 +32,7 @@ from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity
 from clrender.radiosity.factors import hemicube_cells
-from clrender.radiosity.solution import Sought, solve_scene
+from clrender.radiosity.solution import Sought
 from clrender.radiosity.tracer import Tracer
 from clrender.scene import Scene
 from clrender.settings import RenderSettings
@@ -178,9 +178,10 @@ def radiosity(device: Device) -> str:
     digest.update(tracer.hemicube(np.arange(4, dtype=np.uint32), hemicube_cells(4)[0]).tobytes())
     table = looks_of(dynamic.patches, dynamic.reflected, dynamic.used, None)
     settings = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE)
-    atlas = atlas_of(solve_scene(what, device, sought, size, cut))
+    known = dynamic.rows
+    atlas = atlas_of(dynamic.patches, known.indirect(dynamic.patches), known.used, known.open_share)
     for shown, integrator, prepare in (
-        (dynamic.flat, INTEGRATORS["radiosity"], partial(Display, table=table, display="gather")),
+        (dynamic.flat, INTEGRATORS["radiosity"], partial(Display, table=table)),
         (dynamic.patches.whole(WIDTH, HEIGHT), GATHER, partial(Gather, atlas=atlas)),
     ):
         worker = DeviceWorker(device, shown, settings, integrator, cut, prepare)
