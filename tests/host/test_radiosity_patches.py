@@ -142,3 +142,21 @@ def test_rays_counted() -> None:
     sent = np.arange(10.0).reshape(5, 2)
     wanted = np.array([[0.25 * 2 + 0.5 * 6 + 0.25 * 8, 0.25 * 3 + 0.5 * 7 + 0.25 * 9], [0.0, 1.0]])
     np.testing.assert_allclose(factors.gathered(sent), wanted)
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        {"scale": 2.0, "rotate_degrees": [10, 20, 30], "translate": [1, 2, 3]},
+        {"matrix": [[0, -2, 0, 1], [2, 0, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1]]},
+    ],
+    ids=["steps", "matrix"],
+)
+@pytest.mark.parametrize("shape", [SQUARE, BALL, DISK], ids=["square", "ball", "disk"])
+def test_what_moved_has_moved_in_the_scene_too(shape: dict[str, Any], transform: dict[str, Any]) -> None:
+    by = (0.5, -0.25, 4.0)
+    patches = cut_into_patches(scene(SQUARE, {**shape, "transform": transform}), 60)
+    moved = patches.moved(1, by)
+    again = cut_into_patches(moved.scene, 60)
+    np.testing.assert_allclose(moved.corners, again.corners, atol=1e-5)
+    assert np.array_equal(moved.corners[moved.shape == 0], patches.corners[patches.shape == 0])
