@@ -13,6 +13,7 @@ from clrender.radiosity.corners import Corners
 from clrender.radiosity.factors import factors_of_hits
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.sides import sealed_sides
+from clrender.scene.surfaces import flat_surfaces
 
 CAMERA = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
 GREY = {"grey": {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}}
@@ -157,6 +158,10 @@ def test_what_moved_has_moved_in_the_scene_too(shape: dict[str, Any], transform:
     by = (0.5, -0.25, 4.0)
     patches = cut_into_patches(scene(SQUARE, {**shape, "transform": transform}), 60)
     moved = patches.moved(1, by)
-    again = cut_into_patches(moved.scene, 60)
-    np.testing.assert_allclose(moved.corners, again.corners, atol=1e-5)
+    whole, before = flat_surfaces(moved.scene), flat_surfaces(patches.scene)
+    step = np.where(np.arange(len(whole.vertices))[:, None] < 4, 0.0, by)  # the first square stays
+    np.testing.assert_allclose(whole.vertices, before.vertices + step, atol=1e-5)
+    for now, old in zip(whole.rounds["center_radius"], before.rounds["center_radius"], strict=True):
+        np.testing.assert_allclose(now, old + np.array([*by, 0.0]), atol=1e-5)
+    np.testing.assert_allclose(moved.corners[moved.shape == 1], patches.corners[patches.shape == 1] + np.array(by))
     assert np.array_equal(moved.corners[moved.shape == 0], patches.corners[patches.shape == 0])
