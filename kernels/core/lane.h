@@ -128,6 +128,12 @@ static uint lane_largest_uint(vuint x) {
     return largest;
 }
 
+// Of the lanes for which the statement holds the first alone.
+static vmask lane_first(vmask m) {
+    const vfloat number = vfloat_of(vint_from_uint(lane_index()));
+    return m & (number == lane_least(m ? number : splat((float)LANES)));
+}
+
 // The rank of each lane among those for which the statement holds, counted from lane 0.
 static vuint lane_rank(vmask m) {
     int one[LANES];

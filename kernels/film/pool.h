@@ -14,13 +14,12 @@ typedef struct {
     uint first_sample, sample_count;
     uint base;                   // the first of this work-item's LANES slots, counted from first_slot; all of one block
     uint2 block;                 // top left pixel of that block
-    uint next;                   // of its LANES × sample_count samples, the next to hand out
+    uint next;                   // the next of the launch's samples to hand out
 } Pool;
 
 typedef struct {
     vuint slot;                  // counted from first_slot
     vuint number;                // of the sample in this launch
-    vuint pixel_x, pixel_y;
     Sampler sampler;
 } PoolSample;
 
@@ -43,41 +42,21 @@ static Pool pool_open(__global const Settings* settings, __global float* samples
     return pool;
 }
 
-static PoolSample pool_no_sample(void) {
-    PoolSample sample;
-    sample.slot = sample.number = sample.pixel_x = sample.pixel_y = splat_uint(0u);
-    sample.sampler.seed = sample.sampler.index = splat_uint(0u);
-    return sample;
-}
+static int pool_empty(const Pool* pool) { return pool->next >= pool->sample_count; }
 
-static int pool_empty(const Pool* pool) { return pool->next >= LANES * pool->sample_count; }
-
-// Give each idle lane a sample while there are any; lanes outside the image get none, but use theirs up.
-static vmask pool_take(__global const Settings* settings, Pool* pool, vmask idle, PoolSample* sample) {
-    const vuint take = pool->next + lane_rank(idle);
-    const vmask given = idle & (take < LANES * pool->sample_count);
-    pool->next += (uint)lane_count(idle);
-    const vuint number = take / LANES;
-    const vuint slot = pool->base + (take - number * LANES);
+// The next sample of all the work-item's pixels, one in every lane, and its place on the film, (0, 0) top left and (1, 1) bottom right:
+// uniform in its pixel. Returns which of the pixels are in the image.
+static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample* sample, vfloat* film_x, vfloat* film_y) {
     vuint x, y;
-    const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + slot, &x, &y) & (slot < pool->slot_count);
-    const vmask taken = given & inside;
-    const Sampler sampler = sampler_start(settings->seed, y * settings->width + x, pool->first_sample + number);
-    sample->slot = taken ? slot : sample->slot;
-    sample->number = taken ? number : sample->number;
-    sample->pixel_x = taken ? x : sample->pixel_x;
-    sample->pixel_y = taken ? y : sample->pixel_y;
-    sample->sampler.seed = taken ? sampler.seed : sample->sampler.seed;
-    sample->sampler.index = taken ? sampler.index : sample->sampler.index;
-    return taken;
-}
-
-// The sample's place on the film, (0, 0) top left and (1, 1) bottom right: uniform in its pixel.
-static void pool_film(__global const Settings* settings, const PoolSample* sample, vfloat* x, vfloat* y) {
     vfloat u, v;
+    sample->slot = pool->base + lane_index();
+    sample->number = splat_uint(pool->next++);
+    const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + sample->slot, &x, &y);
+    sample->sampler = sampler_start(settings->seed, y * settings->width + x, pool->first_sample + sample->number);
     sampler_get(sample->sampler, SET_PIXEL, &u, &v);
-    *x = (vfloat_of(vint_from_uint(sample->pixel_x)) + u) / (float)settings->width;
-    *y = (vfloat_of(vint_from_uint(sample->pixel_y)) + v) / (float)settings->height;
+    *film_x = (vfloat_of(vint_from_uint(x)) + u) / (float)settings->width;
+    *film_y = (vfloat_of(vint_from_uint(y)) + v) / (float)settings->height;
+    return inside & (sample->slot < pool->slot_count);
 }
 
 static void pool_deliver(const Pool* pool, const PoolSample* sample, vec3 radiance, vmask done) {

@@ -5,6 +5,15 @@
 #include "camera/perspective.h"
 #include "film/pool.h"
 
+// Rays of the camera, one for each of the pool's pixels, made all at once: most of the time only a lane or two ask for one.
+typedef struct {
+    float origin[3][LANES], direction[3][LANES];
+    uint seed[LANES];
+    int inside[LANES];       // whether the pixel is in the image
+    uint number;             // of their sample in this launch
+    uint left;               // that nobody has asked for yet: the last ones
+} CameraRays;
+
 typedef struct {
     vmask alive;
     PoolSample sample;       // which one of the pool, and its random numbers
@@ -15,6 +24,7 @@ typedef struct {
     vec3 normal;             // of the last surface, on the side that the ray left from
     vfloat material_pdf;     // density of the ray's direction times the number of such rays; 0 from the camera or a delta
     vmask diffused;          // it has met a surface that is not a delta
+    CameraRays waiting;
 } Path;
 
 // No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
@@ -28,31 +38,59 @@ static Path path_none(void) {
     path.ray.direction = vec3_all(1.0f);
     path.ray.limit = splat(FAR);
     path.ray.from = path.ray.to = splat_uint(NONE);
-    path.sample = pool_no_sample();
+    path.sample.slot = path.sample.number = path.sample.sampler.seed = path.sample.sampler.index = splat_uint(0u);
+    path.waiting.left = 0;
     return path;
 }
 
-static void path_start(const Scene* scene, vmask start, Path* path) {
+static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
+    PoolSample sample;
     vfloat film_x, film_y;
-    pool_film(scene->settings, &path->sample, &film_x, &film_y);
-    ray_replace(&path->ray, perspective_ray(scene, film_x, film_y, path->sample.sampler), start);
-    path->throughput = choose(start, vec3_all(1.0f), path->throughput);
-    path->radiance = choose(start, vec3_all(0.0f), path->radiance);
-    path->depth = start ? splat_uint(0u) : path->depth;
-    path->material_pdf = start ? splat(0.0f) : path->material_pdf;
-    path->diffused = path->diffused & !start;
-    path->alive = path->alive | start;
+    rays->number = pool->next;
+    rays->left = LANES;
+    const vmask inside = pool_take(scene->settings, pool, &sample, &film_x, &film_y);
+    const Ray ray = perspective_ray(scene, film_x, film_y, sample.sampler);
+    lane_store(ray.origin.x, rays->origin[0]);
+    lane_store(ray.origin.y, rays->origin[1]);
+    lane_store(ray.origin.z, rays->origin[2]);
+    lane_store(ray.direction.x, rays->direction[0]);
+    lane_store(ray.direction.y, rays->direction[1]);
+    lane_store(ray.direction.z, rays->direction[2]);
+    lane_store(sample.sampler.seed, rays->seed);
+    lane_store(inside, rays->inside);
+}
+
+// In one lane, with the first of the camera rays that wait.
+static void path_start(const Pool* pool, Path* path, vmask lane) {
+    const CameraRays* rays = &path->waiting;
+    const uint i = LANES - path->waiting.left--;
+    if (!rays->inside[i]) return;
+    Ray ray;
+    ray.origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
+    ray.direction = vec3_of(splat(rays->direction[0][i]), splat(rays->direction[1][i]), splat(rays->direction[2][i]));
+    ray.limit = splat(FAR);
+    ray.from = ray.to = splat_uint(NONE);
+    ray_replace(&path->ray, ray, lane);
+    PoolSample* sample = &path->sample;
+    sample->slot = lane ? splat_uint(pool->base + i) : sample->slot;
+    sample->number = lane ? splat_uint(rays->number) : sample->number;
+    sample->sampler.seed = lane ? splat_uint(rays->seed[i]) : sample->sampler.seed;
+    sample->sampler.index = lane ? splat_uint(pool->first_sample + rays->number) : sample->sampler.index;
+    path->throughput = choose(lane, vec3_all(1.0f), path->throughput);
+    path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
+    path->depth = lane ? splat_uint(0u) : path->depth;
+    path->material_pdf = lane ? splat(0.0f) : path->material_pdf;
+    path->diffused = path->diffused & !lane;
+    path->alive = path->alive | lane;
 }
 
 // Lanes without a path take the next sample of the pool. Returns whether any lane has one: if not, the pool is used up.
 static int path_next(const Scene* scene, Pool* pool, Path* path) {
-    while (lane_any(!path->alive)) {
-        const vmask started = pool_take(scene->settings, pool, !path->alive, &path->sample);
-        if (lane_any(started)) path_start(scene, started, path);
-        if (lane_any(path->alive)) return 1;
-        if (pool_empty(pool)) return 0;
+    while (lane_any(!path->alive) && (path->waiting.left > 0 || !pool_empty(pool))) {
+        if (path->waiting.left == 0) path_camera_rays(scene, pool, &path->waiting);
+        path_start(pool, path, lane_first(!path->alive));
     }
-    return 1;
+    return lane_any(path->alive);
 }
 
 #endif

@@ -27,13 +27,11 @@ static vec3 display_interpolated(const Scene* scene, const Surface* s, const vfl
 
 static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __global const float* looks) {
     __global const Settings* settings = scene->settings;
-    PoolSample sample = pool_no_sample();
-    const vmask idle = sample.slot == sample.slot;
     while (!pool_empty(pool)) {
-        const vmask start = pool_take(settings, pool, idle, &sample);
-        if (!lane_any(start)) continue;
+        PoolSample sample;
         vfloat film_x, film_y, look[16];
-        pool_film(settings, &sample, &film_x, &film_y);
+        const vmask start = pool_take(settings, pool, &sample, &film_x, &film_y);
+        if (!lane_any(start)) continue;
         const Ray ray = perspective_ray(scene, film_x, film_y, sample.sampler);
         const Hit hit = traverse_nearest(&scene->bvh, &ray, start);
         stats->rays += lane_count(start);

@@ -96,13 +96,11 @@ static vec3 gather_direct(const Scene* scene, const Surface* s, const Bsdf* bsdf
 
 static void gather_trace(const Scene* scene, const Atlas* atlas, Pool* pool, PoolStats* stats) {
     __global const Settings* settings = scene->settings;
-    PoolSample sample = pool_no_sample();
-    const vmask idle = sample.slot == sample.slot;
     while (!pool_empty(pool)) {
-        const vmask start = pool_take(settings, pool, idle, &sample);
-        if (!lane_any(start)) continue;
+        PoolSample sample;
         vfloat film_x, film_y;
-        pool_film(settings, &sample, &film_x, &film_y);
+        const vmask start = pool_take(settings, pool, &sample, &film_x, &film_y);
+        if (!lane_any(start)) continue;
         Ray ray = perspective_ray(scene, film_x, film_y, sample.sampler);
         vec3 radiance = vec3_all(0.0f), throughput = vec3_all(1.0f);
         vmask alive = start;
