@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer, Device, Program
 
 __all__ = [
+    "ANALYTIC_BLOCK_WORDS",
     "COST_ROOTS",
     "MERGE_CHUNK",
     "NODE_WORDS",
-    "ROUND_BLOCK_WORDS",
     "STACK",
     "TRIANGLE_BLOCK_WORDS",
     "Bvh",
@@ -34,7 +34,7 @@ __all__ = [
 # kernels/geometry/bvh.h and build.h; a test compares them.
 NODE_WORDS: Final = 56
 TRIANGLE_BLOCK_WORDS: Final = 128
-ROUND_BLOCK_WORDS: Final = 64
+ANALYTIC_BLOCK_WORDS: Final = 72
 MERGE_CHUNK: Final = 64
 COST_ROOTS: Final = 7
 STACK: Final = 96
@@ -44,7 +44,8 @@ _SORT_BITS: Final = 63
 _MOST_BLOCKS: Final = 1 << 24
 # Whoever reads eight columns from a block's last one, in its last row, reads beyond it.
 _BEYOND: Final = 8
-_PAIR: Final = np.uint32(1 << 31)
+# Beside a unit's number: what it is.
+_FLAGS: Final = np.uint32(5 << 29)
 
 _Arguments: TypeAlias = "list[Argument]"
 
@@ -68,25 +69,25 @@ class Bvh:
 
     Attributes
     ----------
-    nodes, triangle_packs, round_packs : Buffer
+    nodes, triangle_packs, analytic_packs : Buffer
         Laid out as ``kernels/geometry/bvh.h`` says; node 0 is the root.
-    node_count, triangle_block_count, round_block_count : int
+    node_count, triangle_block_count, analytic_block_count : int
     levels : int
         Of nodes, which bounds the traversal's stack: seven entries a level.
     """
 
     nodes: Buffer
     triangle_packs: Buffer
-    round_packs: Buffer
+    analytic_packs: Buffer
     node_count: int
     triangle_block_count: int
-    round_block_count: int
+    analytic_block_count: int
     levels: int
 
     @property
     def nbytes(self) -> int:
         """Size of nodes and packs."""
-        return self.nodes.nbytes + self.triangle_packs.nbytes + self.round_packs.nbytes
+        return self.nodes.nbytes + self.triangle_packs.nbytes + self.analytic_packs.nbytes
 
     @property
     def stack_entries(self) -> int:
@@ -129,6 +130,11 @@ class _BinaryTree:
     costs: Buffer
     root: int
 
+    @property
+    def arguments(self) -> _Arguments:
+        """As the kernels that collapse it take it."""
+        return [self.boxes, self.members, self.children, self.costs, _u(self.root)]
+
 
 class _Builder:
     """One build: its programs, and the buffers it has to give back."""
@@ -162,7 +168,7 @@ class _Builder:
         """Leave out what is not wanted."""
         units = np.empty(self._triangle_units, np.uint32)
         self.device.read(self._units, units)
-        chosen = units[among[units & ~_PAIR]]
+        chosen = units[among[units & ~_FLAGS]]
         self.device.write(self._units, chosen)
         self._triangle_units = len(chosen)
 
@@ -204,7 +210,7 @@ class _Builder:
         device, count = self.device, self.unit_count
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
         costs, clusters = device.empty(4 * COST_ROOTS * 2 * count), device.empty(4 * count)
-        arguments: _Arguments = [boxes, order, _u(self._triangle_units), _u(count), node_boxes, members]
+        arguments: _Arguments = [boxes, order, self._units, _u(self._triangle_units), _u(count), node_boxes, members]
         arguments += [costs, clusters]
         self._each(self._merge, "build_leaves", count, arguments)
         device.release(boxes)
@@ -244,13 +250,13 @@ class _Builder:
         levels = 0
         tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1
         while task_count:
-            slots, counts, totals = self._count(tree, tasks, task_count)
+            counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [tree.boxes, tree.members, tree.children, order, _u(self.unit_count), slots]
-            arguments += [_u(task_count), *counts, *(_u(number) for number in made), node_buffer, *columns, next_tasks]
+            arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts, order, _u(self.unit_count)]
+            arguments += [*(_u(number) for number in made), node_buffer, *columns, next_tasks]
             self._each(self._collapse, "build_collapse", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
-            self._release(slots, *counts, tasks)
+            self._release(*counts, tasks)
             tasks, task_count = next_tasks, totals[0]
             levels += 1
         self._release(tasks, order, tree.boxes, tree.members, tree.children, tree.costs)
@@ -260,17 +266,18 @@ class _Builder:
 
     def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:
         """The packs, column by column; only now is there memory for them."""
-        source, words = self.source, (TRIANGLE_BLOCK_WORDS, ROUND_BLOCK_WORDS)
-        triangles, rounds = (self.device.empty(4 * (w * n + _BEYOND)) for w, n in zip(words, blocks, strict=True))
+        source, words = self.source, (TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS)
+        triangles, others = (self.device.empty(4 * (w * n + _BEYOND)) for w, n in zip(words, blocks, strict=True))
         count = 8 * blocks[0]
         arguments: _Arguments = [columns[0], _u(count), self._units, source.vertices, source.triangles, triangles]
         if count:
             self._each(self._collapse, "build_triangle_columns", count, arguments)
-        count, first = 8 * blocks[1], [_u(self._triangle_units), _u(source.triangle_count)]
-        arguments = [columns[1], _u(count), *first, source.rounds, rounds]
+        count = 8 * blocks[1]
+        arguments = [columns[1], _u(count), self._units, _u(self._triangle_units), _u(source.triangle_count)]
+        arguments += [source.vertices, source.triangles, source.rounds, others]
         if count:
-            self._each(self._collapse, "build_round_columns", count, arguments)
-        return triangles, rounds
+            self._each(self._collapse, "build_analytic_columns", count, arguments)
+        return triangles, others
 
     def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
         """How many nodes and blocks there will be: a pass over the levels that writes only the next level's tasks."""
@@ -278,22 +285,21 @@ class _Builder:
         made = [0, 0, 0]
         tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1
         while task_count:
-            slots, counts, totals = self._count(tree, tasks, task_count)
+            counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [tree.members, slots, _u(task_count), counts[0], next_tasks]
+            arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), counts[0], next_tasks]
             self._each(self._collapse, "build_next_tasks", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
-            self._release(slots, *counts, tasks)
+            self._release(*counts, tasks)
             tasks, task_count = next_tasks, totals[0]
         device.release(tasks)
         return made[0], made[1], made[2]
 
-    def _count(self, tree: _BinaryTree, tasks: Buffer, task_count: int) -> tuple[Buffer, list[Buffer], list[int]]:
-        slots = self.device.empty(32 * task_count)
+    def _count(self, tree: _BinaryTree, tasks: Buffer, task_count: int) -> tuple[list[Buffer], list[int]]:
         counts = [self.device.empty(4 * task_count) for _ in range(3)]
-        arguments: _Arguments = [tree.members, tree.children, tree.costs, tasks, _u(task_count), slots, *counts]
+        arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts]
         self._each(self._collapse, "build_collapse_count", task_count, arguments)
-        return slots, counts, [scan(self.device, buffer, task_count) for buffer in counts]
+        return counts, [scan(self.device, buffer, task_count) for buffer in counts]
 
     def _each(self, program: Program, kernel: str, count: int, arguments: _Arguments) -> None:
         launch_each(self.device, program, kernel, count, arguments)

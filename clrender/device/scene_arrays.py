@@ -70,7 +70,7 @@ class SceneArrays:
             "light_order": arrays.pop("light_order"),
             "nodes": self.tree.nodes,
             "triangle_packs": self.tree.triangle_packs,
-            "round_packs": self.tree.round_packs,
+            "analytic_packs": self.tree.analytic_packs,
             "camera": device.upload(scene.camera),
         }
         geometry: list[Buffer | np.generic] = [vertices, corners, rounds]
@@ -93,7 +93,7 @@ class SceneArrays:
 
     def release(self) -> None:
         """Give the device's memory back."""
-        lent = [self.tree.nodes, self.tree.triangle_packs, self.tree.round_packs] if self._lent else []
+        lent = [self.tree.nodes, self.tree.triangle_packs, self.tree.analytic_packs] if self._lent else []
         for buffer in self.buffers.values():
             if buffer not in lent:
                 self._device.release(buffer)

@@ -99,7 +99,7 @@ class Moving:
         return [self._own.nodes, self._own.triangle_packs, self._place, *numbers]
 
     def _release(self, tree: bvh.Bvh) -> None:
-        for buffer in (tree.nodes, tree.triangle_packs, tree.round_packs):
+        for buffer in (tree.nodes, tree.triangle_packs, tree.analytic_packs):
             self._device.release(buffer)
 
     def release(self) -> None:

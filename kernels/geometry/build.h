@@ -9,13 +9,14 @@
 // Work-items of the sort and the scans go through this many elements one after the other.
 #define BUILD_CHUNK 1024u
 
-// What stands in the tree are units: triangles and pairs of them as `build_units` lists them, then spheres and disks.
+// What stands in the tree are units: triangles and pairs of them as `build_units` lists them, then spheres and disks. A pair that is a
+// rectangle square to an axis goes into the packs of those.
 //
 // The binary tree: nodes [0, n) are the units in Morton order, the others follow as they are made. `members` of a node:
 // how many units, and of which kinds.
 #define MEMBERS_COUNT 0x3fffffffu
 #define MEMBERS_TRIANGLE 0x40000000u
-#define MEMBERS_ROUND 0x80000000u
+#define MEMBERS_ANALYTIC 0x80000000u
 
 typedef struct {
     float low[3], high[3];
@@ -25,6 +26,19 @@ typedef struct {
 static vec3 build_vertex(__global const float* vertices, __global const uint* triangles, size_t corner) {
     const size_t v = (size_t)triangles[corner] * 3;
     return vec3_of(vertices[v], vertices[v + 1], vertices[v + 2]);
+}
+
+// The axis that a rectangle A B C D is square to, if it has sides along the other two, exactly: 0 to 2, else 3.
+static uint build_rectangle_axis(vec3 a, vec3 b, vec3 c, vec3 d) {
+    const float at[4][3] = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}, {d.x, d.y, d.z}};
+    for (uint axis = 0; axis < 3; ++axis) {
+        const uint u = (axis + 1) % 3, v = (axis + 2) % 3;
+        if (at[0][axis] != at[1][axis] || at[0][axis] != at[2][axis] || at[0][axis] != at[3][axis]) continue;
+        const int u_first = at[0][v] == at[1][v] && at[1][u] == at[2][u] && at[2][v] == at[3][v] && at[3][u] == at[0][u];
+        const int v_first = at[0][u] == at[1][u] && at[1][v] == at[2][v] && at[2][u] == at[3][u] && at[3][v] == at[0][v];
+        if (u_first || v_first) return axis;
+    }
+    return 3;
 }
 
 static Box box_load(__global const float* boxes, size_t index) {

@@ -1,11 +1,11 @@
 // From the binary tree to the wide one of geometry/bvh.h, level by level from the root, the way that costs least.
 #include "geometry/build_cost.h"
 
-// The roots of the eight trees, or fewer, that are below a node. Returns how many.
-static uint collapse_children(__global const uint2* children, __global const float* costs, uint node, uint child[8]) {
+// The roots of so many trees below a node, two to eight, or fewer. Returns how many.
+static uint collapse_children(__global const uint2* children, __global const float* costs, uint node, uint most, uint child[8]) {
     uint open[8], roots[8];
     uint top = 0, count = 0;
-    open[0] = node, roots[0] = 8;
+    open[0] = node, roots[0] = most;
     for (;;) {
         const uint2 pair = children[open[top]];
         const uint shared = roots[top];
@@ -24,15 +24,95 @@ static uint collapse_children(__global const uint2* children, __global const flo
     }
 }
 
+// A child of a wide node: a node of the binary tree, or several that are a pack together.
+typedef struct {
+    uint nodes[8], count;
+    uint members;
+    Box box;
+} Child;
+
+// A pack for each of two children, or one for both: what costs less, where lanes go together? Of sixteen rays that cross the scene at
+// random one at least enters a box of this area with this chance; then they are tested with the box and each of its members.
+static float collapse_cost(Box box, uint members, float scene_area) {
+    const float misses = greater(1.0f - cost_area(box) / scene_area, 0.0f);
+    const float misses2 = misses * misses, misses4 = misses2 * misses2, misses8 = misses4 * misses4;
+    const float test = members & MEMBERS_ANALYTIC ? 0.5f : 1.0f;
+    return fma(-misses8, misses8, 1.0f) * fma((float)(members & MEMBERS_COUNT), test, 1.2f);
+}
+
+// What is saved if two children become one pack; not above zero where they had better not, or cannot.
+static float collapse_gain(const Child* a, const Child* b, float scene_area) {
+    const uint together = a->members + (b->members & MEMBERS_COUNT);
+    if ((a->members ^ b->members) & ~MEMBERS_COUNT || !cost_fits_leaf(together)) return 0.0f;
+    const float apart = collapse_cost(a->box, a->members, scene_area) + collapse_cost(b->box, b->members, scene_area);
+    return apart - collapse_cost(box_union(a->box, b->box), together, scene_area);
+}
+
+static void collapse_join(Child* a, const Child* b) {
+    for (uint k = 0; k < b->count; ++k) a->nodes[a->count++] = b->nodes[k];
+    a->members += b->members & MEMBERS_COUNT;
+    a->box = box_union(a->box, b->box);
+}
+
+// Join packs among the children as long as that saves anything. Returns how many children there are then.
+static uint collapse_join_packs(Child child[8], uint count, float scene_area) {
+    for (;;) {
+        float most = 0.0f;
+        uint first = 0, second = 0;
+        for (uint a = 0; a < count; ++a) {
+            for (uint b = a + 1; b < count; ++b) {
+                const float gain = collapse_gain(&child[a], &child[b], scene_area);
+                if (gain > most) most = gain, first = a, second = b;
+            }
+        }
+        if (!(most > 0.0f)) return count;
+        collapse_join(&child[first], &child[second]);
+        --count;
+        for (uint i = second; i < count; ++i) child[i] = child[i + 1];
+    }
+}
+
+// Of the children the largest that is a node, or `count`.
+static uint collapse_largest(const Child child[8], uint count) {
+    float area = -1.0f;
+    uint largest = count;
+    for (uint i = 0; i < count; ++i)
+        if (!cost_fits_leaf(child[i].members) && cost_area(child[i].box) > area) area = cost_area(child[i].box), largest = i;
+    return largest;
+}
+
+// The children of a wide node in the place of a binary one: as they cost least, with packs joined that do better together; and where that
+// leaves room, the largest node's children in its place.
+static uint collapse_node(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
+                          __global const float* costs, uint node, float scene_area, Child child[8]) {
+    uint found[8];
+    uint count = 1, place = 0, some = 1;
+    found[0] = node;
+    // Only the root of a scene may fit into one pack
+    if (!cost_fits_leaf(members[node])) some = collapse_children(children, costs, node, 8, found);
+    for (;;) {
+        for (uint i = 0; i < some; ++i) {
+            Child* one = &child[i == 0 ? place : count++];
+            one->nodes[0] = found[i], one->count = 1;
+            one->members = members[found[i]];
+            one->box = box_load(node_boxes, found[i]);
+        }
+        count = collapse_join_packs(child, count, scene_area);
+        place = collapse_largest(child, count);
+        if (count == 8 || place == count) return count;
+        some = collapse_children(children, costs, child[place].nodes[0], 9 - count, found);
+    }
+}
+
 // Where in blocks of their own the packs of one kind among the children go: the largest first, each into the first block that has
 // room. Returns how many blocks. With NONE a child is something else.
-static uint collapse_places(__global const uint* members, const uint child[8], uint count, uint kind, uint places[8]) {
+static uint collapse_places(const Child child[8], uint count, uint kind, uint places[8]) {
     uint taken[8];
     uint blocks = 0;
     for (uint i = 0; i < count; ++i) places[i] = NONE;
     for (uint size = 8; size > 0; --size) {
         for (uint i = 0; i < count; ++i) {
-            if (members[child[i]] != (kind | size)) continue;
+            if (child[i].members != (kind | size)) continue;
             uint block = 0;
             while (block < blocks && taken[block] + size > 8) ++block;
             if (block == blocks) taken[blocks++] = 0;
@@ -43,53 +123,54 @@ static uint collapse_places(__global const uint* members, const uint child[8], u
     return blocks;
 }
 
-// Each task is a binary node that becomes a wide one: its children, and how many of them are nodes, and how many blocks the packs of
-// triangles and of rounds among them take.
-__kernel void build_collapse_count(__global const uint* members, __global const uint2* children, __global const float* costs,
-                                   __global const uint* tasks, uint task_count, __global uint* slots, __global uint* inner,
-                                   __global uint* triangle_blocks, __global uint* round_blocks) {
+// The binary tree and its root, and binary nodes that become wide ones.
+#define COLLAPSE_PARAMETERS                                                                                                 \
+    __global const float *node_boxes, __global const uint *members, __global const uint2 *children, __global const float *costs, \
+        uint root, __global const uint *tasks, uint task_count
+#define COLLAPSE_CHILDREN(child)                                                                                            \
+    collapse_node(node_boxes, members, children, costs, tasks[task], cost_area(box_load(node_boxes, root)), child)
+
+// Of each task: how many of its children are nodes, and how many blocks the packs of triangles and of the others among them take.
+__kernel void build_collapse_count(COLLAPSE_PARAMETERS, __global uint* inner, __global uint* triangle_blocks,
+                                   __global uint* analytic_blocks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
-    uint child[8];
-    uint count = 1;
-    child[0] = tasks[task];
-    // Only the root of a scene that fits into one pack
-    if (!cost_fits_leaf(members[child[0]])) count = collapse_children(children, costs, tasks[task], child);
+    Child child[8];
     uint inners = 0, places[8];
-    for (uint i = 0; i < 8; ++i) {
-        slots[(size_t)task * 8 + i] = i < count ? child[i] : NONE;
-        if (i < count && !cost_fits_leaf(members[child[i]])) ++inners;
-    }
+    const uint count = COLLAPSE_CHILDREN(child);
+    for (uint i = 0; i < count; ++i) inners += cost_fits_leaf(child[i].members) ? 0 : 1;
     inner[task] = inners;
-    triangle_blocks[task] = collapse_places(members, child, count, MEMBERS_TRIANGLE, places);
-    round_blocks[task] = collapse_places(members, child, count, MEMBERS_ROUND, places);
+    triangle_blocks[task] = collapse_places(child, count, MEMBERS_TRIANGLE, places);
+    analytic_blocks[task] = collapse_places(child, count, MEMBERS_ANALYTIC, places);
 }
 
-// The tasks of the next level, where nothing else is wanted of this one.
-__kernel void build_next_tasks(__global const uint* members, __global const uint* slots, uint task_count,
-                               __global const uint* inner, __global uint* next_tasks) {
+// The tasks of the next level, where nothing else is wanted of this one. `inner`: sums of the above.
+__kernel void build_next_tasks(COLLAPSE_PARAMETERS, __global const uint* inner, __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
+    Child child[8];
     uint next = inner[task];
-    for (uint i = 0; i < 8; ++i) {
-        const uint child = slots[(size_t)task * 8 + i];
-        if (child != NONE && !cost_fits_leaf(members[child])) next_tasks[next++] = child;
-    }
+    const uint count = COLLAPSE_CHILDREN(child);
+    for (uint i = 0; i < count; ++i)
+        if (!cost_fits_leaf(child[i].members)) next_tasks[next++] = child[i].nodes[0];
 }
 
-// The units below a node that becomes a leaf, in order.
-static uint collapse_units(__global const uint2* children, __global const uint* order, uint leaf_count, uint node,
+// The units below the nodes that become a pack, in order.
+static uint collapse_units(__global const uint2* children, __global const uint* order, uint leaf_count, const Child* child,
                            uint units[8]) {
-    uint stack[8];
-    uint top = 0, count = 0;
-    stack[top++] = node;
-    while (top > 0) {
-        const uint at = stack[--top];
-        if (at < leaf_count) {
-            units[count++] = order[at];
-        } else {
-            stack[top++] = children[at].y;
-            stack[top++] = children[at].x;
+    uint count = 0;
+    for (uint k = 0; k < child->count; ++k) {
+        uint stack[8];
+        uint top = 0;
+        stack[top++] = child->nodes[k];
+        while (top > 0) {
+            const uint at = stack[--top];
+            if (at < leaf_count) {
+                units[count++] = order[at];
+            } else {
+                stack[top++] = children[at].y;
+                stack[top++] = children[at].x;
+            }
         }
     }
     return count;
@@ -97,35 +178,36 @@ static uint collapse_units(__global const uint2* children, __global const uint* 
 
 // Writes the nodes of a level, what the columns of its packs hold, and the tasks of the next level. `first_*`: how many of each exist from
 // earlier levels.
-__kernel void build_collapse(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
-                             __global const uint* order, uint leaf_count, __global const uint* slots, uint task_count,
-                             __global const uint* inner, __global const uint* triangle_offsets, __global const uint* round_offsets,
-                             uint first_node, uint first_triangle_block, uint first_round_block, __global float* nodes,
-                             __global uint* triangle_columns, __global uint* round_columns, __global uint* next_tasks) {
+__kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __global const uint* triangle_offsets,
+                             __global const uint* analytic_offsets, __global const uint* order, uint leaf_count, uint first_node,
+                             uint first_triangle_block, uint first_analytic_block, __global float* nodes,
+                             __global uint* triangle_columns, __global uint* analytic_columns, __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
     __global float* node = nodes + (size_t)(first_node + task) * BVH_NODE_WORDS;
-    uint next = inner[task], count = 0, child[8], triangle_places[8], round_places[8];
-    for (; count < 8 && slots[(size_t)task * 8 + count] != NONE; ++count) child[count] = slots[(size_t)task * 8 + count];
+    Child child[8];
+    uint next = inner[task], triangle_places[8], analytic_places[8];
+    const uint count = COLLAPSE_CHILDREN(child);
     const uint first_triangle = (first_triangle_block + triangle_offsets[task]) * 8;
-    const uint first_round = (first_round_block + round_offsets[task]) * 8;
-    const uint triangle_blocks = collapse_places(members, child, count, MEMBERS_TRIANGLE, triangle_places);
-    const uint round_blocks = collapse_places(members, child, count, MEMBERS_ROUND, round_places);
+    const uint first_analytic = (first_analytic_block + analytic_offsets[task]) * 8;
+    const uint triangle_blocks = collapse_places(child, count, MEMBERS_TRIANGLE, triangle_places);
+    const uint analytic_blocks = collapse_places(child, count, MEMBERS_ANALYTIC, analytic_places);
     for (uint k = 0; k < triangle_blocks * 8; ++k) triangle_columns[first_triangle + k] = NONE;
-    for (uint k = 0; k < round_blocks * 8; ++k) round_columns[first_round + k] = NONE;
+    for (uint k = 0; k < analytic_blocks * 8; ++k) analytic_columns[first_analytic + k] = NONE;
     for (uint i = 0; i < 8; ++i) {
         uint reference = BVH_EMPTY;
-        const Box b = i < count ? box_load(node_boxes, child[i]) : box_empty();
-        if (i < count && !cost_fits_leaf(members[child[i]])) {
+        Box b = box_empty();
+        if (i < count) b = child[i].box;
+        if (i < count && !cost_fits_leaf(child[i].members)) {
             reference = first_node + task_count + next;
-            next_tasks[next++] = child[i];
+            next_tasks[next++] = child[i].nodes[0];
         } else if (i < count) {
             uint units[8];
-            const uint size = collapse_units(children, order, leaf_count, child[i], units);
-            const int round = triangle_places[i] == NONE;
-            const uint place = round ? first_round + round_places[i] : first_triangle + triangle_places[i];
-            for (uint k = 0; k < size; ++k) (round ? round_columns : triangle_columns)[place + k] = units[k];
-            reference = BVH_LEAF | (round ? BVH_ROUND : 0u) | (size - 1u) << BVH_COUNT | place;
+            const uint size = collapse_units(children, order, leaf_count, &child[i], units);
+            const int analytic = triangle_places[i] == NONE;
+            const uint place = analytic ? first_analytic + analytic_places[i] : first_triangle + triangle_places[i];
+            for (uint k = 0; k < size; ++k) (analytic ? analytic_columns : triangle_columns)[place + k] = units[k];
+            reference = BVH_LEAF | (analytic ? BVH_ANALYTIC : 0u) | (size - 1u) << BVH_COUNT | place;
         }
         for (int k = 0; k < 3; ++k) {
             node[BVH_LOW + k * 8 + i] = b.low[k];
@@ -157,18 +239,47 @@ __kernel void build_triangle_columns(__global const uint* columns, uint count, _
     for (uint k = 0; k < TRIANGLE_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];
 }
 
-__kernel void build_round_columns(__global const uint* columns, uint count, uint triangle_units, uint triangle_count,
-                                  __global const Round* rounds, __global float* packs) {
+// The column of a rectangle, from its corners.
+static void build_rectangle(float rows[ANALYTIC_BLOCK_WORDS / 8], const vec3 corner[6]) {
+    const vec3 a = corner[0], b = corner[1], c = corner[2], d = corner[5];
+    const uint axis = build_rectangle_axis(a, b, c, d), u = (axis + 1) % 3, v = (axis + 2) % 3;
+    const float from[3] = {a.x, a.y, a.z}, to[3] = {c.x, c.y, c.z}, second[3] = {d.x, d.y, d.z};
+    float half_side[3];
+    for (uint k = 0; k < 3; ++k) {
+        rows[k] = from[k] * 0.5f + to[k] * 0.5f;
+        half_side[k] = greater(absolute(from[k] - rows[k]), absolute(to[k] - rows[k]));
+    }
+    // Beyond the line from A to C is what lies on the side of D
+    const float right = from[u] < to[u] ? 1.0f : -1.0f, up = from[v] < to[v] ? 1.0f : -1.0f;
+    const float side = second[u] == from[u] ? 1.0f : -1.0f;
+    rows[3] = half_side[u] * (1.0f + 8.0f * EPSILON);
+    rows[4] = half_side[v] * (1.0f + 8.0f * EPSILON);
+    rows[5] = -side * right / half_side[u];
+    rows[6] = side * up / half_side[v];
+    rows[ANALYTIC_KIND / 8] = as_float((ANALYTIC_RECTANGLE + axis) | BVH_NUMBER);
+}
+
+__kernel void build_analytic_columns(__global const uint* columns, uint count, __global const uint* units, uint triangle_units,
+                                     uint triangle_count, __global const float* vertices, __global const uint* triangles,
+                                     __global const Round* rounds, __global float* packs) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
-    __global float* column = packs + (size_t)(i / 8u) * ROUND_BLOCK_WORDS + i % 8u;
-    float rows[ROUND_BLOCK_WORDS / 8] = {0.0f};
-    if (columns[i] != NONE) {
+    __global float* column = packs + (size_t)(i / 8u) * ANALYTIC_BLOCK_WORDS + i % 8u;
+    float rows[ANALYTIC_BLOCK_WORDS / 8] = {0.0f};
+    if (columns[i] != NONE && columns[i] < triangle_units) {
+        const uint unit = units[columns[i]] & ~BVH_RECTANGLE;
+        vec3 corner[6];
+        for (uint k = 0; k < 6; ++k) corner[k] = build_vertex(vertices, triangles, (size_t)(unit & ~BVH_PAIR) * 3 + k);
+        build_rectangle(rows, corner);
+        rows[ANALYTIC_ID / 8] = as_float(unit | BVH_NUMBER);
+    } else if (columns[i] != NONE) {
         const uint number = columns[i] - triangle_units;
         const Round r = rounds[number];
+        const int disk = r.normal.x != 0.0f || r.normal.y != 0.0f || r.normal.z != 0.0f;
         rows[0] = r.center_radius.x, rows[1] = r.center_radius.y, rows[2] = r.center_radius.z, rows[3] = r.center_radius.w;
         rows[4] = r.normal.x, rows[5] = r.normal.y, rows[6] = r.normal.z;
-        rows[ROUND_ID / 8] = as_float((number + triangle_count) | BVH_NUMBER);
+        rows[ANALYTIC_KIND / 8] = as_float((disk ? ANALYTIC_DISK : ANALYTIC_SPHERE) | BVH_NUMBER);
+        rows[ANALYTIC_ID / 8] = as_float((number + triangle_count) | BVH_NUMBER);
     }
-    for (uint k = 0; k < ROUND_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];
+    for (uint k = 0; k < ANALYTIC_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];
 }

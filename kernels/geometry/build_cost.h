@@ -18,7 +18,7 @@ static float cost_area(Box box) {
 // Whether the units below a node fit into a pack: then they are one, where the node is a tree of its own.
 static int cost_fits_leaf(uint members) {
     const uint kinds = members & ~MEMBERS_COUNT;
-    return (members & MEMBERS_COUNT) <= 8u && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ROUND);
+    return (members & MEMBERS_COUNT) <= 8u && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ANALYTIC);
 }
 
 static float cost_of(__global const float* costs, uint node, uint roots) {

@@ -9,15 +9,16 @@
 #define MERGE_CHUNK 64
 
 // Leaves of the binary tree, in Morton order.
-__kernel void build_leaves(__global const float* boxes, __global const uint* order, uint triangle_units, uint count,
-                           __global float* node_boxes, __global uint* members, __global float* costs, __global uint* clusters) {
+__kernel void build_leaves(__global const float* boxes, __global const uint* order, __global const uint* units, uint triangle_units,
+                           uint count, __global float* node_boxes, __global uint* members, __global float* costs, __global uint* clusters) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     const uint unit = order[i];
     const Box box = box_load(boxes, unit);
     box_save(node_boxes, i, box);
     cost_save_unit(costs, i, box);
-    members[i] = 1u | (unit < triangle_units ? MEMBERS_TRIANGLE : MEMBERS_ROUND);
+    const int triangle = unit < triangle_units && !(units[unit] & BVH_RECTANGLE);
+    members[i] = 1u | (triangle ? MEMBERS_TRIANGLE : MEMBERS_ANALYTIC);
     clusters[i] = i;
 }
 

@@ -32,8 +32,13 @@ __kernel void build_units(__global const float* vertices, __global const uint* t
     const uint i = (uint)get_global_id(0);
     if (i >= triangle_count) return;
     if (i > 0 && build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i - 1)) return;
-    const int pair = build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i);
-    units[places[i]] = pair ? i | BVH_PAIR : i;
+    uint unit = i;
+    if (build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i)) {
+        vec3 corner[6];
+        for (uint k = 0; k < 6; ++k) corner[k] = build_vertex(vertices, triangles, (size_t)i * 3 + k);
+        unit |= BVH_PAIR | (build_rectangle_axis(corner[0], corner[1], corner[2], corner[5]) < 3 ? BVH_RECTANGLE : 0u);
+    }
+    units[places[i]] = unit;
 }
 
 // Boxes, larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one
@@ -46,7 +51,7 @@ __kernel void build_boxes(__global const uint* units, __global const float* vert
     Box b = box_empty();
     float slack = 0.0f, extent[3];
     if (i < triangle_units) {
-        const uint first = units[i] & ~BVH_PAIR, corners = units[i] & BVH_PAIR ? 6 : 3;
+        const uint first = units[i] & ~(BVH_PAIR | BVH_RECTANGLE), corners = units[i] & BVH_PAIR ? 6 : 3;
         for (uint corner = 0; corner < corners; ++corner) {
             const size_t v = (size_t)triangles[(size_t)first * 3 + corner] * 3;
             for (int k = 0; k < 3; ++k) {

@@ -1,8 +1,8 @@
 // The tree: eight children a node, eight primitives a leaf, as the builder (build_*.cl) writes it and both traversals read it.
 //
 // A node is 56 words: low x, y, z and high x, y, z of its children's boxes, eight each, then eight references. Children fill
-// the front. A reference is BVH_EMPTY, the number of a node, or with BVH_LEAF a pack: of triangles, or with BVH_ROUND of spheres and
-// disks. It tells how many members the pack has, less one, above BVH_COUNT, and where they begin.
+// the front. A reference is BVH_EMPTY, the number of a node, or with BVH_LEAF a pack: of triangles, or with BVH_ANALYTIC of spheres,
+// disks and rectangles. It tells how many members the pack has, less one, above BVH_COUNT, and where they begin.
 //
 // Packs lie in blocks of eight columns, a member a column. Siblings share a block where they fit, which spares a quarter of the memory:
 // so who reads eight columns from a pack's first reads what is not the pack's, and has to leave it out.
@@ -12,7 +12,7 @@
 #define BVH_NODE_WORDS 56
 #define BVH_EMPTY 0xffffffffu
 #define BVH_LEAF 0x80000000u
-#define BVH_ROUND 0x40000000u
+#define BVH_ANALYTIC 0x40000000u
 #define BVH_COUNT 27
 #define BVH_INDEX 0x07ffffffu
 #define BVH_LOW 0
@@ -24,10 +24,18 @@
 #define TRIANGLE_BLOCK_WORDS 128
 #define TRIANGLE_ID 120
 #define BVH_PAIR 0x80000000u
-// Centre x, y, z, radius, normal x, y, z (zero for a sphere); then the primitives' numbers.
-#define ROUND_BLOCK_WORDS 64
-#define ROUND_ID 56
-// Set in all numbers of primitives: as a float it is a normal number, which processors multiply as fast as any.
+// Rows of a block of what is no triangle: centre x, y, z; radius, and a disk's normal x, y, z; which of the kinds below; then the
+// primitives' numbers. Two triangles that are a rectangle square to an axis have in the place of radius and normal half their extents
+// along the next axis and the one after it, and the two numbers by which the second triangle is told from the first (rectangle.inc).
+#define ANALYTIC_BLOCK_WORDS 72
+#define ANALYTIC_KIND 56
+#define ANALYTIC_ID 64
+#define ANALYTIC_SPHERE 0u
+#define ANALYTIC_DISK 1u
+#define ANALYTIC_RECTANGLE 2u    // square to x; then to y, to z
+// In a list of units, beside BVH_PAIR: the pair is a rectangle square to an axis.
+#define BVH_RECTANGLE 0x20000000u
+// Set in all numbers of primitives and kinds: as a float it is a normal number, which processors multiply as fast as any.
 #define BVH_NUMBER 0x40000000u
 
 // Entries a traversal may have to keep: seven for each level of the tree. The host sets it for trees deeper than usual.
@@ -38,7 +46,7 @@
 typedef struct {
     __global const float* nodes;
     __global const float* triangle_packs;
-    __global const float* round_packs;
+    __global const float* analytic_packs;
     uint root;           // a reference
 } Bvh;
 

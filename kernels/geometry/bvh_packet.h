@@ -74,20 +74,38 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
     ray->primitive = primitive;
 }
 
-static void packet_rounds(PacketRay* ray, const Bvh* bvh, uint reference, vfloat entered, int any_hit) {
-    __global const float* pack = bvh_pack(bvh->round_packs, ROUND_BLOCK_WORDS, reference);
+// The rectangle in the pack's first column, square to the axis `a`, with sides along `u` and `v`.
+#define PACKET_RECTANGLE(a, u, v)                                                                                           \
+    rectangle_hit_lanes(from.a, -ray->inverse.a, from.u, from.v, ray->direction.u, ray->direction.v, splat(pack[24]),         \
+                        splat(pack[32]), &distance, &place_u, &place_v)
+
+static void packet_analytic(PacketRay* ray, const Bvh* bvh, uint reference, vfloat entered, int any_hit) {
+    __global const float* pack = bvh_pack(bvh->analytic_packs, ANALYTIC_BLOCK_WORDS, reference);
     for (uint left = bvh_members(reference); left > 0; --left, ++pack) {
-        const uint id = as_uint(pack[ROUND_ID]) & ~BVH_NUMBER;
-        const float cx = pack[0], cy = pack[8], cz = pack[16], radius = pack[24], nx = pack[32], ny = pack[40], nz = pack[48];
-        const vec3 to = vec3_of(cx - ray->origin.x, cy - ray->origin.y, cz - ray->origin.z);
-        const vec3 d = ray->direction;
+        const uint word = as_uint(pack[ANALYTIC_ID]) & ~BVH_NUMBER, first = word & ~BVH_PAIR, last = first + (word >> 31);
+        const uint kind = as_uint(pack[ANALYTIC_KIND]) & ~BVH_NUMBER;
+        const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
+        vuint id = splat_uint(first);
         vfloat distance;
         vmask hit;
-        if (nx != 0.0f || ny != 0.0f || nz != 0.0f)
-            hit = disk_hit_lanes(to.x, to.y, to.z, splat(radius), splat(nx), splat(ny), splat(nz), d.x, d.y, d.z, &distance);
-        else
-            hit = sphere_hit_lanes(to.x, to.y, to.z, splat(radius), d.x, d.y, d.z, ray->inverse2, &distance);
-        packet_keep(ray, hit, distance, entered, splat_uint(id), id, id, any_hit, &ray->nearest, &ray->primitive);
+        if (kind >= ANALYTIC_RECTANGLE) {
+            vfloat place_u, place_v;
+            if (kind == ANALYTIC_RECTANGLE)
+                hit = PACKET_RECTANGLE(x, y, z);
+            else if (kind == ANALYTIC_RECTANGLE + 1u)
+                hit = PACKET_RECTANGLE(y, z, x);
+            else
+                hit = PACKET_RECTANGLE(z, x, y);
+            if (!any_hit) id = rectangle_second_lanes(place_u, place_v, splat(pack[40]), splat(pack[48])) ? splat_uint(last) : id;
+        } else {
+            const vec3 to = negate(from), d = ray->direction;
+            const vfloat radius = splat(pack[24]);
+            if (kind == ANALYTIC_DISK)
+                hit = disk_hit_lanes(to.x, to.y, to.z, radius, splat(pack[32]), splat(pack[40]), splat(pack[48]), d.x, d.y, d.z, &distance);
+            else
+                hit = sphere_hit_lanes(to.x, to.y, to.z, radius, d.x, d.y, d.z, ray->inverse2, &distance);
+        }
+        packet_keep(ray, hit, distance, entered, id, first, last, any_hit, &ray->nearest, &ray->primitive);
     }
 }
 
@@ -170,8 +188,8 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
             } else
 #endif
                 top = packet_children(ray, bvh->nodes + (size_t)reference * BVH_NODE_WORDS, stack, stack_near, top);
-        } else if (reference & BVH_ROUND)
-            packet_rounds(ray, bvh, reference, entered, any_hit);
+        } else if (reference & BVH_ANALYTIC)
+            packet_analytic(ray, bvh, reference, entered, any_hit);
         else
             packet_triangles(ray, bvh, reference, entered, any_hit);
     }

@@ -62,18 +62,26 @@ static void single_triangles(SingleRays* rays, int lane, const Bvh* bvh, uint re
     single_keep(rays, lane, hit, c > b, distance, entered, pack + TRIANGLE_ID, bvh_members(reference), any_hit);
 }
 
-static void single_rounds(SingleRays* rays, int lane, const Bvh* bvh, uint reference, float entered, int any_hit) {
-    __global const float* pack = bvh_pack(bvh->round_packs, ROUND_BLOCK_WORDS, reference);
-    const float8 cx = vload8(0, pack), cy = vload8(1, pack), cz = vload8(2, pack), radius = vload8(3, pack);
-    const float8 nx = vload8(4, pack), ny = vload8(5, pack), nz = vload8(6, pack);
+static void single_analytic(SingleRays* rays, int lane, const Bvh* bvh, uint reference, float entered, int any_hit) {
+    __global const float* pack = bvh_pack(bvh->analytic_packs, ANALYTIC_BLOCK_WORDS, reference);
+    const float8 from_x = rays->origin[0][lane] - vload8(0, pack), from_y = rays->origin[1][lane] - vload8(1, pack);
+    const float8 from_z = rays->origin[2][lane] - vload8(2, pack);
+    const float8 radius = vload8(3, pack), nx = vload8(4, pack), ny = vload8(5, pack), nz = vload8(6, pack);
     const float8 dx = (float8)(rays->direction[0][lane]), dy = (float8)(rays->direction[1][lane]);
     const float8 dz = (float8)(rays->direction[2][lane]);
-    const float8 to_x = cx - rays->origin[0][lane], to_y = cy - rays->origin[1][lane], to_z = cz - rays->origin[2][lane];
-    const int8 disk = (nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f);
-    float8 sphere_distance, disk_distance;
-    const int8 sphere = sphere_hit_pack(to_x, to_y, to_z, radius, dx, dy, dz, (float8)(rays->inverse2[lane]), &sphere_distance);
-    const int8 flat = disk_hit_pack(to_x, to_y, to_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
-    single_keep(rays, lane, disk ? flat : sphere, (int8)(0), disk ? disk_distance : sphere_distance, entered, pack + ROUND_ID,
+    float8 sphere_distance, disk_distance, distance, place_u, place_v;
+    const int8 sphere = sphere_hit_pack(-from_x, -from_y, -from_z, radius, dx, dy, dz, (float8)(rays->inverse2[lane]), &sphere_distance);
+    const int8 flat = disk_hit_pack(-from_x, -from_y, -from_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
+    const uint8 kind = as_uint8(vload8(ANALYTIC_KIND / 8, pack)) & ~BVH_NUMBER;
+    const int8 disk = kind == ANALYTIC_DISK, rectangle = kind >= ANALYTIC_RECTANGLE;
+    const int8 x = kind == ANALYTIC_RECTANGLE, y = kind == ANALYTIC_RECTANGLE + 1u;
+    const float8 inverse = x ? (float8)(rays->inverse[0][lane]) : (y ? (float8)(rays->inverse[1][lane]) : (float8)(rays->inverse[2][lane]));
+    const int8 upright = rectangle_hit_pack(x ? from_x : (y ? from_y : from_z), -inverse, x ? from_y : (y ? from_z : from_x),
+                                            x ? from_z : (y ? from_x : from_y), x ? dy : (y ? dz : dx), x ? dz : (y ? dx : dy), radius,
+                                            nx, &distance, &place_u, &place_v);
+    const int8 second = rectangle & rectangle_second_pack(place_u, place_v, ny, nz);
+    distance = rectangle ? distance : (disk ? disk_distance : sphere_distance);
+    single_keep(rays, lane, rectangle ? upright : (disk ? flat : sphere), second, distance, entered, pack + ANALYTIC_ID,
                 bvh_members(reference), any_hit);
 }
 
@@ -113,7 +121,7 @@ static void single_children(SingleRays* rays, int lane, __global const float* no
 static void single_prefetch(const Bvh* bvh, const SingleRays* rays, int lane) {
 #ifdef BVH_PREFETCH
     const uint next = (uint)rays->stack[lane][max(rays->top[lane], 0)];
-    __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, next & BVH_ROUND ? 0 : next);
+    __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, next & BVH_ANALYTIC ? 0 : next);
     __global const float* node = bvh->nodes + (size_t)(next & BVH_INDEX) * BVH_NODE_WORDS;
     const size_t leaf = 0 - (size_t)(next >> 31);
     __global const float* at = (__global const float*)(((size_t)pack & leaf) | ((size_t)node & ~leaf));
@@ -140,8 +148,8 @@ static void bvh_single(const Bvh* bvh, SingleRays* rays, int any_hit) {
             if (entered <= rays->nearest[lane]) {
                 if (!(reference & BVH_LEAF))
                     single_children(rays, lane, bvh->nodes + (size_t)reference * BVH_NODE_WORDS);
-                else if (reference & BVH_ROUND)
-                    single_rounds(rays, lane, bvh, reference, entered, any_hit);
+                else if (reference & BVH_ANALYTIC)
+                    single_analytic(rays, lane, bvh, reference, entered, any_hit);
                 else
                     single_triangles(rays, lane, bvh, reference, entered, any_hit);
             }

@@ -15,6 +15,7 @@
 #include "geometry/box.inc"
 #include "geometry/triangle.inc"
 #include "geometry/sphere.inc"
+#include "geometry/rectangle.inc"
 #undef F
 #undef I
 #undef BITS
@@ -29,6 +30,7 @@
 #include "geometry/box.inc"
 #include "geometry/triangle.inc"
 #include "geometry/sphere.inc"
+#include "geometry/rectangle.inc"
 #undef F
 #undef I
 #undef BITS

@@ -19,7 +19,7 @@
     Moving moving;                                                                                                          \
     moving.tree.nodes = moving_nodes;                                                                                       \
     moving.tree.triangle_packs = moving_packs;                                                                              \
-    moving.tree.round_packs = scene.bvh.round_packs;                                                                        \
+    moving.tree.analytic_packs = scene.bvh.analytic_packs;                                                                        \
     moving.tree.root = 0;                                                                                                   \
     moving.place = place;                                                                                                   \
     moving.first = moved;                                                                                                   \

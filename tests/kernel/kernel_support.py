@@ -136,7 +136,7 @@ class Tree:
 
     @property
     def buffers(self) -> list[Buffer]:
-        return [self.bvh.nodes, self.bvh.triangle_packs, self.bvh.round_packs]
+        return [self.bvh.nodes, self.bvh.triangle_packs, self.bvh.analytic_packs]
 
 
 @contextmanager
@@ -150,7 +150,7 @@ def tree_on(device: Device, scene: FlatScene) -> Iterator[Tree]:
     try:
         yield Tree(device, bvh)
     finally:
-        for buffer in (*arrays, bvh.nodes, bvh.triangle_packs, bvh.round_packs):
+        for buffer in (*arrays, bvh.nodes, bvh.triangle_packs, bvh.analytic_packs):
             device.release(buffer)
 
 

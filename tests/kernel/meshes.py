@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["CLOSED", "aimed", "box", "bumpy", "icosphere", "inside", "needle", "tube", "uv_sphere"]
+__all__ = ["CLOSED", "aimed", "box", "bumpy", "house", "icosphere", "inside", "needle", "tube", "uv_sphere"]
 
 Points = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int64]
@@ -17,6 +17,17 @@ def box(size: npt.ArrayLike = (1.0, 1.0, 1.0)) -> tuple[Points, Faces]:
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [(a, b, c) for a, b, c, _ in quads] + [(a, c, d) for a, _, c, d in quads]
     return corners * np.asarray(size), np.array(faces)
+
+
+def house() -> tuple[Points, Faces]:
+    """Walls and a floor that are rectangles, in two triangles each, gables of three, and a roof of parallelograms."""
+    x, y, z, top = 0.9, 0.6, 0.7, 1.1
+    low = [(-x, -y, -z), (x, -y, -z), (x, -y, z), (-x, -y, z)]
+    high = [(-x, y, -z), (x, y, -z), (x, y, z), (-x, y, z)]
+    points = np.array([*low, *high, (-x, top, 0.1), (x, top, 0.1)])
+    quads = [(0, 1, 2, 3), (2, 6, 7, 3), (4, 5, 1, 0), (0, 3, 7, 4), (6, 2, 1, 5), (7, 6, 9, 8), (8, 9, 5, 4)]
+    faces = [triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]
+    return points, np.array([*faces, (4, 7, 8), (6, 5, 9)])
 
 
 def icosphere(subdivisions: int = 3) -> tuple[Points, Faces]:
@@ -90,6 +101,7 @@ def tube(sides: int = 200, length: float = 1000.0) -> tuple[Points, Faces]:
 
 CLOSED = {
     "box": box(),
+    "house": house(),
     "long box": box((1.0, 0.5, 1000.0)),
     "icosphere": icosphere(),
     "uv sphere": uv_sphere(),

@@ -15,6 +15,11 @@ Triangles 2k and 2k + 1 that are a parallelogram but for a gap of 8 EPS of the l
 the edges AB and AD: the gap moves weights and determinant by 2 m e gap and the plane by the gap, and which of the two
 is hit is told by a difference of two weights.
 
+Those that are a rectangle square to an axis are tested as that (rectangle.inc): the distance is off by 3 EPS of its
+own, the place along a side by 5 EPS (|a| + half the side), and by EPS of the centre's coordinate, to which half the
+side is rounded up; a ray that passes beside it by twice that may hit. There is no edge-on: of a ray across the axis
+the distance is that of the plane.
+
 **Spheres** (sphere.inc). The line's distance from the centre is off by EPS |a| (of a), EPS |g|, 8 EPS |a| along the
 ray, which adds less than itself, and 3 EPS of both squares: `reach` = 10 EPS (|a| + r). Half the chord moves with it.
 The middle is off by 9 EPS |a|; the root far from the origin of the ray by both; |a|² - r² by 6 EPS (|a|² + r²), and
@@ -105,7 +110,53 @@ def triangles(rays: Rays, corners: npt.NDArray[np.float32]) -> Candidates:
     sure = inside & (np.abs(determinant) - unsure > edge_on) & (distance > tolerance)
     possible = (least >= -2 * allowed) & (np.abs(determinant) + unsure > edge_on)
     nothing = np.zeros_like(distance)
-    return Candidates(sure, possible, distance, tolerance, nothing, nothing + np.inf, ~inside)
+    found = Candidates(sure, possible, distance, tolerance, nothing, nothing + np.inf, ~inside)
+    for pair in _rectangles(corners):
+        _rectangle(rays, corners[2 * pair : 2 * pair + 2], 2 * pair, found)
+    return found
+
+
+def _rectangles(corners: npt.NDArray[np.float32]) -> list[int]:
+    """Which pairs of triangles 2k and 2k + 1 are rectangles square to an axis."""
+    first, second = corners[: len(corners) // 2 * 2 : 2], corners[1::2]
+    shared = (first[:, 0] == second[:, 0]).all(1) & (first[:, 2] == second[:, 1]).all(1)
+    around = np.stack([first[:, 0], first[:, 1], first[:, 2], second[:, 2]], 1)
+    steps = np.roll(around, -1, axis=1) != around
+    sides = (steps.sum(2) == 1).all(1) & (steps.any(1).sum(1) == 2)
+    return [int(k) for k in np.flatnonzero(shared & sides)]
+
+
+def _rectangle(rays: Rays, pair: npt.NDArray[np.float32], number: int, found: Candidates) -> None:
+    """Put down what may be hit of a rectangle in the columns of its two triangles."""
+    d, origin = rays.directions.astype(np.float64), rays.origins.astype(np.float64)
+    corners = pair.astype(np.float64)
+    low, high = corners.min((0, 1)), corners.max((0, 1))
+    axis = int(np.flatnonzero(low == high)[0])
+    sides = [k for k in range(3) if k != axis]
+    middle, half = (low + high) / 2, (high - low) / 2
+    with np.errstate(all="ignore"):
+        distance = (middle[axis] - origin[:, axis]) / d[:, axis]
+        place = origin + distance[:, None] * d - middle
+    beside = np.abs(place[:, sides]) - half[sides]
+    room = 2 * EPS * (5 * (np.abs(origin - middle) + half) + 4 * half + np.abs(middle))[:, sides]
+    met = np.isfinite(distance) & (beside <= room).all(1)
+    # Twice the area of the triangle that the point makes with the diagonal, above zero on the triangle's own side.
+    along = pair[0, 2].astype(np.float64) - pair[0, 0]
+    for k, corner in enumerate((corners[0, 1], corners[1, 2])):
+        own = np.cross(along, corner - corners[0, 0])[axis]
+        with np.errstate(invalid="ignore"):
+            side = (along[sides[0]] * place[:, sides[1]] - along[sides[1]] * place[:, sides[0]]) * (
+                1 if axis != 1 else -1
+            )
+        side = side * np.sign(own)
+        doubt = np.abs(along[sides[0]]) * room[:, 1] + np.abs(along[sides[1]]) * room[:, 0]
+        tolerance = 8 * EPS * np.abs(distance) + 1e-37
+        inside = met & (beside <= 0).all(1) & (side >= 0)
+        column = number + k
+        found.sure[:, column] = inside & (distance > tolerance)
+        found.possible[:, column] = met & (side >= -doubt)
+        found.distance[:, column], found.tolerance[:, column] = distance, tolerance
+        found.loose[:, column] = ~(met & (beside <= 0).all(1))
 
 
 def _tested(vertices: Floats) -> tuple[Floats, Floats, Floats]:

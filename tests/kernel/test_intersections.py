@@ -53,6 +53,14 @@ def soup(rng: np.random.Generator, count: int = 120) -> Points:
     # Parallelograms, A B C and A C D, but for the rounding of their corners.
     first = corners[-2 * k :: 2]
     corners[-2 * k + 1 :: 2] = np.stack([first[:, 0], first[:, 2], first[:, 0] + first[:, 2] - first[:, 1]], 1)
+    # Half of them rectangles square to an axis, wound either way, from either corner.
+    for i in range(-2 * k, -k + k % 2, 2):
+        a, c = corners[i, 0], corners[i, 2].copy()
+        axis, other = i // 2 % 3, (i // 2 + 1 + i // 6 % 2) % 3
+        c[axis] = a[axis]
+        b, d = a.copy(), c.copy()
+        b[other], d[other] = c[other], a[other]
+        corners[i], corners[i + 1] = (a, b, c), (a, c, d)
     return corners
 
 

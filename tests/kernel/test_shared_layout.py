@@ -78,7 +78,7 @@ def test_an_array_of_structs_is_read_member_by_member(all_devices: list[Device],
     [
         ("geometry/bvh.h", "BVH_NODE_WORDS", bvh.NODE_WORDS),
         ("geometry/bvh.h", "TRIANGLE_BLOCK_WORDS", bvh.TRIANGLE_BLOCK_WORDS),
-        ("geometry/bvh.h", "ROUND_BLOCK_WORDS", bvh.ROUND_BLOCK_WORDS),
+        ("geometry/bvh.h", "ANALYTIC_BLOCK_WORDS", bvh.ANALYTIC_BLOCK_WORDS),
         ("geometry/bvh.h", "BVH_STACK", bvh.STACK),
         ("geometry/build.h", "BUILD_CHUNK", ordering.CHUNK),
         ("geometry/build_merge.cl", "MERGE_CHUNK", bvh.MERGE_CHUNK),

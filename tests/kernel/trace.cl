@@ -12,11 +12,11 @@ static Ray trace_load(__global const float* rays, __global const uint* ends, uin
     return ray;
 }
 
-static Bvh trace_tree(__global const float* nodes, __global const float* triangle_packs, __global const float* round_packs) {
+static Bvh trace_tree(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs) {
     Bvh bvh;
     bvh.nodes = nodes;
     bvh.triangle_packs = triangle_packs;
-    bvh.round_packs = round_packs;
+    bvh.analytic_packs = analytic_packs;
     bvh.root = 0;
     return bvh;
 }
@@ -24,12 +24,12 @@ static Bvh trace_tree(__global const float* nodes, __global const float* triangl
 // rays: float [7][count], origin, direction, limit. ends: uint [2][count], from and to. A ray with a limit below zero is not traced.
 // distances: float [count]. hits: uint [2][count], the primitive, and whether anything but `to` is in the way. count: a multiple
 // of LANES.
-__kernel void trace(__global const float* nodes, __global const float* triangle_packs, __global const float* round_packs,
+__kernel void trace(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs,
                     __global const float* rays, __global const uint* ends, uint count, __global float* distances,
                     __global uint* hits) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
-    const Bvh bvh = trace_tree(nodes, triangle_packs, round_packs);
+    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs);
     Ray ray = trace_load(rays, ends, count, at);
     const vmask active = ray.limit >= 0.0f;
     const Hit hit = traverse_nearest(&bvh, &ray, active);
@@ -42,14 +42,14 @@ __kernel void trace(__global const float* nodes, __global const float* triangle_
 
 // The definition, without a tree: every primitive of every leaf whose box the ray enters (geometry/box.h). For LANES = 1.
 __kernel void trace_every_leaf(__global const float* nodes, __global const float* triangle_packs,
-                               __global const float* round_packs, uint node_count, __global const float* rays,
+                               __global const float* analytic_packs, uint node_count, __global const float* rays,
                                __global const uint* ends, uint count, __global float* distances, __global uint* hits) {
 #if LANES == 1
     const size_t at = get_global_id(0);
     if (at >= count) return;
     const Ray ray = trace_load(rays, ends, count, at);
     PacketRay one = packet_ray(&ray, 1);
-    const Bvh bvh = trace_tree(nodes, triangle_packs, round_packs);
+    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs);
     for (uint number = 0; number < node_count; ++number) {
         __global const float* node = nodes + (size_t)number * BVH_NODE_WORDS;
         for (int i = 0; i < 8; ++i) {
@@ -60,8 +60,8 @@ __kernel void trace_every_leaf(__global const float* nodes, __global const float
                                node[24 + i] - one.origin.x, node[32 + i] - one.origin.y, node[40 + i] - one.origin.z,
                                one.inverse.x, one.inverse.y, one.inverse.z, &near, &far);
             if (!(near <= far)) continue;
-            if (reference & BVH_ROUND)
-                packet_rounds(&one, &bvh, reference, near, 0);
+            if (reference & BVH_ANALYTIC)
+                packet_analytic(&one, &bvh, reference, near, 0);
             else
                 packet_triangles(&one, &bvh, reference, near, 0);
         }

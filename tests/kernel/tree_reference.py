@@ -11,7 +11,7 @@ import numpy.typing as npt
 from kernel_support import Tree
 
 from clrender import layout
-from clrender.device.bvh import NODE_WORDS, ROUND_BLOCK_WORDS, TRIANGLE_BLOCK_WORDS
+from clrender.device.bvh import ANALYTIC_BLOCK_WORDS, NODE_WORDS, TRIANGLE_BLOCK_WORDS
 
 if TYPE_CHECKING:
     from clrender.flatten import FlatScene
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 __all__ = ["Words", "bounds_of", "check", "cost", "download", "median_cost", "stack_needed", "sweep_cost"]
 
 # kernels/geometry/bvh.h
-EMPTY, LEAF, ROUND, COUNT, INDEX = 0xFFFFFFFF, 0x80000000, 0x40000000, 27, 0x07FFFFFF
+EMPTY, LEAF, ANALYTIC, COUNT, INDEX = 0xFFFFFFFF, 0x80000000, 0x40000000, 27, 0x07FFFFFF
 PAIR, NUMBER = np.uint32(0x80000000), np.uint32(0x40000000)
+DISK, RECTANGLE = 1, 2
 
 Floats = npt.NDArray[np.float64]
 
@@ -34,26 +35,26 @@ class Words:
     nodes : (n, 56) float32
     triangle_packs : (8 t, 16) float32
         A row each for the columns of all blocks.
-    round_packs : (8 r, 8) float32
+    analytic_packs : (8 r, 9) float32
     """
 
     nodes: npt.NDArray[np.float32]
     triangle_packs: npt.NDArray[np.float32]
-    round_packs: npt.NDArray[np.float32]
+    analytic_packs: npt.NDArray[np.float32]
 
     @property
     def references(self) -> npt.NDArray[np.uint32]:
         return np.ascontiguousarray(self.nodes[:, 48:]).view(np.uint32)
 
-    def packs(self, leaves: npt.NDArray[np.bool_], rounds: bool) -> npt.NDArray[np.uint32]:
+    def packs(self, leaves: npt.NDArray[np.bool_], analytic: bool) -> npt.NDArray[np.uint32]:
         """(leaves, 8) uint32: primitives of the packs that these references lead to, PAIR left in; NONE fills up."""
         references = self.references[leaves]
-        assert (((references & ROUND) != 0) == rounds).all()
+        assert (((references & ANALYTIC) != 0) == analytic).all()
         columns = (references & INDEX).astype(np.int64)[:, None] + np.arange(8)
         size = (references >> COUNT & 7) + 1
         assert (columns[:, 0] % 8 + size <= 8).all(), "a pack is in one block"
         there = np.arange(8) < size[:, None]
-        rows = self.round_packs if rounds else self.triangle_packs
+        rows = self.analytic_packs if analytic else self.triangle_packs
         ids = np.ascontiguousarray(rows[:, -1]).view(np.uint32)
         taken = np.bincount(columns[there], minlength=len(rows))
         assert (taken <= 1).all(), "no two packs share a column"
@@ -72,10 +73,10 @@ class Words:
 
 def download(tree: Tree) -> Words:
     """Read a tree back."""
-    counts = (tree.bvh.node_count, tree.bvh.triangle_block_count, tree.bvh.round_block_count)
+    counts = (tree.bvh.node_count, tree.bvh.triangle_block_count, tree.bvh.analytic_block_count)
     arrays = []
     for buffer, count, words in zip(
-        tree.buffers, counts, (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ROUND_BLOCK_WORDS), strict=True
+        tree.buffers, counts, (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS), strict=True
     ):
         array = np.empty((count, words), np.float32)
         tree.device.read(buffer, array)
@@ -111,7 +112,7 @@ def check(words: Words, scene: FlatScene) -> None:
     used = references != EMPTY
     assert (np.diff(used.astype(int), axis=1) <= 0).all(), "children fill the front"
     leaf = used & ((references & LEAF) != 0)
-    round_leaf = leaf & ((references & ROUND) != 0)
+    analytic_leaf = leaf & ((references & ANALYTIC) != 0)
     inner = references[used & ~leaf]
     assert np.array_equal(np.sort(inner), np.arange(1, len(words.nodes))), "every node but the root has one parent"
 
@@ -122,17 +123,22 @@ def check(words: Words, scene: FlatScene) -> None:
     assert np.array_equal(low[parent, slot], low[below].min(1)), "a box is the union of those in it"
     assert np.array_equal(high[parent, slot], high[below].max(1)), "a box is the union of those in it"
 
-    triangle_ids, round_ids = words.packs(leaf & ~round_leaf, False), words.packs(round_leaf, True)
-    pairs = (triangle_ids != layout.NONE) & ((triangle_ids & PAIR) != 0)
-    triangle_ids = np.where(pairs, triangle_ids & ~PAIR, triangle_ids)
-    seconds = triangle_ids[pairs] + np.uint32(1)
-    ids = np.concatenate([triangle_ids[triangle_ids != layout.NONE], seconds, round_ids[round_ids != layout.NONE]])
+    packs = words.packs(leaf & ~analytic_leaf, False), words.packs(analytic_leaf, True)
+    pairs = [(pack != layout.NONE) & ((pack & PAIR) != 0) for pack in packs]
+    firsts = [np.where(pair, pack & ~PAIR, pack) for pack, pair in zip(packs, pairs, strict=True)]
+    both = [
+        np.concatenate([first, np.where(pair, first + np.uint32(1), layout.NONE)], axis=1)
+        for first, pair in zip(firsts, pairs, strict=True)
+    ]
+    ids = np.concatenate([pack[pack != layout.NONE] for pack in both])
     assert np.array_equal(np.sort(ids), np.arange(scene.triangle_count + scene.round_count)), "each is in one leaf"
-    assert (triangle_ids[triangle_ids != layout.NONE] < scene.triangle_count).all()
+    assert (firsts[0][firsts[0] != layout.NONE] < scene.triangle_count).all()
+    rectangle = firsts[1] < scene.triangle_count
+    assert np.array_equal(rectangle, pairs[1]), "of triangles only pairs are no triangles"
     _check_numbers(words, scene)
+    _check_analytic(words, scene)
     exact_low, exact_high = bounds_of(scene)
-    with_seconds = np.concatenate([triangle_ids, np.where(pairs, triangle_ids + np.uint32(1), layout.NONE)], axis=1)
-    for pack_ids, leaves in ((with_seconds, leaf & ~round_leaf), (round_ids, round_leaf)):
+    for pack_ids, leaves in ((both[0], leaf & ~analytic_leaf), (both[1], analytic_leaf)):
         parent, slot = np.nonzero(leaves)
         safe = np.where(pack_ids == layout.NONE, pack_ids[:, :1], pack_ids)
         inner_low, inner_high = exact_low[safe].min(1), exact_high[safe].max(1)
@@ -170,11 +176,33 @@ def _check_numbers(words: Words, scene: FlatScene) -> None:
     wrong = (np.abs(normal - exactly) + 2**-23 * np.abs(normal)).sum(1) + 3 * 2**-24 * np.abs(normal).sum(1)
     wrong += np.where(pair, gap * stored[:, 12], 0.0)
     assert (stored[:, 13] * 10 * 2**-24 >= 2 * wrong - 1e-37).all(), "packs bound the normal's error"
-    stored = words.round_packs[words.round_packs[:, 7] != 0]
-    numbers = np.ascontiguousarray(stored[:, 7]).view(np.uint32) & ~NUMBER
-    rows = scene.arrays["rounds"][numbers - scene.triangle_count]
+
+
+def _check_analytic(words: Words, scene: FlatScene) -> None:
+    stored = words.analytic_packs[words.analytic_packs[:, 8] != 0]
+    kinds, numbers = (np.ascontiguousarray(stored[:, k]).view(np.uint32) & ~NUMBER for k in (7, 8))
+    round_ = kinds < RECTANGLE
+    rows = scene.arrays["rounds"][numbers[round_] - scene.triangle_count]
     wanted = np.concatenate([rows["center_radius"], rows["normal"][:, :3]], axis=1)
-    assert np.array_equal(stored[:, :7], wanted), "packs hold the spheres and disks to the bit"
+    assert np.array_equal(stored[round_, :7], wanted), "packs hold the spheres and disks to the bit"
+    assert np.array_equal(kinds[round_] == DISK, (wanted[:, 4:] != 0).any(1)), "and tell which is which"
+    for row, kind, number in zip(stored[~round_], kinds[~round_], numbers[~round_] & ~PAIR, strict=True):
+        axis = int(kind) - RECTANGLE
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        corners = scene.arrays["vertices"][scene.arrays["triangles"][[number, number + 1]]]
+        assert np.ptp(corners[:, :, axis]) == 0, "a rectangle is square to its axis"
+        assert len(np.unique(corners[0][:, [u, v]])) <= 4
+        assert all(len(np.unique(corners[:, :, k])) == 2 for k in (u, v)), "with sides along the others"
+        middle = corners.min((0, 1)).astype(np.float64) / 2 + corners.max((0, 1)).astype(np.float64) / 2
+        half = np.ptp(corners.astype(np.float64), axis=(0, 1)) / 2
+        assert (np.abs(row[:3] - middle) <= 2**-23 * np.abs(middle)).all(), "packs hold its centre"
+        for k, stored_half in ((u, row[3]), (v, row[4])):
+            reach = abs(row[k] - middle[k]) + half[k]
+            assert reach <= stored_half <= reach * (1 + 2**-19), "and half its sides, with a few roundings to spare"
+        # Middles of both triangles: on the side of the diagonal that is theirs.
+        place = corners.astype(np.float64).mean(1) - middle
+        side = place[:, u] * row[5] + place[:, v] * row[6]
+        assert side[0] < 0 < side[1], "and which triangle is where"
 
 
 def stack_needed(words: Words) -> tuple[int, int]:
