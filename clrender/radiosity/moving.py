@@ -96,7 +96,8 @@ class Moving:
         assert self._own is not None
         first, end = self._sides
         numbers = [np.uint32(n) for n in (first, end, self._convex)]
-        return [self._own.nodes, self._own.triangle_packs, self._place, *numbers]
+        tree = self._own
+        return [tree.nodes, tree.triangle_packs, tree.analytic_packs, self._place, *numbers]
 
     def _release(self, tree: bvh.Bvh) -> None:
         for buffer in (tree.nodes, tree.triangle_packs, tree.analytic_packs):

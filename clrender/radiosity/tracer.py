@@ -111,7 +111,7 @@ class Tracer:
         self._has_lights = scene.light_count > 0
         self._worker = DeviceWorker(device, scene, settings, _FORM, cut, tree=moving.others if moving else None)
         any_buffer = self._worker.scene_arguments[0]
-        nothing: list[Argument] = [any_buffer, any_buffer, any_buffer, *[np.uint32(0)] * 3]
+        nothing: list[Argument] = [*[any_buffer] * 4, *[np.uint32(0)] * 3]
         self._moving = moving.arguments if moving else nothing
         self._should_stop = should_stop
 

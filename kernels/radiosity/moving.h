@@ -13,13 +13,13 @@
 #define MOVING_STEP 15
 
 #define MOVING_PARAMETERS                                                                                                   \
-    __global const float *moving_nodes, __global const float *moving_packs, __global const float *place, uint moved,        \
-        uint moved_end, uint convex,
+    __global const float *moving_nodes, __global const float *moving_triangles, __global const float *moving_analytic,        \
+        __global const float *place, uint moved, uint moved_end, uint convex,
 #define MOVING_COLLECT(moving)                                                                                              \
     Moving moving;                                                                                                          \
     moving.tree.nodes = moving_nodes;                                                                                       \
-    moving.tree.triangle_packs = moving_packs;                                                                              \
-    moving.tree.analytic_packs = scene.bvh.analytic_packs;                                                                        \
+    moving.tree.triangle_packs = moving_triangles;                                                                          \
+    moving.tree.analytic_packs = moving_analytic;                                                                           \
     moving.tree.root = 0;                                                                                                   \
     moving.place = place;                                                                                                   \
     moving.first = moved;                                                                                                   \
