@@ -11,6 +11,7 @@ __all__ = [
     "CAUSTICS",
     "ENVIRONMENT_ON_DIFFUSE",
     "INTEGRATORS",
+    "RADIOSITY_DISPLAYS",
     "SOFT_SHADOWS",
     "Integrator",
 ]
@@ -51,6 +52,9 @@ class Integrator:
     leaves_out: tuple[str, ...] = ()
     bias: str = "unbiased"
 
+
+RADIOSITY_DISPLAYS: Final = ("constant", "smooth", "gather")
+"""Each patch evenly bright; interpolated between corners; looked up by paths, some bounces later."""
 
 INTEGRATORS: Final[Mapping[str, Integrator]] = {
     "path": Integrator("integrator/path.cl", "integrator_path"),

@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.errors import UsageError
-from clrender.integrators import INTEGRATORS
-from clrender.radiosity.display import DISPLAYS
+from clrender.integrators import INTEGRATORS, RADIOSITY_DISPLAYS
 from clrender.scene.lights import LIGHT_CHOICES
 
 if TYPE_CHECKING:
@@ -171,7 +170,7 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
         ("roulette", _ROULETTES),
         ("sampling", _STRATEGIES),
         ("light_choice", LIGHT_CHOICES),
-        ("radiosity_display", DISPLAYS),
+        ("radiosity_display", RADIOSITY_DISPLAYS),
     ):
         if getattr(wanted, name) not in choices:
             raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")

@@ -9,9 +9,11 @@ from __future__ import annotations
 import difflib
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from clrender.errors import RenderError
 from clrender.resources import kernels_folder
@@ -19,6 +21,7 @@ from clrender.resources import kernels_folder
 __all__ = ["Source", "expand", "kernels_sha256", "load_source"]
 
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
+_DECIDE = ("include", "if", "ifdef", "ifndef", "else", "elif", "endif")
 _COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*|/\*.*\Z", re.DOTALL)
 
 
@@ -87,13 +90,25 @@ def expand(entry: str | Path, root: Path | None = None) -> str:
 
 
 def kernels_sha256(root: Path | None = None) -> str:
-    """Hash of every kernel file, names included: what a verdict about a driver holds for."""
-    folder = root or kernels_folder()
+    """Hash of every kernel file, names included: what a verdict about a driver holds for.
+
+    Parameters
+    ----------
+    root : Path, optional
+        Folder of the kernels; when absent the installed ones, which are read once.
+    """
+    return _hash_of(root) if root else _hash_once(kernels_folder())
+
+
+def _hash_of(folder: Path) -> str:
     digest = hashlib.sha256()
     for path in _kernel_files(folder):
         data = path.read_bytes()
         digest.update(f"{path.relative_to(folder).as_posix()}\0{len(data)}\0".encode() + data)
     return digest.hexdigest()
+
+
+_hash_once = cache(_hash_of)
 
 
 def _kernel_files(folder: Path) -> list[Path]:
@@ -108,23 +123,21 @@ class _Expander:
         # One set per open conditional branch, outermost first. A header named in any of them is in force here.
         self.branches: list[set[str]] = [set()]
 
-    def file(self, name: str, chain: list[str]) -> Iterator[str]:
-        """Lines of one file; `chain` holds "file:line" of the includes that led here."""
-        text = self._read(name, chain)
-        guard = _guard(text)
-        if guard:
+    def file(self, name: str, chain: list[str]) -> list[str]:
+        """Text of one file, in pieces; `chain` holds "file:line" of the includes that led here."""
+        guarded, pieces = _parsed(self._read(name, chain))
+        if guarded:
             self.branches[-1].add(name)
-        yield f'#line 1 "{name}"\n'
+        out = [f'#line 1 "{name}"\n']
         depth = 0
-        for number, line, code in _lines(text):
-            directive = _DIRECTIVE.match(code)
-            word = directive.group(1) if directive else ""
-            if directive and word == "include":
-                yield from self._include(directive.group(2), [*chain, f"{name}:{number}"])
-                yield f'#line {number + 1} "{name}"\n'
-                continue
-            depth = self._follow(word, depth, bool(guard))
-            yield line + "\n"
+        for piece in pieces:
+            out.append(piece.text)
+            if piece.word == "include":
+                out += self._include(piece.operand, [*chain, f"{name}:{piece.number}"])
+                out.append(f'#line {piece.number + 1} "{name}"\n')
+            else:
+                depth = self._follow(piece.word, depth, guarded)
+        return out
 
     def _follow(self, word: str, depth: int, guarded: bool) -> int:
         """Keep the branches in step with `#if … #endif`; the guard itself always holds at first sight."""
@@ -141,7 +154,7 @@ class _Expander:
             return depth - 1
         return depth
 
-    def _include(self, operand: str, chain: list[str]) -> Iterator[str]:
+    def _include(self, operand: str, chain: list[str]) -> list[str]:
         place = chain[-1]
         if len(operand) < 3 or operand[0] != '"' or operand[-1] != '"':
             raise RenderError(
@@ -152,8 +165,7 @@ class _Expander:
         if name in open_files:
             cycle = " -> ".join([*chain[open_files.index(name) :], name])
             raise RenderError(f"{place}: includes form a cycle ({cycle}); move what both need into a header of its own")
-        if not any(name in branch for branch in self.branches):
-            yield from self.file(name, chain)
+        return [] if any(name in branch for branch in self.branches) else self.file(name, chain)
 
     def _read(self, name: str, chain: list[str]) -> str:
         path = Path(name) if not chain and Path(name).is_absolute() else self.root / name
@@ -177,18 +189,35 @@ def _blank(match: re.Match[str]) -> str:
     return "\n" * match.group().count("\n") or " "
 
 
-def _lines(text: str) -> Iterator[tuple[int, str, str]]:
-    """Yield (number from 1, line as written, the same line without comments)."""
+class _Piece(NamedTuple):
+    """Text up to a directive that decides what is in force; an include's own line is left out."""
+
+    text: str
+    number: int
+    word: str
+    operand: str
+
+
+# Headers are in several programs, and reading a file is less than looking at each of its lines.
+@cache
+def _parsed(text: str) -> tuple[bool, tuple[_Piece, ...]]:
+    """Whether an include guard is around a whole file, and the file in pieces."""
     # No kernel holds a string literal with a comment mark in it, so comments can be cut by pattern.
     bare = _COMMENTS.sub(_blank, text).splitlines()
-    for index, line in enumerate(text.splitlines()):
-        yield index + 1, line, bare[index] if index < len(bare) else ""
-
-
-def _guard(text: str) -> str:
-    """Name of the include guard around a whole file, or an empty string."""
-    found = [m for _, _, code in _lines(text) if (m := _DIRECTIVE.match(code))]
-    if len(found) < 3 or [m.group(1) for m in (found[0], found[1], found[-1])] != ["ifndef", "define", "endif"]:
-        return ""
-    name = found[0].group(2)
-    return name if found[1].group(2).split()[:1] == [name] else ""
+    found: list[tuple[str, str]] = []
+    pieces: list[_Piece] = []
+    lines: list[str] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        directive = _DIRECTIVE.match(bare[number - 1]) if "#" in line and number <= len(bare) else None
+        word, operand = directive.groups() if directive else ("", "")
+        if directive:
+            found.append((word, operand))
+        if word != "include":
+            lines.append(line + "\n")
+        if word in _DECIDE:
+            pieces.append(_Piece("".join(lines), number, word, operand))
+            lines = []
+    pieces.append(_Piece("".join(lines), 0, "", ""))
+    around = [word for word, _ in (*found[:2], *found[-1:])] if len(found) > 2 else []
+    guarded = around == ["ifndef", "define", "endif"] and found[1][1].split()[:1] == [found[0][1]]
+    return guarded, tuple(pieces)

@@ -77,7 +77,7 @@ def frames(
     count : int
     spp : int
     display : str
-        One of `clrender.radiosity.display.DISPLAYS`.
+        One of `clrender.integrators.RADIOSITY_DISPLAYS`.
 
     Raises
     ------

@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from clrender.radiosity.atlas import Atlas
     from clrender.radiosity.patches import Patches
 
-__all__ = ["DISPLAYS", "GATHER", "Display", "Gather", "looks", "looks_of"]
+__all__ = ["GATHER", "Display", "Gather", "looks", "looks_of"]
 
-DISPLAYS: Final = ("constant", "smooth", "gather")
-"""Each patch evenly bright; interpolated between corners; looked up by paths, some bounces later."""
 GATHER: Final = Integrator("radiosity/gather.cl", "radiosity_gather")
 """Of the scene before it was cut into patches."""
 _ROW: Final = 16
