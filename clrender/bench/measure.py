@@ -150,7 +150,7 @@ def _measure_scene(
         place.mkdir()
         paths[spheres] = write_scene(name, place, triangles=not spheres)
         if task.errors:
-            better = dataclasses.replace(task, spp=task.spp * _REFERENCE_TIMES)
+            better = dataclasses.replace(task, spp=task.spp * _REFERENCE_TIMES, light_choice="auto")
             _own(paths[spheres], better, device, folder / "own.npy", _REFERENCE_SEED)
             references[spheres] = np.load(folder / "own.npy")
     for repeat in range(-1, repeats):
@@ -221,8 +221,16 @@ def _known(value: float | None) -> float:
 def _own(path: Path, task: Task, device: str | None, image_path: Path, seed: int) -> dict[str, Any]:
     scene = clrender.load(str(path))
     begin, cpu = time.perf_counter(), time.process_time()
-    size, most = (task.width, task.height), SEGMENTS - 1
-    image = clrender.render(scene, device=device, size=size, spp=task.spp, seed=seed, roulette="none", max_depth=most)
+    image = clrender.render(
+        scene,
+        device=device,
+        size=(task.width, task.height),
+        spp=task.spp,
+        seed=seed,
+        roulette="none",
+        max_depth=SEGMENTS - 1,
+        light_choice=task.light_choice,
+    )
     wall, used = time.perf_counter() - begin, time.process_time() - cpu
     np.save(image_path, image.linear)
     stats = image.stats
@@ -230,6 +238,7 @@ def _own(path: Path, task: Task, device: str | None, image_path: Path, seed: int
         "wall_seconds": wall,
         "cpu_seconds": used,
         "version": stats["version"],
+        "light_choice": task.light_choice,
         "commit": _commit(),
         "driver": stats["devices"][0]["driver"],
         "device": stats["devices"][0]["name"],

@@ -53,6 +53,8 @@ class Task:
     spp: int
     errors: bool = False
     """Whether images are compared with a reference of clrender's own, of 64 times the samples."""
+    light_choice: str = "auto"
+    """Of clrender; Mitsuba picks each light alike."""
 
 
 @dataclass(frozen=True)

@@ -23,11 +23,18 @@ __all__ = ["bench"]
 @click.option(
     "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
 )
+@click.option(
+    "--light-choice",
+    type=click.Choice(("auto", "tree", "power", "uniform")),
+    default="auto",
+    show_default=True,
+    help="Of clrender; Mitsuba picks each light alike.",
+)
 @click.option("--errors", is_flag=True, help="Compare with references of 64 times the samples: error and efficiency.")
 @click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
 def bench(
     names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
-    errors: bool, listed: bool,
+    light_choice: str, errors: bool, listed: bool,
 ) -> None:  # fmt: skip
     """Render benchmark scenes (S1 and S2 without a name) and print a line of JSON a run.
 
@@ -43,7 +50,7 @@ def bench(
         click.echo(f"\npeers: {', '.join(PEERS)}")
         return
     others = [peer_from(text) for text in peers]
-    task = Task(*wanted, spp, errors)
+    task = Task(*wanted, spp, errors, light_choice)
     runs = measure(names or ("S1", "S2"), others, task, repeats, device, lambda run: click.echo(json.dumps(run.line())))
     click.echo(_table(summary(runs)), err=True)
 

@@ -72,17 +72,20 @@ static uint collapse_join_packs(Child child[8], uint count, float scene_area) {
     }
 }
 
-// Of the children the largest that is a node, or `count`.
-static uint collapse_largest(const Child child[8], uint count) {
+// Of the children that are nodes the largest that may fit as packs into the places that are left and its own, or `count`. Of a mesh one box
+// tells most lanes that they have nothing to do there, but of a few things in a room it tells nobody.
+static uint collapse_opens(const Child child[8], uint count) {
     float area = -1.0f;
-    uint largest = count;
-    for (uint i = 0; i < count; ++i)
-        if (!cost_fits_leaf(child[i].members) && cost_area(child[i].box) > area) area = cost_area(child[i].box), largest = i;
-    return largest;
+    uint opens = count;
+    for (uint i = 0; i < count; ++i) {
+        const int small = !cost_fits_leaf(child[i].members) && (child[i].members & MEMBERS_COUNT) <= 8u * (9u - count);
+        if (small && cost_area(child[i].box) > area) area = cost_area(child[i].box), opens = i;
+    }
+    return opens;
 }
 
 // The children of a wide node in the place of a binary one: as they cost least, with packs joined that do better together; and where that
-// leaves room, the largest node's children in its place.
+// leaves room, what is in a small node in its place.
 static uint collapse_node(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
                           __global const float* costs, uint node, float scene_area, Child child[8]) {
     uint found[8];
@@ -98,7 +101,7 @@ static uint collapse_node(__global const float* node_boxes, __global const uint*
             one->box = box_load(node_boxes, found[i]);
         }
         count = collapse_join_packs(child, count, scene_area);
-        place = collapse_largest(child, count);
+        place = collapse_opens(child, count);
         if (count == 8 || place == count) return count;
         some = collapse_children(children, costs, child[place].nodes[0], 9 - count, found);
     }

@@ -93,6 +93,13 @@ def test_a_scene_is_measured(tmp_path: Path) -> None:
     assert {"commit", "driver", "device", "build_seconds", "device_bytes"} <= line.keys()
 
 
+def test_lights_are_chosen_as_asked() -> None:
+    """So that S4 can be compared with who picks each light alike."""
+    lines = [measure(["S4"], [], Task(8, 8, 1, light_choice=choice), 1)[0].line() for choice in ("tree", "uniform")]
+    assert [line["light_choice"] for line in lines] == ["tree", "uniform"]
+    assert lines[0]["image_sha256"] != lines[1]["image_sha256"]
+
+
 def test_peers_by_name() -> None:
     assert peer_from("mitsuba=/a/python") == Peer("mitsuba", "/a/python")
     for text in ("mitsuba", "mitsuba=", "blender=/a/python"):
