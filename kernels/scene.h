@@ -15,7 +15,7 @@
     X(float, light_order)    /* its last level: the lights, as bits */                                                      \
     X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
     X(float, triangle_packs)                                                                                                \
-    X(float, analytic_packs)                                                                                                   \
+    X(float, analytic_packs)                                                                                                \
     X(Camera, camera)                                                                                                       \
     X(Settings, settings)
 
@@ -38,7 +38,7 @@ typedef struct {
     SCENE_ARRAYS(SCENE_COPY_)                                                                                               \
     scene.bvh.nodes = nodes;                                                                                                \
     scene.bvh.triangle_packs = triangle_packs;                                                                              \
-    scene.bvh.analytic_packs = analytic_packs;                                                                                    \
+    scene.bvh.analytic_packs = analytic_packs;                                                                              \
     scene.bvh.root = 0
 
 #endif

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from clrender.cli.options import number, size
+from clrender.cli.options import LIGHT_CHOICES, number, size
 
 __all__ = ["bench"]
 
@@ -25,7 +25,7 @@ __all__ = ["bench"]
 )
 @click.option(
     "--light-choice",
-    type=click.Choice(("auto", "tree", "power", "uniform")),
+    type=click.Choice(LIGHT_CHOICES),
     default="auto",
     show_default=True,
     help="Of clrender; Mitsuba picks each light alike.",

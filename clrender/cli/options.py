@@ -10,12 +10,23 @@ from typing import Any, Final
 
 import click
 
-__all__ = ["PIXEL_LIMIT", "SIDE_LIMIT", "TONE_MAPS", "allow_path_option", "number", "size", "tone_options"]
+__all__ = [
+    "LIGHT_CHOICES",
+    "PIXEL_LIMIT",
+    "SIDE_LIMIT",
+    "TONE_MAPS",
+    "allow_path_option",
+    "number",
+    "size",
+    "tone_options",
+]
 
 SIDE_LIMIT: Final = 65536
 PIXEL_LIMIT: Final = 2**30
 TONE_MAPS: Final = ("linear", "sqrt", "srgb", "reinhard", "aces", "agx")
 """The names of `clrender.tonemap.TONE_MAPS`, without loading NumPy for `--help`."""
+LIGHT_CHOICES: Final = ("auto", "tree", "power", "uniform")
+"""Of `clrender.scene.lights.LIGHT_CHOICES`, likewise."""
 
 
 def number(

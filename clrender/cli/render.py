@@ -14,7 +14,7 @@ import click
 
 from clrender.cli import STARTED
 from clrender.cli.interrupt import INTERRUPTED, Interrupt, interruptible
-from clrender.cli.options import allow_path_option, number, tone_options
+from clrender.cli.options import LIGHT_CHOICES, allow_path_option, number, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.cli.progress import ProgressDisplay, ProgressLike, duration, quantity
 from clrender.errors import ClrenderError, UsageError
@@ -66,7 +66,7 @@ _FILM_BYTES: Final = 52
 )
 @click.option(
     "--light-choice",
-    type=click.Choice(("auto", "tree", "power", "uniform")),
+    type=click.Choice(LIGHT_CHOICES),
     help="How one of many lights is picked: by what each can give there, by power, alike (auto: the tree from 16 on).",
 )
 @click.option("--roulette", type=click.Choice(("throughput", "absorption", "none")), help="How paths end (throughput).")

@@ -13,7 +13,7 @@
 #define MOVING_STEP 15
 
 #define MOVING_PARAMETERS                                                                                                   \
-    __global const float *moving_nodes, __global const float *moving_triangles, __global const float *moving_analytic,        \
+    __global const float *moving_nodes, __global const float *moving_triangles, __global const float *moving_analytic,      \
         __global const float *place, uint moved, uint moved_end, uint convex,
 #define MOVING_COLLECT(moving)                                                                                              \
     Moving moving;                                                                                                          \

@@ -15,8 +15,9 @@ import pytest
 
 import clrender
 from clrender.cli import COMMANDS
-from clrender.cli.options import TONE_MAPS
+from clrender.cli.options import LIGHT_CHOICES, TONE_MAPS
 from clrender.image_io import read_image, write_image
+from clrender.scene.lights import LIGHT_CHOICES as CHOICES
 from clrender.tonemap import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
@@ -86,6 +87,7 @@ def test_no_command_is_loaded_for_help_or_version() -> None:
 
 def test_names_without_numpy_are_the_names_there_are() -> None:
     assert TONE_MAPS == OPERATORS
+    assert LIGHT_CHOICES == CHOICES
     for name in COMMANDS:
         assert hasattr(importlib.import_module(f"clrender.cli.{name}"), name)
 
