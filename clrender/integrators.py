@@ -34,6 +34,8 @@ class Integrator:
         Kernels of the same file that are launched after it, in order, with the same arguments.
     record_bytes : int
         Memory that these share, for each sample of a launch.
+    packets : int
+        Packets of paths that its kernel takes turns with where rays part (kernels/core/lane.h).
     sample_by_sample : bool
         A launch makes one sample of each pixel, because something is computed first for that sample of all of them;
         then as much of the image as possible is one unit.
@@ -48,6 +50,7 @@ class Integrator:
     kernel: str
     then: tuple[str, ...] = ()
     record_bytes: int = 0
+    packets: int = 1
     sample_by_sample: bool = False
     leaves_out: tuple[str, ...] = ()
     bias: str = "unbiased"
@@ -57,8 +60,8 @@ RADIOSITY_DISPLAYS: Final = ("constant", "smooth", "gather")
 """Each patch evenly bright; interpolated between corners; looked up by paths, some bounces later."""
 
 INTEGRATORS: Final[Mapping[str, Integrator]] = {
-    "path": Integrator("integrator/path.cl", "integrator_path"),
-    "direct": Integrator("integrator/path.cl", "integrator_path", leaves_out=(BETWEEN_DIFFUSE, CAUSTICS)),
+    "path": Integrator("integrator/path.cl", "integrator_path", packets=8),
+    "direct": Integrator("integrator/path.cl", "integrator_path", packets=8, leaves_out=(BETWEEN_DIFFUSE, CAUSTICS)),
     "whitted": Integrator(
         "integrator/whitted.cl",
         "integrator_whitted",

@@ -138,12 +138,14 @@ class DeviceWorker:
         self._settings_buffer = device.upload(self._settings)
         self.build_seconds = time.perf_counter() - begin
         self.lanes = cut.lanes or _lanes(device)
-        self._group = cut.work_group or min(_work_group(device, self.lanes), device.max_work_group)
+        self._parts = self.lanes >= 4 and self._arrays.tree.node_count > _SMALL_TREE
+        self._packets = integrator.packets if self._parts else 1
+        self._group = cut.work_group or min(_work_group(device, self.lanes, self._packets), device.max_work_group)
         self._per_pass = cut.samples_per_pass
         self._short_loops = any(name in device.info.platform.lower() for name in _SHORT_LOOPS)
         self._defined = self._defines(cut)
         self._integrator = integrator
-        self._program = self.program(integrator.entry)
+        self._program = device.program(integrator.entry, {**self._defined, "PACKETS": self._packets})
         self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
         self._rate = 0.0
         self._kept: dict[str, Buffer] = {}
@@ -171,9 +173,9 @@ class DeviceWorker:
         defines: dict[str, int | str] = {"LANES": self.lanes}
         if cut.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
-        if self.lanes >= 4 and self._arrays.tree.node_count <= _SMALL_TREE:
+        if self.lanes >= 4 and not self._parts:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
-        elif self.lanes >= 4 and self._arrays.tree.nbytes > _NEAR_BYTES:
+        elif self._parts and self._arrays.tree.nbytes > _NEAR_BYTES:
             defines["BVH_PREFETCH"] = 1
         stack = STACK
         while stack < self._arrays.tree.stack_entries:
@@ -253,7 +255,7 @@ class DeviceWorker:
         device = self.device
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
-        items = self.padded(-(-part.slot_count // self.lanes))
+        items = self.padded(-(-part.slot_count // (self.lanes * self._packets)))
         samples = self._buffer("samples", 12 * part.slot_count * part.sample_count)
         stats = self._buffer("stats", 16 * items)
         if self._short_loops:
@@ -339,12 +341,12 @@ def _lanes(device: Device) -> int:
     return _CPU_LANES if device.is_cpu and "rusticl" not in device.info.platform.lower() else 1
 
 
-def _work_group(device: Device, lanes: int) -> int:
+def _work_group(device: Device, lanes: int, packets: int) -> int:
     """Work-items in a group unless the user says otherwise."""
     if not device.is_cpu:
         return _GPU_WORK_GROUP
     # llvmpipe wants work-items for lanes of its own: with sixteen it is six times faster than with one.
-    return _CPU_WORK_GROUP if lanes > 1 else _LONE_WORK_GROUP
+    return max(1, _CPU_WORK_GROUP // packets) if lanes > 1 else _LONE_WORK_GROUP
 
 
 def probe_hash(device: Device) -> str:

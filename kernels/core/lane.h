@@ -23,6 +23,13 @@
 #define LANE_N(name) LANE_PASTE(name, LANES)
 #endif
 
+// Packets of so many paths that a work-item carries: while some of their rays wait for memory, others go on. Only path tracing has more
+// than one (integrator/path.h).
+#ifndef PACKETS
+#define PACKETS 1
+#endif
+#define EACH_PACKET(k) for (uint k = 0; k < PACKETS; ++k)
+
 typedef LANE_N(float) vfloat;
 typedef LANE_N(int) vint;
 typedef LANE_N(uint) vuint;

@@ -12,9 +12,9 @@ typedef struct {
     __global float* samples;     // radiance: [sample][channel][slot]
     uint first_slot, slot_count;
     uint first_sample, sample_count;
-    uint base;                   // the first of this work-item's LANES slots, counted from first_slot; all of one block
-    uint2 block;                 // top left pixel of that block
-    uint next;                   // the next of the launch's samples to hand out
+    uint base, end;              // this work-item's slots, counted from first_slot: from the next to hand out on
+    uint2 block;                 // top left pixel of the block that the next LANES slots are in
+    uint next;                   // the next of the launch's samples of them to hand out
 } Pool;
 
 typedef struct {
@@ -36,26 +36,32 @@ static Pool pool_open(__global const Settings* settings, __global float* samples
     pool.slot_count = slot_count;
     pool.first_sample = first_sample;
     pool.sample_count = sample_count;
-    pool.base = item * LANES;
+    pool.base = item * (LANES * PACKETS);
+    pool.end = min(pool.base + LANES * PACKETS, slot_count);
     pool.block = slot_block(settings, first_slot + pool.base);
     pool.next = 0;
     return pool;
 }
 
-static int pool_empty(const Pool* pool) { return pool->next >= pool->sample_count; }
+static int pool_empty(const Pool* pool) { return pool->base >= pool->end; }
 
-// The next sample of all the work-item's pixels, one in every lane, and its place on the film, (0, 0) top left and (1, 1) bottom right:
+// The next sample of LANES neighbouring pixels, one in every lane, and its place on the film, (0, 0) top left and (1, 1) bottom right:
 // uniform in its pixel. Returns which of the pixels are in the image.
 static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample* sample, vfloat* film_x, vfloat* film_y) {
     vuint x, y;
     vfloat u, v;
     sample->slot = pool->base + lane_index();
-    sample->number = splat_uint(pool->next++);
+    sample->number = splat_uint(pool->next);
     const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + sample->slot, &x, &y);
     sample->sampler = sampler_start(settings->seed, y * settings->width + x, pool->first_sample + sample->number);
     sampler_get(sample->sampler, SET_PIXEL, &u, &v);
     *film_x = (vfloat_of(vint_from_uint(x)) + u) / (float)settings->width;
     *film_y = (vfloat_of(vint_from_uint(y)) + v) / (float)settings->height;
+    if (++pool->next == pool->sample_count) {
+        pool->next = 0;
+        pool->base += LANES;
+        pool->block = slot_block(settings, pool->first_slot + pool->base);
+    }
     return inside & (sample->slot < pool->slot_count);
 }
 

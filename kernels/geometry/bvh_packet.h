@@ -7,9 +7,10 @@
 #include "geometry/bvh_single.h"
 #include "geometry/ray.h"
 
-// With so few lanes left, they part. 0: never, as on a GPU, where one lane walks the tree and nothing is left to part.
+// With so few lanes left, they part: sooner where several packets' rays take turns, which spares each of them waiting. 0: never, as on a
+// GPU, where one lane walks the tree and nothing is left to part.
 #ifndef PACKET_PARTS
-#define PACKET_PARTS (LANES / 4)
+#define PACKET_PARTS (PACKETS > 1 ? LANES / 2 : LANES / 4)
 #endif
 
 typedef struct {
@@ -110,42 +111,38 @@ static void packet_analytic(PacketRay* ray, const Bvh* bvh, uint reference, vflo
 }
 
 // Hand a subtree to the lanes that want it.
-static void packet_hand_over(SingleRays* rays, vmask wants, uint reference, vfloat entered) {
+static void packet_hand_over(SingleRays* rays, uint packet, vmask wants, uint reference, vfloat entered) {
     int wanted[LANES];
     float enters[LANES];
     lane_store(wants, wanted);
     lane_store(entered, enters);
+    const uint first = packet * LANES;
     for (int lane = 0; lane < LANES; ++lane) {
-        rays->stack[lane][rays->top[lane] + 1] = single_entry(reference, enters[lane]);
-        rays->top[lane] += wanted[lane] ? 1 : 0;
+        rays->stack[first + lane][rays->top[first + lane] + 1] = single_entry(reference, enters[lane]);
+        rays->top[first + lane] += wanted[lane] ? 1 : 0;
     }
 }
 
-// The lanes' rays, each alone through what was handed to it.
-static void packet_alone(const Bvh* bvh, PacketRay* ray, SingleRays* rays, int any_hit) {
+// The packet's rays as each of them goes on alone, through what is handed to it.
+static void packet_part(const PacketRay* ray, SingleRays* rays, uint packet) {
+    const uint first = packet * LANES;
 #define STORE(name)                                                                                                         \
-    lane_store(ray->name.x, rays->name[0]), lane_store(ray->name.y, rays->name[1]), lane_store(ray->name.z, rays->name[2])
+    lane_store(ray->name.x, rays->name[0] + first), lane_store(ray->name.y, rays->name[1] + first),                           \
+        lane_store(ray->name.z, rays->name[2] + first)
     STORE(origin);
     STORE(direction);
     STORE(inverse);
 #undef STORE
     const vuint flipped = splat_uint(BVH_HIGH - BVH_LOW), not_flipped = splat_uint(0u);
-    lane_store((ray->inverse.x < 0.0f ? flipped : not_flipped), rays->flip[0]);
-    lane_store((ray->inverse.y < 0.0f ? flipped : not_flipped), rays->flip[1]);
-    lane_store((ray->inverse.z < 0.0f ? flipped : not_flipped), rays->flip[2]);
-    lane_store(ray->slack, rays->slack);
-    lane_store(ray->inverse2, rays->inverse2);
-    lane_store(ray->from, rays->from);
-    lane_store(ray->to, rays->to);
-    lane_store(ray->nearest, rays->nearest);
-    lane_store(ray->primitive, rays->primitive);
-    bvh_single(bvh, rays, any_hit);
-    ray->nearest = lane_restore(rays->nearest);
-    ray->primitive = lane_restore(rays->primitive);
-}
-
-static void packet_none_alone(SingleRays* rays) {
-    for (int lane = 0; lane < LANES; ++lane) rays->top[lane] = -1;
+    lane_store((ray->inverse.x < 0.0f ? flipped : not_flipped), rays->flip[0] + first);
+    lane_store((ray->inverse.y < 0.0f ? flipped : not_flipped), rays->flip[1] + first);
+    lane_store((ray->inverse.z < 0.0f ? flipped : not_flipped), rays->flip[2] + first);
+    lane_store(ray->slack, rays->slack + first);
+    lane_store(ray->inverse2, rays->inverse2 + first);
+    lane_store(ray->from, rays->from + first);
+    lane_store(ray->to, rays->to + first);
+    lane_store(ray->nearest, rays->nearest + first);
+    lane_store(ray->primitive, rays->primitive + first);
 }
 
 // Push the children that any lane enters, the farthest first. Returns the new top of the stack.
@@ -163,15 +160,11 @@ static int packet_children(const PacketRay* ray, __global const float* node, uin
     return top;
 }
 
-__attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay* ray, int any_hit) {
-#if PACKET_PARTS > 0
-    SingleRays alone;
-    int handed_over = 0;
-    packet_none_alone(&alone);
-#endif
+// Returns how many subtrees are left to the rays alone.
+__attribute__((always_inline)) static int bvh_packet(const Bvh* bvh, PacketRay* ray, SingleRays* alone, uint packet, int any_hit) {
     uint stack[BVH_STACK];
     vfloat stack_near[BVH_STACK];
-    int top = 0;
+    int top = 0, handed_over = 0;
     stack[0] = bvh->root;
     stack_near[0] = splat(0.0f);
     while (top >= 0) {
@@ -182,9 +175,9 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
         if (!lane_any(wants)) continue;
         if (!(reference & BVH_LEAF)) {
 #if PACKET_PARTS > 0
-            if (lane_count(wants) <= PACKET_PARTS) {
-                packet_hand_over(&alone, wants, reference, entered);
-                if (++handed_over % SINGLE_STARTS == 0) packet_alone(bvh, ray, &alone, any_hit);
+            if (lane_count(wants) <= PACKET_PARTS && handed_over < SINGLE_STARTS) {
+                packet_hand_over(alone, packet, wants, reference, entered);
+                ++handed_over;
             } else
 #endif
                 top = packet_children(ray, bvh->nodes + (size_t)reference * BVH_NODE_WORDS, stack, stack_near, top);
@@ -193,9 +186,7 @@ __attribute__((always_inline)) static void bvh_packet(const Bvh* bvh, PacketRay*
         else
             packet_triangles(ray, bvh, reference, entered, any_hit);
     }
-#if PACKET_PARTS > 0
-    if (handed_over > 0) packet_alone(bvh, ray, &alone, any_hit);
-#endif
+    return handed_over;
 }
 
 #endif

@@ -51,4 +51,32 @@ static uint least_uint_of_eight(uint8 x) {
     return p.x < p.y ? p.x : p.y;
 }
 
+// Of eight numbers the larger ones first: a bitonic network (Batcher 1968).
+static uint8 eight_sorted(uint8 x) {
+    uint8 other, more, less;
+    other = x.s10325476, more = x > other ? x : other, less = x > other ? other : x;
+    x = (uint8)(more.s0, less.s1, less.s2, more.s3, more.s4, less.s5, less.s6, more.s7);
+    other = x.s23016745, more = x > other ? x : other, less = x > other ? other : x;
+    x = (uint8)(more.s0, more.s1, less.s2, less.s3, less.s4, less.s5, more.s6, more.s7);
+    other = x.s10325476, more = x > other ? x : other, less = x > other ? other : x;
+    x = (uint8)(more.s0, less.s1, more.s2, less.s3, less.s4, more.s5, less.s6, more.s7);
+    other = x.s45670123, more = x > other ? x : other, less = x > other ? other : x;
+    x = (uint8)(more.s0, more.s1, more.s2, more.s3, less.s4, less.s5, less.s6, less.s7);
+    other = x.s23016745, more = x > other ? x : other, less = x > other ? other : x;
+    x = (uint8)(more.s0, more.s1, less.s2, less.s3, more.s4, more.s5, less.s6, less.s7);
+    other = x.s10325476, more = x > other ? x : other, less = x > other ? other : x;
+    x = (uint8)(more.s0, less.s1, more.s2, less.s3, more.s4, less.s5, more.s6, less.s7);
+    return x;
+}
+
+// The members `order` names, in its order. What the language has for it goes through memory on some CPU drivers; of single members
+// their compilers make one instruction.
+static uint8 eight_in_order(uint8 x, uint8 order) {
+#if LANES == 1
+    return shuffle(x, order);
+#else
+    return (uint8)(x[order.s0], x[order.s1], x[order.s2], x[order.s3], x[order.s4], x[order.s5], x[order.s6], x[order.s7]);
+#endif
+}
+
 #endif

@@ -34,9 +34,10 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surf
 static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, uint wanted) {
     __global const Settings* settings = scene->settings;
     const uint followed = wanted == FIRST_HIT_ALBEDO ? FIRST_HIT_FOLLOWED : 0u;
+    CameraRays waiting = camera_rays_none();
     Path path = path_none();             // its radiance is the albedo
 
-    while (path_next(scene, pool, &path)) {
+    while (path_next(scene, pool, &waiting, &path)) {
         // Find the nearest surface; what shines counts as if its light were its colour
         const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
         stats->rays += lane_count(path.alive);

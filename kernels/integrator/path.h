@@ -1,8 +1,9 @@
 // Path tracing with next-event estimation (Kajiya 1986; Veach 1997 for the weights; PBR 4ed, 13.2–13.4), a path in every lane.
 //
-// A work-item works through a pool of samples: the samples [first, first + count) of LANES neighbouring pixels. A lane whose path
+// A work-item works through a pool of samples: the samples [first, first + count) of some neighbouring pixels. A lane whose path
 // ends delivers it and takes the next of the pool at once, so lanes stay full. No path is ever cut: it ends where the material, the
-// scene, the roulette or the depth asked for ends it.
+// scene, the roulette or the depth asked for ends it. Where rays part on their way through the tree, a work-item carries several
+// packets of paths, `path[0]` to `path[PACKETS - 1]`, so that enough rays take turns (geometry/traverse.h); else it carries one.
 #ifndef INTEGRATOR_PATH_H
 #define INTEGRATOR_PATH_H
 
@@ -11,6 +12,16 @@
 #include "light/light.h"
 #include "material/bsdf.h"
 
+// Where the paths of a packet have arrived.
+typedef struct {
+    Hit hit;
+    Surface surface;
+    Bsdf bsdf;
+    vmask may_scatter;       // there is a surface, and the path may go on from it
+    vmask diffuse;           // so that light sampling makes sense
+    vmask lit;               // so that light has still to be sampled
+} Vertex;
+
 // The first diffuse hit, kept for the further rays that leave it.
 typedef struct {
     Ray ray;
@@ -18,6 +29,7 @@ typedef struct {
     vec3 throughput;
     vuint depth;
     vuint left;              // rays that have still to leave
+    vmask resumes;           // the path is back there, where its next one leaves
 } Branch;
 
 static Branch path_no_branch(const Path* path) {
@@ -27,6 +39,7 @@ static Branch path_no_branch(const Path* path) {
     branch.hit.primitive = splat_uint(0u);
     branch.throughput = vec3_all(0.0f);
     branch.depth = branch.left = splat_uint(0u);
+    branch.resumes = path->alive;
     return branch;
 }
 
@@ -54,6 +67,22 @@ static vec3 path_emission(const Scene* scene, const Path* path, const Surface* s
     if (strategy == STRATEGY_MATERIALS) weight = splat(1.0f);
     weight = only_here ? splat(1.0f) : weight;
     return scale(mul(path->throughput, emitted), weight);
+}
+
+// The surface that each ray met, with the light that the ray ran into added. `traced` leaves out paths that were there before.
+static Vertex path_arrive(const Scene* scene, Path* path, Hit hit, vmask traced, PoolStats* stats) {
+    Vertex v;
+    const vmask found = path->alive & (hit.primitive != NONE);
+    v.hit = hit;
+    v.surface = surface_at(scene, &path->ray, hit, found);
+    stats->rays += lane_count(traced);
+    stats->deepest = pool_deepest(stats->deepest, path->depth, traced);
+    path->radiance = choose(traced, add(path->radiance, path_emission(scene, path, &v.surface, found)), path->radiance);
+    v.bsdf = bsdf_at(&v.surface, path->ray.direction);
+    v.may_scatter = found & (path->depth < scene->settings->max_depth);
+    v.diffuse = v.may_scatter & v.bsdf.smooth;
+    v.lit = v.diffuse & traced;
+    return v;
 }
 
 // One light, sampled: its part of the radiance leaving the surface, before anything in the way is considered. With the balance
@@ -85,30 +114,50 @@ static vmask path_roulette(const Scene* scene, Path* path, const Surface* surfac
     return goes_on;
 }
 
-// Light from sampled points of the lights, as far as nothing is in the way.
-static void path_add_direct(const Scene* scene, Path* path, const Surface* surface, const Bsdf* bsdf, vmask lit, PoolStats* stats) {
+// A sampled point of a light: the ray that has to be free for its light to arrive, and what the camera gets of it then.
+static Ray path_aim(const Scene* scene, const Path* path, const Vertex* vertex, uint m, vec3* arriving) {
     const uint shadow_rays = scene->settings->shadow_rays, indirect_rays = scene->settings->indirect_rays;
-    for (uint m = 0; m < shadow_rays; ++m) {
-        vuint bits_u, bits_v;
-        Sampler sampler = path->sample.sampler;
-        sampler.index = sampler.index * shadow_rays + m;
-        sampler_bounce_bits(sampler, SET_LIGHT, path->depth, &bits_u, &bits_v);
-        const LightSample light = light_sample(scene, surface->point, bsdf->side, surface->primitive, bits_u, bits_v);
-        vec3 direct = path_direct(scene, bsdf, &light, shadow_rays, 1u);
-        if (indirect_rays != 1)
-            direct = choose(path->diffused, direct, path_direct(scene, bsdf, &light, shadow_rays, indirect_rays));
-        const vmask asked = lit & (largest(direct) > 0.0f);
-        const Ray shadow_ray = light_shadow_ray(surface, &light);
-        const vmask blocked = traverse_occluded(&scene->bvh, &shadow_ray, asked);
-        const vec3 arriving = mul(path->throughput, direct);
-        path->radiance = choose(asked & !blocked, add(path->radiance, arriving), path->radiance);
-        stats->shadow_rays += lane_count(asked);
-        stats->deepest = pool_deepest(stats->deepest, path->depth + 1u, asked);
+    const Surface* surface = &vertex->surface;
+    const Bsdf* bsdf = &vertex->bsdf;
+    vuint bits_u, bits_v;
+    Sampler sampler = path->sample.sampler;
+    sampler.index = sampler.index * shadow_rays + m;
+    sampler_bounce_bits(sampler, SET_LIGHT, path->depth, &bits_u, &bits_v);
+    const LightSample light = light_sample(scene, surface->point, bsdf->side, surface->primitive, bits_u, bits_v);
+    vec3 direct = path_direct(scene, bsdf, &light, shadow_rays, 1u);
+    if (indirect_rays != 1)
+        direct = choose(path->diffused, direct, path_direct(scene, bsdf, &light, shadow_rays, indirect_rays));
+    *arriving = mul(path->throughput, direct);
+    return light_shadow_ray(surface, &light);
+}
+
+// Light from sampled points of the lights, as far as nothing is in the way; of all packets.
+static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex, PoolStats* stats) {
+    int any_lit = 0;
+    EACH_PACKET(k) any_lit |= lane_any(vertex[k].lit);
+    if (scene->settings->light_count == 0 || !any_lit) return;
+    Traversal shadows;
+    vec3 arriving[PACKETS];
+    vmask asked[PACKETS];
+    for (uint m = 0; m < scene->settings->shadow_rays; ++m) {
+        EACH_PACKET(k) {
+            const Ray shadow_ray = path_aim(scene, &path[k], &vertex[k], m, &arriving[k]);
+            asked[k] = vertex[k].lit & (largest(arriving[k]) > 0.0f);
+            traverse_start(&scene->bvh, &shadows, k, &shadow_ray, asked[k], 1);
+            stats->shadow_rays += lane_count(asked[k]);
+            stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked[k]);
+        }
+        traverse_finish(&scene->bvh, &shadows, 1);
+        EACH_PACKET(k) {
+            const vmask arrives = asked[k] & !traverse_blocked(&shadows, k);
+            path[k].radiance = choose(arrives, add(path[k].radiance, arriving[k]), path[k].radiance);
+        }
     }
 }
 
 // Choose where the light came from, and let the roulette decide whether to look there. Returns where the path goes on.
-static vmask path_scatter(const Scene* scene, Path* path, const Surface* surface, const Bsdf* bsdf, vmask may_scatter) {
+static vmask path_scatter(const Scene* scene, Path* path, const Vertex* vertex) {
+    const Bsdf* bsdf = &vertex->bsdf;
     vuint bits_u, bits_v;
     sampler_bounce_bits(path->sample.sampler, SET_MATERIAL, path->depth, &bits_u, &bits_v);
     const BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
@@ -116,12 +165,12 @@ static vmask path_scatter(const Scene* scene, Path* path, const Surface* surface
     path->depth = path->depth + 1u;
     path->normal = bsdf->side;
     path->material_pdf = next.pdf;
-    path->ray = surface_leave(surface, next.direction);
-    vmask goes_on = may_scatter & (largest(path->throughput) > 0.0f);
+    path->ray = surface_leave(&vertex->surface, next.direction);
+    vmask goes_on = vertex->may_scatter & (largest(path->throughput) > 0.0f);
     if (scene->settings->indirect_rays == 0) goes_on = goes_on & !bsdf->smooth;
     if (scene->settings->roulette != ROULETTE_NONE) {
         sampler_hash_bits(path->sample.sampler, path->depth * SETS_PER_BOUNCE + SET_ROULETTE, &bits_u, &bits_v);
-        goes_on = goes_on & path_roulette(scene, path, surface, bits_u);
+        goes_on = goes_on & path_roulette(scene, path, &vertex->surface, bits_u);
     }
     return goes_on;
 }
@@ -129,6 +178,7 @@ static vmask path_scatter(const Scene* scene, Path* path, const Surface* surface
 // Several rays leave the first diffuse hit: remember it. Each of them carries its share of the throughput and has its own place in
 // the sequence of random numbers.
 static void path_branch(Path* path, Branch* branch, Hit hit, vmask opens, uint rays) {
+    if (!lane_any(opens)) return;
     const vec3 share = scale(path->throughput, splat(1.0f) / (float)rays);
     ray_replace(&branch->ray, path->ray, opens);
     branch->hit.distance = opens ? hit.distance : branch->hit.distance;
@@ -150,50 +200,57 @@ static void path_resume(Path* path, Branch* branch, vmask resumes) {
     path->diffused = path->diffused & !resumes;
 }
 
+// The nearest surface along each ray; a path that is back at its branch knows it already.
+static void path_find(const Scene* scene, const Path* path, const Branch* branch, Hit* hit) {
+    Traversal ahead;
+    EACH_PACKET(k) traverse_start(&scene->bvh, &ahead, k, &path[k].ray, path[k].alive & !branch[k].resumes, 0);
+    traverse_finish(&scene->bvh, &ahead, 0);
+    EACH_PACKET(k) {
+        hit[k] = traverse_hit(&ahead, k);
+        hit[k].distance = branch[k].resumes ? branch[k].hit.distance : hit[k].distance;
+        hit[k].primitive = branch[k].resumes ? branch[k].hit.primitive : hit[k].primitive;
+    }
+}
+
+// Go on in a sampled direction; the first diffuse hit may send out several rays. A path that ends goes back to its branch while rays
+// are left there, else it is delivered.
+static void path_go_on(const Scene* scene, const Pool* pool, Path* path, Branch* branch, const Vertex* vertex) {
+    const uint indirect_rays = scene->settings->indirect_rays;
+    const vmask first_diffuse = vertex->diffuse & !path->diffused;
+    if (indirect_rays > 1) path_branch(path, branch, vertex->hit, first_diffuse & !branch->resumes, indirect_rays);
+    path->diffused = path->diffused | vertex->diffuse;
+    const vmask goes_on = path_scatter(scene, path, vertex);
+    if (indirect_rays > 1) path->material_pdf = path->material_pdf * (first_diffuse ? splat((float)indirect_rays) : splat(1.0f));
+
+    const vmask ended = path->alive & !goes_on;
+    branch->resumes = ended & (branch->left > 0u);
+    if (indirect_rays > 1 && lane_any(branch->resumes)) path_resume(path, branch, branch->resumes);
+    const vmask done = ended & !branch->resumes;
+    if (lane_any(done)) pool_deliver(pool, &path->sample, path->radiance, done);
+    path->alive = path->alive & !done;
+}
+
 static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
-    __global const Settings* settings = scene->settings;
-    const uint indirect_rays = settings->indirect_rays;
-    Path path = path_none();
-    Branch branch = path_no_branch(&path);
-    vmask resumes = path.alive;
+    CameraRays waiting = camera_rays_none();
+    Path path[PACKETS];
+    Branch branch[PACKETS];
+    Hit hit[PACKETS];
+    Vertex vertex[PACKETS];
+    EACH_PACKET(k) {
+        path[k] = path_none();
+        branch[k] = path_no_branch(&path[k]);
+    }
 
-    while (path_next(scene, pool, &path)) {
-        // Find the nearest surface along each ray; a path that resumes at its branch knows it already
-        const vmask traced = path.alive & !resumes;
-        Hit hit = traverse_nearest(&scene->bvh, &path.ray, traced);
-        hit.distance = resumes ? branch.hit.distance : hit.distance;
-        hit.primitive = resumes ? branch.hit.primitive : hit.primitive;
-        const vmask found = path.alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &path.ray, hit, found);
-        stats->rays += lane_count(traced);
-        stats->deepest = pool_deepest(stats->deepest, path.depth, traced);
-
-        // Add the light the ray ran into
-        const vec3 emission = path_emission(scene, &path, &surface, found);
-        path.radiance = choose(traced, add(path.radiance, emission), path.radiance);
+    while (path_next(scene, pool, &waiting, path)) {
+        // Find the nearest surface along each ray, and add the light the ray ran into
+        path_find(scene, path, branch, hit);
+        EACH_PACKET(k) vertex[k] = path_arrive(scene, &path[k], hit[k], path[k].alive & !branch[k].resumes, stats);
 
         // Add light that comes straight from the lights
-        const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
-        const vmask may_scatter = found & (path.depth < settings->max_depth);
-        const vmask diffuse = may_scatter & bsdf.smooth;
-        const vmask lit = diffuse & !resumes;
-        if (settings->light_count > 0 && lane_any(lit)) path_add_direct(scene, &path, &surface, &bsdf, lit, stats);
+        path_add_direct(scene, path, vertex, stats);
 
-        // Go on in a sampled direction; the first diffuse hit may send out several rays
-        const vmask first_diffuse = diffuse & !path.diffused;
-        if (indirect_rays > 1 && lane_any(first_diffuse & !resumes))
-            path_branch(&path, &branch, hit, first_diffuse & !resumes, indirect_rays);
-        path.diffused = path.diffused | diffuse;
-        const vmask goes_on = path_scatter(scene, &path, &surface, &bsdf, may_scatter);
-        if (indirect_rays > 1) path.material_pdf = path.material_pdf * (first_diffuse ? splat((float)indirect_rays) : splat(1.0f));
-
-        // A path that ended resumes at its branch while rays are left there, else it is delivered
-        const vmask ended = path.alive & !goes_on;
-        resumes = ended & (branch.left > 0u);
-        if (indirect_rays > 1 && lane_any(resumes)) path_resume(&path, &branch, resumes);
-        const vmask done = ended & !resumes;
-        if (lane_any(done)) pool_deliver(pool, &path.sample, path.radiance, done);
-        path.alive = path.alive & !done;
+        // Choose where the light came from, and go on there
+        EACH_PACKET(k) path_go_on(scene, pool, &path[k], &branch[k], &vertex[k]);
     }
 }
 

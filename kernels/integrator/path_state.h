@@ -5,12 +5,12 @@
 #include "camera/perspective.h"
 #include "film/pool.h"
 
-// Rays of the camera, one for each of the pool's pixels, made all at once: most of the time only a lane or two ask for one.
+// Rays of the camera, for LANES pixels of the pool at once: most of the time only a lane or two ask for one.
 typedef struct {
     float origin[3][LANES], direction[3][LANES];
     uint seed[LANES];
     int inside[LANES];       // whether the pixel is in the image
-    uint number;             // of their sample in this launch
+    uint base, number;       // the first one's slot, and the number of their sample in this launch
     uint left;               // that nobody has asked for yet: the last ones
 } CameraRays;
 
@@ -24,7 +24,6 @@ typedef struct {
     vec3 normal;             // of the last surface, on the side that the ray left from
     vfloat material_pdf;     // density of the ray's direction times the number of such rays; 0 from the camera or a delta
     vmask diffused;          // it has met a surface that is not a delta
-    CameraRays waiting;
 } Path;
 
 // No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
@@ -39,13 +38,19 @@ static Path path_none(void) {
     path.ray.limit = splat(FAR);
     path.ray.from = path.ray.to = splat_uint(NONE);
     path.sample.slot = path.sample.number = path.sample.sampler.seed = path.sample.sampler.index = splat_uint(0u);
-    path.waiting.left = 0;
     return path;
+}
+
+static CameraRays camera_rays_none(void) {
+    CameraRays rays;
+    rays.left = 0;
+    return rays;
 }
 
 static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     PoolSample sample;
     vfloat film_x, film_y;
+    rays->base = pool->base;
     rays->number = pool->next;
     rays->left = LANES;
     const vmask inside = pool_take(scene->settings, pool, &sample, &film_x, &film_y);
@@ -61,9 +66,8 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
 }
 
 // In one lane, with the first of the camera rays that wait.
-static void path_start(const Pool* pool, Path* path, vmask lane) {
-    const CameraRays* rays = &path->waiting;
-    const uint i = LANES - path->waiting.left--;
+static void path_start(const Pool* pool, CameraRays* rays, Path* path, vmask lane) {
+    const uint i = LANES - rays->left--;
     if (!rays->inside[i]) return;
     Ray ray;
     ray.origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
@@ -72,7 +76,7 @@ static void path_start(const Pool* pool, Path* path, vmask lane) {
     ray.from = ray.to = splat_uint(NONE);
     ray_replace(&path->ray, ray, lane);
     PoolSample* sample = &path->sample;
-    sample->slot = lane ? splat_uint(pool->base + i) : sample->slot;
+    sample->slot = lane ? splat_uint(rays->base + i) : sample->slot;
     sample->number = lane ? splat_uint(rays->number) : sample->number;
     sample->sampler.seed = lane ? splat_uint(rays->seed[i]) : sample->sampler.seed;
     sample->sampler.index = lane ? splat_uint(pool->first_sample + rays->number) : sample->sampler.index;
@@ -84,13 +88,17 @@ static void path_start(const Pool* pool, Path* path, vmask lane) {
     path->alive = path->alive | lane;
 }
 
-// Lanes without a path take the next sample of the pool. Returns whether any lane has one: if not, the pool is used up.
-static int path_next(const Scene* scene, Pool* pool, Path* path) {
-    while (lane_any(!path->alive) && (path->waiting.left > 0 || !pool_empty(pool))) {
-        if (path->waiting.left == 0) path_camera_rays(scene, pool, &path->waiting);
-        path_start(pool, path, lane_first(!path->alive));
+// Lanes without a path take the next sample of the pool. Returns whether any lane of any packet has one: if not, the pool is used up.
+static int path_next(const Scene* scene, Pool* pool, CameraRays* waiting, Path* path) {
+    int any = 0;
+    EACH_PACKET(k) {
+        while (lane_any(!path[k].alive) && (waiting->left > 0 || !pool_empty(pool))) {
+            if (waiting->left == 0) path_camera_rays(scene, pool, waiting);
+            path_start(pool, waiting, &path[k], lane_first(!path[k].alive));
+        }
+        any |= lane_any(path[k].alive);
     }
-    return lane_any(path->alive);
+    return any;
 }
 
 #endif

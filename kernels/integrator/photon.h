@@ -126,31 +126,24 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
 }
 
 static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
-    __global const Settings* settings = scene->settings;
+    CameraRays waiting = camera_rays_none();
     Path path = path_none();
 
-    while (path_next(scene, pool, &path)) {
+    while (path_next(scene, pool, &waiting, &path)) {
         // Find the nearest surface, and add the light the ray ran into
         const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
-        const vmask found = path.alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &path.ray, hit, found);
-        stats->rays += lane_count(path.alive);
-        stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
-        path.radiance = choose(path.alive, add(path.radiance, path_emission(scene, &path, &surface, found)), path.radiance);
+        const Vertex vertex = path_arrive(scene, &path, hit, path.alive, stats);
 
         // On a diffuse surface add light straight from the lights, and what the photons brought
-        const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
-        const vmask may_scatter = found & (path.depth < settings->max_depth);
-        const vmask diffuse = may_scatter & bsdf.smooth;
-        if (lane_any(diffuse)) {
-            if (settings->light_count > 0) path_add_direct(scene, &path, &surface, &bsdf, diffuse, stats);
-            const vec3 arriving = photon_irradiance(scene, map, &surface, &bsdf, &path, diffuse, stats);
-            const vec3 leaving = scale(mul(mul(path.throughput, bsdf.color), arriving), splat(INV_PI));
-            path.radiance = choose(diffuse, add(path.radiance, leaving), path.radiance);
+        path_add_direct(scene, &path, &vertex, stats);
+        if (lane_any(vertex.diffuse)) {
+            const vec3 arriving = photon_irradiance(scene, map, &vertex.surface, &vertex.bsdf, &path, vertex.diffuse, stats);
+            const vec3 leaving = scale(mul(mul(path.throughput, vertex.bsdf.color), arriving), splat(INV_PI));
+            path.radiance = choose(vertex.diffuse, add(path.radiance, leaving), path.radiance);
         }
 
         // Follow mirrors and glass: settings have no indirect rays, so that a path ends at a diffuse surface
-        const vmask goes_on = path_scatter(scene, &path, &surface, &bsdf, may_scatter);
+        const vmask goes_on = path_scatter(scene, &path, &vertex);
         const vmask done = path.alive & !goes_on;
         if (lane_any(done)) pool_deliver(pool, &path.sample, path.radiance, done);
         path.alive = path.alive & !done;

@@ -47,7 +47,9 @@ static Reuse reuse_none(void) {
 }
 
 // The first diffuse surface of the path.
-static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const Surface* surface, const Bsdf* bsdf, vmask anchors) {
+static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const Vertex* vertex, vmask anchors) {
+    const Surface* surface = &vertex->surface;
+    const Bsdf* bsdf = &vertex->bsdf;
     const vec3 origin = ray_leave(surface->point, surface->normal, surface->error, !surface->front);
     const vec3 reflects = mul(path->throughput, bsdf->color);
     // From a black surface no path goes on
@@ -64,10 +66,11 @@ static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const S
 }
 
 // The surface that the ray from the anchor met. From here on the path gathers what leaves it, for whoever may see it.
-static void reuse_share(Reuse* r, Path* path, const Surface* surface, const Bsdf* bsdf, vmask shares) {
+static void reuse_share(Reuse* r, Path* path, const Vertex* vertex, vmask shares) {
+    const Surface* surface = &vertex->surface;
     const vec3 target = ray_leave(surface->point, surface->normal, surface->error, !surface->front);
     r->target = choose(shares, target, r->target);
-    r->target_side = choose(shares, bsdf->side, r->target_side);
+    r->target_side = choose(shares, vertex->bsdf.side, r->target_side);
     r->primitive = shares ? surface->primitive : r->primitive;
     r->own = choose(shares, path->radiance, r->own);
     r->shared = r->shared | shares;
@@ -124,11 +127,11 @@ static void reuse_store(__global float* records, vuint record, vmask shared, vec
 
 // As path_trace, without the branch: every pixel has one ray from its first diffuse surface, which is what it shares.
 static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
-    __global const Settings* settings = scene->settings;
+    CameraRays waiting = camera_rays_none();
     Path path = path_none();
     Reuse reuse = reuse_none();
 
-    while (path_next(scene, pool, &path)) {
+    while (path_next(scene, pool, &waiting, &path)) {
         const vmask goes = path.depth > 0u;
         reuse.anchored = reuse.anchored & goes;
         reuse.leaves = reuse.leaves & goes;
@@ -136,24 +139,17 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
 
         // Find the nearest surface along each ray, and add the light the ray ran into
         const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
-        const vmask found = path.alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &path.ray, hit, found);
-        stats->rays += lane_count(path.alive);
-        stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
-        path.radiance = choose(path.alive, add(path.radiance, path_emission(scene, &path, &surface, found)), path.radiance);
+        const Vertex vertex = path_arrive(scene, &path, hit, path.alive, stats);
 
         // The first diffuse surface anchors the path; a diffuse one right after it sends its light to the whole group
-        const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
-        const vmask may_scatter = found & (path.depth < settings->max_depth);
-        const vmask diffuse = may_scatter & bsdf.smooth;
-        const vmask anchors = diffuse & !reuse.anchored, shares = diffuse & reuse.leaves;
-        if (lane_any(shares)) reuse_share(&reuse, &path, &surface, &bsdf, shares);
-        if (lane_any(anchors)) reuse_anchor(scene, &reuse, &path, &surface, &bsdf, anchors);
+        const vmask anchors = vertex.diffuse & !reuse.anchored, shares = vertex.diffuse & reuse.leaves;
+        if (lane_any(shares)) reuse_share(&reuse, &path, &vertex, shares);
+        if (lane_any(anchors)) reuse_anchor(scene, &reuse, &path, &vertex, anchors);
         reuse.leaves = anchors;
 
         // Add light that comes straight from the lights, and go on in a sampled direction
-        if (settings->light_count > 0 && lane_any(diffuse)) path_add_direct(scene, &path, &surface, &bsdf, diffuse, stats);
-        const vmask goes_on = path_scatter(scene, &path, &surface, &bsdf, may_scatter);
+        path_add_direct(scene, &path, &vertex, stats);
+        const vmask goes_on = path_scatter(scene, &path, &vertex);
 
         const vmask done = path.alive & !goes_on;
         if (lane_any(done)) reuse_deliver(pool, records, &path.sample, &reuse, path.radiance, done);

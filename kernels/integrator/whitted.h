@@ -10,9 +10,10 @@
 
 static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     __global const Settings* settings = scene->settings;
+    CameraRays waiting = camera_rays_none();
     Path path = path_none();
 
-    while (path_next(scene, pool, &path)) {
+    while (path_next(scene, pool, &waiting, &path)) {
         // Find the nearest surface and add the light it sends out, or the environment's
         const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
         stats->rays += lane_count(path.alive);

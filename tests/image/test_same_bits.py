@@ -6,6 +6,7 @@ The full product is slow, and `scripts/same_bits` prints it as a table.
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from clrender.device.worker import Cut, DeviceWorker
 from clrender.film import Film
 from clrender.flatten import flatten
 from clrender.image_io import image_sha256
+from clrender.integrators import INTEGRATORS
 from clrender.schedule import Plan
 from clrender.settings import RenderSettings
 from clrender.work import Unit, UnitSums, tile_side
@@ -108,10 +110,31 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
     assert sha("bumpy", all_devices[:1], one, **settings) == sha("bumpy", all_devices[:1], **settings)
 
 
+@pytest.mark.parametrize("packets", [1, 3])
+def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, str], packets: int) -> None:
+    """Other numbers of them than devices choose, where rays part; with another pool of samples to a work-item each."""
+    path, built = INTEGRATORS["path"], Device.program
+    assert path.packets != packets
+    defined = []
+
+    def program(device: Device, entry: str | Path, defines: Any = None) -> Any:
+        defined.append((entry, (defines or {}).get("PACKETS")))
+        return built(device, entry, defines)
+
+    others: dict[str, Any] = {"indirect_rays": 2, "shadow_rays": 2, "roulette": "absorption"}
+    other = sha("bumpy", all_devices[:1], Cutting(8), **others)
+    changed = {"path": dataclasses.replace(path, packets=packets)}
+    with patch.dict("clrender.integrators.INTEGRATORS", changed), patch.object(Device, "program", program):
+        assert sha("bumpy", all_devices[:1], Cutting(8)) == expected["bumpy"]
+        assert sha("bumpy", all_devices[:1], Cutting(8, samples_per_pass=3), **others) == other
+    assert (path.entry, packets) in defined
+
+
+@pytest.mark.parametrize("scene", ["room", "bumpy"])
 @pytest.mark.parametrize("size", [(1, 1), (1, 70), (130, 1), (3, 5)], ids=str)
-def test_odd_sizes(all_devices: list[Device], size: tuple[int, int]) -> None:
+def test_odd_sizes(all_devices: list[Device], scene: str, size: tuple[int, int]) -> None:
     hashes = {
-        sha("room", all_devices[:1], cutting, size=size)
+        sha(scene, all_devices[:1], cutting, size=size)
         for cutting in (Cutting(), Cutting(16, "packet", 4, 1, 16, "shuffled"), Cutting(1, "packet", 65536, 16, 16))
     }
     assert len(hashes) == 1
