@@ -114,19 +114,27 @@ static vmask path_roulette(const Scene* scene, Path* path, const Surface* surfac
     return goes_on;
 }
 
-// A sampled point of a light: the ray that has to be free for its light to arrive, and what the camera gets of it then.
-static Ray path_aim(const Scene* scene, const Path* path, const Vertex* vertex, uint m, vec3* arriving) {
+// The lights to be sampled for the packets' points, of each pixel's shadow ray number `m`.
+static void path_choose_lights(const Scene* scene, const Path* path, const Vertex* vertex, uint m, LightChoice* choice) {
+    TreeWalk walk[PACKETS];
+    EACH_PACKET(k) {
+        vuint bits_u;
+        Sampler sampler = path[k].sample.sampler;
+        sampler.index = sampler.index * scene->settings->shadow_rays + m;
+        sampler_bounce_bits(sampler, SET_LIGHT, path[k].depth, &bits_u, &choice[k].bits_v);
+        walk[k] = tree_begin(vertex[k].surface.point, vertex[k].bsdf.side, bits_u);
+    }
+    light_choose(scene, walk, choice, PACKETS);
+}
+
+// A point of the light: the ray that has to be free for its light to arrive, and what the camera gets of it then.
+static Ray path_aim(const Scene* scene, const Path* path, const Vertex* vertex, const LightChoice* choice, vec3* arriving) {
     const uint shadow_rays = scene->settings->shadow_rays, indirect_rays = scene->settings->indirect_rays;
     const Surface* surface = &vertex->surface;
-    const Bsdf* bsdf = &vertex->bsdf;
-    vuint bits_u, bits_v;
-    Sampler sampler = path->sample.sampler;
-    sampler.index = sampler.index * shadow_rays + m;
-    sampler_bounce_bits(sampler, SET_LIGHT, path->depth, &bits_u, &bits_v);
-    const LightSample light = light_sample(scene, surface->point, bsdf->side, surface->primitive, bits_u, bits_v);
-    vec3 direct = path_direct(scene, bsdf, &light, shadow_rays, 1u);
+    const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, choice);
+    vec3 direct = path_direct(scene, &vertex->bsdf, &light, shadow_rays, 1u);
     if (indirect_rays != 1)
-        direct = choose(path->diffused, direct, path_direct(scene, bsdf, &light, shadow_rays, indirect_rays));
+        direct = choose(path->diffused, direct, path_direct(scene, &vertex->bsdf, &light, shadow_rays, indirect_rays));
     *arriving = mul(path->throughput, direct);
     return light_shadow_ray(surface, &light);
 }
@@ -137,11 +145,13 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
     EACH_PACKET(k) any_lit |= lane_any(vertex[k].lit);
     if (scene->settings->light_count == 0 || !any_lit) return;
     Traversal shadows;
+    LightChoice choice[PACKETS];
     vec3 arriving[PACKETS];
     vmask asked[PACKETS];
     for (uint m = 0; m < scene->settings->shadow_rays; ++m) {
+        path_choose_lights(scene, path, vertex, m, choice);
         EACH_PACKET(k) {
-            const Ray shadow_ray = path_aim(scene, &path[k], &vertex[k], m, &arriving[k]);
+            const Ray shadow_ray = path_aim(scene, &path[k], &vertex[k], &choice[k], &arriving[k]);
             asked[k] = vertex[k].lit & (largest(arriving[k]) > 0.0f);
             traverse_start(&scene->bvh, &shadows, k, &shadow_ray, asked[k], 1);
             stats->shadow_rays += lane_count(asked[k]);

@@ -57,14 +57,25 @@ static vuint light_by_power(const Scene* scene, vuint bits, vuint* rest) {
     return keep ? entry : alias;
 }
 
-// A light for a point with this normal, and what is left of the number. `probability` counts only where there is a tree of lights.
-static vuint light_choose(const Scene* scene, vec3 origin, vec3 normal, vuint bits, vuint* rest, vfloat* probability) {
-    if (scene->settings->light_levels > 0) return tree_choose(scene, origin, normal, bits, rest, probability);
-    *probability = splat(1.0f);
-    return light_by_power(scene, bits, rest);
+// Which light is sampled for a point, and where on it.
+typedef struct {
+    vuint light;
+    vuint bits_u, bits_v;    // random numbers, as random as new
+    vfloat probability;      // of the light; counts only where there is a tree of lights
+} LightChoice;
+
+// A choice for each of so many walks. Level by level for all of them: while one waits for its nodes, others go on.
+static void light_choose(const Scene* scene, TreeWalk* walk, LightChoice* choice, uint count) {
+    const uint levels = scene->settings->light_levels;
+    for (uint level = 0; level < levels; ++level)
+        for (uint k = 0; k < count; ++k) tree_step(scene, &walk[k]);
+    for (uint k = 0; k < count; ++k) {
+        choice[k].probability = walk[k].chance;
+        choice[k].light = levels > 0 ? tree_end(scene, &walk[k], &choice[k].bits_u) : light_by_power(scene, walk[k].bits, &choice[k].bits_u);
+    }
 }
 
-// The probability with which light_choose picks it there.
+// The probability with which it is chosen there.
 static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, const Light_* light) {
     return scene->settings->light_levels > 0 ? tree_probability(scene, origin, normal, light->place) : light->probability;
 }
@@ -104,14 +115,21 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     return s;
 }
 
-// A point of a light for the point `origin`, with this normal, of the primitive `own`. Only from inside a sphere does a surface see itself; what else it would send
-// to itself is made of rounding errors.
+// A point of the chosen light for the point `origin` of the primitive `own`. Only from inside a sphere does a surface see itself; what
+// else it would send to itself is made of rounding errors.
+static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice) {
+    const Light_ light = light_at(scene, choice->light);
+    const vfloat probability = scene->settings->light_levels > 0 ? choice->probability : light.probability;
+    return light_sample_one(scene, origin, own, &light, probability, unit_interval(choice->bits_u), unit_interval(choice->bits_v));
+}
+
+// The same with the choice, for a point with this normal.
 static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vuint own, vuint bits_u, vuint bits_v) {
-    vuint rest;
-    vfloat probability;
-    const Light_ light = light_at(scene, light_choose(scene, origin, normal, bits_u, &rest, &probability));
-    if (scene->settings->light_levels == 0) probability = light.probability;
-    return light_sample_one(scene, origin, own, &light, probability, unit_interval(rest), unit_interval(bits_v));
+    TreeWalk walk = tree_begin(origin, normal, bits_u);
+    LightChoice choice;
+    choice.bits_v = bits_v;
+    light_choose(scene, &walk, &choice, 1u);
+    return light_sample_chosen(scene, origin, own, &choice);
 }
 
 // Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance. An environment has no centre and

@@ -36,27 +36,44 @@ static vfloat tree_first_probability(const Scene* scene, vuint node, vec3 origin
     return both > 0.0f ? first / both : splat(-1.0f);
 }
 
-// A light, and the probability with which it was chosen, 0 for none; what is left of the number is as random as new.
-static vuint tree_choose(const Scene* scene, vec3 origin, vec3 normal, vuint bits, vuint* rest, vfloat* probability) {
-    vuint node = splat_uint(1u);
-    vfloat u = unit_interval(bits), chance = splat(1.0f);
-    for (uint level = 0; level < scene->settings->light_levels; ++level) {
-        const vfloat first = tree_first_probability(scene, node, origin, normal);
-        const vmask to_first = u < first;
-        const vfloat share = to_first ? first : splat(1.0f) - first;
-        u = bounded((to_first ? u : u - first) / greater(share, splat(1.0e-30f)), 0.0f, 0.99999994f);
-        chance = first < 0.0f ? splat(0.0f) : chance * share;
-        node = node * 2u + (to_first ? splat_uint(0u) : splat_uint(1u));
-    }
-    // The number had 24 digits, of which the choice has used some up: the last ones are drawn anew.
-    const vfloat step = splat(5.9604645e-8f) / greater(chance, splat(5.9604645e-8f));
-    u = bounded(fma(unit_interval(hash(bits ^ splat_uint(0x3c6ef372u))), step, u), 0.0f, 0.99999994f);
-    *rest = vuint_of(u * 16777216.0f) << 8;
-    *probability = chance;
-    return vfloat_bits(lane_gather(scene->light_order, node - (1u << scene->settings->light_levels)));
+// The way down to a light, for the surface point `origin` with this normal.
+typedef struct {
+    vec3 origin, normal;
+    vuint bits;          // the random number
+    vuint node;          // so far; and what is left of the number, and the probability to come here, 0 where no light gives anything
+    vfloat u, chance;
+} TreeWalk;
+
+static TreeWalk tree_begin(vec3 origin, vec3 normal, vuint bits) {
+    TreeWalk walk;
+    walk.origin = origin;
+    walk.normal = normal;
+    walk.bits = bits;
+    walk.node = splat_uint(1u);
+    walk.u = unit_interval(bits);
+    walk.chance = splat(1.0f);
+    return walk;
 }
 
-// The probability with which tree_choose finds the light at this place of the last level.
+static void tree_step(const Scene* scene, TreeWalk* walk) {
+    const vfloat first = tree_first_probability(scene, walk->node, walk->origin, walk->normal);
+    const vmask to_first = walk->u < first;
+    const vfloat share = to_first ? first : splat(1.0f) - first;
+    walk->u = bounded((to_first ? walk->u : walk->u - first) / greater(share, splat(1.0e-30f)), 0.0f, 0.99999994f);
+    walk->chance = first < 0.0f ? splat(0.0f) : walk->chance * share;
+    walk->node = walk->node * 2u + (to_first ? splat_uint(0u) : splat_uint(1u));
+}
+
+// The light at the end, and what is left of the number, as random as new.
+static vuint tree_end(const Scene* scene, const TreeWalk* walk, vuint* rest) {
+    // The number had 24 digits, of which the choice has used some up: the last ones are drawn anew.
+    const vfloat step = splat(5.9604645e-8f) / greater(walk->chance, splat(5.9604645e-8f));
+    const vfloat u = bounded(fma(unit_interval(hash(walk->bits ^ splat_uint(0x3c6ef372u))), step, walk->u), 0.0f, 0.99999994f);
+    *rest = vuint_of(u * 16777216.0f) << 8;
+    return vfloat_bits(lane_gather(scene->light_order, walk->node - (1u << scene->settings->light_levels)));
+}
+
+// The probability with which such a walk finds the light at this place of the last level.
 static vfloat tree_probability(const Scene* scene, vec3 origin, vec3 normal, vuint place) {
     vfloat chance = splat(1.0f);
     const uint levels = scene->settings->light_levels;

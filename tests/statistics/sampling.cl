@@ -114,14 +114,14 @@ __kernel void sampling_light_choice(SCENE_PARAMETERS __global const float* bits,
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
     const vec3 from = vec3_from(origin), up = vec3_from(normal);
-    vuint rest;
-    vfloat likely;
-    const vuint chosen = light_choose(&scene, from, up, vfloat_bits(lane_load(bits + at)), &rest, &likely);
-    const Light_ light = light_at(&scene, chosen);
+    TreeWalk walk = tree_begin(from, up, vfloat_bits(lane_load(bits + at)));
+    LightChoice choice;
+    light_choose(&scene, &walk, &choice, 1u);
+    const Light_ light = light_at(&scene, choice.light);
     const uint number = (uint)at;
     const Light_ next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count);
-    lane_save(vfloat_from_bits(chosen), results + at);
-    lane_save(likely, results + count + at);
+    lane_save(vfloat_from_bits(choice.light), results + at);
+    lane_save(choice.probability, results + count + at);
     lane_save(light_probability(&scene, from, up, &light), results + (size_t)2 * count + at);
     lane_save(light_probability(&scene, from, up, &next), results + (size_t)3 * count + at);
 }
