@@ -28,7 +28,7 @@ static vfloat tree_importance(const vfloat child[8], vec3 origin, vec3 normal) {
 }
 
 // The probability of the first child of a node; negative where neither can give anything.
-static vfloat tree_first_probability(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
+__attribute__((always_inline)) static vfloat tree_first_probability(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
     vfloat row[16];
     lane_rows(scene->light_nodes, node, row);
     const vfloat first = tree_importance(row, origin, normal), second = tree_importance(row + 8, origin, normal);
