@@ -1,10 +1,25 @@
-"""`python -m clrender` is `clrender`."""
+"""`clrender` and `python -m clrender`: the command line, which Ctrl-C also ends quietly while it is being loaded."""
 
 from __future__ import annotations
 
-from clrender.cli import main
+import sys
 
-__all__: list[str] = []
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Load the command line and run it."""
+    try:
+        from clrender.cli import main as command
+
+        command()
+    except KeyboardInterrupt:
+        sys.exit(130)
+    finally:
+        # Where Ctrl-C came in code made from a string, as dataclasses make theirs, CPython remembers it although it
+        # was caught, and ends the process by the signal in place of the exit code. It forgets when more such code runs.
+        exec("")
+
 
 if __name__ == "__main__":
     main()

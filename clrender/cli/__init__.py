@@ -83,6 +83,11 @@ class _Commands(click.Group):
             _fail(_sentence(error), 2)
         except (KeyboardInterrupt, click.Abort):
             _fail("interrupted.", 130)
+        except RuntimeError as error:
+            # What Python 3.11 makes of Ctrl-C while a class is being made
+            if not isinstance(error.__cause__, KeyboardInterrupt):
+                raise
+            _fail("interrupted.", 130)
         except MemoryError:
             _fail("there is not enough memory for this; ask for a smaller image or close other programs.", 1)
         except BrokenPipeError:

@@ -114,7 +114,9 @@ _FILM_BYTES: Final = 52
 )
 @click.option("--work-group", type=number(1, 4096, whole=True), help="Work-items; never changes the image.")
 @click.option(
-    "--lanes", type=click.Choice(("1", "4", "8", "16")), help="Paths to a work-item; never changes the image."
+    "--lanes",
+    type=click.Choice(("1", "4", "8", "16")),
+    help="Paths side by side in a work-item; never changes the image.",
 )
 @click.option(
     "--time",

@@ -52,7 +52,7 @@ class Cut:
     Attributes
     ----------
     lanes : int or None
-        Paths a work-item carries: 1, 4, 8 or 16; None: by the kind of device.
+        Paths a work-item carries side by side: 1, 4, 8 or 16; None: by the kind of device.
     work_group : int or None
         Work-items in a group.
     samples_per_pass : int or None
@@ -100,7 +100,7 @@ class DeviceWorker:
     Attributes
     ----------
     lanes : int
-        Paths a work-item carries.
+        Paths a work-item carries side by side.
     build_seconds : float
         Upload and tree.
     busy_seconds : float
@@ -336,7 +336,7 @@ class DeviceWorker:
 
 
 def _lanes(device: Device) -> int:
-    """Paths a work-item carries unless the user says otherwise."""
+    """Paths a work-item carries side by side unless the user says otherwise."""
     # rusticl's llvmpipe puts neighbouring work-items into a vector's lanes by itself, as a GPU does.
     return _CPU_LANES if device.is_cpu and "rusticl" not in device.info.platform.lower() else 1
 

@@ -23,8 +23,8 @@
 #define LANE_N(name) LANE_PASTE(name, LANES)
 #endif
 
-// Packets of so many paths that a work-item carries: while some of their rays wait for memory, others go on. Only path tracing has more
-// than one (integrator/path.h).
+// How many packets of LANES paths a work-item carries: while some of their rays wait for memory, others go on. More than one only in
+// path tracing, where rays part (integrator/path.h).
 #ifndef PACKETS
 #define PACKETS 1
 #endif

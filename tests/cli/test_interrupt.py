@@ -79,11 +79,43 @@ def test_a_signal_while_it_starts_ends_it_without_a_trace(tmp_path: Path, delay:
         child.send_signal(signal.SIGINT)
         out, err = child.communicate(timeout=120)
         seconds = time.monotonic() - begun
-    assert child.returncode == 130
+    assert child.returncode == 130, err
     assert seconds < PATIENCE
     assert "Traceback" not in err
     # A quick machine is rendering by then: then there is a picture, else nothing at all.
     assert [path.name for path in tmp_path.iterdir()] == (["a.exr"] if "stopped early" in out else [])
+
+
+IN_A_CLASS = """
+class Name:
+    def __set_name__(self, owner, name):
+        raise KeyboardInterrupt
+class Owner:
+    name = Name()
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "line"),
+    [
+        ("click", "raise KeyboardInterrupt"),
+        ("click", "exec('raise KeyboardInterrupt')"),
+        ("numpy", "raise KeyboardInterrupt"),
+        ("numpy", "exec('raise KeyboardInterrupt')"),
+        ("numpy", IN_A_CLASS),
+    ],
+)
+def test_a_signal_while_modules_load(tmp_path: Path, module: str, line: str) -> None:
+    """Also out of code made from a string, and of a class in the making, for which Python has ends of its own."""
+    (tmp_path / f"{module}.py").write_text(line)
+    paths = {"PYTHONPATH": f"{tmp_path}{os.pathsep}{Path(clrender.__path__[0]).parent}"}
+    command = [sys.executable, "-m", "clrender", "render", "room", "-oa.png"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **paths}
+    ) as child:
+        out, err = child.communicate(timeout=60)
+    assert child.returncode == 130, err
+    assert out == "" and "Traceback" not in err
 
 
 def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
