@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,6 +16,7 @@ from clrender.errors import RenderError, UsageError
 __all__ = ["atomic_write", "check_writable", "open_input", "remove_temporaries"]
 
 _temporaries: set[Path] = set()
+_beginning = threading.Lock()
 
 
 def check_writable(path: str | Path) -> None:
@@ -91,6 +93,7 @@ def open_input(path: str | Path) -> Iterator[IO[bytes]]:
 
 def remove_temporaries() -> None:
     """Remove what `atomic_write` has begun and not ended; only for a program about to exit without cleaning up."""
+    _beginning.acquire()  # for good: another thread would begin one behind our back
     for temporary in list(_temporaries):
         with suppress(OSError):
             temporary.unlink()
@@ -101,10 +104,12 @@ def _beside(path: Path) -> Iterator[tuple[IO[bytes], Path]]:
     """New file in the folder where `path` really lies, removed at the end unless it was renamed."""
     folder = Path(os.path.realpath(path)).parent
     temporary = folder / f".clrender-{os.getpid()}-{secrets.token_hex(6)}.part"
-    _temporaries.add(temporary)
     try:
-        # Not `tempfile`: the final file shall have the rights that the user's umask gives.
-        with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666), "wb") as file:
+        with _beginning:
+            _temporaries.add(temporary)
+            # Not `tempfile`: the final file shall have the rights that the user's umask gives.
+            descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        with os.fdopen(descriptor, "wb") as file:
             yield file, temporary
     finally:
         with suppress(OSError):

@@ -126,3 +126,26 @@ def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
         _, err = child.communicate(timeout=120)
     assert child.returncode == 130 and "Traceback" not in err
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
+
+
+def test_no_file_is_begun_once_the_end_has_come(tmp_path: Path) -> None:
+    """The main thread goes on while another one cleans up and leaves."""
+    code = """
+import os, threading
+from clrender.files import atomic_write, remove_temporaries
+def write():
+    with atomic_write("a.exr") as file:
+        file.write(b"picture")
+remove_temporaries()
+writer = threading.Thread(target=write, daemon=True)
+writer.start()
+writer.join(0.5)
+print(os.listdir("."), flush=True)
+os._exit(0)
+"""
+    paths = {"PYTHONPATH": str(Path(clrender.__path__[0]).parent)}
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, text=True, env={**os.environ, **paths}
+    ) as child:
+        assert child.communicate(timeout=60)[0] == "[]\n"
