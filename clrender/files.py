@@ -93,7 +93,8 @@ def open_input(path: str | Path) -> Iterator[IO[bytes]]:
 
 def remove_temporaries() -> None:
     """Remove what `atomic_write` has begun and not ended; only for a program about to exit without cleaning up."""
-    _beginning.acquire()  # for good: another thread would begin one behind our back
+    # For good: another thread would begin one behind our back. But one that waits for its disk does not keep us.
+    _beginning.acquire(timeout=1.0)
     for temporary in list(_temporaries):
         with suppress(OSError):
             temporary.unlink()

@@ -345,7 +345,8 @@ def _work_group(device: Device, lanes: int, packets: int) -> int:
     """Work-items in a group unless the user says otherwise."""
     if not device.is_cpu:
         return _GPU_WORK_GROUP
-    # llvmpipe wants work-items for lanes of its own: with sixteen it is six times faster than with one.
+    # llvmpipe wants work-items for lanes of its own: with sixteen it is six times faster than with one. Packets count
+    # as work-items do: a group is what a core takes at a time, and at a launch's end others wait for it.
     return max(1, _CPU_WORK_GROUP // packets) if lanes > 1 else _LONE_WORK_GROUP
 
 

@@ -110,7 +110,7 @@ static void single_children(SingleRays* rays, int ray, __global const float* nod
     rays->top[ray] += count_of_eight(passes);
 }
 
-// The memory that the lane's next step reads, asked for a round before it is needed. In small trees it is near anyway.
+// The memory that the ray's next step reads, asked for a round before it is needed. In small trees it is near anyway.
 static void single_prefetch(const Bvh* bvh, const SingleRays* rays, int ray) {
 #ifdef BVH_PREFETCH
     const uint next = (uint)rays->stack[ray][max(rays->top[ray], 0)];

@@ -26,6 +26,7 @@ typedef struct {
 #endif
 } Traversal;
 
+// A packet sets out; every one of them has to before they finish.
 __attribute__((always_inline)) static void traverse_start(const Bvh* bvh, Traversal* t, uint packet, const Ray* ray, vmask active, int any_hit) {
     PacketRay together = packet_ray(ray, active);
 #if TRAVERSE_ALONE
@@ -44,6 +45,7 @@ __attribute__((always_inline)) static void traverse_start(const Bvh* bvh, Traver
     t->primitive[packet] = together.primitive;
 }
 
+// The rays alone go on to their ends.
 __attribute__((always_inline)) static void traverse_finish(const Bvh* bvh, Traversal* t, int any_hit) {
 #if TRAVERSE_ALONE
     bvh_single(bvh, &t->alone, any_hit);
