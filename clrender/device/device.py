@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from clrender.device.cache import Sentinel
 from clrender.device.compiler import build, store
+from clrender.device.pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, RenderError
 
@@ -219,7 +220,17 @@ class Device:
         )
         self._held_bytes += size
         self.allocated_bytes = max(self.allocated_bytes, self._held_bytes)
-        return Buffer(handle, size)
+        buffer = Buffer(handle, size)
+        if self.is_cpu and size >= LARGE_BYTES:
+            self._call(f"a look at {_mib(size)}", lambda: self._prefer_large_pages(buffer))
+        return buffer
+
+    def _prefer_large_pages(self, buffer: Buffer) -> None:
+        """Of a CPU, buffers are this process's memory."""
+        flags, shape, dtype = self._cl.map_flags.WRITE, (buffer.nbytes,), np.dtype(np.uint8)
+        memory, _ = self._cl.enqueue_map_buffer(self._queue, buffer.handle, flags, 0, shape, dtype)
+        prefer_large_pages(memory.ctypes.data, buffer.nbytes)
+        memory.base.release(self._queue)
 
     def release(self, buffer: Buffer) -> None:
         """Give the memory of a buffer back; the buffer must not be used again."""

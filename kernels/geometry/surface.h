@@ -71,6 +71,15 @@ static void surface_round(const Ray* ray, vfloat distance, const vfloat row[16],
     s->from = (round & !disk) ? splat_uint(NONE) : s->from;      // a sphere can be hit again from inside
 }
 
+// The rows that surface_at will read, asked for before it is needed where there are many.
+static void surface_prefetch(const Scene* scene, Hit hit) {
+#if PACKETS > 1
+    uint primitive[LANES];
+    lane_store((hit.primitive == NONE ? splat_uint(0u) : hit.primitive), primitive);
+    for (int lane = 0; lane < LANES; ++lane) __builtin_prefetch(scene->primitive_rows + (size_t)primitive[lane] * 16);
+#endif
+}
+
 static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask active) {
     Surface s;
     vfloat row[16];

@@ -219,6 +219,7 @@ static void path_find(const Scene* scene, const Path* path, const Branch* branch
         hit[k] = traverse_hit(&ahead, k);
         hit[k].distance = branch[k].resumes ? branch[k].hit.distance : hit[k].distance;
         hit[k].primitive = branch[k].resumes ? branch[k].hit.primitive : hit[k].primitive;
+        surface_prefetch(scene, hit[k]);
     }
 }
 

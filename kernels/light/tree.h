@@ -9,29 +9,42 @@
 #include "core/sampler.h"
 #include "scene.h"
 
-// The mean of the positive part of a cosine, of which the mean and the mean square of the deviation are known: exact without any, and
-// never 0 with some.
-static vfloat tree_positive(vfloat mean, vfloat deviation2) {
-    return fma(mean, splat(0.5f), sqrt(fma(mean, mean, deviation2)) * 0.5f);
-}
+// Twice the mean of the positive part of a number, of which the mean and the mean square of the deviation are known: exact without any,
+// and never 0 with some.
+static vfloat tree_positive(vfloat mean, vfloat deviation2) { return mean + sqrt(fma(mean, mean, deviation2)); }
 
 // About what the lights below a child send to a surface with this normal: their power over the distance's square, times how far they
-// face the point, and the surface them. `child` is its eight words: centre and radius, mean normal, power.
-static vfloat tree_importance(const vfloat child[8], vec3 origin, vec3 normal) {
+// face the point, and the surface them. The cosines are left as they are, times the distance: so it is `weight` over the square of
+// `distance2`, and takes no division.
+typedef struct {
+    vfloat weight, distance2;
+} TreeImportance;
+
+// `child` is its eight words: centre and radius, mean normal, power.
+static TreeImportance tree_importance(const vfloat child[8], vec3 origin, vec3 normal) {
     const vec3 to = sub(vec3_of(child[0], child[1], child[2]), origin), mean = vec3_of(child[4], child[5], child[6]);
-    const vfloat radius2 = child[3] * child[3], power = child[7];
-    const vfloat inverse2 = splat(1.0f) / greater(fma(radius2, splat(0.25f), inner(to, to)), splat(1.0e-30f));
-    const vfloat inverse = sqrt(inverse2), spread2 = radius2 * inverse2;
-    const vfloat facing = tree_positive(-inner(mean, to) * inverse, fma(splat(0.25f), splat(1.0f) - inner(mean, mean), spread2 * 0.1f));
-    const vfloat receiving = tree_positive(inner(normal, to) * inverse, spread2 * 0.1f);
-    return child[3] < 0.0f ? power : power * facing * receiving * inverse2;
+    const vfloat radius2 = child[3] * child[3], power = child[7], spread2 = radius2 * 0.1f;
+    const vfloat distance2 = fma(radius2, splat(0.25f), inner(to, to));
+    const vfloat differ2 = fma(inner(mean, mean), splat(-0.25f), splat(0.25f));
+    const vfloat facing = tree_positive(-inner(mean, to), fma(differ2, distance2, spread2));
+    const vfloat receiving = tree_positive(inner(normal, to), spread2);
+    const vmask infinite = child[3] < 0.0f;
+    TreeImportance i;
+    i.weight = infinite ? power : power * facing * receiving * 0.25f;
+    i.distance2 = infinite ? splat(1.0f) : distance2;
+    return i;
 }
 
 // The probability of the first child of a node; negative where neither can give anything.
 __attribute__((always_inline)) static vfloat tree_first_probability(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
     vfloat row[16];
     lane_rows(scene->light_nodes, node, row);
-    const vfloat first = tree_importance(row, origin, normal), second = tree_importance(row + 8, origin, normal);
+    const TreeImportance a = tree_importance(row, origin, normal), b = tree_importance(row + 8, origin, normal);
+    // The farther one near 1 and the other not too far below it, so that no product is lost
+    const vfloat most = greater(a.distance2, b.distance2), near_one = inverse_scale(vec3_of(most, most, most));
+    const vfloat distance_a = greater(a.distance2 * near_one, splat(1.0e-12f));
+    const vfloat distance_b = greater(b.distance2 * near_one, splat(1.0e-12f));
+    const vfloat first = a.weight * near_one * (distance_b * distance_b), second = b.weight * near_one * (distance_a * distance_a);
     const vfloat both = first + second;
     return both > 0.0f ? first / both : splat(-1.0f);
 }

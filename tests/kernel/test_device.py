@@ -62,6 +62,29 @@ def test_peak_memory_is_counted(device: Device) -> None:
     assert device.allocated_bytes >= before + 2**20
 
 
+@pytest.mark.skipif(not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="this system has no large pages")
+def test_large_buffers_ask_for_large_pages(device: Device) -> None:
+    """The system marks memory of which that was asked."""
+
+    def asked() -> int:
+        words = Path("/proc/self/smaps").read_text().split("\n")
+        sizes = [int(line.split()[1]) for line in words if line.startswith("Size:")]
+        marked = ["hg" in line.split() for line in words if line.startswith("VmFlags:")]
+        return sum(size for size, mark in zip(sizes, marked, strict=True) if mark) << 10
+
+    before = asked()
+    buffers = [device.empty(2**18), device.empty(2**26)]
+    after = asked()
+    values = np.arange(2**24, dtype=np.uint32)
+    device.write(buffers[1], values)
+    result = np.empty_like(values)
+    device.read(buffers[1], result)
+    for buffer in buffers:
+        device.release(buffer)
+    assert np.array_equal(result, values)
+    assert 0.9 * 2**26 < after - before <= 2**26, "the large one did, and no other"
+
+
 def test_a_buffer_beyond_the_limit_is_refused_with_its_size(device: Device) -> None:
     with pytest.raises(RenderError, match=r"allows .* in one buffer, .* are needed"):
         device.empty(device.max_allocation_bytes + 1)
