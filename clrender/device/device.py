@@ -214,23 +214,20 @@ class Device:
                 "take a smaller scene or tile, or another device"
             )
         size = max(nbytes, 16)  # OpenCL knows no empty buffer
-        handle = self._call(
-            f"a buffer of {_mib(size)}",
-            lambda: self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, size),
-        )
+        handle = self._call(f"a buffer of {_mib(size)}", lambda: self._create(size))
         self._held_bytes += size
         self.allocated_bytes = max(self.allocated_bytes, self._held_bytes)
-        buffer = Buffer(handle, size)
-        if self.is_cpu and size >= LARGE_BYTES:
-            self._call(f"a look at {_mib(size)}", lambda: self._prefer_large_pages(buffer))
-        return buffer
+        return Buffer(handle, size)
 
-    def _prefer_large_pages(self, buffer: Buffer) -> None:
-        """Of a CPU, buffers are this process's memory."""
-        flags, shape, dtype = self._cl.map_flags.WRITE, (buffer.nbytes,), np.dtype(np.uint8)
-        memory, _ = self._cl.enqueue_map_buffer(self._queue, buffer.handle, flags, 0, shape, dtype)
-        prefer_large_pages(memory.ctypes.data, buffer.nbytes)
-        memory.base.release(self._queue)
+    def _create(self, size: int) -> cl.Buffer:
+        handle = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, size)
+        if self.is_cpu and size >= LARGE_BYTES:
+            # A CPU's buffers are this process's memory
+            flags, dtype = self._cl.map_flags.WRITE, np.dtype(np.uint8)
+            memory, _ = self._cl.enqueue_map_buffer(self._queue, handle, flags, 0, (size,), dtype)
+            prefer_large_pages(memory.ctypes.data, size)
+            memory.base.release(self._queue)
+        return handle
 
     def release(self, buffer: Buffer) -> None:
         """Give the memory of a buffer back; the buffer must not be used again."""
