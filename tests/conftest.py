@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-# A shell that starts the tests in the background has them ignore Ctrl-C, and so would the programs that they send it to.
+# A shell that starts the tests in the background has them ignore Ctrl-C, and so would the programs they send it to.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
