@@ -17,6 +17,7 @@ __all__ = [
     "Sentinel",
     "cache_folder",
     "compiler_folder",
+    "limit_compiler_folder",
     "load_binary",
     "read_json",
     "renew_compiler_folder",
@@ -26,6 +27,8 @@ __all__ = [
 ]
 
 _MAGIC: Final = b"clrender-binary-1\n"
+_MOST_BYTES: Final = 1 << 30
+"""A compiler folder larger than this is begun anew: what every version of kernels and drivers leaves there adds up."""
 
 
 def cache_folder() -> Path:
@@ -119,6 +122,16 @@ def renew_compiler_folder() -> None:
     for folder in base.iterdir():
         if folder.name.isdigit() and int(folder.name) < old:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def limit_compiler_folder() -> None:
+    """Renew the compiler folder where it has grown large."""
+    size = 0
+    for path in compiler_folder().rglob("*"):
+        with contextlib.suppress(OSError):  # another process may take it away
+            size += path.stat().st_size if path.is_file() else 0
+    if size > _MOST_BYTES:
+        renew_compiler_folder()
 
 
 class Sentinel:

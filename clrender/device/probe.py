@@ -274,6 +274,7 @@ def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None
         if second[0] != "crashed":
             cache.renew_compiler_folder()
             verdict, detail = second
+    cache.limit_compiler_folder()  # here because few processes probe
     cache.write_json(_verdict_path(info, driver), {"probe": verdict, "detail": detail, "device": info.title})
     return replace(info, probe=verdict, detail=detail)
 

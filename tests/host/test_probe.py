@@ -251,6 +251,23 @@ def test_a_process_that_died_in_a_compiler_costs_the_compiled_kernels() -> None:
     assert cache.compiler_folder() == cache.compiler_folder()
 
 
+@pytest.mark.parametrize(("most", "renews"), [(93_000, False), (92_000, True)])
+def test_compiled_kernels_do_not_pile_up(
+    fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch, most: int, renews: bool
+) -> None:
+    """A probe looks after them. A generation stays for the processes that use it, and goes with the next."""
+    monkeypatch.setattr(cache, "_MOST_BYTES", most)
+    info = inventory()[0]
+    fake_driver[:] = [script({"hash": GOOD, "differences": []})]
+    before = cache.compiler_folder()
+    cache.store_binary("key", bytes(92_000))  # and a checksum
+    assert probe(info).probe == "ok"
+    assert (cache.compiler_folder() != before) == renews
+    assert before.exists()
+    cache.renew_compiler_folder()
+    assert before.exists() != renews
+
+
 def test_a_kept_binary_with_one_wrong_byte_is_not_used() -> None:
     cache.store_binary("key", b"binary")
     assert cache.load_binary("key") == b"binary"
