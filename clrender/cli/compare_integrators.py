@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -55,9 +56,7 @@ def compare_on_scene(
     check_integrators(names)
     description = load(scene, allow_paths=allow_paths)
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
-    if output is not None:
-        _make_folder(output)
-    with interruptible() as interrupt, ProgressDisplay(quiet=quiet) as display:
+    with _folder(output), interruptible() as interrupt, ProgressDisplay(quiet=quiet) as display:
 
         def on_progress(progress: Any) -> None:
             if interrupt.wanted():
@@ -156,6 +155,23 @@ def _table(numbers: dict[str, Any]) -> str:
     if left_out := [f"{label}: {count}" for label, count in dropped.items() if count]:
         lines.append(f"samples that were not finite and are left out: {', '.join(left_out)}")
     return "\n".join(lines)
+
+
+@contextmanager
+def _folder(folder: Path | None) -> Iterator[None]:
+    """Make the folder; what fails before there is anything in it takes it away again."""
+    if folder is None:
+        yield
+        return
+    new = not folder.exists()
+    _make_folder(folder)
+    try:
+        yield
+    except BaseException:
+        if new:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def _make_folder(folder: Path) -> None:

@@ -100,3 +100,13 @@ def test_bad_command_lines_are_refused_in_one_sentence(case: str, tmp_path: Path
     assert result.returncode == 2 and result.stderr.count("\n") == 1 and result.stderr.startswith("error: ")
     assert all(word in result.stderr for word in words), result.stderr
     assert not result.stdout and [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_what_fails_leaves_no_folder_behind(tmp_path: Path, there: bool) -> None:
+    folder = tmp_path / "out"
+    if there:
+        folder.mkdir()
+    result = run("--integrators", "path,direct", "cornell", "-d", "no such device", "-o", "out", folder=tmp_path)
+    assert result.returncode != 0 and "no such device" in result.stderr
+    assert folder.exists() == there
