@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from clrender.cli.folder import output_folder
 from clrender.cli.interrupt import interruptible
 from clrender.cli.progress import ProgressDisplay
-from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
 
 if TYPE_CHECKING:
@@ -56,7 +56,8 @@ def compare_on_scene(
     check_integrators(names)
     description = load(scene, allow_paths=allow_paths)
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
-    with _folder(output), interruptible() as interrupt, ProgressDisplay(quiet=quiet) as display:
+    folder = nullcontext() if output is None else output_folder(output, "agreement.json")
+    with folder, interruptible() as interrupt, ProgressDisplay(quiet=quiet) as display:
 
         def on_progress(progress: Any) -> None:
             if interrupt.wanted():
@@ -155,35 +156,6 @@ def _table(numbers: dict[str, Any]) -> str:
     if left_out := [f"{label}: {count}" for label, count in dropped.items() if count]:
         lines.append(f"samples that were not finite and are left out: {', '.join(left_out)}")
     return "\n".join(lines)
-
-
-@contextmanager
-def _folder(folder: Path | None) -> Iterator[None]:
-    """Make the folder; what fails before there is anything in it takes it away again."""
-    if folder is None:
-        yield
-        return
-    new = not folder.exists()
-    _make_folder(folder)
-    try:
-        yield
-    except BaseException:
-        if new:
-            with suppress(OSError):
-                folder.rmdir()
-        raise
-
-
-def _make_folder(folder: Path) -> None:
-    from clrender.files import check_writable
-
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder}: is a file; name a folder.")
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"{folder}: cannot be made ({error.strerror}); name a folder in one that exists.") from None
-    check_writable(folder / "agreement.json")
 
 
 def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers: dict[str, Any]) -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from clrender.cli.options import number, tone_options
+from clrender.cli.folder import output_folder
+from clrender.cli.options import allow_path_option, number, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
 
@@ -39,7 +40,7 @@ _vector.__name__ = "X,Y,Z"
     "--output",
     "folder",
     metavar="DIR",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=click.Path(path_type=Path),
     required=True,
     help="Where to: frame-0000.png and on.",
 )
@@ -53,6 +54,7 @@ _vector.__name__ = "X,Y,Z"
 @click.option("--radiosity-display", "display", type=click.Choice(("constant", "smooth", "gather")), default="smooth")
 @click.option("-d", "--device", metavar="SPEC", help="As for `clrender render`.")
 @tone_options
+@allow_path_option
 def radiosity(
     *,
     scene: str,
@@ -68,6 +70,7 @@ def radiosity(
     device: str | None,
     tone_map: str,
     exposure: float,
+    allow_paths: tuple[Path, ...],
 ) -> None:
     """Animate SCENE: a shape moves, and only light that it touches is followed again.
 
@@ -82,31 +85,28 @@ def radiosity(
     from clrender.settings import settings_for
     from clrender.work import tile_side
 
-    description = load(scene)
+    description = load(scene, allow_paths=allow_paths)
     if shape >= len(description.shapes):
         raise UsageError(f"--move: there is no shape {shape}; the scene has {len(description.shapes)}, from 0")
     wanted = settings_for(description, size, {"spp": spp, "integrator": "radiosity"})
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"--output: {folder} cannot be made: {error.strerror}; name another folder") from error
-    chosen = select(device)[0]
-    struct = wanted.struct(tile_side(wanted.tile, wanted.width, wanted.height))
-    sought = Sought(patches, patch_rays, tolerance=1e-3, refine=False, seed=wanted.seed)
-    dynamic = DynamicRadiosity(description, chosen, sought, (wanted.width, wanted.height))
-    seconds = []
-    try:
-        for index, frame in enumerate(frames(dynamic, chosen, struct, [Motion(shape, by)], count, spp, display)):
-            path = folder / f"frame-{index:04}.png"
-            write_image(path, frame.linear, {}, tone_map, exposure)
-            did = frame.update
-            seconds.append(did.seconds)
-            share = did.rays / did.all_rays
-            click.echo(f"{path}: {share:.1%} of {did.all_rays} rays, {did.sweeps} sweeps, {did.seconds:.3f} s")
-        if len(seconds) > 1:
-            click.echo(_verdict(dynamic, seconds[1:]))
-    finally:
-        dynamic.release()
+    with output_folder(folder, "frame-0000.png"):
+        chosen = select(device)[0]
+        struct = wanted.struct(tile_side(wanted.tile, wanted.width, wanted.height))
+        sought = Sought(patches, patch_rays, tolerance=1e-3, refine=False, seed=wanted.seed)
+        dynamic = DynamicRadiosity(description, chosen, sought, (wanted.width, wanted.height))
+        seconds = []
+        try:
+            for index, frame in enumerate(frames(dynamic, chosen, struct, [Motion(shape, by)], count, spp, display)):
+                path = folder / f"frame-{index:04}.png"
+                write_image(path, frame.linear, {}, tone_map, exposure)
+                did = frame.update
+                seconds.append(did.seconds)
+                share = did.rays / did.all_rays
+                click.echo(f"{path}: {share:.1%} of {did.all_rays} rays, {did.sweeps} sweeps, {did.seconds:.3f} s")
+            if len(seconds) > 1:
+                click.echo(_verdict(dynamic, seconds[1:]))
+        finally:
+            dynamic.release()
 
 
 def _verdict(dynamic: DynamicRadiosity, seconds: list[float]) -> str:
