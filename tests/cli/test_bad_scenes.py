@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from cli_support import run
 
 from clrender import scene as scenes
 from clrender.errors import SceneError
@@ -355,12 +354,6 @@ def _write(bad: Bad, folder: Path) -> Path:
     return path
 
 
-def _clrender(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "clrender", *arguments]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=60, check=False)
-
-
 def test_there_are_enough() -> None:
     assert len(ALL) >= 60
     assert len({bad.name for bad in ALL}) == len(ALL)
@@ -380,7 +373,7 @@ def test_one_sentence(bad: Bad, tmp_path: Path) -> None:
 @pytest.mark.parametrize("bad", [bad for bad in ALL if bad.cli], ids=lambda bad: bad.name)
 def test_command_line(bad: Bad, tmp_path: Path) -> None:
     path = _write(bad, tmp_path / "scene")
-    done = _clrender("check", str(path), folder=tmp_path)
+    done = run("check", str(path), folder=tmp_path)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1, done.stderr
@@ -400,7 +393,7 @@ def test_command_line(bad: Bad, tmp_path: Path) -> None:
 )
 def test_bad_arguments(arguments: list[str], expected: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "folder.toml").mkdir()
-    done = _clrender(*arguments, folder=tmp_path)
+    done = run(*arguments, folder=tmp_path)
     assert done.returncode == 2
     assert done.stdout == "" and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
     for part in expected:
@@ -413,14 +406,14 @@ def test_check_allows_paths(tmp_path: Path) -> None:
     (tmp_path / "scene").mkdir()
     path = tmp_path / "scene" / "s.toml"
     path.write_text(CAMERA + MESH.format("../meshes/m.ply"))
-    done = _clrender("check", "scene/s.toml", "--allow-path", "meshes", folder=tmp_path)
+    done = run("check", "scene/s.toml", "--allow-path", "meshes", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "triangles            1\n" in done.stdout and done.stderr == ""
 
 
 def test_list_and_schema(tmp_path: Path) -> None:
-    done = _clrender("scenes", folder=tmp_path)
+    done = run("scenes", folder=tmp_path)
     assert done.returncode == 0 and done.stderr == ""
     assert {line.split()[0] for line in done.stdout.splitlines()} == set(scenes.builtin_names())
-    done = _clrender("schema", folder=tmp_path)
+    done = run("schema", folder=tmp_path)
     assert done.returncode == 0 and '"$schema"' in done.stdout

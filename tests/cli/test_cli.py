@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_support import run
 
 import clrender
 from clrender.cli import COMMANDS
@@ -25,19 +26,6 @@ RENDER_OPTIONS = (
     "reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
     "samples-per-pass work-group lanes time stats quiet allow-path"
 )
-
-
-def run(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """`clrender ARGUMENTS` as a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "clrender", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [str(Path(clrender.__path__[0]).parent)]))},
-    )
 
 
 def assert_refused(result: subprocess.CompletedProcess[str], *words: str, code: int = 2) -> None:

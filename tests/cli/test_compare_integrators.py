@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from cli_support import run
 
-import clrender
 from clrender.image_io import read_image
 
 if TYPE_CHECKING:
@@ -21,22 +18,11 @@ if TYPE_CHECKING:
 SMALL = ("--size", "44x36", "--spp", "64", "--quiet")
 
 
-def run(*arguments: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """`clrender compare ARGUMENTS` as a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "clrender", "compare", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        env={**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent)},
-    )
-
-
 def test_path_agrees_with_itself_and_differs_from_direct_as_it_must(device: Device, tmp_path: Path) -> None:
     on = ("-d", str(device.info.index))
-    result = run("--integrators", "path,path,direct", "cornell", *SMALL, *on, "-o", "out", "--check", folder=tmp_path)
+    result = run(
+        "compare", "--integrators", "path,path,direct", "cornell", *SMALL, *on, "-o", "out", "--check", folder=tmp_path
+    )
     assert result.returncode == 0 and not result.stderr, result.stderr
     assert "path and path-2 agree; differences of" in result.stdout
     assert "path and direct differ as they must: direct has no light between diffuse surfaces" in result.stdout
@@ -67,7 +53,7 @@ def test_path_agrees_with_itself_and_differs_from_direct_as_it_must(device: Devi
 def test_json_is_printed_and_the_same_command_prints_it_again(device: Device) -> None:
     size = ("--size", "44x36", "--spp", "8", "--batches", "8", "--quiet")
     line = ("--integrators", "direct,direct", "cornell", *size, "-d", str(device.info.index), "--json")
-    first, again, other = (json.loads(run(*line, *more).stdout) for more in ((), (), ("--seed", "1")))
+    first, again, other = (json.loads(run("compare", *line, *more).stdout) for more in ((), (), ("--seed", "1")))
     for one in (*first["integrators"], *again["integrators"]):
         del one["seconds"]
     assert first == again
@@ -96,7 +82,7 @@ BAD = {
 def test_bad_command_lines_are_refused_in_one_sentence(case: str, tmp_path: Path) -> None:
     line, words = BAD[case]
     (tmp_path / "file").write_text("")
-    result = run(*line.split(), folder=tmp_path)
+    result = run("compare", *line.split(), folder=tmp_path)
     assert result.returncode == 2 and result.stderr.count("\n") == 1 and result.stderr.startswith("error: ")
     assert all(word in result.stderr for word in words), result.stderr
     assert not result.stdout and [path.name for path in tmp_path.iterdir()] == ["file"]
@@ -107,6 +93,8 @@ def test_what_fails_leaves_no_folder_behind(tmp_path: Path, there: bool) -> None
     folder = tmp_path / "out"
     if there:
         folder.mkdir()
-    result = run("--integrators", "path,direct", "cornell", "-d", "no such device", "-o", "out", folder=tmp_path)
+    result = run(
+        "compare", "--integrators", "path,direct", "cornell", "-d", "no such device", "-o", "out", folder=tmp_path
+    )
     assert result.returncode != 0 and "no such device" in result.stderr
     assert folder.exists() == there
