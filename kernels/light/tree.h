@@ -25,7 +25,8 @@ static TreeImportance tree_importance(const vfloat child[8], vec3 origin, vec3 n
     const vec3 to = sub(vec3_of(child[0], child[1], child[2]), origin), mean = vec3_of(child[4], child[5], child[6]);
     const vfloat radius2 = child[3] * child[3], power = child[7], spread2 = radius2 * 0.1f;
     const vfloat distance2 = fma(radius2, splat(0.25f), inner(to, to));
-    const vfloat differ2 = fma(inner(mean, mean), splat(-0.25f), splat(0.25f));
+    // A mean of unit length may be longer by a rounding
+    const vfloat differ2 = greater(fma(inner(mean, mean), splat(-0.25f), splat(0.25f)), splat(0.0f));
     const vfloat facing = tree_positive(-inner(mean, to), fma(differ2, distance2, spread2));
     const vfloat receiving = tree_positive(inner(normal, to), spread2);
     const vmask infinite = child[3] < 0.0f;

@@ -62,6 +62,22 @@ def test_lights_are_chosen_as_the_tree_says(
     assert shares.max() > 3.0 / len(shares), "and it does choose"
 
 
+def test_small_lights_seen_edge_on_do_not_hide_their_neighbours(device: Device) -> None:
+    """Of some of them the normal is longer than 1 by a rounding."""
+    rng = np.random.default_rng(46)
+    shapes = []
+    for _ in range(64):
+        normal = rng.normal(size=3)
+        normal /= np.linalg.norm(normal)
+        center = np.cross(normal, rng.normal(size=3))
+        center *= np.copysign(10.0, center[2]) / np.linalg.norm(center)
+        shapes.append(disk(center.tolist(), normal.tolist(), 1e-3, emission=1.0))
+        shapes.append(disk((center * 1.001).tolist(), (-center).tolist(), 1e-3, emission=1.0))
+    shares = LightTable(device, scene(shapes, [], white=lambert(0.7))).choose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))[3]
+    assert (shares[1::2] > 0.0).all()
+    assert shares.astype(np.float64).sum() == pytest.approx(1.0, abs=1e-5)
+
+
 def shining(table: LightTable, origin: tuple[float, ...], normal: tuple[float, ...]) -> np.ndarray[Any, Any]:
     """Triangles whose every corner is above the surface, and that show it their front."""
     arrays = table.flat.arrays
