@@ -123,20 +123,23 @@ static void packet_hand_over(SingleRays* rays, uint packet, vmask wants, uint re
     }
 }
 
+// Along one axis, what a packet's rays alone start with.
+static void packet_part_axis(SingleRays* rays, uint first, uint axis, vfloat origin, vfloat direction, vfloat inverse) {
+    const vuint low = splat_uint(BVH_LOW + 8 * axis), high = splat_uint(BVH_HIGH + 8 * axis);
+    const vmask down = inverse < 0.0f;
+    lane_store(origin, rays->origin[axis] + first);
+    lane_store(direction, rays->direction[axis] + first);
+    lane_store((-inverse), rays->minus_inverse[axis] + first);
+    lane_store((down ? high : low), rays->near_plane[axis] + first);
+    lane_store((down ? low : high), rays->far_plane[axis] + first);
+}
+
 // The packet's rays as each of them goes on alone, through what is handed to it.
 static void packet_part(const PacketRay* ray, SingleRays* rays, uint packet) {
     const uint first = packet * LANES;
-#define STORE(name)                                                                                                         \
-    lane_store(ray->name.x, rays->name[0] + first), lane_store(ray->name.y, rays->name[1] + first),                           \
-        lane_store(ray->name.z, rays->name[2] + first)
-    STORE(origin);
-    STORE(direction);
-    STORE(inverse);
-#undef STORE
-    const vuint flipped = splat_uint(BVH_HIGH - BVH_LOW), not_flipped = splat_uint(0u);
-    lane_store((ray->inverse.x < 0.0f ? flipped : not_flipped), rays->flip[0] + first);
-    lane_store((ray->inverse.y < 0.0f ? flipped : not_flipped), rays->flip[1] + first);
-    lane_store((ray->inverse.z < 0.0f ? flipped : not_flipped), rays->flip[2] + first);
+    packet_part_axis(rays, first, 0, ray->origin.x, ray->direction.x, ray->inverse.x);
+    packet_part_axis(rays, first, 1, ray->origin.y, ray->direction.y, ray->inverse.y);
+    packet_part_axis(rays, first, 2, ray->origin.z, ray->direction.z, ray->inverse.z);
     lane_store(ray->slack, rays->slack + first);
     lane_store(ray->inverse2, rays->inverse2 + first);
     lane_store(ray->from, rays->from + first);

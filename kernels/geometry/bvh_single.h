@@ -17,8 +17,9 @@
 
 // The rays of all packets' lanes, and what each has still to visit: a reference, and above it the bits of the distance where the ray enters.
 typedef struct {
-    float origin[3][SINGLE_RAYS], direction[3][SINGLE_RAYS], inverse[3][SINGLE_RAYS], slack[SINGLE_RAYS], inverse2[SINGLE_RAYS];
-    uint flip[3][SINGLE_RAYS];   // from the low planes of a node's boxes to the high ones where the ray goes down the axis, else 0
+    float origin[3][SINGLE_RAYS], direction[3][SINGLE_RAYS], slack[SINGLE_RAYS], inverse2[SINGLE_RAYS];
+    float minus_inverse[3][SINGLE_RAYS];                             // −1 over the direction
+    uint near_plane[3][SINGLE_RAYS], far_plane[3][SINGLE_RAYS];      // where nodes have those planes of boxes that the ray meets first, last
     uint from[SINGLE_RAYS], to[SINGLE_RAYS];
     float nearest[SINGLE_RAYS];  // distance of the nearest hit so far; negative once an occluder was found
     uint primitive[SINGLE_RAYS]; // its number
@@ -76,8 +77,9 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
     const uint8 kind = as_uint8(vload8(ANALYTIC_KIND / 8, pack)) & ~BVH_NUMBER;
     const int8 disk = kind == ANALYTIC_DISK, rectangle = kind >= ANALYTIC_RECTANGLE;
     const int8 x = kind == ANALYTIC_RECTANGLE, y = kind == ANALYTIC_RECTANGLE + 1u;
-    const float8 inverse = x ? (float8)(rays->inverse[0][ray]) : (y ? (float8)(rays->inverse[1][ray]) : (float8)(rays->inverse[2][ray]));
-    const int8 upright = rectangle_hit_pack(x ? from_x : (y ? from_y : from_z), -inverse, x ? from_y : (y ? from_z : from_x),
+    const float8 inverse_x = (float8)(rays->minus_inverse[0][ray]), inverse_y = (float8)(rays->minus_inverse[1][ray]);
+    const float8 minus_inverse = x ? inverse_x : (y ? inverse_y : (float8)(rays->minus_inverse[2][ray]));
+    const int8 upright = rectangle_hit_pack(x ? from_x : (y ? from_y : from_z), minus_inverse, x ? from_y : (y ? from_z : from_x),
                                             x ? from_z : (y ? from_x : from_y), x ? dy : (y ? dz : dx), x ? dz : (y ? dx : dy), radius,
                                             nx, &distance, &place_u, &place_v);
     const int8 second = rectangle & rectangle_second_pack(place_u, place_v, ny, nz);
@@ -87,14 +89,14 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
 }
 
 // Push the children that the ray enters, the nearest last. The boxes' near planes are known by the ray's direction, which gives the
-// same interval as sorting them does (geometry/box.inc): rounding is monotonic.
-static void single_children(SingleRays* rays, int ray, __global const float* node) {
+// same interval as sorting them does (geometry/box.inc): rounding is monotonic. Returns the new top of the stack.
+static int single_children(SingleRays* rays, int ray, int top, __global const float* node) {
     float8 near_at[3], far_at[3];
     #pragma unroll
     for (int k = 0; k < 3; ++k) {
-        const uint flip = rays->flip[k][ray];
-        near_at[k] = (vload8(k, node + BVH_LOW + flip) - rays->origin[k][ray]) * rays->inverse[k][ray];
-        far_at[k] = (vload8(k, node + BVH_HIGH - flip) - rays->origin[k][ray]) * rays->inverse[k][ray];
+        const float8 origin = (float8)(rays->origin[k][ray]), minus_inverse = (float8)(rays->minus_inverse[k][ray]);
+        near_at[k] = (origin - vload8(0, node + rays->near_plane[k][ray])) * minus_inverse;
+        far_at[k] = (origin - vload8(0, node + rays->far_plane[k][ray])) * minus_inverse;
     }
     float8 near, far;
     box_clip_pack(near_at[0], near_at[1], near_at[2], far_at[0], far_at[1], far_at[2], &near, &far);
@@ -106,8 +108,8 @@ static void single_children(SingleRays* rays, int ray, __global const float* nod
     const uint8 order = eight_sorted(passes ? (as_uint8(near) & ~7u) | number : number) & 7u;
     const uint8 references = as_uint8(vload8(0, node + BVH_CHILD)), enters = as_uint8(near);
     const ulong8 entries = convert_ulong8(eight_in_order(enters, order)) << 32 | convert_ulong8(eight_in_order(references, order));
-    vstore8(entries, 0, rays->stack[ray] + rays->top[ray] + 1);
-    rays->top[ray] += count_of_eight(passes);
+    vstore8(entries, 0, rays->stack[ray] + top + 1);
+    return top + count_of_eight(passes);
 }
 
 // The memory that the ray's next step reads, asked for a round before it is needed. In small trees it is near anyway.
@@ -135,20 +137,23 @@ static void bvh_single(const Bvh* bvh, SingleRays* rays, int any_hit) {
         int left = 0;
         for (int i = 0; i < count; ++i) {
             const int ray = queue[i];
-            const ulong entry = rays->stack[ray][rays->top[ray]--];
+            int top = rays->top[ray];
+            const ulong entry = rays->stack[ray][top--];
             const float entered = as_float((uint)(entry >> 32));
             const uint reference = (uint)entry;
             if (entered <= rays->nearest[ray]) {
                 if (!(reference & BVH_LEAF))
-                    single_children(rays, ray, bvh->nodes + (size_t)reference * BVH_NODE_WORDS);
+                    top = single_children(rays, ray, top, bvh->nodes + (size_t)reference * BVH_NODE_WORDS);
                 else if (reference & BVH_ANALYTIC)
                     single_analytic(rays, ray, bvh, reference, entered, any_hit);
                 else
                     single_triangles(rays, ray, bvh, reference, entered, any_hit);
+                if (any_hit && rays->nearest[ray] < 0.0f) top = -1;
             }
+            rays->top[ray] = top;
             single_prefetch(bvh, rays, ray);
             queue[left] = ray;
-            left += rays->top[ray] >= 0 ? 1 : 0;
+            left += top >= 0 ? 1 : 0;
         }
         count = left;
     }
