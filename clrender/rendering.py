@@ -19,7 +19,7 @@ import numpy.typing as npt
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, check_aovs, exr_channels, first_hits
 from clrender.denoise import Denoiser
 from clrender.device import select
-from clrender.device.worker import Cut, DeviceWorker, Preparation
+from clrender.device.worker import Cut, DeviceWorker, Preparation, most_lanes
 from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.flatten import FlatScene, flatten
@@ -194,6 +194,11 @@ def render(
         return late or (should_stop is not None and should_stop())
 
     devices = select(device, notify=tell, alone=notify is not None)
+    for each in devices:
+        if (wanted.lanes or 1) > most_lanes(each):
+            raise UsageError(
+                f"lanes is {wanted.lanes}; {each.info.title} takes only 1: leave it out, or choose another device"
+            )
     prepared = time.perf_counter()
     # Before the image, so that one stopped early has its layers whole.
     asked, most = [*layers, *(GUIDES if denoise else ())], LAYER_SAMPLES if layers else GUIDE_SAMPLES

@@ -120,6 +120,6 @@ def _verdict(dynamic: DynamicRadiosity, seconds: list[float]) -> str:
     difference = float((np.abs(updated - anew) * areas).sum() / (anew * areas).sum())
     middle = sorted(seconds)[len(seconds) // 2]
     return (
-        f"brought up to date in {middle:.3f} s a frame (median), solved anew in {fresh:.3f} s: {fresh / middle:.1f} "
-        f"times as long; the two differ by {difference:.2%} of the light"
+        f"a frame was brought up to date in {middle:.3f} s (median); solved anew it takes {fresh:.3f} s, "
+        f"{fresh / middle:.1f} times that; the two differ by {difference:.2%} of the light"
     )

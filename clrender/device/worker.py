@@ -335,10 +335,18 @@ class DeviceWorker:
         self._arrays.release()
 
 
+def most_lanes(device: Device) -> int:
+    """How many paths a work-item can carry side by side there.
+
+    Of more than one, rusticl's compiler makes no program: not in minutes, and with sixteen it takes 20 GB and more. Its
+    llvmpipe puts neighbouring work-items into a vector's lanes by itself, as a GPU does.
+    """
+    return 1 if "rusticl" in device.info.platform.lower() else _CPU_LANES
+
+
 def _lanes(device: Device) -> int:
     """Paths a work-item carries side by side unless the user says otherwise."""
-    # rusticl's llvmpipe puts neighbouring work-items into a vector's lanes by itself, as a GPU does.
-    return _CPU_LANES if device.is_cpu and "rusticl" not in device.info.platform.lower() else 1
+    return most_lanes(device) if device.is_cpu else 1
 
 
 def _work_group(device: Device, lanes: int, packets: int) -> int:

@@ -99,6 +99,16 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     return s;
 }
 
+// Where the point is on its triangle: the barycentric weights of B and C, as rounding leaves them.
+static void surface_weights(const Surface* s, const vfloat row[16], vfloat* b, vfloat* c) {
+    const vec3 at = vec3_of(row[0], row[1], row[2]), to = sub(s->point, at);
+    const vec3 ab = sub(vec3_of(row[3], row[4], row[5]), at), ac = sub(vec3_of(row[6], row[7], row[8]), at);
+    const vec3 normal = outer(ab, ac), scaled = scale(normal, inverse_scale(normal));
+    const vfloat inverse = inverse_or_one(inner(normal, scaled));
+    *b = inner(outer(to, ac), scaled) * inverse;
+    *c = inner(outer(ab, to), scaled) * inverse;
+}
+
 // A ray that leaves the surface on the side its direction points to.
 static Ray surface_leave(const Surface* s, vec3 direction) {
     Ray ray;

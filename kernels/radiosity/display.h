@@ -11,14 +11,10 @@
 // corners A, B, C; sent out by itself.
 
 static vec3 display_interpolated(const Scene* scene, const Surface* s, const vfloat look[16]) {
-    vfloat row[16];
+    vfloat row[16], b, c;
     lane_rows(scene->primitive_rows, s->primitive, row);
-    const vec3 a = vec3_of(row[0], row[1], row[2]);
-    const vec3 ab = sub(vec3_of(row[3], row[4], row[5]), a), ac = sub(vec3_of(row[6], row[7], row[8]), a), ap = sub(s->point, a);
-    const vec3 normal = outer(ab, ac), scaled = scale(normal, inverse_scale(normal));
-    const vfloat inverse = inverse_or_one(inner(normal, scaled));
-    const vfloat weight_b = bounded(inner(outer(ap, ac), scaled) * inverse, 0.0f, 1.0f);
-    const vfloat weight_c = lesser(greater(inner(outer(ab, ap), scaled) * inverse, splat(0.0f)), splat(1.0f) - weight_b);
+    surface_weights(s, row, &b, &c);
+    const vfloat weight_b = bounded(b, 0.0f, 1.0f), weight_c = lesser(greater(c, splat(0.0f)), splat(1.0f) - weight_b);
     const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
     return vec3_of(fma(weight_a, look[0], fma(weight_b, look[3], weight_c * look[6])),
                    fma(weight_a, look[1], fma(weight_b, look[4], weight_c * look[7])),

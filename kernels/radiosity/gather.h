@@ -40,15 +40,11 @@ static AtlasRow gather_row(const Scene* scene, const Atlas* atlas, vuint primiti
 static void gather_place(const Scene* scene, const Surface* s, vfloat* x, vfloat* y) {
     vfloat row[16];
     lane_rows(scene->primitive_rows, s->primitive, row);
-    const vec3 a = vec3_of(row[0], row[1], row[2]);
-    const vec3 ab = sub(vec3_of(row[3], row[4], row[5]), a), ac = sub(vec3_of(row[6], row[7], row[8]), a), to = sub(s->point, a);
-    const vec3 normal = outer(ab, ac), scaled = scale(normal, inverse_scale(normal));
-    const vfloat inverse = inverse_or_one(inner(normal, scaled));
-    *x = inner(outer(to, ac), scaled) * inverse;
-    *y = inner(outer(ab, to), scaled) * inverse;
+    surface_weights(s, row, x, y);
     const vmask is_round = s->primitive >= scene->settings->triangle_count;
     if (!lane_any(is_round)) return;
     // Spheres: the octahedron about the centre, unfolded. Disks: the two axes that the normal is least along.
+    const vec3 to = sub(s->point, vec3_of(row[0], row[1], row[2]));
     const vfloat nx = absolute(row[4]), ny = absolute(row[5]), nz = absolute(row[6]);
     const vmask disk = (nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f), drop_z = (nz >= nx) & (nz >= ny), drop_y = !drop_z & (ny >= nx);
     const vfloat size = disk ? row[3] : absolute(to.x) + absolute(to.y) + absolute(to.z);
