@@ -28,15 +28,27 @@ typedef struct {
     vuint deepest;
 } PoolStats;
 
+// Which of the launch's pools a work-item works through. Some CPU drivers give a thread up to half of all work-items at a time, and pools
+// beside each other cost alike: so every stretch of work-items has pools from all over. On a GPU neighbours stay neighbours.
+static uint pool_number(void) {
+    const uint item = (uint)get_global_id(0);
+#if LANES == 1
+    return item;
+#else
+    const uint stretch = (uint)get_global_size(0) / 8;
+    return item < stretch * 8 ? item % stretch * 8 + item / stretch : item;
+#endif
+}
+
 static Pool pool_open(__global const Settings* settings, __global float* samples, uint first_slot, uint slot_count,
-                      uint first_sample, uint sample_count, uint item) {
+                      uint first_sample, uint sample_count) {
     Pool pool;
     pool.samples = samples;
     pool.first_slot = first_slot;
     pool.slot_count = slot_count;
     pool.first_sample = first_sample;
     pool.sample_count = sample_count;
-    pool.base = item * (LANES * PACKETS);
+    pool.base = pool_number() * (LANES * PACKETS);
     pool.end = min(pool.base + LANES * PACKETS, slot_count);
     pool.block = slot_block(settings, first_slot + pool.base);
     pool.next = 0;

@@ -6,7 +6,7 @@
 __kernel void integrator_path(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
                               __global float* samples, __global uint4* stats) {
     SCENE_COLLECT(scene);
-    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count, (uint)get_global_id(0));
+    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
     if (pool.base < slot_count) path_trace(&scene, &pool, &counted);
     stats[get_global_id(0)] = (uint4)(counted.rays, counted.shadow_rays, lane_largest_uint(counted.deepest), 0u);

@@ -6,7 +6,7 @@ __kernel void integrator_photon(SCENE_PARAMETERS uint first_slot, uint slot_coun
                                 __global float* samples, __global uint4* stats, __global const float* map,
                                 __global const uint* starts, uint stride, float4 low, uint4 size, float radius, float per_photon) {
     SCENE_COLLECT(scene);
-    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count, (uint)get_global_id(0));
+    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
     PhotonMap photons;
     photons.map = map;

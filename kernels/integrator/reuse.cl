@@ -8,7 +8,7 @@
 
 __kernel void integrator_reuse(REUSE_PARAMETERS) {
     SCENE_COLLECT(scene);
-    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count, (uint)get_global_id(0));
+    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
     if (pool.base < slot_count) reuse_trace(&scene, &pool, records, &counted);
     stats[get_global_id(0)] = (uint4)(counted.rays, counted.shadow_rays, lane_largest_uint(counted.deepest), 0u);
@@ -16,7 +16,7 @@ __kernel void integrator_reuse(REUSE_PARAMETERS) {
 
 __kernel void reuse_weigh(REUSE_PARAMETERS) {
     SCENE_COLLECT(scene);
-    const Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count, (uint)get_global_id(0));
+    const Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
     if (pool.base >= slot_count) return;
     for (uint number = 0; number < sample_count; ++number) reuse_weigh_sample(&scene, &pool, records, number, &counted);
@@ -25,7 +25,7 @@ __kernel void reuse_weigh(REUSE_PARAMETERS) {
 
 __kernel void reuse_gather(REUSE_PARAMETERS) {
     SCENE_COLLECT(scene);
-    const Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count, (uint)get_global_id(0));
+    const Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     if (pool.base >= slot_count) return;
     for (uint number = 0; number < sample_count; ++number) reuse_gather_sample(&scene, &pool, records, number);
 }

@@ -6,7 +6,7 @@ __kernel void radiosity_gather(SCENE_PARAMETERS uint first_slot, uint slot_count
                                __global float* samples, __global uint4* stats, __global const float* rows,
                                __global const float* texels) {
     SCENE_COLLECT(scene);
-    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count, (uint)get_global_id(0));
+    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
     const Atlas atlas = {rows, texels};
     if (pool.base < slot_count) gather_trace(&scene, &atlas, &pool, &counted);
