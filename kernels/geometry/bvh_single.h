@@ -77,8 +77,8 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
     const uint8 kind = as_uint8(vload8(ANALYTIC_KIND / 8, pack)) & ~BVH_NUMBER;
     const int8 disk = kind == ANALYTIC_DISK, rectangle = kind >= ANALYTIC_RECTANGLE;
     const int8 x = kind == ANALYTIC_RECTANGLE, y = kind == ANALYTIC_RECTANGLE + 1u;
-    const float8 inverse_x = (float8)(rays->minus_inverse[0][ray]), inverse_y = (float8)(rays->minus_inverse[1][ray]);
-    const float8 minus_inverse = x ? inverse_x : (y ? inverse_y : (float8)(rays->minus_inverse[2][ray]));
+    const float8 minus_x = (float8)(rays->minus_inverse[0][ray]), minus_y = (float8)(rays->minus_inverse[1][ray]);
+    const float8 minus_inverse = x ? minus_x : (y ? minus_y : (float8)(rays->minus_inverse[2][ray]));
     const int8 upright = rectangle_hit_pack(x ? from_x : (y ? from_y : from_z), minus_inverse, x ? from_y : (y ? from_z : from_x),
                                             x ? from_z : (y ? from_x : from_y), x ? dy : (y ? dz : dx), x ? dz : (y ? dx : dy), radius,
                                             nx, &distance, &place_u, &place_v);
