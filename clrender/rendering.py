@@ -195,9 +195,10 @@ def render(
 
     devices = select(device, notify=tell, alone=notify is not None)
     for each in devices:
-        if (wanted.lanes or 1) > most_lanes(each):
+        if (wanted.lanes or 1) > (limit := most_lanes(each)):
+            title = each.info.title
             raise UsageError(
-                f"lanes is {wanted.lanes}; {each.info.title} takes only 1: leave it out, or choose another device"
+                f"lanes is {wanted.lanes}; {title} takes at most {limit}: leave it out, or choose another device"
             )
     prepared = time.perf_counter()
     # Before the image, so that one stopped early has its layers whole.

@@ -165,11 +165,11 @@ def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene
 
 def test_no_more_lanes_than_a_driver_can_compile(all_devices: list[Device]) -> None:
     """Where its compiler would go on until memory ends, an error says so at once."""
-    scene = clrender.load("room")
-    for device in all_devices:
-        if GPU_LIKE in device.info.platform:
-            with pytest.raises(clrender.UsageError, match=r"lanes is 4; .*takes only 1: leave it out"):
-                clrender.render(scene, device=device.info.index, size=(8, 8), spp=1, lanes=4)
+    limited = [device for device in all_devices if GPU_LIKE in device.info.platform]
+    if not limited:
+        pytest.skip(f"{GPU_LIKE} is not installed")
+    with pytest.raises(clrender.UsageError, match=r"lanes is 4; .*takes at most 1: leave it out"):
+        clrender.render(clrender.load("room"), device=limited[0].info.index, size=(8, 8), spp=1, lanes=4)
 
 
 def test_all_drivers_share_one_image(all_devices: list[Device], expected: dict[str, str]) -> None:
