@@ -42,6 +42,9 @@ _SHORT_LOOPS: Final = ("rusticl",)
 """Platforms whose loops end after 65,535 rounds, whatever their condition says (llvmpipe, counting the rounds of all
 loops of a work-item): a work-item then gets one sample, and one that is not delivered all the same is not finite."""
 
+_NO_PREFETCH: Final = ("oclgrind",)
+"""Platforms that do not know the instruction which asks for memory ahead: an interpreter."""
+
 _BLOCK_SLOTS: Final = BLOCK * BLOCK
 
 
@@ -142,7 +145,9 @@ class DeviceWorker:
         self._packets = integrator.packets if self._parts else 1
         self._group = cut.work_group or min(_work_group(device, self.lanes, self._packets), device.max_work_group)
         self._per_pass = cut.samples_per_pass
-        self._short_loops = any(name in device.info.platform.lower() for name in _SHORT_LOOPS)
+        platform = device.info.platform.lower()
+        self._short_loops = any(name in platform for name in _SHORT_LOOPS)
+        self._prefetches = self._parts and not any(name in platform for name in _NO_PREFETCH)
         self._defined = self._defines(cut)
         self._integrator = integrator
         self._program = device.program(integrator.entry, {**self._defined, "PACKETS": self._packets})
@@ -175,8 +180,10 @@ class DeviceWorker:
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
-        elif self._parts and self._arrays.tree.nbytes > _NEAR_BYTES:
-            defines["BVH_PREFETCH"] = 1
+        if self._prefetches:
+            defines["PREFETCH"] = 1
+            if self._arrays.tree.nbytes > _NEAR_BYTES:
+                defines["BVH_PREFETCH"] = 1
         stack = STACK
         while stack < self._arrays.tree.stack_entries:
             stack *= 2

@@ -154,6 +154,13 @@ static vuint lane_rank(vmask m) {
     return lane_restore(rank);
 }
 
+// Ask for a line of memory before it is needed, where the driver can do that: the host says so.
+#ifdef PREFETCH
+#define prefetch_line(address) __builtin_prefetch(address)
+#else
+#define prefetch_line(address) ((void)(address))
+#endif
+
 // One number of a table for each lane.
 static vfloat lane_gather(__global const float* table, vuint index) {
     uint at[LANES];

@@ -121,7 +121,7 @@ static void single_prefetch(const Bvh* bvh, const SingleRays* rays, int ray) {
     const size_t leaf = 0 - (size_t)(next >> 31);
     __global const float* at = (__global const float*)(((size_t)pack & leaf) | ((size_t)node & ~leaf));
     #pragma unroll
-    for (int line = 0; line < TRIANGLE_BLOCK_WORDS / 16; ++line) __builtin_prefetch(at + line * 16);
+    for (int line = 0; line < TRIANGLE_BLOCK_WORDS / 16; ++line) prefetch_line(at + line * 16);
 #endif
 }
 

@@ -76,7 +76,7 @@ static void surface_prefetch(const Scene* scene, Hit hit) {
 #if PACKETS > 1
     uint primitive[LANES];
     lane_store((hit.primitive == NONE ? splat_uint(0u) : hit.primitive), primitive);
-    for (int lane = 0; lane < LANES; ++lane) __builtin_prefetch(scene->primitive_rows + (size_t)primitive[lane] * 16);
+    for (int lane = 0; lane < LANES; ++lane) prefetch_line(scene->primitive_rows + (size_t)primitive[lane] * 16);
 #endif
 }
 

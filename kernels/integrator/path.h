@@ -124,7 +124,9 @@ static void path_choose_lights(const Scene* scene, const Path* path, const Verte
         sampler_bounce_bits(sampler, SET_LIGHT, path[k].depth, &bits_u, &choice[k].bits_v);
         walk[k] = tree_begin(vertex[k].surface.point, vertex[k].bsdf.side, bits_u);
     }
-    light_choose(scene, walk, choice, PACKETS);
+    // Level by level for all packets: while one waits for its nodes, others go on
+    for (uint level = 0; level < scene->settings->light_levels; ++level) EACH_PACKET(k) tree_step(scene, &walk[k]);
+    EACH_PACKET(k) light_choose(scene, &walk[k], &choice[k]);
 }
 
 // A point of the light: the ray that has to be free for its light to arrive, and what the camera gets of it then.
@@ -139,7 +141,8 @@ static Ray path_aim(const Scene* scene, const Path* path, const Vertex* vertex, 
     return light_shadow_ray(surface, &light);
 }
 
-// Light from sampled points of the lights, as far as nothing is in the way; of all packets.
+// Light from sampled points of the lights, as far as nothing is in the way; of all packets. `path` and `vertex` are arrays, of one where
+// there is one packet: the address of what is no array ends rusticl's compiler (Mesa 22.3) where it is counted on from.
 static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex, PoolStats* stats) {
     int any_lit = 0;
     EACH_PACKET(k) any_lit |= lane_any(vertex[k].lit);
@@ -241,6 +244,13 @@ static void path_go_on(const Scene* scene, const Pool* pool, Path* path, Branch*
     path->alive = path->alive & !done;
 }
 
+// Returns whether any lane of any packet has a path.
+static int path_next_of_all(const Scene* scene, Pool* pool, CameraRays* waiting, Path* path) {
+    int any = 0;
+    EACH_PACKET(k) any |= path_next(scene, pool, waiting, &path[k]);
+    return any;
+}
+
 static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS];
@@ -252,7 +262,7 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         branch[k] = path_no_branch(&path[k]);
     }
 
-    while (path_next(scene, pool, &waiting, path)) {
+    while (path_next_of_all(scene, pool, &waiting, path)) {
         // Find the nearest surface along each ray, and add the light the ray ran into
         path_find(scene, path, branch, hit);
         EACH_PACKET(k) vertex[k] = path_arrive(scene, &path[k], hit[k], path[k].alive & !branch[k].resumes, stats);

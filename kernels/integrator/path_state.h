@@ -88,17 +88,13 @@ static void path_start(const Pool* pool, CameraRays* rays, Path* path, vmask lan
     path->alive = path->alive | lane;
 }
 
-// Lanes without a path take the next sample of the pool. Returns whether any lane of any packet has one: if not, the pool is used up.
+// Lanes without a path take the next sample of the pool. Returns whether any lane has one: if not, the pool is used up.
 static int path_next(const Scene* scene, Pool* pool, CameraRays* waiting, Path* path) {
-    int any = 0;
-    EACH_PACKET(k) {
-        while (lane_any(!path[k].alive) && (waiting->left > 0 || !pool_empty(pool))) {
-            if (waiting->left == 0) path_camera_rays(scene, pool, waiting);
-            path_start(pool, waiting, &path[k], lane_first(!path[k].alive));
-        }
-        any |= lane_any(path[k].alive);
+    while (lane_any(!path->alive) && (waiting->left > 0 || !pool_empty(pool))) {
+        if (waiting->left == 0) path_camera_rays(scene, pool, waiting);
+        path_start(pool, waiting, path, lane_first(!path->alive));
     }
-    return any;
+    return lane_any(path->alive);
 }
 
 #endif

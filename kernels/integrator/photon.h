@@ -127,26 +127,26 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
 
 static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
-    Path path = path_none();
+    Path path[PACKETS] = {path_none()};
 
-    while (path_next(scene, pool, &waiting, &path)) {
+    while (path_next(scene, pool, &waiting, path)) {
         // Find the nearest surface, and add the light the ray ran into
-        const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
-        const Vertex vertex = path_arrive(scene, &path, hit, path.alive, stats);
+        const Hit hit = traverse_nearest(&scene->bvh, &path->ray, path->alive);
+        const Vertex vertex[PACKETS] = {path_arrive(scene, path, hit, path->alive, stats)};
 
         // On a diffuse surface add light straight from the lights, and what the photons brought
-        path_add_direct(scene, &path, &vertex, stats);
-        if (lane_any(vertex.diffuse)) {
-            const vec3 arriving = photon_irradiance(scene, map, &vertex.surface, &vertex.bsdf, &path, vertex.diffuse, stats);
-            const vec3 leaving = scale(mul(mul(path.throughput, vertex.bsdf.color), arriving), splat(INV_PI));
-            path.radiance = choose(vertex.diffuse, add(path.radiance, leaving), path.radiance);
+        path_add_direct(scene, path, vertex, stats);
+        if (lane_any(vertex->diffuse)) {
+            const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, &vertex->bsdf, path, vertex->diffuse, stats);
+            const vec3 leaving = scale(mul(mul(path->throughput, vertex->bsdf.color), arriving), splat(INV_PI));
+            path->radiance = choose(vertex->diffuse, add(path->radiance, leaving), path->radiance);
         }
 
         // Follow mirrors and glass: settings have no indirect rays, so that a path ends at a diffuse surface
-        const vmask goes_on = path_scatter(scene, &path, &vertex);
-        const vmask done = path.alive & !goes_on;
-        if (lane_any(done)) pool_deliver(pool, &path.sample, path.radiance, done);
-        path.alive = path.alive & !done;
+        const vmask goes_on = path_scatter(scene, path, vertex);
+        const vmask done = path->alive & !goes_on;
+        if (lane_any(done)) pool_deliver(pool, &path->sample, path->radiance, done);
+        path->alive = path->alive & !done;
     }
 }
 

@@ -128,32 +128,32 @@ static void reuse_store(__global float* records, vuint record, vmask shared, vec
 // As path_trace, without the branch: every pixel has one ray from its first diffuse surface, which is what it shares.
 static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
-    Path path = path_none();
+    Path path[PACKETS] = {path_none()};
     Reuse reuse = reuse_none();
 
-    while (path_next(scene, pool, &waiting, &path)) {
-        const vmask goes = path.depth > 0u;
+    while (path_next(scene, pool, &waiting, path)) {
+        const vmask goes = path->depth > 0u;
         reuse.anchored = reuse.anchored & goes;
         reuse.leaves = reuse.leaves & goes;
         reuse.shared = reuse.shared & goes;
 
         // Find the nearest surface along each ray, and add the light the ray ran into
-        const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
-        const Vertex vertex = path_arrive(scene, &path, hit, path.alive, stats);
+        const Hit hit = traverse_nearest(&scene->bvh, &path->ray, path->alive);
+        const Vertex vertex[PACKETS] = {path_arrive(scene, path, hit, path->alive, stats)};
 
         // The first diffuse surface anchors the path; a diffuse one right after it sends its light to the whole group
-        const vmask anchors = vertex.diffuse & !reuse.anchored, shares = vertex.diffuse & reuse.leaves;
-        if (lane_any(shares)) reuse_share(&reuse, &path, &vertex, shares);
-        if (lane_any(anchors)) reuse_anchor(scene, &reuse, &path, &vertex, anchors);
+        const vmask anchors = vertex->diffuse & !reuse.anchored, shares = vertex->diffuse & reuse.leaves;
+        if (lane_any(shares)) reuse_share(&reuse, path, vertex, shares);
+        if (lane_any(anchors)) reuse_anchor(scene, &reuse, path, vertex, anchors);
         reuse.leaves = anchors;
 
         // Add light that comes straight from the lights, and go on in a sampled direction
-        path_add_direct(scene, &path, &vertex, stats);
-        const vmask goes_on = path_scatter(scene, &path, &vertex);
+        path_add_direct(scene, path, vertex, stats);
+        const vmask goes_on = path_scatter(scene, path, vertex);
 
-        const vmask done = path.alive & !goes_on;
-        if (lane_any(done)) reuse_deliver(pool, records, &path.sample, &reuse, path.radiance, done);
-        path.alive = path.alive & !done;
+        const vmask done = path->alive & !goes_on;
+        if (lane_any(done)) reuse_deliver(pool, records, &path->sample, &reuse, path->radiance, done);
+        path->alive = path->alive & !done;
     }
 }
 

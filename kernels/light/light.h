@@ -64,15 +64,10 @@ typedef struct {
     vfloat probability;      // of the light; counts only where there is a tree of lights
 } LightChoice;
 
-// A choice for each of so many walks. Level by level for all of them: while one waits for its nodes, others go on.
-static void light_choose(const Scene* scene, TreeWalk* walk, LightChoice* choice, uint count) {
-    const uint levels = scene->settings->light_levels;
-    for (uint level = 0; level < levels; ++level)
-        for (uint k = 0; k < count; ++k) tree_step(scene, &walk[k]);
-    for (uint k = 0; k < count; ++k) {
-        choice[k].probability = walk[k].chance;
-        choice[k].light = levels > 0 ? tree_end(scene, &walk[k], &choice[k].bits_u) : light_by_power(scene, walk[k].bits, &choice[k].bits_u);
-    }
+// The choice at the end of a walk down the tree of lights, or by power where there is none.
+static void light_choose(const Scene* scene, const TreeWalk* walk, LightChoice* choice) {
+    choice->probability = walk->chance;
+    choice->light = scene->settings->light_levels > 0 ? tree_end(scene, walk, &choice->bits_u) : light_by_power(scene, walk->bits, &choice->bits_u);
 }
 
 // The probability with which it is chosen there.
@@ -128,7 +123,8 @@ static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vu
     TreeWalk walk = tree_begin(origin, normal, bits_u);
     LightChoice choice;
     choice.bits_v = bits_v;
-    light_choose(scene, &walk, &choice, 1u);
+    tree_descend(scene, &walk);
+    light_choose(scene, &walk, &choice);
     return light_sample_chosen(scene, origin, own, &choice);
 }
 

@@ -78,6 +78,10 @@ static void tree_step(const Scene* scene, TreeWalk* walk) {
     walk->node = walk->node * 2u + (to_first ? splat_uint(0u) : splat_uint(1u));
 }
 
+static void tree_descend(const Scene* scene, TreeWalk* walk) {
+    for (uint level = 0; level < scene->settings->light_levels; ++level) tree_step(scene, walk);
+}
+
 // The light at the end, and what is left of the number, as random as new.
 static vuint tree_end(const Scene* scene, const TreeWalk* walk, vuint* rest) {
     // The number had 24 digits, of which the choice has used some up: the last ones are drawn anew.

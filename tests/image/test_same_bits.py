@@ -21,6 +21,7 @@ from image_support import LANES, SCENES, SPP, TRAVERSALS, WIDTH_HEIGHT, Cutting,
 
 import clrender
 from clrender import schedule
+from clrender.aov import AOVS
 from clrender.device import Device
 from clrender.device.worker import Cut, DeviceWorker
 from clrender.film import Film
@@ -68,9 +69,10 @@ def test_every_pair_of_choices(all_devices: list[Device], expected: dict[str, st
 @pytest.mark.parametrize("lanes", LANES)
 def test_every_combination(all_devices: list[Device], expected: dict[str, str], lanes: int, traversal: str) -> None:
     for device in all_devices:
-        if GPU_LIKE in device.info.platform and (lanes, traversal) != (1, "packet"):
+        slow = GPU_LIKE in device.info.platform
+        if slow and (lanes, traversal) != (1, "packet"):
             continue
-        for cutting in product((lanes,), (traversal,)):
+        for cutting in (covering if slow else product)((lanes,), (traversal,)):
             for scene in SCENES:
                 assert sha(scene, [device], cutting) == expected[scene], f"{scene}, {cutting}, {device.info.title}"
 
@@ -161,6 +163,26 @@ def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene
         # One sample a work-item makes rusticl slow, and there is no other number of lanes to try.
         for cutting in (Cutting(), other) if scene == "room" or GPU_LIKE not in device.info.platform else (other,):
             assert sha(scene, [device], cutting) == expected[scene], f"{cutting} on {device.info.title}"
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"aov": list(AOVS), "max_depth": 2},
+        pytest.param({"integrator": "whitted"}, marks=pytest.mark.slow),
+        pytest.param({"integrator": "reuse"}, marks=pytest.mark.slow),
+        pytest.param({"integrator": "photon", "photons": 500}, marks=pytest.mark.slow),
+    ],
+    ids=str,
+)
+def test_every_integrator_on_every_driver(all_devices: list[Device], settings: dict[str, Any]) -> None:
+    first = render("room-glass", all_devices[:1], **settings)
+    for device in all_devices[1:]:
+        image = render("room-glass", [device], **settings)
+        assert image.stats["image_sha256"] == first.stats["image_sha256"], device.info.title
+        assert image.aovs.keys() == first.aovs.keys()
+        for name, layer in image.aovs.items():
+            np.testing.assert_array_equal(layer, first.aovs[name], f"{name} on {device.info.title}")
 
 
 def test_no_more_lanes_than_a_driver_can_compile(all_devices: list[Device]) -> None:

@@ -31,6 +31,8 @@ pytestmark = [
 ]
 
 ERROR = re.compile(r"^(Invalid|Uninitialized|Controlflow|Read-write|Write-write|Unaligned|Work-group|Work-item)", re.M)
+QUICK = {"path-8-large"}
+"""Of the ways to render the one in which packets take turns in a large mesh; the others are slow tests."""
 
 
 def interpreted(names: list[str], folder: Path, *options: str) -> tuple[dict[str, str], str]:
@@ -70,8 +72,7 @@ def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     assert launched == every_kernel()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", RENDERS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in RENDERS])
 def test_every_way_to_render(device: Device, tmp_path: Path, name: str) -> None:
     check(device, [name], tmp_path)
 

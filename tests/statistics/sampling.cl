@@ -116,7 +116,8 @@ __kernel void sampling_light_choice(SCENE_PARAMETERS __global const float* bits,
     const vec3 from = vec3_from(origin), up = vec3_from(normal);
     TreeWalk walk = tree_begin(from, up, vfloat_bits(lane_load(bits + at)));
     LightChoice choice;
-    light_choose(&scene, &walk, &choice, 1u);
+    tree_descend(&scene, &walk);
+    light_choose(&scene, &walk, &choice);
     const Light_ light = light_at(&scene, choice.light);
     const uint number = (uint)at;
     const Light_ next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count);
