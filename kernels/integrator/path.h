@@ -141,8 +141,8 @@ static Ray path_aim(const Scene* scene, const Path* path, const Vertex* vertex, 
     return light_shadow_ray(surface, &light);
 }
 
-// Light from sampled points of the lights, as far as nothing is in the way; of all packets. `path` and `vertex` are arrays, of one where
-// there is one packet: the address of what is no array ends rusticl's compiler (Mesa 22.3) where it is counted on from.
+// Light from sampled points of the lights, as far as nothing is in the way; of all packets. `path` and `vertex` are arrays, even where there is
+// one packet: rusticl's compiler (Mesa 22.3) crashes over an index into what is none.
 static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex, PoolStats* stats) {
     int any_lit = 0;
     EACH_PACKET(k) any_lit |= lane_any(vertex[k].lit);
