@@ -96,7 +96,9 @@ def test_four_million_triangles(all_devices: list[Device], tmp_path: Path) -> No
     assert image.stats["triangles"] == triangles
     assert image.stats["rays"] > 1.2 * image.stats["samples"], "it fills a good part of the image"
     assert image.stats["device_bytes"] < 2 * GIB
-    status, peak = command("render", str(scene), "-o", str(tmp_path / "ball.exr"), "--spp", "1", "--size", "64x64")
+    # On one driver: the check of another may be due, in a process whose memory would count
+    small = ("--spp", "1", "--size", "64x64", "-d", "pocl")
+    status, peak = command("render", str(scene), "-o", str(tmp_path / "ball.exr"), *small)
     assert status == 0
     assert peak < 2 * GIB
 
