@@ -69,10 +69,9 @@ def test_every_pair_of_choices(all_devices: list[Device], expected: dict[str, st
 @pytest.mark.parametrize("lanes", LANES)
 def test_every_combination(all_devices: list[Device], expected: dict[str, str], lanes: int, traversal: str) -> None:
     for device in all_devices:
-        slow = GPU_LIKE in device.info.platform
-        if slow and (lanes, traversal) != (1, "packet"):
+        if GPU_LIKE in device.info.platform and (lanes, traversal) != (1, "packet"):
             continue
-        for cutting in (covering if slow else product)((lanes,), (traversal,)):
+        for cutting in product((lanes,), (traversal,)):
             for scene in SCENES:
                 assert sha(scene, [device], cutting) == expected[scene], f"{scene}, {cutting}, {device.info.title}"
 
@@ -176,6 +175,8 @@ def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene
     ids=str,
 )
 def test_every_integrator_on_every_driver(all_devices: list[Device], settings: dict[str, Any]) -> None:
+    if len(all_devices) == 1:
+        pytest.skip("there is no second driver to compare with")
     first = render("room-glass", all_devices[:1], **settings)
     for device in all_devices[1:]:
         image = render("room-glass", [device], **settings)
