@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.device.worker import Cut, DeviceWorker
+from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.errors import UsageError
 from clrender.film import Film
+from clrender.film.unit import tile_side
 from clrender.integrators import Integrator
 from clrender.scene.wording import suggestion
-from clrender.schedule import Plan, run
-from clrender.work import tile_side
+from clrender.scheduling.run import Plan, run
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AOVS",
-    "ASKED",
     "FIRST_HITS",
     "GUIDES",
     "GUIDE_SAMPLES",
+    "LAYER_KINDS",
     "LAYER_SAMPLES",
-    "Asked",
+    "LayerKind",
     "check_aovs",
     "exr_channels",
     "first_hits",
@@ -59,7 +59,7 @@ GUIDE_SAMPLES: Final = 16
 FIRST_HITS: Final = Integrator("integrator/first_hit.cl", "integrator_first_hit")
 """How layers are made; its kernel takes what is asked for as its last argument."""
 
-ASKED: Final[Mapping[str, int]] = {
+LAYER_KINDS: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
     "normal": layout.FIRST_HIT_NORMAL,
     "depth": layout.FIRST_HIT_DEPTH,
@@ -102,7 +102,7 @@ def exr_channels(layers: Mapping[str, _Array]) -> dict[str, _Array]:
 
 
 @dataclass
-class Asked:
+class LayerKind:
     """What the kernel is asked for: its last argument."""
 
     kind: int = 0
@@ -123,7 +123,7 @@ def first_hits(
     flat: FlatScene,
     settings: RenderSettings,
     names: Iterable[str],
-    cut: Cut | None = None,
+    cut: LaunchConfig | None = None,
     most_samples: int = LAYER_SAMPLES,
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
@@ -138,7 +138,7 @@ def first_hits(
         Those of the image: the layers have its size, seed and camera samples.
     names : iterable of str
         Of `AOVS`; ``samples`` is passed over, for only the image knows them.
-    cut : Cut, optional
+    cut : LaunchConfig, optional
     most_samples : int
         Of the image's samples of a pixel, the first so many are looked at.
     should_stop : callable, optional
@@ -167,12 +167,12 @@ def first_hits(
     if not passes:
         return {}
     side = tile_side(settings.tile, settings.width, settings.height)
-    asked = Asked()
+    asked = LayerKind()
     workers = [DeviceWorker(each, flat, settings.struct(side), FIRST_HITS, cut, lambda _: asked) for each in devices]
     films: dict[str, Film] = {}
     try:
         for name in passes:
-            asked.kind = ASKED[name]
+            asked.kind = LAYER_KINDS[name]
             samples = 1 if name == "primitive" else min(settings.spp, most_samples)
             films[name] = Film(settings.width, settings.height)
             plan = Plan(settings.width, settings.height, samples, side)

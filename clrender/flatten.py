@@ -32,14 +32,14 @@ class FlatScene:
     ----------
     arrays : mapping of str to ndarray
         ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
-        not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``rounds`` (R,) `Round`;
+        not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
         ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
         (N,) uint32, the tree of lights. Little-endian, C-contiguous.
     camera : (1,) `Camera`
     environment : int
         Index of the environment light, or `layout.NONE`.
-    triangle_count, round_count, light_count : int
+    triangle_count, analytic_count, light_count : int
     light_levels : int
         Of the tree of lights; 0: there is none.
     sha256 : str
@@ -52,7 +52,7 @@ class FlatScene:
     camera: _Rows
     environment: int
     triangle_count: int
-    round_count: int
+    analytic_count: int
     light_count: int
     light_levels: int
     sha256: str
@@ -64,7 +64,7 @@ class FlatScene:
         return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes
 
 
-def flatten(scene: Scene, width: int, height: int, light_choice: str = "auto") -> FlatScene:
+def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") -> FlatScene:
     """Arrays of a scene for an image of `width` by `height` pixels.
 
     Parameters
@@ -72,8 +72,8 @@ def flatten(scene: Scene, width: int, height: int, light_choice: str = "auto") -
     scene : Scene
     width, height : int
         Pixels.
-    light_choice : str
-        One of `clrender.scene.lights.LIGHT_CHOICES`.
+    light_sampler : str
+        One of `clrender.scene.lights.LIGHT_SAMPLERS`.
 
     Returns
     -------
@@ -90,13 +90,13 @@ def flatten(scene: Scene, width: int, height: int, light_choice: str = "auto") -
         raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
     camera = _camera_row(scene.camera, width, height, scene.source)
     surfaces = flat_surfaces(scene)
-    lights, environment, tree = flat_lights(scene, surfaces, light_choice)
-    triangle_count, round_count, light_count = len(surfaces.triangles), len(surfaces.rounds), len(lights)
+    lights, environment, tree = flat_lights(scene, surfaces, light_sampler)
+    triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
     arrays = {
         "vertices": _padded(surfaces.vertices),
         "normals": _padded(surfaces.normals),
         "triangles": _padded(surfaces.triangles),
-        "rounds": _padded(surfaces.rounds),
+        "analytic_shapes": _padded(surfaces.analytic_shapes),
         "primitive_shape": _padded(surfaces.primitive_shape),
         "shapes": _padded(surfaces.shapes),
         "materials": _padded(_material_rows(scene)),
@@ -104,7 +104,7 @@ def flatten(scene: Scene, width: int, height: int, light_choice: str = "auto") -
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
     }
-    digest = hashlib.sha256(f"{environment} {triangle_count} {round_count} {light_count}".encode())
+    digest = hashlib.sha256(f"{environment} {triangle_count} {analytic_count} {light_count}".encode())
     for name, array in (*arrays.items(), ("camera", camera)):
         digest.update(f"{name} {array.shape}".encode())
         digest.update(array.reshape(-1).view(np.uint8).data)
@@ -113,7 +113,7 @@ def flatten(scene: Scene, width: int, height: int, light_choice: str = "auto") -
         camera=camera,
         environment=environment,
         triangle_count=triangle_count,
-        round_count=round_count,
+        analytic_count=analytic_count,
         light_count=light_count,
         light_levels=tree.levels if tree else 0,
         sha256=digest.hexdigest(),

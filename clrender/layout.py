@@ -101,7 +101,7 @@ CONSTANTS: Final[Mapping[str, int]] = {
 
 # struct -> ((member, C type, comment), ...). Order is memory order.
 STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
-    "Round": (
+    "AnalyticShape": (
         ("center_radius", "float4", "xyz centre, world space, metres; w radius"),
         ("normal", "float4", "disk: unit normal; sphere: xyz = 0 and w = +1 (front outside) or -1 (front inside)"),
     ),
@@ -150,7 +150,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("strategy", "uint", "STRATEGY_*"),
         ("light_count", "uint", ""),
         ("environment", "uint", "index of the environment light, or NONE"),
-        ("triangle_count", "uint", "primitives below it are triangles, the rest rounds"),
+        ("triangle_count", "uint", "primitives below it are triangles, the rest analytic_shapes"),
         ("primitive_count", "uint", ""),
         ("lights_equal", "uint", "1: each light of the alias table keeps its own entry"),
         ("light_levels", "uint", "of the tree of lights; 0: the alias table picks"),

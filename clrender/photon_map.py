@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.ordering import launch_each, sort
+from clrender.device.radix_sort import launch_each, sort
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer
@@ -54,12 +54,12 @@ def photons_per_item(lanes: int) -> int:
 
 def scene_box(flat: FlatScene) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Lowest and highest coordinates, (3,) float64 each, of all that rays can hit; of nothing, a metre."""
-    if not flat.triangle_count + flat.round_count:
+    if not flat.triangle_count + flat.analytic_count:
         return np.zeros(3), np.ones(3)
     vertices = flat.arrays["vertices"].reshape(-1, 3).astype(np.float64)
     vertices = vertices if flat.triangle_count else vertices[:0]
-    rounds = flat.arrays["rounds"]["center_radius"].astype(np.float64)[: flat.round_count]
-    points = np.concatenate([vertices, rounds[:, :3] - rounds[:, 3:], rounds[:, :3] + rounds[:, 3:]])
+    analytic = flat.arrays["analytic_shapes"]["center_radius"].astype(np.float64)[: flat.analytic_count]
+    points = np.concatenate([vertices, analytic[:, :3] - analytic[:, 3:], analytic[:, :3] + analytic[:, 3:]])
     return points.min(axis=0), points.max(axis=0)
 
 

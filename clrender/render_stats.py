@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.device.source import kernels_sha256
-from clrender.image_io import image_sha256
+from clrender.image.files import image_sha256
 from clrender.version import __version__
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from clrender.film import Film
     from clrender.flatten import FlatScene
     from clrender.scene import Scene
-    from clrender.schedule import Tally
+    from clrender.scheduling.run import Tally
     from clrender.settings import RenderSettings
 
 __all__ = ["render_stats"]

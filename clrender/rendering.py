@@ -17,18 +17,18 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, check_aovs, exr_channels, first_hits
-from clrender.denoise import Denoiser
 from clrender.device import select
-from clrender.device.worker import Cut, DeviceWorker, Preparation, most_lanes
+from clrender.device.worker import DeviceWorker, LaunchConfig, Preparation, most_lanes
 from clrender.errors import UsageError
 from clrender.film import Film
+from clrender.film.unit import tile_side
 from clrender.flatten import FlatScene, flatten
-from clrender.image_io import image_sha256, png_bytes, write_image
+from clrender.image.denoise import Denoiser
+from clrender.image.files import image_sha256, png_bytes, write_image
 from clrender.integrators import INTEGRATORS, Integrator
 from clrender.render_stats import render_stats
-from clrender.schedule import Plan, run
+from clrender.scheduling.run import Plan, run
 from clrender.settings import RenderSettings, settings_for
-from clrender.work import tile_side
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -264,10 +264,10 @@ def _denoised(
 def _light_choice(wanted: RenderSettings) -> str:
     """As asked for; but photons start at lights and not at points, for which a tree of lights has no answer."""
     if wanted.integrator != "photon":
-        return wanted.light_choice
-    if wanted.light_choice == "tree":
-        raise UsageError("light_choice is 'tree'; the integrator photon takes auto, power or uniform")
-    return "uniform" if wanted.light_choice == "uniform" else "power"
+        return wanted.light_sampler
+    if wanted.light_sampler == "bvh":
+        raise UsageError("light_sampler is 'bvh'; the integrator photon takes auto, power or uniform")
+    return "uniform" if wanted.light_sampler == "uniform" else "power"
 
 
 def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
@@ -278,8 +278,8 @@ def _with_absorption(flat: FlatScene, absorption: float | None) -> FlatScene:
     return dataclasses.replace(flat, arrays={**flat.arrays, "materials": materials})
 
 
-def _cut(wanted: RenderSettings) -> Cut:
-    return Cut(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
+def _cut(wanted: RenderSettings) -> LaunchConfig:
+    return LaunchConfig(wanted.lanes, wanted.work_group, wanted.samples_per_pass, wanted.traversal)
 
 
 def _radiosity(
@@ -289,15 +289,15 @@ def _radiosity(
     # Here, because no other render should wait for what only this one imports.
     from clrender.radiosity.atlas import atlas_of
     from clrender.radiosity.display import GATHER, Display, Gather, looks
-    from clrender.radiosity.solution import Sought, solve_scene, summary
+    from clrender.radiosity.solution import RadiositySettings, solve_scene, summary
 
     gathered = wanted.radiosity_display == "gather"
-    sought = Sought(wanted.patches, wanted.patch_rays, seed=wanted.seed, gathered=gathered)
+    sought = RadiositySettings(wanted.patches, wanted.patch_rays, seed=wanted.seed, gathered=gathered)
     size = (wanted.width, wanted.height)
-    solution = solve_scene(scene, device, sought, size, _cut(wanted), wanted.light_choice, stops)
+    solution = solve_scene(scene, device, sought, size, _cut(wanted), wanted.light_sampler, stops)
     tell(summary(solution))
     if gathered and solution.complete:
-        whole = solution.patches.whole(*size, wanted.light_choice)
+        whole = solution.patches.whole(*size, wanted.light_sampler)
         atlas = atlas_of(solution.patches, solution.indirect, solution.used, solution.open_share)
         return whole, GATHER, partial(Gather, atlas=atlas)
     table = looks(solution, wanted.radiosity_display)

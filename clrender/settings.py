@@ -14,7 +14,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS, RADIOSITY_DISPLAYS
-from clrender.scene.lights import LIGHT_CHOICES
+from clrender.scene.lights import LIGHT_SAMPLERS
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -33,9 +33,9 @@ _ROULETTES: Final = {
     "absorption": layout.ROULETTE_ABSORPTION,
 }
 _STRATEGIES: Final = {
-    "both": layout.STRATEGY_BOTH,
-    "lights": layout.STRATEGY_LIGHTS,
-    "materials": layout.STRATEGY_MATERIALS,
+    "mis": layout.STRATEGY_BOTH,
+    "light": layout.STRATEGY_LIGHTS,
+    "bsdf": layout.STRATEGY_MATERIALS,
 }
 
 
@@ -57,8 +57,8 @@ class RenderSettings:
     absorption : float or None
         Probability to end a path, for every material; None: each material's own.
     sampling : str
-        How light from surfaces is found: ``both`` (weighted), ``lights`` or ``materials`` alone.
-    light_choice : str
+        How light from surfaces is found: ``mis`` (both, weighted), ``light`` or ``bsdf`` sampling alone.
+    light_sampler : str
         How one of many lights is picked: by a ``tree`` of what they can give at the point, by ``power``, each alike
         (``uniform``), or ``auto``: the tree where there are many.
     reuse : int
@@ -87,8 +87,8 @@ class RenderSettings:
     max_depth: int | None = None
     roulette: str = "throughput"
     absorption: float | None = None
-    sampling: str = "both"
-    light_choice: str = "auto"
+    sampling: str = "mis"
+    light_sampler: str = "auto"
     reuse: int = 16
     photons: int = 131072
     photon_radius: float | None = None
@@ -105,7 +105,7 @@ class RenderSettings:
     def request(self) -> dict[str, Any]:
         """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
         names = ("width", "height", "seed", "integrator", "shadow_rays", "indirect_rays", "max_depth", "roulette")
-        own = ("absorption", "sampling", "light_choice", *_OWN_SETTINGS.get(self.integrator, ()))
+        own = ("absorption", "sampling", "light_sampler", *_OWN_SETTINGS.get(self.integrator, ()))
         return {name: getattr(self, name) for name in (*names, *own)}
 
     def struct(self, tile: int) -> npt.NDArray[np.void]:
@@ -169,7 +169,7 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
         ("integrator", INTEGRATORS),
         ("roulette", _ROULETTES),
         ("sampling", _STRATEGIES),
-        ("light_choice", LIGHT_CHOICES),
+        ("light_sampler", LIGHT_SAMPLERS),
         ("radiosity_display", RADIOSITY_DISPLAYS),
     ):
         if getattr(wanted, name) not in choices:

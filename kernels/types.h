@@ -29,7 +29,7 @@
 typedef struct {
     float4 center_radius;       // xyz centre, world space, metres; w radius
     float4 normal;              // disk: unit normal; sphere: xyz = 0 and w = +1 (front outside) or -1 (front inside)
-} Round;
+} AnalyticShape;
 
 typedef struct {
     uint material;              // index into materials
@@ -80,7 +80,7 @@ typedef struct {
     uint strategy;              // STRATEGY_*
     uint light_count;
     uint environment;           // index of the environment light, or NONE
-    uint triangle_count;        // primitives below it are triangles, the rest rounds
+    uint triangle_count;        // primitives below it are triangles, the rest analytic_shapes
     uint primitive_count;
     uint lights_equal;          // 1: each light of the alias table keeps its own entry
     uint light_levels;          // of the tree of lights; 0: the alias table picks

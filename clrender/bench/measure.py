@@ -150,7 +150,7 @@ def _measure_scene(
         place.mkdir()
         paths[spheres] = write_scene(name, place, triangles=not spheres)
         if task.errors:
-            better = dataclasses.replace(task, spp=task.spp * _REFERENCE_TIMES, light_choice="auto")
+            better = dataclasses.replace(task, spp=task.spp * _REFERENCE_TIMES, light_sampler="auto")
             _own(paths[spheres], better, device, folder / "own.npy", _REFERENCE_SEED)
             references[spheres] = np.load(folder / "own.npy")
     for repeat in range(-1, repeats):
@@ -229,7 +229,7 @@ def _own(path: Path, task: Task, device: str | None, image_path: Path, seed: int
         seed=seed,
         roulette="none",
         max_depth=SEGMENTS - 1,
-        light_choice=task.light_choice,
+        light_sampler=task.light_sampler,
     )
     wall, used = time.perf_counter() - begin, time.process_time() - cpu
     np.save(image_path, image.linear)
@@ -238,7 +238,7 @@ def _own(path: Path, task: Task, device: str | None, image_path: Path, seed: int
         "wall_seconds": wall,
         "cpu_seconds": used,
         "version": stats["version"],
-        "light_choice": task.light_choice,
+        "light_sampler": task.light_sampler,
         "commit": _commit(),
         "driver": stats["devices"][0]["driver"],
         "device": stats["devices"][0]["name"],

@@ -53,7 +53,7 @@ class Task:
     spp: int
     errors: bool = False
     """Whether images are compared with a reference of clrender's own, of 64 times the samples."""
-    light_choice: str = "auto"
+    light_sampler: str = "auto"
     """Of clrender; Mitsuba picks each light alike."""
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from clrender.cli.options import LIGHT_CHOICES, number, size
+from clrender.cli.options import LIGHT_SAMPLERS, number, size
 
 __all__ = ["bench"]
 
@@ -24,8 +24,8 @@ __all__ = ["bench"]
     "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
 )
 @click.option(
-    "--light-choice",
-    type=click.Choice(LIGHT_CHOICES),
+    "--light-sampler",
+    type=click.Choice(LIGHT_SAMPLERS),
     default="auto",
     show_default=True,
     help="Of clrender; Mitsuba picks each light alike.",
@@ -34,7 +34,7 @@ __all__ = ["bench"]
 @click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
 def bench(
     names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
-    light_choice: str, errors: bool, listed: bool,
+    light_sampler: str, errors: bool, listed: bool,
 ) -> None:  # fmt: skip
     """Render benchmark scenes (S1 and S2 without a name) and print a line of JSON a run.
 
@@ -50,7 +50,7 @@ def bench(
         click.echo(f"\npeers: {', '.join(PEERS)}")
         return
     others = [peer_from(text) for text in peers]
-    task = Task(*wanted, spp, errors, light_choice)
+    task = Task(*wanted, spp, errors, light_sampler)
     runs = measure(names or ("S1", "S2"), others, task, repeats, device, lambda run: click.echo(json.dumps(run.line())))
     click.echo(_table(summary(runs)), err=True)
 

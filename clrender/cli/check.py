@@ -29,7 +29,7 @@ def check(scene: str, allow_paths: tuple[str, ...]) -> None:
         ("image", f"{loaded.image.width} x {loaded.image.height}"),
         ("shapes", f"{len(loaded.shapes)}"),
         ("triangles", f"{flat.triangle_count}"),
-        ("spheres and disks", f"{flat.round_count}"),
+        ("spheres and disks", f"{flat.analytic_count}"),
         ("lights", f"{flat.light_count}"),
         ("materials", f"{len(loaded.materials)}"),
         ("bytes on the device", f"{flat.nbytes} (and the tree built there)"),

@@ -70,7 +70,7 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
             raise click.UsageError(f"{parameter.opts[-1]} goes with --integrators NAME,NAME… SCENE.", ctx)
     if second is None:
         raise click.UsageError("missing argument 'B', the reference; or give --integrators and a scene.", ctx)
-    from clrender.compare import compare_images
+    from clrender.image.compare import compare_images
 
     numbers = compare_images(read_linear(Path(first))[0], read_linear(Path(second))[0])
     click.echo(json.dumps(numbers, indent=2) if as_json else _table(numbers))

@@ -161,7 +161,7 @@ def _table(numbers: dict[str, Any]) -> str:
 def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers: dict[str, Any]) -> None:
     """Mean images, maps of z whose names say what their colours mean, and the numbers."""
     from clrender.files import atomic_write
-    from clrender.image_io import write_image
+    from clrender.image.files import write_image
 
     height, width = made[0].image.shape[:2]
     for one, its in zip(made, numbers["integrators"], strict=True):

@@ -21,7 +21,7 @@ def read_linear(path: Path) -> tuple[npt.NDArray[np.float32], dict[str, Any] | N
         No such file, or not a readable image.
     """
     from clrender.film import Film
-    from clrender.image_io import FILM_ENDINGS, read_image, read_provenance
+    from clrender.image.files import FILM_ENDINGS, read_image, read_provenance
 
     if path.suffix.lower() in FILM_ENDINGS:
         film = Film.load(path)

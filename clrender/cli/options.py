@@ -11,7 +11,7 @@ from typing import Any, Final
 import click
 
 __all__ = [
-    "LIGHT_CHOICES",
+    "LIGHT_SAMPLERS",
     "PIXEL_LIMIT",
     "SIDE_LIMIT",
     "TONE_MAPS",
@@ -24,9 +24,9 @@ __all__ = [
 SIDE_LIMIT: Final = 65536
 PIXEL_LIMIT: Final = 2**30
 TONE_MAPS: Final = ("linear", "sqrt", "srgb", "reinhard", "aces", "agx")
-"""The names of `clrender.tonemap.TONE_MAPS`, without loading NumPy for `--help`."""
-LIGHT_CHOICES: Final = ("auto", "tree", "power", "uniform")
-"""Of `clrender.scene.lights.LIGHT_CHOICES`, likewise."""
+"""The names of `clrender.image.tone_map.TONE_MAPS`, without loading NumPy for `--help`."""
+LIGHT_SAMPLERS: Final = ("auto", "bvh", "power", "uniform")
+"""Of `clrender.scene.lights.LIGHT_SAMPLERS`, likewise."""
 
 
 def number(

@@ -77,13 +77,13 @@ def radiosity(
     Every frame is written as a picture, and said in a line is what its light took.
     """
     from clrender.device import select
-    from clrender.image_io import write_image
+    from clrender.film.unit import tile_side
+    from clrender.image.files import write_image
     from clrender.radiosity.animate import Motion, frames
     from clrender.radiosity.dynamic import DynamicRadiosity
-    from clrender.radiosity.solution import Sought
+    from clrender.radiosity.solution import RadiositySettings
     from clrender.scene import load
     from clrender.settings import settings_for
-    from clrender.work import tile_side
 
     description = load(scene, allow_paths=allow_paths)
     if shape >= len(description.shapes):
@@ -92,7 +92,7 @@ def radiosity(
     with output_folder(folder, "frame-0000.png"):
         chosen = select(device)[0]
         struct = wanted.struct(tile_side(wanted.tile, wanted.width, wanted.height))
-        sought = Sought(patches, patch_rays, tolerance=1e-3, refine=False, seed=wanted.seed)
+        sought = RadiositySettings(patches, patch_rays, tolerance=1e-3, refine=False, seed=wanted.seed)
         dynamic = DynamicRadiosity(description, chosen, sought, (wanted.width, wanted.height))
         seconds = []
         try:

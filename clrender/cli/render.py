@@ -14,7 +14,7 @@ import click
 
 from clrender.cli import STARTED
 from clrender.cli.interrupt import INTERRUPTED, Interrupt, interruptible
-from clrender.cli.options import LIGHT_CHOICES, allow_path_option, number, tone_options
+from clrender.cli.options import LIGHT_SAMPLERS, allow_path_option, number, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.cli.progress import ProgressDisplay, ProgressLike, duration, quantity
 from clrender.errors import ClrenderError, UsageError
@@ -65,8 +65,8 @@ _FILM_BYTES: Final = 52
     "--max-depth", type=number(0, 2**31 - 1, whole=True), help="Scattering events at most; 0: emission only (no limit)."
 )
 @click.option(
-    "--light-choice",
-    type=click.Choice(LIGHT_CHOICES),
+    "--light-sampler",
+    type=click.Choice(LIGHT_SAMPLERS),
     help="How one of many lights is picked: by what each can give there, by power, alike (auto: the tree from 16 on).",
 )
 @click.option("--roulette", type=click.Choice(("throughput", "absorption", "none")), help="How paths end (throughput).")
@@ -190,7 +190,7 @@ def _end_interrupted(message: str) -> NoReturn:
 
 def _check_outputs(outputs: Sequence[Path], stats: Path | None) -> None:
     from clrender.files import check_writable
-    from clrender.image_io import check_output
+    from clrender.image.files import check_output
 
     for path in outputs:
         check_output(path)

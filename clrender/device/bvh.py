@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.ordering import CHUNK, launch_each, scan, sort
+from clrender.device.radix_sort import CHUNK, launch_each, scan, sort
 from clrender.errors import RenderError
 
 if TYPE_CHECKING:
@@ -56,11 +56,11 @@ class SourceArrays:
 
     vertices: Buffer
     triangles: Buffer
-    rounds: Buffer
+    analytic_shapes: Buffer
     primitive_shape: Buffer
     shapes: Buffer
     triangle_count: int
-    round_count: int
+    analytic_count: int
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class _Builder:
         self._units, self._triangle_units = self._paired()
         if among is not None:
             self._choose(among)
-        self.unit_count = self._triangle_units + source.round_count
+        self.unit_count = self._triangle_units + source.analytic_count
 
     def _paired(self) -> tuple[Buffer, int]:
         """What stands in the tree for the triangles: one for each, or for two that are a parallelogram."""
@@ -188,7 +188,15 @@ class _Builder:
             self._order,
             "build_boxes",
             count,
-            [self._units, source.vertices, source.triangles, source.rounds, _u(self._triangle_units), _u(count), boxes],
+            [
+                self._units,
+                source.vertices,
+                source.triangles,
+                source.analytic_shapes,
+                _u(self._triangle_units),
+                _u(count),
+                boxes,
+            ],
         )
         bounds, length, centers = boxes, count, 1
         while length > 1 or centers:
@@ -274,7 +282,7 @@ class _Builder:
             self._each(self._collapse, "build_triangle_columns", count, arguments)
         count = 8 * blocks[1]
         arguments = [columns[1], _u(count), self._units, _u(self._triangle_units), _u(source.triangle_count)]
-        arguments += [source.vertices, source.triangles, source.rounds, others]
+        arguments += [source.vertices, source.triangles, source.analytic_shapes, others]
         if count:
             self._each(self._collapse, "build_analytic_columns", count, arguments)
         return triangles, others

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from clrender.device.cache import Sentinel
 from clrender.device.compiler import build, store
-from clrender.device.pages import LARGE_BYTES, prefer_large_pages
+from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, RenderError
 

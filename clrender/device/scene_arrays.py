@@ -53,11 +53,11 @@ class SceneArrays:
     def __init__(self, device: Device, scene: FlatScene, tree: bvh.Bvh | None = None) -> None:
         self._device = device
         self._lent = tree
-        triangles, primitives = scene.triangle_count, scene.triangle_count + scene.round_count
+        triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         arrays = {name: device.upload(array) for name, array in scene.arrays.items()}
-        vertices, corners, rounds = arrays["vertices"], arrays["triangles"], arrays["rounds"]
+        vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
-        source = bvh.SourceArrays(vertices, corners, rounds, shape_of, shapes, triangles, scene.round_count)
+        source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
         self.tree = tree or bvh.build(device, source)
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
@@ -73,7 +73,7 @@ class SceneArrays:
             "analytic_packs": self.tree.analytic_packs,
             "camera": device.upload(scene.camera),
         }
-        geometry: list[Buffer | np.generic] = [vertices, corners, rounds]
+        geometry: list[Buffer | np.generic] = [vertices, corners, analytic_shapes]
         count, offset = np.uint32(primitives), np.uint32(triangles)
         rows = self.buffers["primitive_rows"]
         self._rows("primitives", primitives, [*geometry, shape_of, shapes, arrays["materials"], offset, count, rows])

@@ -14,15 +14,15 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.device.bvh import STACK
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
+from clrender.film.unit import BLOCK, Unit, UnitSums
 from clrender.integrators import INTEGRATORS, Integrator
-from clrender.work import BLOCK, Unit, UnitSums
 
 if TYPE_CHECKING:
     from clrender.device.bvh import Bvh
     from clrender.device.device import Argument, Buffer, Device, Program
     from clrender.flatten import FlatScene
 
-__all__ = ["Cut", "DeviceWorker", "Preparation", "probe_hash"]
+__all__ = ["DeviceWorker", "LaunchConfig", "Preparation", "probe_hash"]
 
 SLICE_SECONDS: Final = 0.15
 """What a launch should last: short enough for progress, Ctrl-C and drivers with a watchdog."""
@@ -49,7 +49,7 @@ _BLOCK_SLOTS: Final = BLOCK * BLOCK
 
 
 @dataclass(frozen=True)
-class Cut:
+class LaunchConfig:
     """How work is cut for a device. None of it changes a bit of the image.
 
     Attributes
@@ -94,7 +94,7 @@ class DeviceWorker:
     settings : (1,) `Settings`
         What depends on the scene is filled in here.
     integrator : Integrator
-    cut : Cut
+    cut : LaunchConfig
     prepare : callable, optional
         Makes what the integrator needs beside the scene, given this worker.
     tree : Bvh, optional
@@ -121,11 +121,11 @@ class DeviceWorker:
         scene: FlatScene,
         settings: npt.NDArray[np.void],
         integrator: Integrator = INTEGRATORS["path"],
-        cut: Cut | None = None,
+        cut: LaunchConfig | None = None,
         prepare: Callable[[DeviceWorker], Preparation] | None = None,
         tree: Bvh | None = None,
     ) -> None:
-        cut = cut or Cut()
+        cut = cut or LaunchConfig()
         self.device = device
         self.name = device.info.title
         self.busy_seconds = 0.0
@@ -133,7 +133,7 @@ class DeviceWorker:
         self._arrays = SceneArrays(device, scene, tree)
         self._settings = settings.copy()
         self._settings["triangle_count"] = scene.triangle_count
-        self._settings["primitive_count"] = scene.triangle_count + scene.round_count
+        self._settings["primitive_count"] = scene.triangle_count + scene.analytic_count
         self._settings["light_count"] = scene.light_count
         self._settings["environment"] = scene.environment
         self._settings["light_levels"] = scene.light_levels
@@ -174,7 +174,7 @@ class DeviceWorker:
         """The same over so many things, one in every lane."""
         self.launch(program, kernel, self.padded(-(-count // self.lanes)), arguments)
 
-    def _defines(self, cut: Cut) -> dict[str, int | str]:
+    def _defines(self, cut: LaunchConfig) -> dict[str, int | str]:
         defines: dict[str, int | str] = {"LANES": self.lanes}
         if cut.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1

@@ -17,7 +17,7 @@ from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.corners import Corners
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity, Update
-from clrender.schedule import Plan, run
+from clrender.scheduling.run import Plan, run
 
 if TYPE_CHECKING:
     from clrender.device.device import Device

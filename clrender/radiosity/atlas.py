@@ -61,7 +61,7 @@ def atlas_of(patches: Patches, indirect: _Floats, used: NDArray[np.bool_], open_
         Of each side's area.
     """
     surfaces = flat_surfaces(patches.scene)
-    count = len(surfaces.triangles) + len(surfaces.rounds)
+    count = len(surfaces.triangles) + len(surfaces.analytic_shapes)
     number = np.bincount(patches.primitive, minlength=count)
     along = np.clip(np.ceil(_FINER * np.sqrt(number)), 1, _MOST).astype(np.int64)
     along[number < 2] = 1
@@ -132,9 +132,9 @@ class _Places:
         corners = surfaces.vertices[surfaces.triangles[patches.primitive[self._flat]]].astype(np.float64)
         self._a, self._ab, self._ac = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         self._normal = _cross(self._ab, self._ac)
-        rounds = surfaces.rounds[patches.primitive[self._round] - len(surfaces.triangles)]
-        self._center = rounds["center_radius"].astype(np.float64)
-        axis = np.abs(rounds["normal"][:, :3])
+        shapes = surfaces.analytic_shapes[patches.primitive[self._round] - len(surfaces.triangles)]
+        self._center = shapes["center_radius"].astype(np.float64)
+        axis = np.abs(shapes["normal"][:, :3])
         self._disk = axis.any(axis=1)
         self._z = (axis[:, 2] >= axis[:, 0]) & (axis[:, 2] >= axis[:, 1])
         self._y = ~self._z & (axis[:, 1] >= axis[:, 0])

@@ -26,13 +26,13 @@ from clrender.radiosity.sides import (
     sealed_sides,
     traced_sides,
 )
-from clrender.radiosity.solution import Sought, check_sought, solve_scene
-from clrender.radiosity.tracer import Changes, Known, Tracer
+from clrender.radiosity.solution import RadiositySettings, check_sought, solve_scene
+from clrender.radiosity.tracer import Changes, PreviousDirectLight, Tracer
 from clrender.scene.description import PointLight
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
-    from clrender.device.worker import Cut
+    from clrender.device.worker import LaunchConfig
     from clrender.scene import Scene
 
 __all__ = ["DynamicRadiosity", "Update"]
@@ -73,11 +73,11 @@ class DynamicRadiosity:
     scene : Scene
         Of diffuse surfaces only.
     device : Device
-    sought : Sought, optional
+    sought : RadiositySettings, optional
         `tolerance` is that of a side's radiance against the mean radiance of the scene.
     size : (int, int)
         Of the image that the camera is for.
-    cut : Cut, optional
+    cut : LaunchConfig, optional
     patches : Patches, optional
         To begin with; else found for the scene as it is, refined where it wants it.
 
@@ -97,12 +97,12 @@ class DynamicRadiosity:
         self,
         scene: Scene,
         device: Device,
-        sought: Sought | None = None,
+        sought: RadiositySettings | None = None,
         size: tuple[int, int] = (64, 64),
-        cut: Cut | None = None,
+        cut: LaunchConfig | None = None,
         patches: Patches | None = None,
     ) -> None:
-        self._sought = sought or Sought(tolerance=1e-3)
+        self._sought = sought or RadiositySettings(tolerance=1e-3)
         check_sought(self._sought)
         self._device, self._size, self._cut = device, size, cut
         self.patches = patches or self._cut_up(scene)
@@ -287,7 +287,7 @@ class DynamicRadiosity:
     def _direct(self, everywhere: bool) -> None:
         """Direct light, all of it or where the moving shape may have changed it."""
         rows = self.rows
-        known = None if everywhere else Known(rows.irradiance, rows.seen, light_boxes(self.patches))
+        known = None if everywhere else PreviousDirectLight(rows.irradiance, rows.seen, light_boxes(self.patches))
         rows.irradiance, rows.seen = self._rays.direct(rows.sides, self._sought.direct_samples, known)
 
     def _update(self, begin: float, rays: int) -> Update:

@@ -13,7 +13,7 @@ from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.scene.description import Dielectric, EnvironmentLight, Lambert, Light, Scene
-from clrender.scene.importers import MeshData
+from clrender.scene.mesh_io import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
 
@@ -122,7 +122,7 @@ class Patches:
         first, end = np.searchsorted(self.shape, [shape, shape + 1])
         return 2 * int(first), 2 * int(end)
 
-    def flat(self, width: int, height: int, light_choice: str = "auto") -> FlatScene:
+    def flat(self, width: int, height: int, light_sampler: str = "auto") -> FlatScene:
         """The patches as kernels see them: triangle i is patch i. Light that rays to patches find is left out.
 
         Raises
@@ -131,7 +131,7 @@ class Patches:
             When a patch is too small for single precision.
         """
         scene = self.scene.remeshed(self._meshes(), self._lights, self.shadow_rays_find_emission)
-        flat = flatten(scene, width, height, light_choice)
+        flat = flatten(scene, width, height, light_sampler)
         if flat.triangle_count != len(self):
             lost = len(self) - flat.triangle_count
             raise SceneError(
@@ -139,13 +139,13 @@ class Patches:
             )
         return flat
 
-    def whole(self, width: int, height: int, light_choice: str = "auto") -> FlatScene:
+    def whole(self, width: int, height: int, light_sampler: str = "auto") -> FlatScene:
         """The scene before it was cut into patches, with the same lights as `flat`."""
         shapes = self.scene.shapes
         if not self.shadow_rays_find_emission:
             shapes = tuple(shape.model_copy(update={"emission": None}) for shape in shapes)
         scene = self.scene.model_copy(update={"shapes": shapes, "lights": self._lights})
-        return flatten(scene, width, height, light_choice)
+        return flatten(scene, width, height, light_sampler)
 
     @property
     def _lights(self) -> tuple[Light, ...]:
@@ -261,7 +261,7 @@ def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
             parts.append(corners[first : first + count])
             primitive.append(np.arange(first, first + count))
             continue
-        row = surfaces.rounds[first - len(corners)]
+        row = surfaces.analytic_shapes[first - len(corners)]
         center, normal = row["center_radius"].astype(np.float64), row["normal"].astype(np.float64)
         if isinstance(shape, Sphere):
             is_round[index] = True

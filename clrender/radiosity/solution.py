@@ -30,11 +30,11 @@ from clrender.radiosity.tracer import MOST_DIRECT_SAMPLES, Stopped, Tracer
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
-    from clrender.device.worker import Cut
+    from clrender.device.worker import LaunchConfig
     from clrender.flatten import FlatScene
     from clrender.scene import Scene
 
-__all__ = ["Solution", "Sought", "check_sought", "solve_scene", "summary"]
+__all__ = ["RadiositySettings", "Solution", "check_sought", "solve_scene", "summary"]
 
 _COARSE_SHARE: Final = 0.5
 """Of the patches wanted, before those are halved across which the radiance changes most."""
@@ -47,7 +47,7 @@ _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Sought:
+class RadiositySettings:
     """What a solution is asked for.
 
     Attributes
@@ -147,7 +147,7 @@ def summary(solution: Solution) -> str:
     return text
 
 
-def check_sought(sought: Sought) -> None:
+def check_sought(sought: RadiositySettings) -> None:
     """Refuse what makes no sense.
 
     Raises
@@ -165,10 +165,10 @@ def check_sought(sought: Sought) -> None:
 def solve_scene(
     scene: Scene,
     device: Device,
-    sought: Sought | None = None,
+    sought: RadiositySettings | None = None,
     size: tuple[int, int] = (64, 64),
-    cut: Cut | None = None,
-    light_choice: str = "auto",
+    cut: LaunchConfig | None = None,
+    light_sampler: str = "auto",
     should_stop: Callable[[], bool] | None = None,
     patches: Patches | None = None,
 ) -> Solution:
@@ -179,12 +179,12 @@ def solve_scene(
     scene : Scene
         Of diffuse surfaces only.
     device : Device
-    sought : Sought, optional
+    sought : RadiositySettings, optional
     size : (int, int)
         Of the image that the camera is for.
-    cut : Cut, optional
+    cut : LaunchConfig, optional
         Never changes the result.
-    light_choice : str
+    light_sampler : str
     should_stop : callable, optional
         When it says yes, what is returned is not `complete`.
     patches : Patches, optional
@@ -196,7 +196,7 @@ def solve_scene(
         When a shape is not diffuse.
     UsageError, RenderError
     """
-    wanted = sought or Sought()
+    wanted = sought or RadiositySettings()
     check_sought(wanted)
     begin = time.perf_counter()
     if patches is None:
@@ -207,11 +207,11 @@ def solve_scene(
         if wanted.refine and wanted.gathered:
             pilot = replace(wanted, rays=min(wanted.rays, _PILOT_RAYS))
             for left in range(_PILOT_ROUNDS, 0, -1):
-                pilots.append(_solve(patches, device, pilot, size, cut, light_choice, should_stop))
+                pilots.append(_solve(patches, device, pilot, size, cut, light_sampler, should_stop))
                 begin = time.perf_counter()
                 patches = _refined(pilots[-1], len(patches) + (wanted.patches - len(patches)) // left, gathered=True)
                 cutting += time.perf_counter() - begin
-        solution = _solve(patches, device, wanted, size, cut, light_choice, should_stop)
+        solution = _solve(patches, device, wanted, size, cut, light_sampler, should_stop)
         while wanted.refine and not wanted.gathered and len(solution.patches) < wanted.patches:
             begin = time.perf_counter()
             finer = _refined(solution, wanted.patches)
@@ -219,9 +219,9 @@ def solve_scene(
             if len(finer) == len(solution.patches):
                 break
             pilots.append(solution)
-            solution = _solve(finer, device, wanted, size, cut, light_choice, should_stop)
+            solution = _solve(finer, device, wanted, size, cut, light_sampler, should_stop)
     except Stopped:
-        return _nothing(patches, size, light_choice)
+        return _nothing(patches, size, light_sampler)
     for before in pilots:
         for name, seconds in before.seconds.items():
             solution.seconds[name] += seconds
@@ -232,14 +232,14 @@ def solve_scene(
 def _solve(
     patches: Patches,
     device: Device,
-    wanted: Sought,
+    wanted: RadiositySettings,
     size: tuple[int, int],
-    cut: Cut | None,
-    light_choice: str,
+    cut: LaunchConfig | None,
+    light_sampler: str,
     should_stop: Callable[[], bool] | None,
 ) -> Solution:
     times = [time.perf_counter()]
-    flat = patches.flat(*size, light_choice)
+    flat = patches.flat(*size, light_sampler)
     tracer = Tracer(device, flat, wanted.rays, wanted.seed, cut, should_stop)
     times.append(time.perf_counter())
     try:
@@ -287,12 +287,12 @@ def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
     return patches.bisected(which)
 
 
-def _nothing(patches: Patches, size: tuple[int, int], light_choice: str) -> Solution:
+def _nothing(patches: Patches, size: tuple[int, int], light_sampler: str) -> Solution:
     """In place of a solution that nobody waited for."""
     columns = 2 * len(patches) + 1
     factors = factors_of_hits(np.zeros(0, np.uint32), np.zeros((0, 1), np.uint32), columns)
     empty = np.zeros((0, 3))
     balance = Balance(factors, empty, empty, carried_radiance(patches), side_areas(patches))
-    flat = patches.flat(*size, light_choice)
+    flat = patches.flat(*size, light_sampler)
     none, nowhere = np.zeros(columns, bool), np.zeros(columns)
     return Solution(patches, flat, balance, np.zeros((columns, 3)), none, nowhere, 0, 1.0, {}, False)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.device.ordering import launch_each, scan
-from clrender.device.worker import Cut, DeviceWorker
+from clrender.device.radix_sort import launch_each, scan
+from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.errors import UsageError
 from clrender.integrators import Integrator
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from clrender.flatten import FlatScene
     from clrender.radiosity.moving import Moving
 
-__all__ = ["MOST_DIRECT_SAMPLES", "Changes", "Known", "Stopped", "Tracer"]
+__all__ = ["MOST_DIRECT_SAMPLES", "Changes", "PreviousDirectLight", "Stopped", "Tracer"]
 
 MOST_DIRECT_SAMPLES: Final = 32
 _LAUNCH_SECONDS: Final = 0.15
@@ -55,7 +55,7 @@ class Changes:
 
 
 @dataclass(frozen=True)
-class Known:
+class PreviousDirectLight:
     """Direct light of before a step of the moving shape.
 
     Attributes
@@ -86,7 +86,7 @@ class Tracer:
     rays : int
         From each side.
     seed : int
-    cut : Cut, optional
+    cut : LaunchConfig, optional
     should_stop : callable, optional
         Asked between launches.
     moving : Moving, optional
@@ -99,7 +99,7 @@ class Tracer:
         scene: FlatScene,
         rays: int,
         seed: int = 0,
-        cut: Cut | None = None,
+        cut: LaunchConfig | None = None,
         should_stop: Callable[[], bool] | None = None,
         moving: Moving | None = None,
     ) -> None:
@@ -217,7 +217,7 @@ class Tracer:
         followed, covered, unknown = counted[:, :3].astype(np.int64).T
         return Changes(brought[:, :3].astype(np.float64) / self.rays, covered, int(followed.sum()), bool(unknown.any()))
 
-    def direct(self, sides: _Uints, samples: int, known: Known | None = None) -> tuple[_Floats, _Uints]:
+    def direct(self, sides: _Uints, samples: int, known: PreviousDirectLight | None = None) -> tuple[_Floats, _Uints]:
         """Irradiance straight from the lights that shadow rays look for.
 
         Parameters
@@ -225,7 +225,7 @@ class Tracer:
         sides : (r,) uint32
         samples : int
             Points of each side, at most 32.
-        known : Known, optional
+        known : PreviousDirectLight, optional
             Of before the step of the moving shape, to look only where it may have changed something.
 
         Returns

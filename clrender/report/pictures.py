@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.image.tone_map import to_display
 from clrender.report.results import Results
-from clrender.tonemap import to_display
 
 __all__ = ["Figure", "Panel", "data_uri", "figures", "strip"]
 

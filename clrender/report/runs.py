@@ -36,7 +36,7 @@ __all__ = ["Measured", "Renderer", "Stopped", "measure"]
 
 _REFERENCE_SEEDS: Final = (2**31, 2**31 + 1)
 _SECONDS_APART: Final = 10.0
-_FLOOR: Final = 0.01  # as in `clrender.compare`
+_FLOOR: Final = 0.01  # as in `clrender.image.compare`
 _Image = npt.NDArray[Any]
 
 

@@ -17,8 +17,8 @@ from clrender.scene.description import (
     Render,
     Scene,
 )
-from clrender.scene.importers import MeshData
 from clrender.scene.load import builtin_names, load
+from clrender.scene.mesh_io import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
 
 __all__ = [

@@ -15,7 +15,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
 
-from clrender.scene.importers import MeshData, inline_mesh, read_mesh
+from clrender.scene.mesh_io import MeshData, inline_mesh, read_mesh
 from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.values import (
     COORDINATE_LIMIT,

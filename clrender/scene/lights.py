@@ -17,11 +17,11 @@ from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
 from clrender.scene.values import Color, length
 
-__all__ = ["LIGHT_CHOICES", "flat_lights"]
+__all__ = ["LIGHT_SAMPLERS", "flat_lights"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
-LIGHT_CHOICES: Final = ("auto", "tree", "power", "uniform")
+LIGHT_SAMPLERS: Final = ("auto", "bvh", "power", "uniform")
 """How one of many lights is picked: by what it can give at the point, by its power, or each alike."""
 _TREE_FROM: Final = 16
 """So many lights are worth a walk down a tree at every point."""
@@ -36,7 +36,7 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> t
     surfaces : FlatSurfaces
         Of this scene; `first_light` of its shapes is written.
     choice : str
-        One of `LIGHT_CHOICES`.
+        One of `LIGHT_SAMPLERS`.
 
     Returns
     -------
@@ -119,10 +119,10 @@ def _emitters(lights: _Rows, power: NDArray[np.float64], radius: float, surfaces
         [ab[:, i] * ac[:, j] - ab[:, j] * ac[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1
     )
     round_ = (kind == layout.LIGHT_AREA_SPHERE) | (kind == layout.LIGHT_AREA_DISK)
-    rounds = surfaces.rounds[primitive[round_] - len(surfaces.triangles)]
-    center = rounds["center_radius"].astype(np.float64)
+    shapes = surfaces.analytic_shapes[primitive[round_] - len(surfaces.triangles)]
+    center = shapes["center_radius"].astype(np.float64)
     low[round_], high[round_] = center[:, :3] - center[:, 3:], center[:, :3] + center[:, 3:]
-    normal[round_] = rounds["normal"][:, :3]
+    normal[round_] = shapes["normal"][:, :3]
     length = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2 + normal[:, 2] ** 2)[:, None]
     infinite = (kind == layout.LIGHT_DIRECTIONAL) | (kind == layout.LIGHT_ENVIRONMENT)
     # A flat light's power is π times what it sends forwards, a sphere's and a point's 4π; of what comes from infinitely
@@ -146,7 +146,7 @@ def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Row
     rows["radiance"][:, :3] = shape.emission
     rows["primitive"] = np.arange(first, first + count)
     if isinstance(shape, Sphere | Disk):
-        radius = float(surfaces.rounds[first - len(surfaces.triangles)]["center_radius"][3])
+        radius = float(surfaces.analytic_shapes[first - len(surfaces.triangles)]["center_radius"][3])
         rows["kind"] = layout.LIGHT_AREA_SPHERE if isinstance(shape, Sphere) else layout.LIGHT_AREA_DISK
         return rows, np.array([(4.0 if isinstance(shape, Sphere) else 1.0) * math.pi * radius * radius])
     rows["kind"] = layout.LIGHT_AREA_TRIANGLE
@@ -164,8 +164,8 @@ def _bounding_radius(surfaces: FlatSurfaces) -> float:
     low, high = np.full(3, math.inf), np.full(3, -math.inf)
     if len(surfaces.vertices):
         low, high = surfaces.vertices.min(axis=0).astype(np.float64), surfaces.vertices.max(axis=0).astype(np.float64)
-    if len(surfaces.rounds):
-        box = surfaces.rounds["center_radius"].astype(np.float64)
+    if len(surfaces.analytic_shapes):
+        box = surfaces.analytic_shapes["center_radius"].astype(np.float64)
         low = np.minimum(low, (box[:, :3] - box[:, 3:]).min(axis=0))
         high = np.maximum(high, (box[:, :3] + box[:, 3:]).max(axis=0))
     if not np.isfinite(low).all():

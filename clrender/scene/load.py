@@ -14,9 +14,9 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.resources import scenes_folder
 from clrender.scene.description import Scene
-from clrender.scene.importers import open_regular
-from clrender.scene.problems import scene_error
+from clrender.scene.mesh_io import open_regular
 from clrender.scene.shapes import Mesh
+from clrender.scene.validation_errors import scene_error
 from clrender.scene.wording import quoted, suggestion
 
 if sys.version_info >= (3, 11):

@@ -16,7 +16,7 @@ from trimesh.exchange.obj import load_obj
 from trimesh.exchange.ply import load_ply
 
 from clrender.errors import SceneError
-from clrender.scene.importers import TRIANGLE_LIMIT, MeshData
+from clrender.scene.mesh_io import TRIANGLE_LIMIT, MeshData
 from clrender.scene.ply_header import PlyHeader, read_header
 from clrender.scene.wording import quoted
 

@@ -1,4 +1,4 @@
-"""The shapes of a scene as arrays in world space: vertices, triangles, rounds, and one row for each shape."""
+"""The shapes of a scene as arrays in world space: vertices, triangles, analytic_shapes, and one row for each shape."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
-from clrender.scene.importers import TRIANGLE_LIMIT, MeshData
+from clrender.scene.mesh_io import TRIANGLE_LIMIT, MeshData
 from clrender.scene.shapes import Disk, Mesh, Sphere
 from clrender.scene.values import COORDINATE_LIMIT
 
@@ -37,7 +37,7 @@ class FlatSurfaces:
     vertices: NDArray[np.float32]
     normals: NDArray[np.float32]
     triangles: NDArray[np.uint32]
-    rounds: _Rows
+    analytic_shapes: _Rows
     primitive_shape: NDArray[np.uint32]
     shapes: _Rows
     first: NDArray[np.int64]
@@ -90,14 +90,14 @@ def flat_surfaces(scene: Scene) -> FlatSurfaces:
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
-    rounds = _rounds(scene, first, count, t)
+    analytic_shapes = _analytic_rows(scene, first, count, t)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     return FlatSurfaces(
         vertices=vertices,
         normals=normals,
         triangles=triangles[:t],
-        rounds=rounds,
+        analytic_shapes=analytic_shapes,
         primitive_shape=np.repeat(order.astype("<u4"), count[order]),
         shapes=shapes,
         first=first,
@@ -215,10 +215,10 @@ def _place_normals(
     normals[blank] = (total / size[:, None])[blank]
 
 
-def _rounds(scene: Scene, first: NDArray[np.int64], count: NDArray[np.int64], offset: int) -> _Rows:
+def _analytic_rows(scene: Scene, first: NDArray[np.int64], count: NDArray[np.int64], offset: int) -> _Rows:
     """Rows of spheres and disks; notes their primitive numbers, which start at `offset`."""
     indices = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
-    rows = np.zeros(len(indices), dtype=layout.dtype("Round"))
+    rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
     for number, index in enumerate(indices):
         shape, place = scene.shapes[index], f"{scene.source}: shapes[{index}]"
         assert isinstance(shape, Sphere | Disk)

@@ -73,7 +73,9 @@ class _Table(_Metaclass):
         try:
             return type(BaseModel).__call__(cls, *args, **keys)
         except ValidationError as error:
-            from clrender.scene.problems import scene_error  # problems.py words errors of all tables, so imports them
+            from clrender.scene.validation_errors import (
+                scene_error,  # problems.py words errors of all tables, so imports them
+            )
 
             raise scene_error(error, cls, cls.__name__) from None
 

@@ -264,7 +264,7 @@ static void build_rectangle(float rows[ANALYTIC_BLOCK_WORDS / 8], const vec3 cor
 
 __kernel void build_analytic_columns(__global const uint* columns, uint count, __global const uint* units, uint triangle_units,
                                      uint triangle_count, __global const float* vertices, __global const uint* triangles,
-                                     __global const Round* rounds, __global float* packs) {
+                                     __global const AnalyticShape* analytic_shapes, __global float* packs) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     __global float* column = packs + (size_t)(i / 8u) * ANALYTIC_BLOCK_WORDS + i % 8u;
@@ -277,7 +277,7 @@ __kernel void build_analytic_columns(__global const uint* columns, uint count, _
         rows[ANALYTIC_ID / 8] = as_float(unit | BVH_NUMBER);
     } else if (columns[i] != NONE) {
         const uint number = columns[i] - triangle_units;
-        const Round r = rounds[number];
+        const AnalyticShape r = analytic_shapes[number];
         const int disk = r.normal.x != 0.0f || r.normal.y != 0.0f || r.normal.z != 0.0f;
         rows[0] = r.center_radius.x, rows[1] = r.center_radius.y, rows[2] = r.center_radius.z, rows[3] = r.center_radius.w;
         rows[4] = r.normal.x, rows[5] = r.normal.y, rows[6] = r.normal.z;

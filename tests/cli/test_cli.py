@@ -16,13 +16,13 @@ from cli_support import run
 
 import clrender
 from clrender.cli import COMMANDS
-from clrender.cli.options import LIGHT_CHOICES, TONE_MAPS
-from clrender.image_io import read_image, write_image
-from clrender.scene.lights import LIGHT_CHOICES as CHOICES
-from clrender.tonemap import TONE_MAPS as OPERATORS
+from clrender.cli.options import LIGHT_SAMPLERS, TONE_MAPS
+from clrender.image.files import read_image, write_image
+from clrender.image.tone_map import TONE_MAPS as OPERATORS
+from clrender.scene.lights import LIGHT_SAMPLERS as CHOICES
 
 RENDER_OPTIONS = (
-    "output spp size seed device integrator shadow-rays indirect-rays max-depth light-choice roulette absorption "
+    "output spp size seed device integrator shadow-rays indirect-rays max-depth light-sampler roulette absorption "
     "reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
     "samples-per-pass work-group lanes time stats quiet allow-path"
 )
@@ -75,7 +75,7 @@ def test_no_command_is_loaded_for_help_or_version() -> None:
 
 def test_names_without_numpy_are_the_names_there_are() -> None:
     assert TONE_MAPS == OPERATORS
-    assert LIGHT_CHOICES == CHOICES
+    assert LIGHT_SAMPLERS == CHOICES
     for name in COMMANDS:
         assert hasattr(importlib.import_module(f"clrender.cli.{name}"), name)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cli_support import run
 
-from clrender.image_io import read_image
+from clrender.image.files import read_image
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -17,7 +17,7 @@ import pytest
 
 import clrender
 from clrender.film import Film
-from clrender.image_io import read_image, read_provenance
+from clrender.image.files import read_image, read_provenance
 
 PATIENCE = 5.0
 """Seconds to end in. The promise is one second; a busy machine may take its time to let us see it."""

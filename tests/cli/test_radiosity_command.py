@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from cli_support import run
 
-from clrender.image_io import read_image
+from clrender.image.files import read_image
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -24,7 +24,7 @@ def test_scenes_are_what_they_say(tmp_path: Path, name: str) -> None:
     scene = clrender.load(str(write_scene(name, tmp_path)))
     flat = flatten(scene, 8, 8)
     assert flat.triangle_count == TRIANGLES[name]
-    assert flat.round_count == (0 if name.endswith("tess") else 2)
+    assert flat.analytic_count == (0 if name.endswith("tess") else 2)
     assert flat.light_count == (1000 if name == "S4" else 4)
     assert flat.warnings == ()
     corners = flat.arrays["vertices"][flat.arrays["triangles"]]
@@ -95,8 +95,8 @@ def test_a_scene_is_measured(tmp_path: Path) -> None:
 
 def test_lights_are_chosen_as_asked() -> None:
     """So that S4 can be compared with who picks each light alike."""
-    lines = [measure(["S4"], [], Task(8, 8, 1, light_choice=choice), 1)[0].line() for choice in ("tree", "uniform")]
-    assert [line["light_choice"] for line in lines] == ["tree", "uniform"]
+    lines = [measure(["S4"], [], Task(8, 8, 1, light_sampler=choice), 1)[0].line() for choice in ("bvh", "uniform")]
+    assert [line["light_sampler"] for line in lines] == ["bvh", "uniform"]
     assert lines[0]["image_sha256"] != lines[1]["image_sha256"]
 
 

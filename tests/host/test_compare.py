@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from clrender.compare import compare_images
 from clrender.errors import UsageError
-from clrender.flip import PIXELS_PER_DEGREE, flip_map
+from clrender.image.compare import compare_images
+from clrender.image.flip import PIXELS_PER_DEGREE, flip_map
 
 
 def flat(*color: float) -> npt.NDArray[np.float64]:

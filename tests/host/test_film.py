@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
-from clrender.film_units import UnitSet
-from clrender.fixed_point import fixed_point, to_float64
+from clrender.film.fixed_point import fixed_point, to_float64
+from clrender.film.ledger import UnitSet
 
 Words = npt.NDArray[np.uint32]
 
@@ -139,7 +139,7 @@ def test_every_grouping_gives_the_same_bits() -> None:
 
 @pytest.mark.parametrize("shuffled", [False, True])
 def test_pixels_land_where_they_belong_across_bands(shuffled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.film._BAND_BYTES", 48 * 7 * 3)
+    monkeypatch.setattr("clrender.film.film._BAND_BYTES", 48 * 7 * 3)
     monkeypatch.setattr("clrender.film._CHUNK", 5)
     film = Film(7, 10)
     assert len(film.bands()) == 4

@@ -55,7 +55,7 @@ def rotation(degrees: tuple[float, float, float]) -> NDArray[np.float64]:
 
 def test_arrays_are_what_the_kernels_expect() -> None:
     scene = flatten(scenes.load("room"), 320, 200)
-    kinds = {"rounds": "Round", "shapes": "Shape", "materials": "Material", "lights": "Light"}
+    kinds = {"analytic_shapes": "AnalyticShape", "shapes": "Shape", "materials": "Material", "lights": "Light"}
     assert set(scene.arrays) == {
         *kinds,
         "vertices",
@@ -70,7 +70,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         if name in kinds:
             assert array.dtype == layout.dtype(kinds[name])
     assert scene.arrays["vertices"].dtype == np.dtype("<f4") and scene.arrays["triangles"].dtype == np.dtype("<u4")
-    assert (scene.triangle_count, scene.round_count, scene.light_count) == (32, 3, 4)
+    assert (scene.triangle_count, scene.analytic_count, scene.light_count) == (32, 3, 4)
     assert scene.camera.shape == (1,) and scene.camera.dtype == layout.dtype("Camera")
     assert scene.nbytes == sum(array.nbytes for array in scene.arrays.values()) + scene.camera.nbytes
 
@@ -78,7 +78,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
 def test_primitives_of_a_shape_are_contiguous_and_point_back() -> None:
     scene = flatten(scenes.load("room"), 320, 200)
     shapes, owner = scene.arrays["shapes"], scene.arrays["primitive_shape"]
-    assert len(owner) == scene.triangle_count + scene.round_count
+    assert len(owner) == scene.triangle_count + scene.analytic_count
     for index, row in enumerate(shapes):
         own = np.flatnonzero(owner == index)
         assert own[0] == row["first_primitive"]
@@ -94,7 +94,7 @@ def test_primitives_of_a_shape_are_contiguous_and_point_back() -> None:
 def test_an_empty_scene_is_padded() -> None:
     scene = flat()
     assert all(len(array) == 1 for array in scene.arrays.values())
-    assert (scene.triangle_count, scene.round_count, scene.light_count) == (0, 0, 0)
+    assert (scene.triangle_count, scene.analytic_count, scene.light_count) == (0, 0, 0)
     assert scene.environment == layout.NONE
 
 
@@ -163,11 +163,11 @@ def test_rounds() -> None:
         {"type": "disk", "normal": [0, 0, 2], "radius": 1, "flip_normals": True},
         {"type": "disk", "normal": [1, 0, 0], "radius": 1, "transform": {"matrix": np.diag([-1, 1, 1, 1]).tolist()}},
     )
-    rounds = scene.arrays["rounds"]
-    np.testing.assert_allclose(rounds["center_radius"][0], [-3, 2, 6, 1], atol=1e-6)
-    np.testing.assert_allclose(rounds["normal"][:2], [[0, 0, 0, 1], [0, 0, 0, -1]])
-    np.testing.assert_allclose(rounds["center_radius"][2], [1, 0, 2, 1], atol=1e-6)
-    np.testing.assert_allclose(rounds["normal"][2:], [[-1, 0, 0, 0], [0, 0, -1, 0], [-1, 0, 0, 0]], atol=1e-7)
+    analytic_shapes = scene.arrays["analytic_shapes"]
+    np.testing.assert_allclose(analytic_shapes["center_radius"][0], [-3, 2, 6, 1], atol=1e-6)
+    np.testing.assert_allclose(analytic_shapes["normal"][:2], [[0, 0, 0, 1], [0, 0, 0, -1]])
+    np.testing.assert_allclose(analytic_shapes["center_radius"][2], [1, 0, 2, 1], atol=1e-6)
+    np.testing.assert_allclose(analytic_shapes["normal"][2:], [[-1, 0, 0, 0], [0, 0, -1, 0], [-1, 0, 0, 0]], atol=1e-7)
     assert scene.arrays["shapes"]["first_primitive"].tolist() == [0, 1, 2, 3, 4]
 
 

@@ -26,9 +26,9 @@ from PIL import Image
 from clrender.errors import ClrenderError, RenderError, UsageError
 from clrender.files import atomic_write, check_writable, open_input
 from clrender.film import Film
-from clrender.image_io import OUTPUT_ENDINGS, check_output, image_sha256, read_image, read_provenance, write_image
-from clrender.radiance_hdr import read_hdr, write_hdr
-from clrender.tonemap import srgb_decode, to_display
+from clrender.image.files import OUTPUT_ENDINGS, check_output, image_sha256, read_image, read_provenance, write_image
+from clrender.image.radiance_hdr import read_hdr, write_hdr
+from clrender.image.tone_map import srgb_decode, to_display
 
 Picture = npt.NDArray[np.float32]
 IMAGE_ENDINGS = [ending for ending in OUTPUT_ENDINGS if ending != ".film"]
@@ -346,7 +346,7 @@ import sys
 import numpy as np
 from pathlib import Path
 from clrender.film import Film
-from clrender.image_io import write_image
+from clrender.image.files import write_image
 path = Path(sys.argv[1])
 noise = np.random.default_rng(0).random((2, 220, 220, 3)).astype(np.float32)
 film = Film(150, 150)

@@ -43,7 +43,7 @@ def test_about_as_many_as_wanted_and_no_area_lost(name: str, count: int) -> None
     assert patches.areas.sum() == pytest.approx(coarse.areas.sum(), rel=1e-6)
     assert (np.diff(patches.shape) >= 0).all()
     flat = patches.flat(8, 8)
-    assert flat.triangle_count == len(patches) and flat.round_count == 0
+    assert flat.triangle_count == len(patches) and flat.analytic_count == 0
 
 
 @pytest.mark.parametrize(("shape", "area"), [(SQUARE, 2.0), (BALL, 9.0 * math.pi), (DISK, 4.0 * math.pi)])
@@ -161,7 +161,7 @@ def test_what_moved_has_moved_in_the_scene_too(shape: dict[str, Any], transform:
     whole, before = flat_surfaces(moved.scene), flat_surfaces(patches.scene)
     step = np.where(np.arange(len(whole.vertices))[:, None] < 4, 0.0, by)  # the first square stays
     np.testing.assert_allclose(whole.vertices, before.vertices + step, atol=1e-5)
-    for now, old in zip(whole.rounds["center_radius"], before.rounds["center_radius"], strict=True):
+    for now, old in zip(whole.analytic_shapes["center_radius"], before.analytic_shapes["center_radius"], strict=True):
         np.testing.assert_allclose(now, old + np.array([*by, 0.0]), atol=1e-5)
     np.testing.assert_allclose(moved.corners[moved.shape == 1], patches.corners[patches.shape == 1] + np.array(by))
     assert np.array_equal(moved.corners[moved.shape == 0], patches.corners[patches.shape == 0])

@@ -21,7 +21,7 @@ import pytest
 from clrender.cli import main
 from clrender.errors import RenderError
 from clrender.film import Film
-from clrender.image_io import image_sha256, read_image, read_provenance, write_image
+from clrender.image.files import image_sha256, read_image, read_provenance, write_image
 
 SCENE = """
 title = "nothing"

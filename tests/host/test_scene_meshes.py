@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from clrender.errors import SceneError
-from clrender.scene.importers import MeshData, read_mesh
+from clrender.scene.mesh_io import MeshData, read_mesh
 
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 1)]
 QUAD_AND_TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .5 5e-1 1.\nf 1 2 3 4\nf 1 2 5\n"

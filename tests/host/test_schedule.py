@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 from clrender.errors import DeviceError, RenderError
 from clrender.film import Film
-from clrender.image_io import image_sha256
-from clrender.schedule import Plan, run
-from clrender.work import BLOCK, Unit, UnitSums, slot_count, tile_side, tile_slots
+from clrender.film.unit import BLOCK, Unit, UnitSums, slot_count, tile_side, tile_slots
+from clrender.image.files import image_sha256
+from clrender.scheduling.run import Plan, run
 
 OnSlice = Callable[[int, int], None] | None
 ShouldStop = Callable[[], bool] | None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from clrender.errors import UsageError
-from clrender.tonemap import TONE_MAPS, display_values, srgb_decode, srgb_encode, to_display
+from clrender.image.tone_map import TONE_MAPS, display_values, srgb_decode, srgb_encode, to_display
 
 
 def gray(value: float, tone_map: str, exposure: float = 0.0) -> float:

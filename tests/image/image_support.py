@@ -16,8 +16,8 @@ import numpy as np
 
 import clrender
 from clrender.bench import write_scene
-from clrender.schedule import Plan
-from clrender.work import Unit, slot_count
+from clrender.film.unit import Unit, slot_count
+from clrender.scheduling.run import Plan
 
 if TYPE_CHECKING:
     from clrender.device import Device

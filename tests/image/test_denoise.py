@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.compare import compare_images
-from clrender.denoise import Denoiser
 from clrender.errors import UsageError
 from clrender.film import Film
-from clrender.image_io import image_sha256, read_image, read_provenance
+from clrender.image.compare import compare_images
+from clrender.image.denoise import Denoiser
+from clrender.image.files import image_sha256, read_image, read_provenance
 from clrender.rendering import Progress
 
 needs_library = pytest.mark.skipif(

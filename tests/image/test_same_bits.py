@@ -23,14 +23,14 @@ import clrender
 from clrender import schedule
 from clrender.aov import AOVS
 from clrender.device import Device
-from clrender.device.worker import Cut, DeviceWorker
+from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.film import Film
+from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.flatten import flatten
-from clrender.image_io import image_sha256
+from clrender.image.files import image_sha256
 from clrender.integrators import INTEGRATORS
-from clrender.schedule import Plan
+from clrender.scheduling.run import Plan
 from clrender.settings import RenderSettings
-from clrender.work import Unit, UnitSums, tile_side
 
 ROOT = Path(__file__).resolve().parents[2]
 GPU_LIKE = "rusticl"
@@ -83,8 +83,8 @@ def test_every_combination(all_devices: list[Device], expected: dict[str, str], 
         {"integrator": "direct", "shadow_rays": 3},
         {"indirect_rays": 3, "shadow_rays": 2, "max_depth": 4},
         {"roulette": "absorption"},
-        {"roulette": "none", "max_depth": 7, "sampling": "materials"},
-        {"sampling": "lights", "seed": 4294967295, "absorption": 0.25},
+        {"roulette": "none", "max_depth": 7, "sampling": "bsdf"},
+        {"sampling": "light", "seed": 4294967295, "absorption": 0.25},
     ],
     ids=str,
 )
@@ -334,7 +334,7 @@ def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: 
         return lambda: slices >= stop
 
     while units:
-        worker = DeviceWorker(all_devices[0], flat, settings.struct(plan.tile), cut=Cut(None, 16, 16))
+        worker = DeviceWorker(all_devices[0], flat, settings.struct(plan.tile), cut=LaunchConfig(None, 16, 16))
         recording = _Recording(worker)
         with patch.object(Plan, "units", return_value=iter(units)):
             schedule.run(plan, [recording], film, tell, after(slices + 11))

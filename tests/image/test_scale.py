@@ -16,7 +16,7 @@ from image_support import render
 
 import clrender
 from clrender.device import Device
-from clrender.image_io import image_sha256, read_image
+from clrender.image.files import image_sha256, read_image
 from clrender.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,7 +82,7 @@ def command(*arguments: str) -> tuple[int, int]:
 def test_a_ball_of_ten_thousand_triangles(all_devices: list[Device], tmp_path: Path) -> None:
     scene, triangles = ball_scene(tmp_path, 30)
     assert triangles == 10800
-    image = render(str(scene), all_devices[:1], size=(64, 64), spp=4, sampling="materials")
+    image = render(str(scene), all_devices[:1], size=(64, 64), spp=4, sampling="bsdf")
     assert_invisible(image.linear)
     assert image.stats["rays"] > image.stats["samples"], "some rays hit it"
 
@@ -91,7 +91,7 @@ def test_a_ball_of_ten_thousand_triangles(all_devices: list[Device], tmp_path: P
 def test_four_million_triangles(all_devices: list[Device], tmp_path: Path) -> None:
     scene, triangles = ball_scene(tmp_path, 578)
     assert triangles == 4009008
-    image = render(str(scene), all_devices[:1], size=(400, 400), spp=4, sampling="materials")
+    image = render(str(scene), all_devices[:1], size=(400, 400), spp=4, sampling="bsdf")
     assert_invisible(image.linear)
     assert image.stats["triangles"] == triangles
     assert image.stats["rays"] > 1.2 * image.stats["samples"], "it fills a good part of the image"
@@ -115,7 +115,7 @@ def test_an_8192_image_takes_less_than_4_gib(ending: str, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("size", [(65536, 16), (16, 65536)], ids=str)
 def test_long_images(all_devices: list[Device], size: tuple[int, int]) -> None:
-    image = render("furnace-sphere", all_devices[:1], size=size, spp=1, sampling="materials")
+    image = render("furnace-sphere", all_devices[:1], size=size, spp=1, sampling="bsdf")
     assert image.linear.shape == (size[1], size[0], 3)
     assert not image.interrupted and (image.film.counts == 1).all()
     np.testing.assert_allclose(image.linear, 1.0, atol=1e-5)

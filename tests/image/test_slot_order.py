@@ -1,4 +1,4 @@
-"""The kernels and the host agree on which pixel a slot is: film/slot.h against clrender/work.py."""
+"""The kernels and the host agree on which pixel a slot is: film/slot.h against clrender/film/unit.py."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from clrender.film.unit import slot_count, tile_side, tile_slots
 from clrender.settings import RenderSettings
-from clrender.work import slot_count, tile_side, tile_slots
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -19,12 +19,13 @@ import numpy as np
 from meshes import icosphere
 
 from clrender import layout
-from clrender.aov import ASKED, FIRST_HITS, Asked
+from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerKind
 from clrender.device.arithmetic import check as arithmetic_check
 from clrender.device.device import Buffer, Device, DeviceInfo, Program
 from clrender.device.discover import drivers, load_platforms
-from clrender.device.ordering import CHUNK
-from clrender.device.worker import Cut, DeviceWorker
+from clrender.device.radix_sort import CHUNK
+from clrender.device.worker import DeviceWorker, LaunchConfig
+from clrender.film.unit import Unit, slot_count
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
 from clrender.photon_map import PhotonMaps
@@ -32,11 +33,10 @@ from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity
 from clrender.radiosity.factors import hemicube_cells
-from clrender.radiosity.solution import Sought
+from clrender.radiosity.solution import RadiositySettings
 from clrender.radiosity.tracer import Tracer
 from clrender.scene import Scene
 from clrender.settings import RenderSettings
-from clrender.work import Unit, slot_count
 
 if TYPE_CHECKING:
     from clrender.flatten import FlatScene
@@ -135,7 +135,7 @@ def render(device: Device, run: Run) -> str:
     with tempfile.TemporaryDirectory() as folder:
         flat = scene(run.large, Path(folder))
     prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5) if run.kernel == "photon" else None
-    cut = Cut(run.lanes, 2, None, run.traversal)
+    cut = LaunchConfig(run.lanes, 2, None, run.traversal)
     worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel], cut, prepare)
     sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples))
     worker.release()
@@ -148,10 +148,10 @@ def layers(device: Device) -> str:
     """Hash of the sums of all that is asked of what is seen first."""
     with tempfile.TemporaryDirectory() as folder:
         flat = scene(False, Path(folder))
-    settings, asked = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE), Asked()
-    worker = DeviceWorker(device, flat, settings, FIRST_HITS, Cut(4, 2), lambda _: asked)
+    settings, asked = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE), LayerKind()
+    worker = DeviceWorker(device, flat, settings, FIRST_HITS, LaunchConfig(4, 2), lambda _: asked)
     digest = hashlib.sha256()
-    for asked.kind in ASKED.values():
+    for asked.kind in LAYER_KINDS.values():
         sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1))
         digest.update(sums.sums.tobytes() + sums.counts.tobytes())
     worker.release()
@@ -168,8 +168,8 @@ def radiosity(device: Device) -> str:
     ]
     matt = {"type": "lambert", "reflectance": (0.7, 0.6, 0.5)}
     what = Scene.model_validate({"camera": camera, "materials": {"matt": matt}, "shapes": shapes})
-    cut = Cut(4, 2)
-    sought, size = Sought(24, 4, 2, 1e-2, refine=False), (WIDTH, HEIGHT)
+    cut = LaunchConfig(4, 2)
+    sought, size = RadiositySettings(24, 4, 2, 1e-2, refine=False), (WIDTH, HEIGHT)
     dynamic = DynamicRadiosity(what, device, sought, size, cut)
     digest = hashlib.sha256(dynamic.reflected.tobytes())
     dynamic.move(1, (0.2, 0.0, 0.1))

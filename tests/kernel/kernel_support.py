@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.device.device import Buffer
 
-__all__ = ["FOLDER", "Hits", "Rays", "Tree", "flat_scene", "rounds_of", "trace", "trace_every_leaf", "tree_on"]
+__all__ = ["FOLDER", "Hits", "Rays", "Tree", "analytic_rows", "flat_scene", "trace", "trace_every_leaf", "tree_on"]
 
 FOLDER = Path(__file__).resolve().parent
 WORK_GROUP = 16
@@ -78,12 +78,12 @@ class Hits:
     occluded: npt.NDArray[np.bool_]
 
 
-def rounds_of(
+def analytic_rows(
     centers: npt.ArrayLike, radii: npt.ArrayLike, normals: npt.ArrayLike = (0.0, 0.0, 0.0)
 ) -> npt.NDArray[np.void]:
     """Rows of spheres, or with unit normals of disks."""
     places = np.atleast_2d(np.asarray(centers, np.float64))
-    rows = np.zeros(len(places), layout.dtype("Round"))
+    rows = np.zeros(len(places), layout.dtype("AnalyticShape"))
     rows["center_radius"][:, :3] = places
     rows["center_radius"][:, 3] = radii
     rows["normal"][:, :3] = normals
@@ -92,7 +92,7 @@ def rounds_of(
 
 
 def flat_scene(
-    vertices: npt.ArrayLike = (), triangles: npt.ArrayLike = (), rounds: npt.NDArray[np.void] | None = None
+    vertices: npt.ArrayLike = (), triangles: npt.ArrayLike = (), analytic_shapes: npt.NDArray[np.void] | None = None
 ) -> FlatScene:
     """A scene of one shape for the triangles and one for all spheres and disks, in exactly these numbers.
 
@@ -102,9 +102,9 @@ def flat_scene(
     ----------
     vertices : (v, 3) float
     triangles : (t, 3) int
-    rounds : (r,) `Round`, optional
+    analytic_shapes : (r,) `AnalyticShape`, optional
     """
-    rounds = np.zeros(0, layout.dtype("Round")) if rounds is None else rounds
+    analytic_shapes = np.zeros(0, layout.dtype("AnalyticShape")) if analytic_shapes is None else analytic_shapes
     points = np.asarray(vertices, np.float32).reshape(-1, 3)
     corners = np.asarray(triangles, np.uint32).reshape(-1, 3)
     shapes = np.zeros(2, layout.dtype("Shape"))
@@ -114,8 +114,8 @@ def flat_scene(
         "vertices": points,
         "normals": np.zeros((1, 3), np.float32),
         "triangles": corners,
-        "rounds": rounds,
-        "primitive_shape": np.repeat(np.array([0, 1], np.uint32), [len(corners), len(rounds)]),
+        "analytic_shapes": analytic_shapes,
+        "primitive_shape": np.repeat(np.array([0, 1], np.uint32), [len(corners), len(analytic_shapes)]),
         "shapes": shapes,
         "materials": np.zeros(1, layout.dtype("Material")),
         "lights": np.zeros(1, layout.dtype("Light")),
@@ -124,7 +124,7 @@ def flat_scene(
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
     camera = np.zeros(1, layout.dtype("Camera"))
-    return FlatScene(padded, camera, layout.NONE, len(corners), len(rounds), 0, 0, "")
+    return FlatScene(padded, camera, layout.NONE, len(corners), len(analytic_shapes), 0, 0, "")
 
 
 @dataclass(frozen=True)
@@ -142,10 +142,12 @@ class Tree:
 @contextmanager
 def tree_on(device: Device, scene: FlatScene) -> Iterator[Tree]:
     """Build a scene's tree, and give its memory back at the end."""
-    names = ("vertices", "triangles", "rounds", "primitive_shape", "shapes")
+    names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
     arrays = [device.upload(scene.arrays[name]) for name in names]
-    vertices, triangles, rounds, shape_of, shapes = arrays
-    source = SourceArrays(vertices, triangles, rounds, shape_of, shapes, scene.triangle_count, scene.round_count)
+    vertices, triangles, analytic_shapes, shape_of, shapes = arrays
+    source = SourceArrays(
+        vertices, triangles, analytic_shapes, shape_of, shapes, scene.triangle_count, scene.analytic_count
+    )
     bvh = build(device, source)
     try:
         yield Tree(device, bvh)

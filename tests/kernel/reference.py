@@ -186,9 +186,9 @@ def _in_box(rays: Rays, center: Floats, radius: Floats, slack: Floats) -> tuple[
     return enter.max(-1) - np.abs(enter.max(-1)) * 4e-6, leave.min(-1) + np.abs(leave.min(-1)) * 4e-6
 
 
-def spheres(rays: Rays, rounds: npt.NDArray[np.void]) -> Candidates:
+def spheres(rays: Rays, analytic_shapes: npt.NDArray[np.void]) -> Candidates:
     """Candidates of spheres."""
-    place, r = rounds["center_radius"][:, :3], rounds["center_radius"][:, 3].astype(np.float64)[None]
+    place, r = analytic_shapes["center_radius"][:, :3], analytic_shapes["center_radius"][:, 3].astype(np.float64)[None]
     d = rays.directions.astype(np.float64)
     length = np.linalg.norm(d, axis=1)[:, None]
     to = _relative(place, rays)
@@ -223,10 +223,10 @@ def spheres(rays: Rays, rounds: npt.NDArray[np.void]) -> Candidates:
     return Candidates(sure, possible, root / length, error / length, low, high, loose)
 
 
-def disks(rays: Rays, rounds: npt.NDArray[np.void]) -> Candidates:
+def disks(rays: Rays, analytic_shapes: npt.NDArray[np.void]) -> Candidates:
     """Candidates of disks."""
-    place, r = rounds["center_radius"][:, :3], rounds["center_radius"][:, 3].astype(np.float64)[None]
-    n = rounds["normal"][:, :3].astype(np.float64)[None]
+    place, r = analytic_shapes["center_radius"][:, :3], analytic_shapes["center_radius"][:, 3].astype(np.float64)[None]
+    n = analytic_shapes["normal"][:, :3].astype(np.float64)[None]
     d = rays.directions.astype(np.float64)[:, None]
     length = np.linalg.norm(d, axis=2)
     to = _relative(place, rays)

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.fixed_point import fixed_point
-from clrender.work import slot_count, tile_slots
+from clrender.film.fixed_point import fixed_point
+from clrender.film.unit import slot_count, tile_slots
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -122,7 +122,7 @@ def test_sums_are_exact_over_the_whole_range_of_floats(all_devices: list[Device]
 
 
 def test_one_sample_of_every_kind(device: Device) -> None:
-    """Each alone, so that no error can hide behind another; and as `clrender.fixed_point` has it."""
+    """Each alone, so that no error can hide behind another; and as `clrender.film.fixed_point` has it."""
     samples = all_of_float(np.random.default_rng(9), 1)
     samples[0, 1:] = 0.0
     for _ in range(8):

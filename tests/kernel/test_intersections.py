@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import reference
-from kernel_support import FAR, Hits, Rays, flat_scene, rounds_of, trace, trace_every_leaf, tree_on
+from kernel_support import FAR, Hits, Rays, analytic_rows, flat_scene, trace, trace_every_leaf, tree_on
 
 from clrender import layout
 
@@ -141,8 +141,8 @@ def make(scale: float = 1.0, shift: float = 0.0, far: float = 0.0, seed: int = 1
         directions = back
     move = np.array([1.0, -0.7, 0.4]) * shift
     single = ((corners + move) * scale).astype(np.float32)
-    ball_rows = rounds_of((balls + move) * scale, radii * scale)
-    plate_rows = rounds_of((plates + move) * scale, sizes * scale, normals)
+    ball_rows = analytic_rows((balls + move) * scale, radii * scale)
+    plate_rows = analytic_rows((plates + move) * scale, sizes * scale, normals)
     return Case(single, ball_rows, plate_rows, Rays.of((origins + move) * scale, directions * scale))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from clrender import layout, photon_map
-from clrender.device import bvh, ordering
+from clrender.device import bvh, radix_sort
 from clrender.resources import kernels_folder
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def test_an_array_of_structs_is_read_member_by_member(all_devices: list[Device],
         ("geometry/bvh.h", "TRIANGLE_BLOCK_WORDS", bvh.TRIANGLE_BLOCK_WORDS),
         ("geometry/bvh.h", "ANALYTIC_BLOCK_WORDS", bvh.ANALYTIC_BLOCK_WORDS),
         ("geometry/bvh.h", "BVH_STACK", bvh.STACK),
-        ("geometry/build.h", "BUILD_CHUNK", ordering.CHUNK),
+        ("geometry/build.h", "BUILD_CHUNK", radix_sort.CHUNK),
         ("geometry/build_merge.cl", "MERGE_CHUNK", bvh.MERGE_CHUNK),
         ("geometry/build_cost.h", "COST_ROOTS", bvh.COST_ROOTS),
         ("photon/deposit.h", "PHOTON_DEPOSITS", photon_map.DEPOSITS),

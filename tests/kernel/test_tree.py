@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kernel_support import Rays, flat_scene, rounds_of, trace, trace_every_leaf, tree_on
+from kernel_support import Rays, analytic_rows, flat_scene, trace, trace_every_leaf, tree_on
 from meshes import box, bumpy, icosphere
 from tree_reference import bounds_of, check, cost, download, median_cost, stack_needed, sweep_cost
 
@@ -66,7 +66,9 @@ def around_one_center(rng: np.random.Generator) -> FlatScene:
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     normals[::2] = 0
     flat = of_triangles(corners)
-    return flat_scene(flat.arrays["vertices"], flat.arrays["triangles"], rounds_of(np.zeros((2000, 3)), radii, normals))
+    return flat_scene(
+        flat.arrays["vertices"], flat.arrays["triangles"], analytic_rows(np.zeros((2000, 3)), radii, normals)
+    )
 
 
 def ever_smaller(count: int = 110) -> FlatScene:
@@ -82,7 +84,7 @@ def one_code(rng: np.random.Generator) -> FlatScene:
     far = np.array([[[1e4, 1e4, 1e4], [1e4, 1e4 + 1, 1e4], [1e4, 1e4, 1e4 + 1]]])
     flat = of_triangles(np.concatenate([near, far, -far]))
     return flat_scene(
-        flat.arrays["vertices"], flat.arrays["triangles"], rounds_of(rng.uniform(-1e-4, 1e-4, (500, 3)), 1e-5)
+        flat.arrays["vertices"], flat.arrays["triangles"], analytic_rows(rng.uniform(-1e-4, 1e-4, (500, 3)), 1e-5)
     )
 
 
@@ -91,7 +93,9 @@ def mixed(rng: np.random.Generator) -> FlatScene:
     normals = rng.normal(size=(700, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     normals[:300] = 0
-    return flat_scene(points, faces, rounds_of(rng.uniform(-2, 2, (700, 3)), 10.0 ** rng.uniform(-3, 0, 700), normals))
+    return flat_scene(
+        points, faces, analytic_rows(rng.uniform(-2, 2, (700, 3)), 10.0 ** rng.uniform(-3, 0, 700), normals)
+    )
 
 
 def rectangles(rng: np.random.Generator) -> FlatScene:
@@ -108,7 +112,7 @@ def rectangles(rng: np.random.Generator) -> FlatScene:
         quad[5, first] = a[first]
     points = rng.uniform(-1, 1, (400, 3))
     shape = of_triangles(corners.reshape(-1, 3, 3))
-    return flat_scene(shape.arrays["vertices"], shape.arrays["triangles"], rounds_of(points, 0.05))
+    return flat_scene(shape.arrays["vertices"], shape.arrays["triangles"], analytic_rows(points, 0.05))
 
 
 def scene_named(name: str) -> FlatScene:
@@ -116,8 +120,8 @@ def scene_named(name: str) -> FlatScene:
     scenes = {
         "nothing": flat_scene,
         "a triangle": lambda: in_one_place(1),
-        "a sphere": lambda: flat_scene(rounds=rounds_of([(1.0, 2.0, 3.0)], 0.5)),
-        "a triangle and a sphere": lambda: flat_scene(np.eye(3), [[0, 1, 2]], rounds_of([(1.0, 2.0, 3.0)], 0.5)),
+        "a sphere": lambda: flat_scene(analytic_shapes=analytic_rows([(1.0, 2.0, 3.0)], 0.5)),
+        "a triangle and a sphere": lambda: flat_scene(np.eye(3), [[0, 1, 2]], analytic_rows([(1.0, 2.0, 3.0)], 0.5)),
         "eight": lambda: in_one_place(8),
         "nine": lambda: in_one_place(9),
         "small in large": small_in_large,
@@ -127,7 +131,7 @@ def scene_named(name: str) -> FlatScene:
         "ever smaller": ever_smaller,
         "one Morton code": lambda: one_code(rng),
         "spheres": lambda: flat_scene(
-            rounds=rounds_of(rng.normal(size=(5000, 3)), 10.0 ** rng.uniform(-4, -0.5, 5000))
+            analytic_shapes=analytic_rows(rng.normal(size=(5000, 3)), 10.0 ** rng.uniform(-4, -0.5, 5000))
         ),
         "mixed": lambda: mixed(rng),
         "rectangles": lambda: rectangles(rng),
@@ -177,7 +181,7 @@ def test_the_tree_is_sound(device: Device, name: str) -> None:
         need, levels = stack_needed(words)
         assert levels == tree.bvh.levels
         assert need <= tree.bvh.stack_entries
-        if not scene.triangle_count + scene.round_count:
+        if not scene.triangle_count + scene.analytic_count:
             return
         rays = through(scene, 512)
         every = trace_every_leaf(tree, rays)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import reference
-from kernel_support import FOLDER, Rays, flat_scene, rounds_of, trace, tree_on
+from kernel_support import FOLDER, Rays, analytic_rows, flat_scene, trace, tree_on
 from meshes import CLOSED, aimed, box, icosphere, inside
 
 from clrender import layout
@@ -72,7 +72,7 @@ def left(
     arrays = SceneArrays(device, flat)
     settings = np.zeros(1, layout.dtype("Settings"))
     settings["triangle_count"] = flat.triangle_count
-    settings["primitive_count"] = flat.triangle_count + flat.round_count
+    settings["primitive_count"] = flat.triangle_count + flat.analytic_count
     count = len(origins)
     assert count % 16 == 0
     rays = np.ascontiguousarray(np.concatenate([origins.T, directions.T]), np.float32)
@@ -135,7 +135,7 @@ def test_a_ray_leaves_a_convex_body_for_good_or_comes_to_its_other_side(device: 
     points, faces = {"sphere": box(), "icosphere": icosphere(2), "box": box((0.6, 0.5, 0.55))}[body]
     matrix, shift = placed(points, place, rng)
     if body == "sphere":
-        flat = flat_scene(rounds=rounds_of(shift, PLACES[place][0]))
+        flat = flat_scene(analytic_shapes=analytic_rows(shift, PLACES[place][0]))
     else:
         flat = flat_scene(points @ matrix.T + shift, faces)
     origins, directions, leaving = start @ matrix.T + shift, toward @ matrix.T, leaving @ matrix.T
@@ -176,7 +176,7 @@ def test_a_ray_leaves_a_flat_thing_on_both_sides(device: Device, place: str) -> 
     matrix, shift = placed(corners, place, rng)
     normal = matrix[:, 2] / np.linalg.norm(matrix[:, 2])
     square = flat_scene(corners @ matrix.T + shift, [[0, 1, 2], [0, 2, 3]])
-    disk = flat_scene(rounds=rounds_of(shift, PLACES[place][0], normal))
+    disk = flat_scene(analytic_shapes=analytic_rows(shift, PLACES[place][0], normal))
     for flat in (square, disk):
         for outwards in (True, False):
             first, second, _ = left(

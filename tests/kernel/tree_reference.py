@@ -89,12 +89,12 @@ def download(tree: Tree) -> Words:
 def bounds_of(scene: FlatScene) -> tuple[Floats, Floats]:
     """Smallest boxes of all primitives, in double precision."""
     corners = scene.arrays["vertices"][scene.arrays["triangles"][: scene.triangle_count]].astype(np.float64)
-    rounds = scene.arrays["rounds"][: scene.round_count]
+    analytic_shapes = scene.arrays["analytic_shapes"][: scene.analytic_count]
     center, radius = (
-        rounds["center_radius"][:, :3].astype(np.float64),
-        rounds["center_radius"][:, 3:].astype(np.float64),
+        analytic_shapes["center_radius"][:, :3].astype(np.float64),
+        analytic_shapes["center_radius"][:, 3:].astype(np.float64),
     )
-    normal = rounds["normal"][:, :3].astype(np.float64)
+    normal = analytic_shapes["normal"][:, :3].astype(np.float64)
     disk = (normal != 0).any(1, keepdims=True)
     squares = (normal**2).sum(1, keepdims=True)
     extent = radius * np.where(disk, np.sqrt(np.maximum(squares - normal**2, 0) / np.where(disk, squares, 1)), 1.0)
@@ -131,7 +131,7 @@ def check(words: Words, scene: FlatScene) -> None:
         for first, pair in zip(firsts, pairs, strict=True)
     ]
     ids = np.concatenate([pack[pack != layout.NONE] for pack in both])
-    assert np.array_equal(np.sort(ids), np.arange(scene.triangle_count + scene.round_count)), "each is in one leaf"
+    assert np.array_equal(np.sort(ids), np.arange(scene.triangle_count + scene.analytic_count)), "each is in one leaf"
     assert (firsts[0][firsts[0] != layout.NONE] < scene.triangle_count).all()
     rectangle = firsts[1] < scene.triangle_count
     assert np.array_equal(rectangle, pairs[1]), "of triangles only pairs are no triangles"
@@ -182,7 +182,7 @@ def _check_analytic(words: Words, scene: FlatScene) -> None:
     stored = words.analytic_packs[words.analytic_packs[:, 8] != 0]
     kinds, numbers = (np.ascontiguousarray(stored[:, k]).view(np.uint32) & ~NUMBER for k in (7, 8))
     round_ = kinds < RECTANGLE
-    rows = scene.arrays["rounds"][numbers[round_] - scene.triangle_count]
+    rows = scene.arrays["analytic_shapes"][numbers[round_] - scene.triangle_count]
     wanted = np.concatenate([rows["center_radius"], rows["normal"][:, :3]], axis=1)
     assert np.array_equal(stored[round_, :7], wanted), "packs hold the spheres and disks to the bit"
     assert np.array_equal(kinds[round_] == DISK, (wanted[:, 4:] != 0).any(1)), "and tell which is which"

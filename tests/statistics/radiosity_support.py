@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
+from clrender.film.unit import tile_side
 from clrender.integrators import Integrator
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.tracer import Tracer
-from clrender.schedule import Plan, run
+from clrender.scheduling.run import Plan, run
 from clrender.settings import RenderSettings
-from clrender.work import tile_side
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -53,13 +53,13 @@ def random_bits(seed: int, count: int = COUNT) -> Uints:
 class LightTable:
     """A scene on the device whose lights can be sampled from a point."""
 
-    def __init__(self, device: Device, what: Scene, light_choice: str = "auto") -> None:
+    def __init__(self, device: Device, what: Scene, light_sampler: str = "auto") -> None:
         self.device = device
-        self.flat = flatten(what, 16, 16, light_choice)
+        self.flat = flatten(what, 16, 16, light_sampler)
         self.arrays = SceneArrays(device, self.flat)
         settings = np.zeros(1, layout.dtype("Settings"))
         settings["triangle_count"] = self.flat.triangle_count
-        settings["primitive_count"] = self.flat.triangle_count + self.flat.round_count
+        settings["primitive_count"] = self.flat.triangle_count + self.flat.analytic_count
         settings["light_count"] = self.flat.light_count
         settings["environment"] = self.flat.environment
         settings["light_levels"] = self.flat.light_levels

@@ -61,13 +61,13 @@ def test_furnace_with_roulette(evidence: Evidence, studio: Studio, reflectance: 
 
 def test_furnace_lit_by_sampled_lights_alone(evidence: Evidence, studio: Studio) -> None:
     # Not in a box: near its edges that estimator has no variance that would let it be judged.
-    uniform(evidence, studio, furnace("sphere", 0.5, 1.0), 2.0, sampling="lights", roulette="none", max_depth=60)
+    uniform(evidence, studio, furnace("sphere", 0.5, 1.0), 2.0, sampling="light", roulette="none", max_depth=60)
 
 
 @pytest.mark.parametrize("kind", ["sphere", "box", "tetrahedron"])
 def test_furnace_lit_by_sampled_materials_alone(evidence: Evidence, studio: Studio, kind: str) -> None:
     what = furnace(kind, 0.5, 1.0)
-    every_pixel(evidence, studio, what, 2.0, sampling="materials", roulette="none", max_depth=60)
+    every_pixel(evidence, studio, what, 2.0, sampling="bsdf", roulette="none", max_depth=60)
 
 
 @pytest.mark.parametrize("reflectance", [0.2, 0.5, 0.8])
@@ -96,7 +96,7 @@ def test_built_in_furnaces(evidence: Evidence, studio: Studio, name: str, exact:
 def test_invisible_in_white_surroundings(evidence: Evidence, studio: Studio, name: str) -> None:
     what = clrender.load(name)
     uniform(evidence, studio, what, 1.0, 64)
-    every_pixel(evidence, studio, what, 1.0, sampling="materials", roulette="none", max_depth=1000)
+    every_pixel(evidence, studio, what, 1.0, sampling="bsdf", roulette="none", max_depth=1000)
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_what_loses_nothing_is_invisible(
     what = scene([turned], [WHITE_SKY], OUTSIDE, it=material)
     # Light that total reflection keeps inside a box for long must not be cut off: no roulette, no limit that counts.
     uniform(evidence, studio, what, 1.0, 64, roulette="none", max_depth=1000)
-    every_pixel(evidence, studio, what, 1.0, sampling="materials", roulette="none", max_depth=1000)
+    every_pixel(evidence, studio, what, 1.0, sampling="bsdf", roulette="none", max_depth=1000)
 
 
 def test_two_spheres_that_lose_nothing_are_invisible(evidence: Evidence, studio: Studio) -> None:
@@ -146,7 +146,7 @@ def test_point_light_inside_a_sphere(evidence: Evidence, studio: Studio) -> None
     evidence.mean_is("image", studio.pixels(what, 64, spp=128), exact)
 
 
-@pytest.mark.parametrize("sampling", ["both", "lights", "materials"])
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
 def test_sphere_light_inside_a_sphere(evidence: Evidence, studio: Studio, sampling: str) -> None:
     # Radiosity of two concentric spheres, share F = (r/R)^2 of what leaves the outer one meets the inner one:
     # B_in = E + b B, B = a (F B_in + (1 - F) B), so B = a F E / (1 - a (1 - F) - a b F).

@@ -93,15 +93,15 @@ def shining(table: LightTable, origin: tuple[float, ...], normal: tuple[float, .
     return shines
 
 
-@pytest.mark.parametrize("sampling", ["both", "lights"])
+@pytest.mark.parametrize("sampling", ["mis", "light"])
 def test_the_image_does_not_depend_on_how_lights_are_chosen(evidence: Evidence, studio: Studio, sampling: str) -> None:
     """Over a floor, under all that can shine."""
     floor = quad((-3.0, -2.5, 3.0), (6.0, 0.0, 0.0), (0.0, 0.0, -6.0), material="white")
     camera = {"position": [0.0, 9.0, 0.01], "target": [0.0, -2.5, 0.0], "vertical_fov": 25.0}
     what = many_lights(infinite=True, floor=floor, camera=camera)
     settings: dict[str, Any] = {"spp": 64, "max_depth": 2, "sampling": sampling}
-    by_power = studio.tiles(what, range(16), light_choice="power", **settings)
-    evidence.equal("tiles", by_power, studio.tiles(what, range(100, 116), light_choice="tree", **settings))
+    by_power = studio.tiles(what, range(16), light_sampler="power", **settings)
+    evidence.equal("tiles", by_power, studio.tiles(what, range(100, 116), light_sampler="bvh", **settings))
 
 
 def test_the_tree_holds_every_light_once() -> None:

@@ -16,7 +16,7 @@ import clrender
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-SAMPLING = ("both", "lights", "materials")
+SAMPLING = ("mis", "light", "bsdf")
 SHARE = 0.6
 FLOOR = quad([-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], material="floor")
 
@@ -136,7 +136,7 @@ def test_point_light(evidence: Evidence, studio: Studio, place: tuple[float, flo
     distance = math.hypot(*place)
     irradiance = 10.0 * max(place[1], 0.0) / distance**3
     light = {"type": "point", "position": list(place), "intensity": [10.0] * 3}
-    judge(evidence, studio, lit([], [light]), irradiance, "both", 4)
+    judge(evidence, studio, lit([], [light]), irradiance, "mis", 4)
 
 
 def test_point_light_all_over_a_plane(evidence: Evidence, studio: Studio) -> None:
@@ -155,7 +155,7 @@ def test_point_light_all_over_a_plane(evidence: Evidence, studio: Studio) -> Non
 def test_directional_light(evidence: Evidence, studio: Studio, direction: tuple[float, float, float]) -> None:
     irradiance = 3.0 * max(-direction[1], 0.0) / math.hypot(*direction)
     light = {"type": "directional", "direction": list(direction), "irradiance": [3.0] * 3}
-    judge(evidence, studio, lit([], [light]), irradiance, "both", 4)
+    judge(evidence, studio, lit([], [light]), irradiance, "mis", 4)
 
 
 @pytest.mark.parametrize("sampling", SAMPLING)
@@ -190,7 +190,7 @@ def test_many_lights_of_all_kinds_add_up(evidence: Evidence, studio: Studio, sam
     judge(evidence, studio, lit(shapes, lights), irradiance, sampling, 256)
 
 
-@pytest.mark.parametrize("sampling", ["both", "materials", "lights"])
+@pytest.mark.parametrize("sampling", ["mis", "bsdf", "light"])
 def test_mirror_image_of_a_light(evidence: Evidence, studio: Studio, sampling: str) -> None:
     # A mirror wall (reflectance r) at x = -1 shows the light once more: E + r E(mirrored light); the wall is large
     # enough for the whole image. No way but a sampled direction finds it, so it counts in full with any strategy.
@@ -213,7 +213,7 @@ FORM_FACTORS = {
 }
 
 
-@pytest.mark.parametrize("sampling", ["both", "materials"])
+@pytest.mark.parametrize("sampling", ["mis", "bsdf"])
 @pytest.mark.parametrize("name", FORM_FACTORS)
 def test_form_factor_of_unit_squares(evidence: Evidence, studio: Studio, name: str, sampling: str) -> None:
     # A camera that looks straight at a plane sees it evenly: its view of 90 degrees at height 1/2 is the unit square.

@@ -122,7 +122,7 @@ def test_edges_and_corners_are_as_bright_as_the_rest(evidence: Evidence, studio:
 
     With the same seed `direct` draws the same shadow rays: what differs, 2.5 - 1 - 0.6, is the photons'.
     """
-    settings: dict[str, Any] = {"size": 48, "tiles": 12, "spp": 2, "light_choice": "power"}
+    settings: dict[str, Any] = {"size": 48, "tiles": 12, "spp": 2, "light_sampler": "power"}
     photons: dict[str, Any] = {"integrator": "photon", "photons": 4096, "photon_radius": 0.12}
     what = furnace(VIEWS[view])
     direct = studio.tiles(what, range(16), integrator="direct", **settings)

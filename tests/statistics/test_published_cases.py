@@ -37,7 +37,7 @@ NORI = {
 FLOOR = quad([-10.0, 0.0, 10.0], [20.0, 0.0, 0.0], [0.0, 0.0, -20.0], material="floor")
 
 
-@pytest.mark.parametrize("sampling", ["both", "lights", "materials"])
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
 @pytest.mark.parametrize("name", NORI)
 def test_nori_triangle_over_a_floor(evidence: Evidence, studio: Studio, name: str, sampling: str) -> None:
     exact, vertices = NORI[name]

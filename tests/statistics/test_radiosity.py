@@ -13,7 +13,7 @@ from stats_support import Evidence
 
 import clrender
 from clrender.radiosity.factors import FormFactors, factors_of_hits, hemicube_cells
-from clrender.radiosity.solution import Sought, solve_scene
+from clrender.radiosity.solution import RadiositySettings, solve_scene
 from clrender.radiosity.solve import Progress, gather, shoot
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def test_a_closed_furnace_is_exact(device: Device, shape: str) -> None:
     """Walls that all send out E and reflect the same have the radiosity E / (1 - rho), each patch of them."""
     walls = {**FURNACES[shape], "material": "m", "emission": [2.0, 1.0, 0.5]}
     furnace = scene([walls], camera={"position": [0, 0, 0], "target": [0, 0, 1]}, m=lambert([0.5, 0.9, 0.0]))
-    solution = solve_scene(furnace, device, Sought(300, 64, tolerance=1e-12))
+    solution = solve_scene(furnace, device, RadiositySettings(300, 64, tolerance=1e-12))
     exact = math.pi * np.array([2.0 / 0.5, 1.0 / 0.1, 0.5])
     np.testing.assert_allclose(solution.radiosity[::2], np.broadcast_to(exact, (len(solution.patches), 3)), rtol=1e-9)
 
@@ -143,7 +143,9 @@ def test_a_point_light_in_a_sphere(device: Device) -> None:
     """Radiance 10 / (4 pi) everywhere (inside-sphere.toml); flat patches are off by the square of their size."""
     off = []
     for count in (300, 5000):
-        solution = solve_scene(clrender.load("inside-sphere"), device, Sought(count, 64, tolerance=1e-9, refine=False))
+        solution = solve_scene(
+            clrender.load("inside-sphere"), device, RadiositySettings(count, 64, tolerance=1e-9, refine=False)
+        )
         off.append(abs(solution.sent[:-1:2].mean() * 4.0 * math.pi / 10.0 - 1.0))
     assert off[0] < 0.02 and off[1] < 0.002
 
@@ -152,14 +154,14 @@ def test_environment_light(device: Device) -> None:
     """A grey square under an even sky reflects rho L from either side."""
     sky = {"type": "environment", "radiance": [1.0, 2.0, 3.0]}
     plane = scene([quad([0, 0, 0], [1, 0, 0], [0, 1, 0], material="m")], [sky], camera=CAMERA, m=lambert(0.25))
-    solution = solve_scene(plane, device, Sought(100, 64))
+    solution = solve_scene(plane, device, RadiositySettings(100, 64))
     np.testing.assert_allclose(solution.reflected[:-1:2], np.tile([0.25, 0.5, 0.75], (len(solution.patches), 1)))
     image = clrender.render(plane, device=device.info.index, size=(4, 4), spp=1, integrator="radiosity", patches=100)
     np.testing.assert_allclose(image.linear, np.broadcast_to([0.25, 0.5, 0.75], (4, 4, 3)), rtol=1e-6)
 
 
 def test_shooting_and_gathering_end_at_the_same(device: Device) -> None:
-    solution = solve_scene(clrender.load("room-diffuse"), device, Sought(800, 64, tolerance=1e-9))
+    solution = solve_scene(clrender.load("room-diffuse"), device, RadiositySettings(800, 64, tolerance=1e-9))
     seen: list[Progress] = []
     shot = shoot(solution.balance, 1e-9, on_step=seen.append)
     gathered = gather(solution.balance, 1e-9)
@@ -184,7 +186,7 @@ def bright(device: Device, what: Scene, count: int, rays: int, seeds: int, spp: 
     Patches are those of a gather, small where indirect light changes. Groups are of neighbours, of one shape and of
     about a sixtieth of all area. Every seed is a solution of its own.
     """
-    patches = solve_scene(what, device, Sought(count, 64, seed=77, gathered=True)).patches
+    patches = solve_scene(what, device, RadiositySettings(count, 64, seed=77, gathered=True)).patches
     group, step = np.zeros(len(patches), int), float(patches.areas.sum()) / 60.0
     for shape in range(len(what.shapes)):
         here = patches.shape == shape
@@ -197,7 +199,7 @@ def bright(device: Device, what: Scene, count: int, rays: int, seeds: int, spp: 
 
     solved, traced = [], []
     for seed in range(seeds):
-        sought = Sought(count, rays, refine=False, seed=1000 + seed)
+        sought = RadiositySettings(count, rays, refine=False, seed=1000 + seed)
         solution = solve_scene(what, device, sought, patches=patches)
         solved.append(grouped((solution.reflected * solution.open_share[:, None])[:-1:2]))
         traced.append(grouped(path_traced(device, patches, spp, seed)))

@@ -9,11 +9,11 @@ import pytest
 from scipy.stats import t as student
 
 import clrender
-from clrender.device.worker import Cut
+from clrender.device.worker import LaunchConfig
 from clrender.radiosity.animate import picture
 from clrender.radiosity.dynamic import DynamicRadiosity
 from clrender.radiosity.sides import carried_radiance, covered_rays, sealed_sides
-from clrender.radiosity.solution import Sought
+from clrender.radiosity.solution import RadiositySettings
 from clrender.radiosity.tracer import Tracer
 from clrender.settings import RenderSettings
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from clrender.scene import Scene
 
 TOLERANCE = 1e-4
-SOUGHT = Sought(1500, 64, 16, TOLERANCE, refine=False)
+SOUGHT = RadiositySettings(1500, 64, 16, TOLERANCE, refine=False)
 BOX, TETRAHEDRON, SMALL_SPHERE, LAMP = 8, 9, 12, 6
 
 
@@ -130,10 +130,10 @@ def test_what_is_kept_up_to_date_is_what_would_be_found_anew(device: Device) -> 
 
 def test_the_same_bits_however_cut(device: Device) -> None:
     """Steps of a shape beside others and inside of one, and of a lamp."""
-    sought = Sought(700, 48, 8, 1e-3, refine=False)
+    sought = RadiositySettings(700, 48, 8, 1e-3, refine=False)
     steps = [(SMALL_SPHERE, (0.1, 0.0, 0.0)), (LAMP, (0.2, -0.3, 0.0)), (BOX, (0.1, 0.0, 0.3)), (BOX, (0.1, 0.0, 0.1))]
 
-    def found(cut: Cut | None) -> list[bytes]:
+    def found(cut: LaunchConfig | None) -> list[bytes]:
         dynamic = DynamicRadiosity(room(), device, sought, cut=cut)
         result = []
         for shape, by in steps:
@@ -142,7 +142,7 @@ def test_the_same_bits_however_cut(device: Device) -> None:
         dynamic.release()
         return result
 
-    assert found(Cut(1, 16, traversal="single")) == found(None)
+    assert found(LaunchConfig(1, 16, traversal="single")) == found(None)
 
 
 def test_a_gathered_frame_shows_what_path_tracing_shows(device: Device) -> None:
@@ -151,7 +151,7 @@ def test_a_gathered_frame_shows_what_path_tracing_shows(device: Device) -> None:
     The largest of 48 tiles' and channels' differences, at a false-alarm rate of 1e-4 (Bonferroni; errors from 8 seeds
     each), and 0.3 % of the tile for what 3000 patches are too coarse for, two surfaces on.
     """
-    dynamic = DynamicRadiosity(room(), device, Sought(3000, 64, tolerance=1e-3, refine=False))
+    dynamic = DynamicRadiosity(room(), device, RadiositySettings(3000, 64, tolerance=1e-3, refine=False))
     by = (0.3, 0.2, 0.3)
     dynamic.move(BOX, by)
     shapes = list(room().shapes)
@@ -180,7 +180,7 @@ def test_a_gathered_frame_shows_what_path_tracing_shows(device: Device) -> None:
 
 def test_near_the_observer_first(device: Device) -> None:
     """A frame leaves more undone far away than near, and no more than it may: the rest is done by `settle`."""
-    dynamic = DynamicRadiosity(room(), device, Sought(1500, 64, 16, 3e-3, refine=False))
+    dynamic = DynamicRadiosity(room(), device, RadiositySettings(1500, 64, 16, 3e-3, refine=False))
     dynamic.move(BOX, (0.3, 0.2, 0.3))
     quick = dynamic.reflected
     assert dynamic.settle() > 1
@@ -196,7 +196,7 @@ def test_near_the_observer_first(device: Device) -> None:
 @pytest.mark.slow
 def test_a_frame_takes_little_of_a_solution(device: Device) -> None:
     """Counted and not timed: the rays traced again, and the sweeps."""
-    dynamic = DynamicRadiosity(room(), device, Sought(20000, 256, tolerance=1e-3, refine=False))
+    dynamic = DynamicRadiosity(room(), device, RadiositySettings(20000, 256, tolerance=1e-3, refine=False))
     updates = [dynamic.move(SMALL_SPHERE, (0.05, 0.0, 0.0)) for _ in range(4)]
     whole = dynamic.start_again()
     for update in updates:

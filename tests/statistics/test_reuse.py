@@ -11,7 +11,7 @@ from render_support import Studio, lambert, scene
 from stats_support import Evidence
 
 import clrender
-from clrender.device.worker import Cut, DeviceWorker
+from clrender.device.worker import DeviceWorker, LaunchConfig
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -22,7 +22,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "2": {"reuse": 2, "shadow_rays": 2},
     "limited depth": {"max_depth": 3},
     "absorption": {"roulette": "absorption", "absorption": 0.2},
-    "materials alone": {"sampling": "materials", "max_depth": 4},
+    "materials alone": {"sampling": "bsdf", "max_depth": 4},
 }
 
 
@@ -74,7 +74,7 @@ def test_an_anchor_that_does_not_see_may_not_be_counted(
     """With all anchors assumed to see all targets, light behind edges is divided by densities that are none."""
     defines = DeviceWorker._defines
 
-    def blind(worker: DeviceWorker, cut: Cut) -> dict[str, int | str]:
+    def blind(worker: DeviceWorker, cut: LaunchConfig) -> dict[str, int | str]:
         return {**defines(worker, cut), "REUSE_ASSUMES_VISIBLE": 1}
 
     monkeypatch.setattr(DeviceWorker, "_defines", blind)

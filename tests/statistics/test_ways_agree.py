@@ -27,12 +27,12 @@ WAYS: dict[str, dict[str, Any]] = {
     "no roulette to depth 60": {"roulette": "none", "max_depth": 60},
     "absorption 0.3": {"roulette": "absorption", "absorption": 0.3},
     "absorption by material": {"roulette": "absorption"},
-    "lights alone": {"sampling": "lights"},
-    "lights by a tree": {"light_choice": "tree"},
-    "lights by a tree alone": {"light_choice": "tree", "sampling": "lights", "indirect_rays": 2},
-    "materials alone": {"sampling": "materials", "spp": 256},
+    "lights alone": {"sampling": "light"},
+    "lights by a tree": {"light_sampler": "bvh"},
+    "lights by a tree alone": {"light_sampler": "bvh", "sampling": "light", "indirect_rays": 2},
+    "materials alone": {"sampling": "bsdf", "spp": 256},
     "shadow and indirect rays": {"shadow_rays": 3, "indirect_rays": 2},
-    "many rays, lights alone": {"shadow_rays": 2, "indirect_rays": 3, "sampling": "lights"},
+    "many rays, lights alone": {"shadow_rays": 2, "indirect_rays": 3, "sampling": "light"},
 }
 
 
@@ -74,7 +74,7 @@ OVER_A_PLANE = {
 }
 
 
-@pytest.mark.parametrize("sampling", ["both", "lights", "materials"])
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
 @pytest.mark.parametrize("name", OVER_A_PLANE)
 def test_built_in_lights_over_a_plane(evidence: Evidence, studio: Studio, name: str, sampling: str) -> None:
     scene = clrender.load(name)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 from clrender.files import atomic_write, check_writable, open_input
-from clrender.tonemap import to_display
+from clrender.image.tone_map import to_display
 
 __all__ = [
     "DISPLAY_ENDINGS",
@@ -82,7 +82,7 @@ def write_image(
     provenance : mapping, optional
         JSON-able; kept in `.png` (iTXt chunk `clrender`) and `.exr` (string attribute `clrender`).
     tone_map, exposure
-        Of display images; see `clrender.tonemap.to_display`.
+        Of display images; see `clrender.image.tone_map.to_display`.
     channels : mapping of str to (H, W) float32, optional
         More channels, kept in `.exr` beside R, G and B; the other formats have no room for them.
 
@@ -108,7 +108,7 @@ def write_image(
             np.lib.format.write_array_header_1_0(file, description)
             file.write(image.data)  # NumPy's own writer does not say why a disk refused
         elif ending == ".hdr":
-            from clrender.radiance_hdr import write_hdr
+            from clrender.image.radiance_hdr import write_hdr
 
             write_hdr(file, image)
         else:
@@ -250,7 +250,7 @@ def _read_npy(file: IO[bytes]) -> _Image:
 
 
 def _read_hdr(file: IO[bytes]) -> _Image:
-    from clrender.radiance_hdr import read_hdr
+    from clrender.image.radiance_hdr import read_hdr
 
     return read_hdr(file)
 
@@ -258,7 +258,7 @@ def _read_hdr(file: IO[bytes]) -> _Image:
 def _read_display(file: IO[bytes]) -> _Image:
     from PIL import Image
 
-    from clrender.tonemap import srgb_decode
+    from clrender.image.tone_map import srgb_decode
 
     try:
         with Image.open(file, formats=("PNG", "JPEG")) as picture:

@@ -1,6 +1,6 @@
 """Who computes which samples when: units, their queue, and what happens when a worker dies.
 
-It knows workers by their interface only (`clrender.work.Worker`). No unit is lost: one whose worker failed goes back
+It knows workers by their interface only (`Worker`). No unit is lost: one whose worker failed goes back
 into the queue for the others. The film does not depend on any of it, because its sums are exact.
 """
 
@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from clrender.errors import ClrenderError, RenderError
 from clrender.film import Film
-from clrender.work import Unit, UnitSums, Worker, tile_slots
+from clrender.film.unit import Unit, UnitSums, Worker, tile_slots
 
 __all__ = ["Plan", "Tally", "run"]
 
@@ -38,7 +38,7 @@ class Plan:
     ----------
     width, height, spp : int
     tile : int
-        Side of a tile, a multiple of 4 (`clrender.work.tile_side`).
+        Side of a tile, a multiple of 4 (`clrender.film.unit.tile_side`).
     sample_by_sample : bool
         Units of one sample, as large as memory allows: the integrator computes something for all pixels of a sample.
     """

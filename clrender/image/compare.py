@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import UsageError
-from clrender.flip import flip_map
+from clrender.image.flip import flip_map
 
 __all__ = ["compare_images"]
 

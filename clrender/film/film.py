@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import RenderError, UsageError
-from clrender.film_file import read_arrays, read_header, write_film
-from clrender.film_units import UnitSet
-from clrender.fixed_point import QUANTUM_BITS, SAMPLE_LIMIT_BITS, to_float64
+from clrender.film.file import read_arrays, read_header, write_film
+from clrender.film.fixed_point import QUANTUM_BITS, SAMPLE_LIMIT_BITS, to_float64
+from clrender.film.ledger import UnitSet
 
 __all__ = ["Film"]
 
@@ -44,7 +44,7 @@ class Film:
         What makes the image what it is, JSON-able (scene hash, seed, integrator, …). Films of different
         requests refuse to merge.
     cut : mapping, optional
-        How units are numbered, JSON-able; see `clrender.film_units.UnitSet`.
+        How units are numbered, JSON-able; see `clrender.film.ledger.UnitSet`.
 
     Attributes
     ----------
