@@ -15,7 +15,7 @@ from PIL import Image
 import clrender
 
 if TYPE_CHECKING:
-    from clrender.rendering import RenderedImage
+    from clrender.rendered_image import RenderedImage
 
 __all__: list[str] = []
 

@@ -337,6 +337,11 @@ class Device:
         self._call("waiting for its queue", self._queue.finish)
         self._sentinel.take()
 
+    def close(self) -> None:
+        """Give programs, queue and context back; the device must not be used again."""
+        self._programs.clear()
+        del self._queue, self._context
+
     def _call(self, what: str, function: Callable[[], _T]) -> _T:
         try:
             return function()

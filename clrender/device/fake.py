@@ -116,5 +116,9 @@ class FakeDevice(Device):
         """Copy `array` to the start of `buffer`."""
         buffer.handle[: array.nbytes] = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
 
+    def close(self) -> None:
+        """Forget the programs."""
+        self._programs.clear()
+
     def finish(self) -> None:
         """Do nothing: launches are done when they return."""
