@@ -22,7 +22,7 @@ __all__ = ["render"]
 def render(
     scene: Scene | RenderJob,
     *,
-    device: str | int | Sequence[str | int | Device] | None = None,
+    device: str | int | Device | Sequence[str | int | Device] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
@@ -34,7 +34,7 @@ def render(
     Parameters
     ----------
     scene : Scene or RenderJob
-    device : str, int, sequence of them, optional
+    device : str, int, Device, sequence of them, optional
         As ``--device``; default: ``CLRENDER_DEVICE``, else the best that works.
     on_progress, should_stop, notify, keep_film, **settings
         As `Session.render`, which says what is returned and raised, too.

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits
-from clrender.device import Device, select
+from clrender.device import Buffer, Device, select
 from clrender.device.pipeline import Pipeline, Preparation
 from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker, LaunchConfig, Scratch, most_lanes
@@ -78,6 +78,7 @@ class Session:
         self._devices: list[Device] | None = None
         self._borrowed: list[Device] = []
         self._flat: tuple[_Geometry, FlatScene] | None = None
+        self._before: dict[Device, frozenset[Buffer]] = {}
         self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
         self._scratch: dict[Device, Scratch] = {}
         self._closed = False
@@ -100,11 +101,8 @@ class Session:
     def close(self) -> None:
         """Release everything on the devices, and those that the session opened. A second call does nothing."""
         self._closed = True
-        for _, arrays in self._uploaded.values():
-            arrays.release()
-        for scratch in self._scratch.values():
-            scratch.release()
         for device in self._devices or []:
+            device.release_but(self._before[device])
             if device not in self._borrowed:
                 device.close()
         self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
@@ -167,6 +165,24 @@ class Session:
         on_device: Callable[[DeviceWorker], Preparation] | None = None,
     ) -> DeviceWorker:
         """A worker for a scene that is, or will be, on a device; one at a time for each device."""
+        before = device.buffers
+        try:
+            return self._worker(device, flat, settings, pipeline, launch, on_device)
+        except BaseException:
+            self._uploaded.pop(device, None)
+            self._scratch.pop(device, None)
+            device.release_but(before)
+            raise
+
+    def _worker(
+        self,
+        device: Device,
+        flat: FlatScene,
+        settings: npt.NDArray[np.void],
+        pipeline: Pipeline,
+        launch: LaunchConfig,
+        on_device: Callable[[DeviceWorker], Preparation] | None,
+    ) -> DeviceWorker:
         begin = time.perf_counter()
         held, arrays = self._uploaded.get(device, (None, None))
         if held is None or arrays is None or held.arrays is not flat.arrays:
@@ -193,7 +209,9 @@ class Session:
         self._borrowed = [each for each in given if isinstance(each, Device)]
         names = [each for each in given if each is not None and not isinstance(each, Device)]
         opened = select(names, notify=self._notify) if names or not self._borrowed else []
-        return [*self._borrowed, *opened]
+        devices = [*self._borrowed, *opened]
+        self._before = {device: device.buffers for device in devices}
+        return devices
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,12 @@ def test_what_does_not_go_together_is_refused_with_both_names(shards: Path) -> N
 
 
 def test_bad_uses_of_merge(shards: Path) -> None:
-    for arguments in (("1.film",), ("1.film", "-o", "a.png"), ("1.film", "-o", "1.film"), ("1.film", "-o", "no/a.film")):
+    for arguments in (
+        ("1.film",),
+        ("1.film", "-o", "a.png"),
+        ("1.film", "-o", "1.film"),
+        ("1.film", "-o", "no/a.film"),
+    ):
         done = run("merge", *arguments, folder=shards)
         assert done.returncode == 2 and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
     assert not (shards / "a.png").exists()
