@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from clrender.rendering import RenderedImage as RenderedImage
     from clrender.rendering import render as render
     from clrender.scene import Scene as Scene
-    from clrender.scene import load as load
+    from clrender.scene.load import load as load
 
 # What each name comes from. They are fetched when first used: `clrender --version` must not load NumPy.
 _HOMES = {

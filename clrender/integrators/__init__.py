@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 __all__ = [
@@ -44,6 +44,8 @@ class Integrator:
     bias : str
         Of the light it does find: ``unbiased``, ``consistent`` (the error of the mean falls as samples are added) or
         ``discretised`` (it falls with the size of patches).
+    takes : mapping of str to tuple
+        Settings of which it takes these values only, the first where nothing is asked for.
     """
 
     entry: str
@@ -54,6 +56,7 @@ class Integrator:
     sample_by_sample: bool = False
     leaves_out: tuple[str, ...] = ()
     bias: str = "unbiased"
+    takes: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
 
 
 RADIOSITY_DISPLAYS: Final = ("constant", "smooth", "gather")
@@ -61,13 +64,32 @@ RADIOSITY_DISPLAYS: Final = ("constant", "smooth", "gather")
 
 INTEGRATORS: Final[Mapping[str, Integrator]] = {
     "path": Integrator("integrator/path.cl", "integrator_path", packets=8),
-    "direct": Integrator("integrator/path.cl", "integrator_path", packets=8, leaves_out=(BETWEEN_DIFFUSE, CAUSTICS)),
+    "direct": Integrator(
+        "integrator/path.cl",
+        "integrator_path",
+        packets=8,
+        leaves_out=(BETWEEN_DIFFUSE, CAUSTICS),
+        takes={"indirect_rays": (1, 0)},
+    ),
     "whitted": Integrator(
         "integrator/whitted.cl",
         "integrator_whitted",
         leaves_out=(BETWEEN_DIFFUSE, CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE),
     ),
-    "reuse": Integrator("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
-    "photon": Integrator("integrator/photon.cl", "integrator_photon", sample_by_sample=True, bias="consistent"),
+    "reuse": Integrator(
+        "integrator/reuse.cl",
+        "integrator_reuse",
+        ("reuse_weigh", "reuse_gather"),
+        record_bytes=128,
+        takes={"indirect_rays": (1,)},
+    ),
+    "photon": Integrator(
+        "integrator/photon.cl",
+        "integrator_photon",
+        sample_by_sample=True,
+        bias="consistent",
+        # Photons start at lights and not at points, for which a tree of lights has no answer.
+        takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
+    ),
     "radiosity": Integrator("radiosity/display.cl", "integrator_radiosity", leaves_out=(CAUSTICS,), bias="discretised"),
 }

@@ -214,7 +214,7 @@ def test_a_signal_keeps_the_picture_so_far(
 
     renderer.during = stop
     before = signal.getsignal(number)
-    assert run("render", "scene.toml", "-o", "a.npy", "--spp", "100", "--quiet") == 130
+    assert run("render", "scene.toml", "-o", "a.npy", "--spp", "100", "--quiet") == 128 + number
     assert signal.getsignal(number) is before
     out, err = capsys.readouterr()
     assert "stopped early with 72 of 2400 samples (3 a pixel)" in out and not err
@@ -300,6 +300,6 @@ def test_outputs_are_checked_before_rendering(renderer: FakeRenderer, capsys: py
 def test_more_memory_than_there_is_is_refused(
     renderer: FakeRenderer, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("clrender.cli.render.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
+    monkeypatch.setattr("clrender.settings.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
     assert run("render", "scene.toml", "-o", "a.png", "--size", "1000x1000") == 2
     assert "GiB of memory" in capsys.readouterr().err and not renderer.calls
