@@ -135,6 +135,8 @@ def _sync_folder(folder: Path) -> None:
 
 def _reason(path: Path, error: OSError) -> str:
     folder = Path(os.path.realpath(path)).parent
+    if error.errno == errno.ENOENT and folder.is_dir():  # as /proc says of new files
+        return f"{path}: the folder {str(folder)!r} takes no files; write elsewhere."
     match error.errno:
         case errno.ENOSPC | errno.EDQUOT | errno.EFBIG:
             return f"{path}: cannot be written, no room is left ({error.strerror}); make room or write elsewhere."

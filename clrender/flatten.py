@@ -79,7 +79,7 @@ def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") 
     width, height : int
         Pixels.
     light_sampler : str
-        One of `clrender.scene.lights.LIGHT_SAMPLERS`.
+        A light sampler of `clrender.settings`.
 
     Returns
     -------

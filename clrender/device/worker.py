@@ -14,9 +14,11 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.device.bvh import STACK
-from clrender.device.pipeline import PATH, Pipeline, Preparation
+from clrender.device.preparation import DevicePreparation
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
+from clrender.integrators.descriptor import Pipeline
+from clrender.integrators.path import INTEGRATOR as PATH
 
 if TYPE_CHECKING:
     from clrender.device.bvh import Bvh
@@ -134,9 +136,9 @@ class DeviceWorker:
         device: Device,
         scene: FlatScene,
         settings: npt.NDArray[np.void],
-        pipeline: Pipeline = PATH,
+        pipeline: Pipeline = PATH.pipeline,
         launch: LaunchConfig | None = None,
-        prepare: Callable[[DeviceWorker], Preparation] | None = None,
+        prepare: Callable[[DeviceWorker], DevicePreparation] | None = None,
         *,
         tree: Bvh | None = None,
         arrays: SceneArrays | None = None,

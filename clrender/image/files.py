@@ -20,6 +20,7 @@ from clrender.image.tone_map import to_display
 __all__ = [
     "DISPLAY_ENDINGS",
     "FILM_ENDINGS",
+    "JPEG_SIDE_LIMIT",
     "LINEAR_ENDINGS",
     "OUTPUT_ENDINGS",
     "check_output",
@@ -36,6 +37,8 @@ FILM_ENDINGS: Final = (".film",)
 OUTPUT_ENDINGS: Final = (*DISPLAY_ENDINGS, *LINEAR_ENDINGS, *FILM_ENDINGS)
 """What a render can be written to."""
 
+JPEG_SIDE_LIMIT: Final = 65500
+"""Most pixels along a side of a .jpg."""
 _PNG_KEY: Final = "clrender"
 _PIXEL_LIMIT: Final = 1 << 30
 _Image = npt.NDArray[np.float32]
@@ -194,9 +197,9 @@ def png_bytes(
 def _jpeg_bytes(image: _Image, tone_map: str, exposure: float) -> bytes:
     from PIL import Image
 
-    if max(image.shape) > 65500:
+    if max(image.shape) > JPEG_SIDE_LIMIT:
         raise UsageError(
-            f"a .jpg holds at most 65500 pixels a side, not {image.shape[1]} x {image.shape[0]}; use .png."
+            f"a .jpg holds at most {JPEG_SIDE_LIMIT} pixels a side, not {image.shape[1]} x {image.shape[0]}; use .png."
         )
     data = io.BytesIO()
     Image.fromarray(to_display(image, tone_map, exposure)).save(data, "JPEG", quality=95, subsampling=0)

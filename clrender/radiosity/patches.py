@@ -17,7 +17,7 @@ from clrender.scene.mesh_io import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
 
-__all__ = ["Patches", "cut_into_patches"]
+__all__ = ["Patches", "check_diffuse", "cut_into_patches"]
 
 _SLACK: Final = 1.5
 """A patch may be larger than wanted by this factor."""
@@ -228,7 +228,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
     SceneError
         When a shape is a mirror or of glass, or there is nothing in the scene.
     """
-    _refuse_what_is_not_diffuse(scene)
+    check_diffuse(scene)
     whole, is_round = _coarse(scene, np.inf)
     if not len(whole):
         raise SceneError(f"{scene.source}: has no shapes, so there are no patches; use --integrator path")
@@ -276,7 +276,13 @@ def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
     return Patches(scene, every, np.repeat(np.arange(len(parts)), lengths), of), is_round
 
 
-def _refuse_what_is_not_diffuse(scene: Scene) -> None:
+def check_diffuse(scene: Scene) -> None:
+    """Make sure that radiosity knows the materials of all shapes.
+
+    Raises
+    ------
+    SceneError
+    """
     for index, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material] if shape.material is not None else None
         if material is None or isinstance(material, Lambert):

@@ -17,12 +17,10 @@ from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
 from clrender.scene.values import Color, length
 
-__all__ = ["LIGHT_SAMPLERS", "flat_lights"]
+__all__ = ["flat_lights"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
-LIGHT_SAMPLERS: Final = ("auto", "bvh", "power", "uniform")
-"""How one of many lights is picked: by what it can give at the point, by its power, or each alike."""
 _TREE_FROM: Final = 16
 """So many lights are worth a walk down a tree at every point."""
 
@@ -36,7 +34,7 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> t
     surfaces : FlatSurfaces
         Of this scene; `first_light` of its shapes is written.
     choice : str
-        One of `LIGHT_SAMPLERS`.
+        A light sampler of `clrender.settings`.
 
     Returns
     -------

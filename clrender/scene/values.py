@@ -6,17 +6,18 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from clrender.limits import NotAllowed
+from clrender.settings import Setting
 
 __all__ = [
     "COORDINATE_LIMIT",
     "INLINE_LIMIT",
-    "PIXEL_LIMIT",
     "POWER_LIMIT",
     "SHAPE_LIMIT",
     "Absorption",
     "Color",
-    "Count",
     "Finite",
     "Flag",
     "Index",
@@ -26,6 +27,7 @@ __all__ = [
     "Name",
     "Part",
     "Reflectance",
+    "SettingValue",
     "Vector",
     "cross",
     "fault",
@@ -36,7 +38,6 @@ COORDINATE_LIMIT: Final = 1e12
 """Largest magnitude of a coordinate, metres: its cube, which a triangle's distance needs, fits single precision."""
 POWER_LIMIT: Final = 1e15
 """Largest magnitude of a radiometric quantity: its square fits single precision."""
-PIXEL_LIMIT: Final = 2**30
 SHAPE_LIMIT: Final = 2**20
 """Most shapes, and most lights, of one scene."""
 INLINE_LIMIT: Final = 2**22
@@ -48,7 +49,6 @@ Length = Annotated[Finite, Field(gt=0.0, le=COORDINATE_LIMIT)]
 Power = Annotated[Finite, Field(ge=0.0, le=POWER_LIMIT)]
 Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 Index = Annotated[Finite, Field(gt=0.0, le=1000.0)]
-Count = Annotated[int, Strict()]
 Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=200)]
 Flag = Annotated[bool, Strict()]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
@@ -89,6 +89,30 @@ class Part(BaseModel, metaclass=_Table):
 def fault(kind: str, message: str, *place: str | int) -> PydanticCustomError:
     """A validation error worded here: the message goes on from the name of its `place` below the table at hand."""
     return PydanticCustomError(kind, "{sentence}", {"sentence": message, "below": place})
+
+
+class SettingValue:
+    """Annotation of a key of the scene file that holds a render's setting: allowed is what the table of settings says.
+
+    Parameters
+    ----------
+    setting : Setting
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+
+    def _checked(self, value: Any) -> Any:
+        try:
+            return self._setting.accept(value)
+        except NotAllowed as error:
+            raise fault("setting", str(error)) from None
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._checked)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: Any) -> dict[str, Any]:
+        return self._setting.schema()
 
 
 def length(vector: Vector) -> float:

@@ -116,9 +116,9 @@ VALUES = [
     Bad("too many pixels", CAMERA + "[image]\nwidth = 65536\nheight = 65536\n", ("image", "pixels"), cli=True),
     Bad("spp 0", CAMERA + "[render]\nspp = 0\n", ("render.spp is 0", "at least 1")),
     Bad("spp huge", CAMERA + "[render]\nspp = 1048577\n", ("render.spp", "at most")),
-    Bad("integrator", CAMERA + '[render]\nintegrator = "paht"\n', ("render.integrator", 'did you mean "path"')),
+    Bad("integrator", CAMERA + '[render]\nintegrator = "paht"\n', ("render.integrator", "did you mean 'path'?")),
     Bad("integrator not built", CAMERA + '[render]\nintegrator = "bdpt"\n', ("render.integrator", "path, direct")),
-    Bad("render absorption", CAMERA + "[render]\nabsorption = 1.0\n", ("render.absorption", "less than 1")),
+    Bad("render absorption", CAMERA + "[render]\nabsorption = 1.0\n", ("render.absorption", "below 1")),
     Bad("seed negative", CAMERA + "[render]\nseed = -1\n", ("render.seed", "at least 0")),
     Bad(
         "reflectance over 1",
@@ -387,7 +387,7 @@ def test_command_line(bad: Bad, tmp_path: Path) -> None:
         (["check", "."], ("no scene",)),
         (["check", "folder.toml"], ("folder.toml", "folder")),
         (["check", "picture.png"], ("picture.png", ".toml or .json")),
-        (["check", "room", "--allow-path", "nowhere"], ("nowhere", "folder")),
+        (["check", "room", "--allow-path", "nowhere"], ("--allow-path", "'nowhere'", "not exist")),
         (["check"], ("SCENE",)),
     ],
 )

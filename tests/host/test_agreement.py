@@ -14,9 +14,9 @@ from clrender.agreement.integrators import check_integrators
 from clrender.agreement.verdict import AGREE, FAULT, MAY, MUST, light_kinds, verdict
 from clrender.agreement.welch import holm, outlying, student_limit, student_tails, welch
 from clrender.cli import main
-from clrender.device.pipeline import Pipeline
 from clrender.errors import UsageError
 from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
+from clrender.integrators.descriptor import Pipeline
 from clrender.scene import Scene, load
 
 Floats = npt.NDArray[np.float64]
