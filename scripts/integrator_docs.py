@@ -13,6 +13,7 @@ import numpy.typing as npt
 from PIL import Image
 
 import clrender
+from clrender.image.compare import relative_squared_error
 
 if TYPE_CHECKING:
     from clrender.rendering import RenderedImage
@@ -64,9 +65,8 @@ def _seconds(image: RenderedImage) -> float:
 
 
 def _relative(image: RenderedImage, reference: _Image) -> float:
-    """Mean of the squared error over the squared reference, as `clrender compare` has it."""
-    difference = image.linear.astype(np.float64) - reference
-    return float((difference**2 / (reference**2 + 1e-2)).mean())
+    """relMSE, as of `clrender compare`."""
+    return relative_squared_error(image.linear.astype(np.float64) - reference, reference)
 
 
 def _reuse() -> None:

@@ -20,6 +20,7 @@ import numpy.typing as npt
 import clrender
 from clrender.bench.peers import OWN, SEGMENTS, Task
 from clrender.bench.scenes import write_scene
+from clrender.image.compare import relative_squared_error
 
 if TYPE_CHECKING:
     from clrender.bench.peers import Peer
@@ -92,14 +93,14 @@ class Run:
 
 
 def relative_error(image: npt.NDArray[Any], reference: npt.NDArray[Any]) -> float:
-    """Mean of squared errors over the reference's square plus 0.01; the last row is left out, which one peer lacks.
+    """relMSE without the last row of pixels, which LuxCore's film lacks.
 
     Parameters
     ----------
     image, reference : (H, W, 3) float
     """
     x, r = image[:-1].astype(np.float64), reference[:-1].astype(np.float64)
-    return float(((x - r) ** 2 / (r * r + 0.01)).mean())
+    return relative_squared_error(x - r, r)
 
 
 def measure(

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 import clrender
+from clrender.image.compare import RELATIVE_FLOOR, relative_squared_error
 from clrender.report.absorption import absorption_for
 from clrender.report.one_core import one_core_runs
 from clrender.report.plan import (
@@ -36,7 +37,6 @@ __all__ = ["Measured", "Renderer", "Stopped", "measure"]
 
 _REFERENCE_SEEDS: Final = (2**31, 2**31 + 1)
 _SECONDS_APART: Final = 10.0
-_FLOOR: Final = 0.01  # as in `clrender.image.compare`
 _Image = npt.NDArray[Any]
 
 
@@ -129,10 +129,10 @@ class Reference:
     def judge(self, image: _Image) -> dict[str, float]:
         """`noise`, `seen`, `typical` and `mean` of a `Run`. relMSE is less the reference's own: as the two are
         independent of each other, that leaves the image's without bias."""
-        lit = self.mean > _FLOOR
+        lit = self.mean > RELATIVE_FLOOR
         shown = np.sqrt(np.clip(image, 0.0, 1.0)) - np.sqrt(np.clip(self.mean, 0.0, 1.0))
         return {
-            "noise": _relative(image - self.mean, self.mean) - self.noise,
+            "noise": relative_squared_error(image - self.mean, self.mean) - self.noise,
             "seen": float(np.sqrt((shown**2).mean())),
             "typical": float(np.median(image[lit] / self.mean[lit])) if lit.any() else 1.0,
             "mean": float(image.mean()),
@@ -166,7 +166,7 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     ]
     halves = [image.linear.astype(np.float64) for image in references]
     mean = (halves[0] + halves[1]) / 2.0
-    reference = Reference(mean, _relative((halves[0] - halves[1]) / 2.0, mean))
+    reference = Reference(mean, relative_squared_error((halves[0] - halves[1]) / 2.0, mean))
     images: dict[str, _Image] = {"reference": mean}
     device = references[0].stats["devices"][0]
     cores = _cores() if all(each["type"] == "cpu" for each in references[0].stats["devices"]) else 0
@@ -262,10 +262,6 @@ def _figures(renderer: Renderer, scene: Scene, images: dict[str, _Image], quick:
     room = clrender.load("room")
     images["path"] = renderer.image(room, "room by path tracing", fine).linear
     images["whitted"] = renderer.image(room, "room by Whitted's ray tracing", 16, integrator="whitted").linear
-
-
-def _relative(difference: _Image, reference: _Image) -> float:
-    return float((difference**2 / (reference**2 + _FLOOR)).mean())
 
 
 def _cores() -> int:
