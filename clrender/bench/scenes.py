@@ -18,15 +18,15 @@ from clrender.errors import UsageError
 __all__ = ["SCENES", "write_scene"]
 
 SCENES: Final[Mapping[str, str]] = {
-    "S1": "two lights over a cube, a diffuse and a mirror sphere",
-    "S1-tess": "the same, each sphere 5,120 smooth triangles",
+    "S1": "a closed room with two lights, a cube, a diffuse and a mirror sphere",
+    "S1-tess": "S1, each sphere 5,120 smooth-shaded triangles",
     "S2": "S1 with a glass sphere",
-    "S2-tess": "S2, each sphere 5,120 smooth triangles",
-    "S3-10k": "S1 with a bumpy body of 9,680 triangles for the cube",
-    "S3-100k": "of 100,820",
-    "S3-1M": "of 1,003,520",
-    "S3-4M": "of 3,996,180",
-    "S4": "S1 lit by a thousand small triangles",
+    "S2-tess": "S2, each sphere 5,120 smooth-shaded triangles",
+    "S3-10k": "S1 with a mesh of 9,680 triangles in place of the cube",
+    "S3-100k": "the same with 100,820 triangles",
+    "S3-1M": "the same with 1,003,520 triangles",
+    "S3-4M": "the same with 3,996,180 triangles",
+    "S4": "S1 lit by a thousand small triangles in place of the two lights",
 }
 _FREQUENCY: Final = {"S3-10k": 22, "S3-100k": 71, "S3-1M": 224, "S3-4M": 447}
 _SPHERE_FREQUENCY: Final = 16

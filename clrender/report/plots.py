@@ -91,7 +91,8 @@ def plot(
         for each in series:
             x, y, low, high = zip(*each.points, strict=True)
             bars = [[b - a for a, b in zip(low, y, strict=True)], [b - a for a, b in zip(y, high, strict=True)]]
-            axes.errorbar(x, y, bars, fmt=each.style, color=each.colour, label=each.title, capsize=4.0)
+            known = bars if any(map(any, bars)) else None
+            axes.errorbar(x, y, known, fmt=each.style, color=each.colour, label=each.title, capsize=4.0)
         if logarithmic:
             _logarithmic(axes, [y for each in series for _, y, _, _ in each.points if y > 0.0])
         else:
@@ -100,7 +101,7 @@ def plot(
         axes.set_xticks(list(x_ticks))
         axes.set_xticks([], minor=True)
         for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_formatter("{x:g}")
+            axis.set_major_formatter("{x:,.10g}")
         axes.grid()
         figure.legend(loc="outside upper left")
 
@@ -108,13 +109,14 @@ def plot(
 
 
 def _logarithmic(axes: Axes, values: Sequence[float]) -> None:
-    """Both axes logarithmic, with a label at each decade of y, or at 1, 2 and 5 of it where there are few."""
+    """Both axes logarithmic, with a label at each decade of y, or at more of its values where there are few."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     axes.set_xscale("log")
     axes.set_yscale("log")
     decades = math.log10(max(values) / min(values)) if values else 1.0
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if decades > 2.5 else (1.0, 2.0, 5.0)))
+    subs = (1.0,) if decades > 2.5 else (1.0, 2.0, 5.0) if decades > 1.0 else (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs))
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
