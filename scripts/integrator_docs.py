@@ -71,7 +71,7 @@ def _relative(image: RenderedImage, reference: _Image) -> float:
 
 def _reuse() -> None:
     """Noise and time of path reuse against path tracing, seeds in turns."""
-    print("| scene | pixels that share | error of path / of reuse | time of reuse / of path | gain at equal time |")
+    print("| scene | pixels per group | error of `path` / `reuse` | time of `reuse` / `path` | efficiency gain |")
     print("|---|---|---|---|---|")
     for name in ("cornell", "room-diffuse", "room"):
         scene = clrender.load(name)

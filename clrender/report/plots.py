@@ -165,7 +165,7 @@ def _shadow(results: Results) -> Plot:
         return found
 
     own = relative(("own-base", "own-samples-16", "own-shadow-4"), lambda run: run.noise)
-    theirs = relative(("base", "samples-16", "shadow-4"), lambda run: run.seen**2)
+    theirs = relative(("base", "samples-16", "shadow-4"), lambda run: run.display_error**2)
     series = [
         Series("clrender's roulette: relMSE × seconds", own, BLUE),
         Series("the report's roulette: display error² × seconds", theirs, ORANGE),

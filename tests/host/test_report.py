@@ -63,9 +63,9 @@ def made_up(change: Change = lambda run, row: run, one_core: bool = True) -> Res
 def _made_up_run(row: Row, seed: int, off: float, deepest: int) -> Run:
     seconds = row.samples / 16.0 * {1: 1.0, 2: 1.71, 4: 3.1}[row.shadow_rays] * (0.9 + 0.1 * deepest / 14) * off
     paths = 640_000 * row.samples
-    noise, seen = 0.1 / row.samples / off, 0.1 / math.sqrt(row.samples) / off
+    noise, display_error = 0.1 / row.samples / off, 0.1 / math.sqrt(row.samples) / off
     work = (paths, int(1.4 * paths), paths, deepest)
-    return Run(seed, seconds, 4 * seconds, seconds, *work, noise, seen, 0.9, 1.1 * off, str(seed))
+    return Run(seed, seconds, 4 * seconds, seconds, *work, noise, display_error, 0.9, 1.1 * off, str(seed))
 
 
 def outcome(name: str, results: Results) -> str:
@@ -93,7 +93,7 @@ def _times(where: Callable[[Row], bool], factor: Callable[[Row], float]) -> Chan
 def _errors(where: Callable[[Row], bool], factor: Callable[[Row], float]) -> Change:
     def change(run: Run, row: Row) -> Run:
         times = factor(row) if where(row) else 1.0
-        return dataclasses.replace(run, noise=run.noise * times, seen=run.seen * math.sqrt(times))
+        return dataclasses.replace(run, noise=run.noise * times, display_error=run.display_error * math.sqrt(times))
 
     return change
 
@@ -103,7 +103,7 @@ def _deeper(run: Run, row: Row) -> Run:
 
 
 def _only_shadow_rays_matter(run: Run, row: Row) -> Run:
-    return dataclasses.replace(run, cost=1.0 + row.shadow_rays, seen=0.1 / row.shadow_rays)
+    return dataclasses.replace(run, cost=1.0 + row.shadow_rays, display_error=0.1 / row.shadow_rays)
 
 
 def _brighter(run: Run, row: Row) -> Run:
@@ -297,7 +297,7 @@ def test_a_busy_machine_is_said() -> None:
     def slowed(run: Run, row: Row) -> Run:
         return dataclasses.replace(run, seconds=2.0 * run.seconds)
 
-    assert "gave 50.0 % of its cores" in markdown_page(Page(made_up(slowed), [], []))
+    assert "only 50.0 % of its cores were available" in markdown_page(Page(made_up(slowed), [], []))
     assert "busy" not in markdown_page(Page(made_up(), [], []))
     # Ratios are of processor time, so they stay.
     assert [row[-1] for row in times_table(made_up(slowed)).rows] == [row[-1] for row in times_table(made_up()).rows]
