@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import click
 import pytest
@@ -132,11 +130,3 @@ def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
     assert named - {"Session"} <= set(clrender.__all__) | {"radiosity"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))
-
-
-def test_statistics_are_all_in_the_reference() -> None:
-    source = Path(importlib.import_module("clrender.render_stats").__file__ or "").read_text()
-    written = set(re.findall(r'^ {8}"(\w+)": ', source, re.MULTILINE))
-    table: Any = REFERENCE.split("## Statistics")[1].split("## Python")[0]
-    assert len(written) > 10
-    assert {name for name in written if f"`{name}`" not in table} == set()

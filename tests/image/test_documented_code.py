@@ -34,6 +34,9 @@ def test_the_readme_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     image = names["image"]
     assert isinstance(image, clrender.RenderedImage)
     assert image.linear.shape == (16, 24, 3) and image.linear.dtype == np.float32
+    table = (ROOT / "docs" / "reference.md").read_text().split("## Statistics")[1].split("## Python")[0]
+    assert {key for key in image.stats if f"`{key}`" not in table} == set()
+    assert set(image.stats["devices"][0]) <= set(re.findall(r"`(\w+)`", table))
     assert (tmp_path / "room.png").read_bytes().startswith(b"\x89PNG")
 
 
