@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -57,6 +60,17 @@ def test_students_distribution_is_scipys(df: float) -> None:
     for probability in (0.05, 1e-5, 1e-9):
         found = critical_value(probability, [df])
         np.testing.assert_allclose(found, stats.t.isf(probability / 2.0, df), rtol=1e-8)
+
+
+def test_the_default_install_is_enough() -> None:
+    """Neither SciPy nor Matplotlib is needed to compare integrators, nor to import what needs them."""
+    code = """if True:
+        import sys
+        sys.modules.update(dict.fromkeys(("scipy", "matplotlib")))
+        import clrender.agreement.integrators, clrender.report.runs, clrender.report.verdicts
+        print(clrender.student.p_value(0.0, 3.0))
+    """
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "1.0\n"
 
 
 def test_welch_is_scipys() -> None:

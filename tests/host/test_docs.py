@@ -113,6 +113,17 @@ def test_scenes_of_the_documentation_are_valid(tmp_path: Path, place: str) -> No
         assert clrender.load(str(tmp_path / "scene.toml")).shapes
 
 
+def test_built_in_scenes_are_counted_right() -> None:
+    files = [path.read_text() for path in (ROOT / "scenes").glob("*.toml")]
+    exact = sum("Exact answer" in text for text in files)
+    numbers = {11: "eleven", 19: "nineteen"}
+    assert (
+        f"{numbers[len(files)].title()} built-in scenes, {numbers[exact]} of them"
+        in (ROOT / "CHANGELOG.md").read_text()
+    )
+    assert f"{numbers[exact]} have a known exact answer" in README
+
+
 def test_variables_of_the_environment_are_read_somewhere() -> None:
     named = set(re.findall(r"`(CLRENDER_[A-Z_]+)`", REFERENCE))
     files = [path for folder in ("clrender", "scripts", "tests") for path in (ROOT / folder).rglob("*")]

@@ -40,6 +40,17 @@ def test_the_readme_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert (tmp_path / "room.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_files_that_are_said_to_carry_their_settings_do(tmp_path: Path) -> None:
+    rows = re.findall(r"^\| (`\..*?) \|.*\| (yes|no) \|$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    said = {ending: answer == "yes" for endings, answer in rows for ending in re.findall(r"`\.(\w+)`", endings)}
+    assert set(said) == {"png", "jpg", "exr", "npy", "hdr", "film"}
+    image = clrender.render(clrender.load("room"), spp=1, size=(16, 16), device=DEVICE)
+    for ending, carries in said.items():
+        image.save(tmp_path / f"a.{ending}")
+        content = (tmp_path / f"a.{ending}").read_bytes()
+        assert (image.stats["image_sha256"].encode() in content) == carries, ending
+
+
 @pytest.mark.xfail(not hasattr(clrender, "Session"), raises=AttributeError, strict=True, reason="Session is to come")
 def test_the_readme_keeps_a_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     block = BLOCKS[-1].replace("spp=16", "spp=1, size=(16, 16)").replace('"all"', repr(DEVICE))
