@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.errors import UsageError
-from clrender.integrators import INTEGRATORS, RADIOSITY_DISPLAYS
+from clrender.resources import integrator_names
 from clrender.scene.lights import LIGHT_SAMPLERS
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ _OWN_SETTINGS: Final = {
     "radiosity": ("patches", "patch_rays", "radiosity_display"),
 }
 """Settings that decide the image of one integrator only, by its name."""
+RADIOSITY_DISPLAYS: Final = ("constant", "smooth", "gather")
+"""Each patch evenly bright; interpolated between corners; looked up by paths, some bounces later."""
 _ROULETTES: Final = {
     "none": layout.ROULETTE_NONE,
     "throughput": layout.ROULETTE_THROUGHPUT,
@@ -108,8 +110,14 @@ class RenderSettings:
         own = ("absorption", "sampling", "light_sampler", *_OWN_SETTINGS.get(self.integrator, ()))
         return {name: getattr(self, name) for name in (*names, *own)}
 
-    def struct(self, tile: int) -> npt.NDArray[np.void]:
+    def struct(self, tile: int, fixed: Mapping[str, Any] | None = None) -> npt.NDArray[np.void]:
         """The `Settings` that kernels read, for tiles of this side.
+
+        Parameters
+        ----------
+        tile : int
+        fixed : mapping, optional
+            Fields that hold whatever the user says: `clrender.integrators.Integrator.fixed`.
 
         Returns
         -------
@@ -122,11 +130,12 @@ class RenderSettings:
             "tile": tile,
             "seed": self.seed,
             "shadow_rays": self.shadow_rays,
-            "indirect_rays": 0 if self.integrator in ("direct", "photon") else self.indirect_rays,
+            "indirect_rays": self.indirect_rays,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
             "roulette": _ROULETTES[self.roulette],
             "strategy": _STRATEGIES[self.sampling],
             "reuse": self.reuse,
+            **(fixed or {}),
         }
         for name, value in values.items():
             settings[name] = value
@@ -166,7 +175,7 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
         if not isinstance(value, (int, np.integer)) or not least <= value <= most:
             raise UsageError(f"{name} is {value!r}; it must be a whole number from {least} to {most}")
     for name, choices in (
-        ("integrator", INTEGRATORS),
+        ("integrator", integrator_names()),
         ("roulette", _ROULETTES),
         ("sampling", _STRATEGIES),
         ("light_sampler", LIGHT_SAMPLERS),
@@ -176,8 +185,6 @@ def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str,
             raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")
     if wanted.reuse not in (1, 2, 4, 8, 16):
         raise UsageError(f"reuse is {wanted.reuse!r}; it must be 1, 2, 4, 8 or 16")
-    if wanted.integrator in ("reuse", "photon") and wanted.indirect_rays != 1:
-        raise UsageError(f"indirect_rays is {wanted.indirect_rays}; the integrator {wanted.integrator} takes only 1")
     if wanted.photon_radius is not None and not 0.0 < wanted.photon_radius < math.inf:
         raise UsageError(f"photon_radius is {wanted.photon_radius!r}; it must be above 0 and finite")
     if wanted.lanes not in (None, 1, 4, 8, 16):

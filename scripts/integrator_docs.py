@@ -16,7 +16,7 @@ import clrender
 from clrender.image.compare import relative_squared_error
 
 if TYPE_CHECKING:
-    from clrender.rendering import RenderedImage
+    from clrender.rendered_image import RenderedImage
 
 __all__: list[str] = []
 

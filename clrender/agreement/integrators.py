@@ -14,7 +14,8 @@ import numpy.typing as npt
 from clrender.agreement.batches import LEVEL, Batches, Pair, compare_batches, tile_means
 from clrender.errors import RenderError, UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.rendering import Progress, RenderedImage, render
+from clrender.rendered_image import Progress, RenderedImage
+from clrender.rendering import render
 from clrender.scene.wording import quoted, suggestion
 
 if TYPE_CHECKING:

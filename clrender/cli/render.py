@@ -21,7 +21,7 @@ from clrender.errors import ClrenderError, UsageError
 from clrender.integrators import INTEGRATORS
 
 if TYPE_CHECKING:
-    from clrender.rendering import RenderedImage
+    from clrender.rendered_image import RenderedImage
     from clrender.scene import Scene
 
 __all__ = ["render"]

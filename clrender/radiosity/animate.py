@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
-from clrender.integrators import INTEGRATORS
 from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.corners import Corners
-from clrender.radiosity.display import GATHER, Display, Gather, looks_of
+from clrender.radiosity.display import DISPLAY, GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity, Update
-from clrender.scheduling.run import Plan, run
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.run import run
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
+    from clrender.device.pipeline import Preparation
 
 __all__ = ["Frame", "Motion", "frames", "picture"]
 
@@ -77,7 +79,7 @@ def frames(
     count : int
     spp : int
     display : str
-        One of `clrender.integrators.RADIOSITY_DISPLAYS`.
+        One of `clrender.settings.RADIOSITY_DISPLAYS`.
 
     Raises
     ------
@@ -106,17 +108,15 @@ def picture(
     """The current scene: (height, width, 3) float32, radiance."""
     width, height, tile = (int(settings[name][0]) for name in ("width", "height", "tile"))
     patches, rows = dynamic.patches, dynamic.rows
+    show: Callable[[DeviceWorker], Preparation]
     if display == "gather":
         atlas = atlas_of(patches, rows.indirect(patches), dynamic.used, rows.open_share)
         flat = patches.whole(width, height)
-        worker = DeviceWorker(device, flat, settings, GATHER, None, partial(Gather, atlas=atlas))
+        pipeline, show = GATHER, partial(Gather, atlas=atlas)
     else:
         table = looks_of(patches, dynamic.reflected, dynamic.used, corners)
-        show = partial(Display, table=table)
-        worker = DeviceWorker(device, dynamic.flat, settings, INTEGRATORS["radiosity"], None, show)
-    film = Film(width, height, {})
-    try:
-        run(Plan(width, height, spp, tile), [worker], film)
-    finally:
-        worker.release()
+        flat, pipeline, show = dynamic.flat, DISPLAY, partial(Display, table=table)
+    film = Film(width, height)
+    with WorkerPool([device], lambda each: DeviceWorker(each, flat, settings, pipeline, None, show)) as pool:
+        run(Plan(width, height, 0, spp, tile), pool.candidates, film).raise_failure()
     return film.mean()

@@ -30,7 +30,7 @@ from clrender.report.plan import (
 from clrender.report.results import Results, Row, Run
 
 if TYPE_CHECKING:
-    from clrender.rendering import Progress, RenderedImage
+    from clrender.rendered_image import Progress, RenderedImage
     from clrender.scene import Scene
 
 __all__ = ["Measured", "Renderer", "Stopped", "measure"]

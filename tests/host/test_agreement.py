@@ -17,6 +17,7 @@ from clrender.agreement.integrators import check_integrators
 from clrender.agreement.significance import has_outlier, holm, welch
 from clrender.agreement.verdict import AGREE, FAULT, MAY, MUST, light_kinds, verdict
 from clrender.cli import main
+from clrender.device.pipeline import Pipeline
 from clrender.errors import UsageError
 from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
 from clrender.scene import Scene, load
@@ -272,7 +273,7 @@ def test_verdicts(cornell: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     assert verdict("path", "direct", lamp, False, True).kind == FAULT
     assert "does not show" in verdict("path", "direct", cornell, False, False).reason
     # One that is not unbiased, and one that leaves out what is not known here
-    odd = clrender.integrators.Integrator("", "", bias="consistent", leaves_out=("mirrors and glass",))
+    odd = clrender.integrators.Integrator(Pipeline("", ""), bias="consistent", leaves_out=("mirrors and glass",))
     monkeypatch.setattr("clrender.agreement.verdict.INTEGRATORS", {**INTEGRATORS, "odd": odd})
     assert verdict("path", "odd", plane, False, True).kind == MUST
     may = verdict("odd", "path", plane, False, True)

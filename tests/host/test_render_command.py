@@ -21,6 +21,7 @@ import pytest
 from clrender.cli import main
 from clrender.errors import RenderError
 from clrender.film import Film
+from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.image.files import image_sha256, read_image, read_provenance, write_image
 
 SCENE = """
@@ -83,9 +84,9 @@ class FakeRenderer:
     ) -> FakeImage:
         self.calls.append({"device": device, **settings})
         width, height, spp = settings["width"], settings["height"], settings.get("spp", 4)
-        film = Film(width, height)
-        rows, columns = (axis.ravel() for axis in np.mgrid[0:height, 0:width])
-        words = np.zeros((len(rows), 3, 4), np.uint32)
+        film, side = Film(width, height), tile_side(1024, width, height)
+        slots = side * side
+        words = np.zeros((slots, 3, 4), np.uint32)
         words[..., 2] = 1
         stopped = False
         for sample in range(spp):
@@ -93,7 +94,8 @@ class FakeRenderer:
             if should_stop is not None and should_stop():
                 stopped = True
                 break
-            film.add(rows, columns, words, np.ones(len(rows), np.uint32))
+            done = UnitSums(words, np.ones(slots, np.uint32), np.ones(slots // 16, np.uint32), 0, 0, 0)
+            film.commit(Unit(0, slots, sample, 1, side), done)
             if on_progress is not None:
                 on_progress(FakeProgress(film.samples, spp * width * height, 2.0 * (sample + 1)))
         linear = film.mean()

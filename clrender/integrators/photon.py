@@ -1,22 +1,25 @@
-"""Photon maps, one for each sample of the pixels, made on the device before the samples are."""
+"""Progressive photon mapping: a photon map for each sample of the pixels, made on the device before the samples are."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from clrender.device.pipeline import Pipeline
 from clrender.device.radix_sort import launch_each, sort
+from clrender.integrators.descriptor import Integrator, Prepared, Request
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer
     from clrender.device.worker import DeviceWorker
     from clrender.flatten import FlatScene
 
-__all__ = ["PhotonMaps", "radius_of_pass"]
+__all__ = ["INTEGRATOR", "PhotonMaps", "radius_of_pass"]
 
 SHRINKING: Final = 2.0 / 3.0
 """How slowly the radius shrinks: the value that Knaus and Zwicker find best (2011, section 4.1)."""
@@ -163,3 +166,20 @@ class PhotonMaps:
         for buffer in self._held:
             self._worker.device.release(buffer)
         self._held, self._ready = [], None
+
+
+def _prepare(request: Request) -> Prepared:
+    settings = request.settings
+    maps = partial(PhotonMaps, flat=request.flat, photons=settings.photons, radius=settings.photon_radius)
+    return Prepared(request.flat, INTEGRATOR.pipeline, maps)
+
+
+INTEGRATOR: Final = Integrator(
+    Pipeline("integrator/photon.cl", "integrator_photon", sample_by_sample=True),
+    bias="consistent",
+    # Photons start at lights and not at points, for which a light BVH has no answer
+    takes={"light_sampler": ("auto", "power", "uniform"), "indirect_rays": (1,)},
+    fixed={"indirect_rays": 0},
+    auto_light_sampler="power",
+    prepare=_prepare,
+)
