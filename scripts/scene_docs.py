@@ -104,7 +104,9 @@ def _rows(table: dict[str, Any], schema: dict[str, Any], only: list[str] | None,
 
 
 def _cell(text: str) -> str:
-    return re.sub(r"\s+", " ", text.split("\n\n", maxsplit=1)[0]).replace("|", "\\|")
+    first = re.sub(r"\s+", " ", text.split("\n\n")[0])
+    # Defaults have a column of their own.
+    return re.sub(r" \(default: [^)]*\)$", "", first).replace("|", "\\|")
 
 
 def _default(value: dict[str, Any]) -> str:

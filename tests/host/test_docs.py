@@ -20,7 +20,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "sc
 README = (ROOT / "README.md").read_text()
 REFERENCE = (ROOT / "docs" / "reference.md").read_text()
 
-NOT_YET = {"merge", "--shard", "SECURITY.md", "CLRENDER_INSTALL"}
+NOT_YET = {"--shard", "SECURITY.md", "CLRENDER_INSTALL", "CLRENDER_TEST_COLD"}
 """Documented ahead of the work that brings them."""
 
 
@@ -139,5 +139,5 @@ def test_variables_of_the_environment_are_read_somewhere() -> None:
 
 def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
-    assert named - {"Session"} <= set(clrender.__all__) | {"radiosity"}
+    assert named <= set(clrender.__all__) | {"radiosity"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))

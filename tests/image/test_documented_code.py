@@ -51,7 +51,6 @@ def test_the_files_that_are_said_to_carry_their_settings_do(tmp_path: Path) -> N
         assert (image.stats["image_sha256"].encode() in content) == carries, ending
 
 
-@pytest.mark.xfail(not hasattr(clrender, "Session"), raises=AttributeError, strict=True, reason="Session is to come")
 def test_the_readme_keeps_a_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     block = BLOCKS[-1].replace("spp=16", "spp=1, size=(16, 16)").replace('"all"', repr(DEVICE))
     names = run("import clrender\nscene = clrender.load('room')\n" + block, tmp_path, monkeypatch)
