@@ -104,7 +104,7 @@ def _rows(table: dict[str, Any], schema: dict[str, Any], only: list[str] | None,
 
 
 def _cell(text: str) -> str:
-    first = re.sub(r"\s+", " ", text.split("\n\n")[0])
+    first = re.sub(r"\s+", " ", text.split("\n\n", maxsplit=1)[0])
     # Defaults have a column of their own.
     return re.sub(r" \(default: [^)]*\)$", "", first).replace("|", "\\|")
 

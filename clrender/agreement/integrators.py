@@ -46,7 +46,7 @@ def compare_integrators(
     integrators : sequence of str
         At least two; one named twice is compared with itself, by other seeds.
     spp : int
-        Samples a pixel for each integrator, over all batches; rounded up to a multiple of `batches`.
+        Samples per pixel for each integrator, over all batches; rounded up to a multiple of `batches`.
     batches : int
         Independent renders of each integrator, at least 8.
     size : (int, int), optional
@@ -73,7 +73,7 @@ def compare_integrators(
     """
     check_integrators(integrators)
     if batches < 8 or tile_size < 1 or spp < 1:
-        raise UsageError("comparing needs at least 8 batches, tiles of at least 1 pixel and 1 sample a pixel")
+        raise UsageError("comparing needs at least 8 batches, tiles of at least 1 pixel and 1 sample per pixel")
     wanted = size or _small(scene)
     each = -(-spp // batches)
     seeds = _seeds(seed, len(integrators) * batches)
