@@ -1,4 +1,4 @@
-"""Pictures of a scene in which something moves, its radiosity kept up to date from frame to frame."""
+"""Frames of a scene in which a shape moves, with its radiosity updated from frame to frame."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["Frame", "Motion", "frames", "picture"]
 
 @dataclass(frozen=True)
 class Motion:
-    """What moves from each frame to the next.
+    """The displacement from each frame to the next.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture, and what its light took.
+    """An image, and the cost of updating its radiosity.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ def picture(
     display: str,
     corners: Corners | None,
 ) -> NDArray[np.float32]:
-    """The scene as it is now: (height, width, 3) float32, radiance."""
+    """The current scene: (height, width, 3) float32, radiance."""
     width, height, tile = (int(settings[name][0]) for name in ("width", "height", "tile"))
     patches, rows = dynamic.patches, dynamic.rows
     show: Callable[[DeviceWorker], DevicePreparation]

@@ -38,6 +38,7 @@ LAYERS = (
     ("files",),
     ("resources",),
     ("layout",),
+    ("student",),
     ("errors", "version"),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
