@@ -78,7 +78,7 @@ def _encode(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     exponent = np.frexp(largest)[1]
     exponent = np.where(largest >= 2.0**-128, exponent, -128)
     rgbe = np.empty((*values.shape[:-1], 4), np.uint8)
-    # LaunchConfig off, not rounded: a reader adds one half.
+    # Cut off, not rounded: a reader adds one half.
     rgbe[..., :3] = np.floor(np.ldexp(positive, (8 - exponent)[..., None])) * (exponent > -128)[..., None]
     rgbe[..., 3] = exponent + 128
     return rgbe

@@ -15,7 +15,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
 
-from clrender.scene.mesh_io import MeshData, inline_mesh, read_mesh
+from clrender.scene.mesh_data import MeshData, inline_mesh
+from clrender.scene.mesh_io import read_mesh
 from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.values import (
     COORDINATE_LIMIT,
