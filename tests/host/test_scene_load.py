@@ -86,13 +86,13 @@ def test_code_gets_scene_errors_too() -> None:
             shapes=(scenes.Sphere(type="sphere", radius=1, material="a"),),
         )
     with pytest.raises(SceneError, match='centre is an unknown key; did you mean "center"'):
-        scenes.Sphere(type="sphere", radius=1, centre=(0, 0, 0))
+        scenes.Sphere(type="sphere", radius=1, centre=(0, 0, 0))  # type: ignore[call-arg]
 
 
 def test_a_scene_cannot_be_changed() -> None:
     scene = scenes.load("furnace")
     with pytest.raises(ValueError, match="frozen"):
-        scene.image.width = 5
+        scene.image.width = 5  # type: ignore[misc]
 
 
 def test_builtin_scenes_are_complete() -> None:
