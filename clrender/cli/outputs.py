@@ -44,7 +44,7 @@ def check_image_size(outputs: Iterable[Path], width: int, height: int) -> None:
     ------
     UsageError
     """
-    from clrender.image.files import JPEG_SIDE_LIMIT
+    from clrender.image.display import JPEG_SIDE_LIMIT
 
     for output in outputs:
         if output.suffix.lower() in (".jpg", ".jpeg") and max(width, height) > JPEG_SIDE_LIMIT:

@@ -13,7 +13,7 @@ from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.scene.description import Dielectric, EnvironmentLight, Lambert, Light, Scene
-from clrender.scene.mesh_io import MeshData
+from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
 

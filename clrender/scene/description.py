@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
 
 from clrender.integrators import INTEGRATORS
-from clrender.scene.mesh_io import MeshData, inline_mesh, read_mesh
+from clrender.scene.mesh_data import MeshData, inline_mesh
+from clrender.scene.mesh_io import read_mesh
 from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.values import (
     COORDINATE_LIMIT,

@@ -12,7 +12,7 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
-from clrender.scene.mesh_io import TRIANGLE_LIMIT, MeshData
+from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
 from clrender.scene.shapes import Disk, Mesh, Sphere
 from clrender.scene.values import COORDINATE_LIMIT
 

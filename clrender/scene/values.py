@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from clrender.limits import NotAllowed
+from clrender.scene.validation_errors import scene_error
 from clrender.settings import Setting
 
 __all__ = [
@@ -60,30 +61,20 @@ _Row: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 Matrix: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 
 
-if TYPE_CHECKING:
-    from pydantic._internal._model_construction import ModelMetaclass as _Metaclass
-else:
-    _Metaclass = type(BaseModel)  # it has no public name
-
-
-class _Table(_Metaclass):
-    """Makes a table built in code fail like a table read from a file: with a `SceneError` of one sentence."""
-
-    def __call__(cls: Any, *args: Any, **keys: Any) -> Any:
-        try:
-            return type(BaseModel).__call__(cls, *args, **keys)
-        except ValidationError as error:
-            from clrender.scene.validation_errors import (
-                scene_error,  # problems.py words errors of all tables, so imports them
-            )
-
-            raise scene_error(error, cls, cls.__name__) from None
-
-
-class Part(BaseModel, metaclass=_Table):
+class Part(BaseModel):
     """Base of every table of a scene file: frozen, unknown keys forbidden."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        # A table built in code fails like one read from a file: with a `SceneError` of one sentence.
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise scene_error(error, type(self), type(self).__name__) from None
+
+    # Tables inside of tables are not to be made by this constructor, which would lose their places.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 def fault(kind: str, message: str, *place: str | int) -> PydanticCustomError:
