@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.film.unit import tile_side
-from clrender.integrators import Integrator
+from clrender.integrators.descriptor import Pipeline
 from clrender.scene.wording import suggestion
-from clrender.scheduling.run import Plan, run
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.run import run
 
 if TYPE_CHECKING:
     from clrender.device import Device
+    from clrender.device.worker import DeviceWorker
     from clrender.flatten import FlatScene
     from clrender.settings import RenderSettings
 
@@ -56,7 +59,7 @@ GUIDES: Final = ("albedo", "normal")
 GUIDE_SAMPLES: Final = 16
 """What guides the denoiser, and how many samples of it are enough (`DECISIONS.md` 14)."""
 
-FIRST_HITS: Final = Integrator("integrator/first_hit.cl", "integrator_first_hit")
+FIRST_HITS: Final = Pipeline("integrator/first_hit.cl", "integrator_first_hit")
 """How layers are made; its kernel takes what is asked for as its last argument."""
 
 LAYER_KINDS: Final[Mapping[str, int]] = {
@@ -120,10 +123,10 @@ class LayerKind:
 
 def first_hits(
     devices: Sequence[Device],
+    make: Callable[..., DeviceWorker],
     flat: FlatScene,
     settings: RenderSettings,
     names: Iterable[str],
-    cut: LaunchConfig | None = None,
     most_samples: int = LAYER_SAMPLES,
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
@@ -133,12 +136,13 @@ def first_hits(
     Parameters
     ----------
     devices : sequence of Device
+    make : callable
+        Makes a worker of the scene and settings, given a device, ``pipeline`` and ``on_device``.
     flat : FlatScene
     settings : RenderSettings
         Those of the image: the layers have its size, seed and camera samples.
     names : iterable of str
         Of `AOVS`; ``samples`` is passed over, for only the image knows them.
-    cut : LaunchConfig, optional
     most_samples : int
         Of the image's samples of a pixel, the first so many are looked at.
     should_stop : callable, optional
@@ -168,19 +172,17 @@ def first_hits(
         return {}
     side = tile_side(settings.tile, settings.width, settings.height)
     asked = LayerKind()
-    workers = [DeviceWorker(each, flat, settings.struct(side), FIRST_HITS, cut, lambda _: asked) for each in devices]
     films: dict[str, Film] = {}
-    try:
+    with WorkerPool(devices, partial(make, pipeline=FIRST_HITS, on_device=lambda _: asked)) as pool:
         for name in passes:
             asked.kind = LAYER_KINDS[name]
             samples = 1 if name == "primitive" else min(settings.spp, most_samples)
             films[name] = Film(settings.width, settings.height)
-            plan = Plan(settings.width, settings.height, samples, side)
-            for failure in run(plan, workers, films[name], None, should_stop).failures:
+            plan = Plan(settings.width, settings.height, 0, samples, side)
+            tally = run(plan, pool.candidates, films[name], None, should_stop)
+            tally.raise_failure()
+            for failure in tally.failures:
                 (notify or (lambda line: None))(f"warning: {failure}; its work was done by the others")
-    finally:
-        for worker in workers:
-            worker.release()
     means = {name: (film.develop(), film.counts > 0) for name, film in films.items()}
     return {name: _layer(name, means, flat) for name in wanted}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,8 +43,8 @@ class FlatScene:
     triangle_count, analytic_count, light_count : int
     light_levels : int
         Of the tree of lights; 0: there is none.
-    sha256 : str
-        Over all of the above.
+    arrays_sha256 : str
+        Over all of the above but the camera.
     warnings : tuple of str
         What was left out, one sentence each.
     """
@@ -55,8 +56,13 @@ class FlatScene:
     analytic_count: int
     light_count: int
     light_levels: int
-    sha256: str
+    arrays_sha256: str
     warnings: tuple[str, ...] = ()
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all that the kernels read of the scene, the camera included."""
+        return hashlib.sha256(self.arrays_sha256.encode() + self.camera.tobytes()).hexdigest()
 
     @property
     def nbytes(self) -> int:
@@ -105,7 +111,7 @@ def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") 
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
     }
     digest = hashlib.sha256(f"{environment} {triangle_count} {analytic_count} {light_count}".encode())
-    for name, array in (*arrays.items(), ("camera", camera)):
+    for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
         digest.update(array.reshape(-1).view(np.uint8).data)
     return FlatScene(
@@ -116,9 +122,20 @@ def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") 
         analytic_count=analytic_count,
         light_count=light_count,
         light_levels=tree.levels if tree else 0,
-        sha256=digest.hexdigest(),
+        arrays_sha256=digest.hexdigest(),
         warnings=surfaces.warnings,
     )
+
+
+def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene:
+    """The same arrays with the camera of `scene`, whose shapes, materials and lights they are, for another image.
+
+    Raises
+    ------
+    SceneError, UsageError
+        As `flatten`.
+    """
+    return dataclasses.replace(flat, camera=_camera_row(scene.camera, width, height, scene.source))
 
 
 def _padded(array: NDArray[Any]) -> NDArray[Any]:

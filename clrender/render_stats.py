@@ -9,55 +9,58 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.source import kernels_sha256
 from clrender.image.files import image_sha256
-from clrender.version import __version__
 
 if TYPE_CHECKING:
+    from clrender.device import Device
     from clrender.device.worker import DeviceWorker
     from clrender.film import Film
     from clrender.flatten import FlatScene
-    from clrender.scene import Scene
+    from clrender.job import RenderJob
     from clrender.scheduling.run import Tally
-    from clrender.settings import RenderSettings
 
 __all__ = ["render_stats"]
 
 
 def render_stats(
-    scene: Scene,
+    job: RenderJob,
     flat: FlatScene,
-    wanted: RenderSettings,
     film: Film,
     linear: npt.NDArray[np.float32],
     tally: Tally,
-    workers: Sequence[DeviceWorker],
+    devices: Sequence[Device],
+    workers: Mapping[int, DeviceWorker],
     times: Mapping[str, float],
 ) -> dict[str, Any]:
     """What ``--stats`` writes of a render.
 
     Parameters
     ----------
-    scene, flat, wanted, film, tally, workers
+    job, flat, film, tally, devices
         Of the render.
     linear : (height, width, 3) float32
         The image.
+    workers : mapping of int to DeviceWorker
+        Those that could be set up, by the place of their device.
     times : mapping
         The keys that end in ``_seconds``.
     """
     seconds = max(times["render_seconds"], 1e-9)
+    settings, request = job.settings, film.request
     return {
         "image_sha256": image_sha256(linear),
         "denoised": False,
-        "scene_sha256": scene.sha256(),
-        "kernel_sha256": kernels_sha256(),
-        "version": __version__,
-        "width": wanted.width,
-        "height": wanted.height,
-        "spp": wanted.spp,
-        "seed": wanted.seed,
-        "integrator": wanted.integrator,
-        "settings": {**wanted.request(), "spp": wanted.spp},
+        "scene_sha256": request["scene_sha256"],
+        "kernel_sha256": request["kernel_sha256"],
+        "version": request["version"],
+        "width": settings.width,
+        "height": settings.height,
+        "spp": settings.spp,
+        "seed": settings.seed,
+        "integrator": settings.integrator,
+        "settings": {**settings.request(), "spp": settings.spp},
+        "first_sample": job.first_sample,
+        "sample_count": job.sample_count,
         "samples": tally.samples,
         "rays": tally.rays,
         "shadow_rays": tally.shadow_rays,
@@ -67,19 +70,19 @@ def render_stats(
         "msamples_per_second": tally.samples / seconds / 1e6,
         "mrays_per_second": tally.rays / seconds / 1e6,
         "peak_rss_bytes": _peak_rss(),
-        "device_bytes": sum(worker.device.allocated_bytes for worker in workers),
+        "device_bytes": sum(device.allocated_bytes for device in devices),
         "triangles": flat.triangle_count,
         "devices": [
             {
-                "name": worker.device.info.name,
-                "driver": f"{worker.device.info.platform} {worker.device.info.driver}",
-                "type": worker.device.info.type,
+                "name": device.info.name,
+                "driver": f"{device.info.platform} {device.info.driver}",
+                "type": device.info.type,
                 "units": done.units,
                 "samples": done.samples,
-                "seconds": worker.busy_seconds,
+                "seconds": workers[number].busy_seconds if number in workers else 0.0,
                 "requeued": done.requeued,
             }
-            for worker, done in zip(workers, tally.workers, strict=True)
+            for number, (device, done) in enumerate(zip(devices, tally.workers, strict=True))
         ],
     }
 

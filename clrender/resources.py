@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 from clrender.errors import RenderError
 
-__all__ = ["kernels_folder", "scenes_folder"]
+__all__ = ["integrator_names", "kernels_folder", "scenes_folder"]
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -43,3 +44,10 @@ def scenes_folder() -> Path:
         When the installation lacks it.
     """
     return _folder("scenes")
+
+
+@cache
+def integrator_names() -> tuple[str, ...]:
+    """Names of the integrators, ``path`` first: the modules of `clrender.integrators`, none of which is imported."""
+    names = {path.stem for path in (_PACKAGE / "integrators").glob("*.py")} - {"__init__", "descriptor"}
+    return ("path", *sorted(names - {"path"}))

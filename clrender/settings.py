@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import UsageError
-from clrender.integrators import INTEGRATORS, RADIOSITY_DISPLAYS
+from clrender.integrators import INTEGRATORS
 from clrender.limits import Choice, Domain, NotAllowed, Range, nearest, shown
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class RenderSettings:
     )
     radiosity_display: str = _setting(
         "smooth",
-        Choice(RADIOSITY_DISPLAYS),
+        Choice(("constant", "smooth", "gather")),
         "Of integrator radiosity: patches of constant radiance, interpolated, or a final gather",
         integrator="radiosity",
     )
@@ -232,8 +232,14 @@ class RenderSettings:
             if setting.group == IMAGE and setting.integrator in (None, self.integrator)
         }
 
-    def struct(self, tile: int) -> npt.NDArray[np.void]:
+    def struct(self, tile: int, fixed: Mapping[str, Any] | None = None) -> npt.NDArray[np.void]:
         """The `Settings` that kernels read, for tiles of this side.
+
+        Parameters
+        ----------
+        tile : int
+        fixed : mapping, optional
+            Fields that hold whatever the user says: `clrender.integrators.Integrator.fixed`.
 
         Returns
         -------
@@ -252,11 +258,12 @@ class RenderSettings:
             "tile": tile,
             "seed": self.seed,
             "shadow_rays": self.shadow_rays,
-            "indirect_rays": 0 if self.integrator in ("direct", "photon") else self.indirect_rays,
+            "indirect_rays": self.indirect_rays,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
             "roulette": getattr(layout, f"ROULETTE_{self.roulette.upper()}"),
             "strategy": strategies[self.sampling],
             "reuse": self.reuse,
+            **(fixed or {}),
         }
         for name, value in values.items():
             settings[name] = value

@@ -13,9 +13,10 @@ import numpy.typing as npt
 from PIL import Image
 
 import clrender
+from clrender.image.compare import relative_squared_error
 
 if TYPE_CHECKING:
-    from clrender.rendering import RenderedImage
+    from clrender.rendered_image import RenderedImage
 
 __all__: list[str] = []
 
@@ -64,14 +65,13 @@ def _seconds(image: RenderedImage) -> float:
 
 
 def _relative(image: RenderedImage, reference: _Image) -> float:
-    """Mean of the squared error over the squared reference, as `clrender compare` has it."""
-    difference = image.linear.astype(np.float64) - reference
-    return float((difference**2 / (reference**2 + 1e-2)).mean())
+    """relMSE, as of `clrender compare`."""
+    return relative_squared_error(image.linear.astype(np.float64) - reference, reference)
 
 
 def _reuse() -> None:
     """Noise and time of path reuse against path tracing, seeds in turns."""
-    print("| scene | pixels that share | error of path / of reuse | time of reuse / of path | gain at equal time |")
+    print("| scene | pixels per group | error of `path` / `reuse` | time of `reuse` / `path` | efficiency gain |")
     print("|---|---|---|---|---|")
     for name in ("cornell", "room-diffuse", "room"):
         scene = clrender.load(name)

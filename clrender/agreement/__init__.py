@@ -1,4 +1,4 @@
-"""Whether integrators agree: images of independent batches, tested tile by tile, and what to think of differences."""
+"""Whether integrators agree: images of independent batches, tested tile by tile, with a verdict on each difference."""
 
 from clrender.agreement.batches import Batches, Pair
 from clrender.agreement.integrators import check_integrators, compare_integrators

@@ -1,7 +1,7 @@
 """Independent batches of two integrators' images compared, tile by tile, by t-tests.
 
-Samples of one image are stratified against each other, so their spread says nothing of the error of their mean. Images
-of different seeds are independent, however, and the means of their tiles close to normal.
+The samples of one image are stratified against each other, so their variance does not give the error of their mean.
+Images of different seeds are independent, however, and the means of their tiles are close to normally distributed.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.agreement.significance import has_outlier, holm, welch
 from clrender.agreement.verdict import Verdict, verdict
-from clrender.agreement.welch import holm, outlying, student_limit, welch
+from clrender.student import critical_value
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -23,18 +24,18 @@ __all__ = ["LEVEL", "Batches", "Pair", "compare_batches", "tile_means"]
 Floats = npt.NDArray[np.float64]
 
 LEVEL: Final = 0.01
-"""Chance that any of the pairs compared at once is said to differ although no two do."""
+"""Probability that any pair compared by one command is reported to differ although no two do."""
 _ROUNDING: Final = 64 * 2.0**-24
-"""Relative difference that is not told from rounding in single precision, 3.8e-6: a few dozen operations."""
+"""Relative difference that rounding in single precision can make, 3.8e-6: a few dozen operations."""
 _FIREFLIES: Final = 1e-4
-"""Chance that a tile of normal noise is said to have fireflies."""
+"""Probability that a tile of normally distributed noise is counted as one with fireflies."""
 _NINE_IN_TEN: Final = 1.2816
-"""Standard errors beyond the limit at which a difference is seen nine times in ten."""
+"""Standard errors beyond the critical value at which a difference is detected nine times in ten."""
 
 
 @dataclass(frozen=True)
 class Batches:
-    """What one integrator made of a scene.
+    """Independent renders of a scene by one integrator.
 
     Attributes
     ----------
@@ -72,9 +73,9 @@ class Pair:
     first, second : str
         Labels.
     scores : (rows, columns) float64
-        z of the channel that differs most, of each tile.
+        z-score of each tile, of the channel that differs most.
     numbers : dict
-        JSON-able: mean_ratio and its interval, mean_chance, tiles, tiles_differ, tiles_darker, tiles_brighter,
+        JSON-able: mean_ratio and its interval, mean_p_value, tiles, tiles_differ, tiles_darker, tiles_brighter,
         largest_z and its tile, visible_in_tile, visible_in_mean, tiles_with_fireflies.
     verdict : Verdict
     """
@@ -111,41 +112,41 @@ def tile_means(image: npt.ArrayLike, side: int) -> Floats:
 def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) -> Pair:
     """Test whether two sets of batches have the same means, in every tile and over the whole image.
 
-    Half of `level` is for the tiles and their channels, by Welch's t-test and Holm's correction; half for the whole
-    image, in which a small difference everywhere shows that no tile can show.
+    Half of `level` is spent on the tiles and their channels, by Welch's t-test and Holm's correction; half on the mean
+    of the whole image, which reveals a small difference everywhere that no single tile can show.
 
-    Where light is found rarely but then much of it, a tile that lacks it by chance is dark and shows hardly any spread:
-    an integrator with more noise would look darker than one with less. Its neighbours have had that light, so a tile
-    counts as no less noisy than the mean of those around it.
+    A tile that missed rare, bright light in all its batches is dark and has hardly any variance, so a noisy integrator
+    would look significantly darker than a calm one. Its neighbours did receive such light: the variance of a tile is
+    therefore taken to be no smaller than the mean variance of the tiles around it.
 
     Parameters
     ----------
     scene : Scene
     a, b : Batches
     level : float
-        Chance that they are found to differ although they do not, as long as the means of tiles are normal.
+        Probability that they are found to differ although they do not, as long as tile means are normally distributed.
     """
     shape = a.tiles.shape[1:]
     x, y = a.tiles.reshape(len(a.tiles), -1), b.tiles.reshape(len(b.tiles), -1)
     size = (x.mean(axis=0) + y.mean(axis=0)) / 2.0
     tiles = welch(x, y, _ROUNDING * size, (_variance_around(a.tiles).ravel(), _variance_around(b.tiles).ravel()))
-    differ = holm(tiles.chance, level / 2.0)
+    differ = holm(tiles.p, level / 2.0)
     whole = welch(a.whole[:, None], b.whole[:, None], _ROUNDING * (a.whole.mean() + b.whole.mean()) / 2.0)
-    whole_differs = bool(whole.chance[0] <= level / 2.0)
+    whole_differs = bool(whole.p[0] <= level / 2.0)
 
     def any_channel(marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         return np.asarray(marked.reshape(shape).any(axis=2), np.bool_)
 
-    darker, brighter = any_channel(differ & (tiles.score < 0.0)), any_channel(differ & (tiles.score > 0.0))
-    scores = tiles.score.reshape(shape)
+    darker, brighter = any_channel(differ & (tiles.z < 0.0)), any_channel(differ & (tiles.z > 0.0))
+    scores = tiles.z.reshape(shape)
     largest = np.take_along_axis(scores, np.abs(scores).argmax(axis=2)[..., None], axis=2)[..., 0]
     row, column = np.unravel_index(int(np.abs(largest).argmax()), largest.shape)
     lit = size > 0.0
-    seen = _limit(level / 2.0 / len(size), tiles.freedom) * tiles.error + _ROUNDING * size
-    mean_seen = float((_limit(level / 2.0, whole.freedom) * whole.error)[0])
+    seen = _detectable(level / 2.0 / len(size), tiles.df) * tiles.error + _ROUNDING * size
+    mean_seen = float((_detectable(level / 2.0, whole.df) * whole.error)[0])
     numbers = {
         **_ratio(a.whole, b.whole),
-        "mean_chance": float(whole.chance[0]),
+        "mean_p_value": float(whole.p[0]),
         "tiles": int(largest.size),
         "tiles_differ": int(np.count_nonzero(darker | brighter)),
         "tiles_darker": int(np.count_nonzero(darker)),
@@ -154,10 +155,12 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
         "largest_z_tile": [int(column), int(row)],
         "visible_in_tile": float(np.median(seen[lit] / size[lit])) if lit.any() else None,
         "visible_in_mean": mean_seen / float(b.whole.mean()) + _ROUNDING if b.whole.any() else None,
-        "tiles_with_fireflies": int(np.count_nonzero(any_channel(outlying(x, _FIREFLIES) | outlying(y, _FIREFLIES)))),
+        "tiles_with_fireflies": int(
+            np.count_nonzero(any_channel(has_outlier(x, _FIREFLIES) | has_outlier(y, _FIREFLIES)))
+        ),
     }
-    below = bool(darker.any()) or (whole_differs and whole.score[0] < 0.0)
-    above = bool(brighter.any()) or (whole_differs and whole.score[0] > 0.0)
+    below = bool(darker.any()) or (whole_differs and whole.z[0] < 0.0)
+    above = bool(brighter.any()) or (whole_differs and whole.z[0] > 0.0)
     return Pair(a.label, b.label, largest, numbers, verdict(a.name, b.name, scene, below, above))
 
 
@@ -168,19 +171,19 @@ def _variance_around(tiles: Floats) -> Floats:
     return around
 
 
-def _limit(chance: float, freedom: Floats) -> Floats:
-    """Standard errors that a difference has to have to be seen nine times in ten, at this significance."""
-    grid = np.linspace(freedom.min(), freedom.max(), 32)
-    return np.asarray(np.interp(freedom, grid, student_limit(chance, grid)) + _NINE_IN_TEN, np.float64)
+def _detectable(level: float, df: Floats) -> Floats:
+    """Difference, in standard errors, that a test at this level detects nine times in ten."""
+    grid = np.linspace(df.min(), df.max(), 32)
+    return np.asarray(np.interp(df, grid, critical_value(level, grid)) + _NINE_IN_TEN, np.float64)
 
 
 def _ratio(a: Floats, b: Floats) -> dict[str, Any]:
-    """Mean of `a` over that of `b`, and the interval that holds it with 95 % (by the delta method)."""
+    """Mean of `a` over that of `b`, and its 95 % confidence interval (by the delta method)."""
     above, below = float(a.mean()), float(b.mean())
     if above <= 0.0 or below <= 0.0:
         return {"mean_ratio": None, "mean_ratio_95": None}
-    # The relative errors add up as those of a difference do.
+    # The relative errors combine as those of a difference do.
     test = welch(a[:, None] / above, b[:, None] / below)
     ratio = above / below
-    reach = ratio * float(test.error[0] * student_limit(0.05, test.freedom)[0])
+    reach = ratio * float(test.error[0] * critical_value(0.05, test.df)[0])
     return {"mean_ratio": ratio, "mean_ratio_95": [ratio - reach, ratio + reach]}

@@ -15,7 +15,8 @@ from clrender.agreement.batches import LEVEL, Batches, Pair, compare_batches, ti
 from clrender.errors import RenderError, UsageError
 from clrender.integrators import INTEGRATORS
 from clrender.radiosity.patches import check_diffuse
-from clrender.rendering import Progress, RenderedImage, render
+from clrender.rendered_image import Progress, RenderedImage
+from clrender.rendering import render
 from clrender.scene.wording import quoted, suggestion
 from clrender.settings import settings_for, settings_of
 
@@ -47,25 +48,25 @@ def compare_integrators(
     integrators : sequence of str
         At least two; one named twice is compared with itself, by other seeds.
     spp : int
-        Samples a pixel for each integrator, over all batches; rounded up to a multiple of `batches`.
+        Samples per pixel for each integrator, over all batches; rounded up to a multiple of `batches`.
     batches : int
         Independent renders of each integrator, at least 8.
     size : (int, int), optional
         Width and height; default: the scene's, made smaller to 160 pixels on the longer side.
     seed : int
-        Another seed, other seeds for all batches.
+        The seeds of all batches follow from it.
     tile_size : int
-        Side in pixels of the tiles that are compared; larger ones tame fireflies, smaller ones show more.
+        Side in pixels of the tiles that are compared; larger ones average fireflies out, smaller ones resolve more.
     device, on_progress, notify, **settings
-        As of `clrender.render`; progress is over everything. `radiosity_display` is ``gather`` unless given: the other
-        ways show patches, and spheres made of them.
+        As of `clrender.render`; progress covers all renders. `radiosity_display` defaults to ``gather``: the other
+        displays show the patches themselves.
 
     Returns
     -------
     batches : list of Batches
     pairs : list of Pair
-        In the order of `itertools.combinations`. The chance that any of them is found to differ where no two do is
-        `LEVEL`; see `compare_batches`.
+        In the order of `itertools.combinations`. The probability that any of them is found to differ although no two
+        do is `LEVEL`; see `compare_batches`.
 
     Raises
     ------
@@ -74,7 +75,7 @@ def compare_integrators(
     """
     check_integrators(integrators)
     if batches < 8 or tile_size < 1 or spp < 1:
-        raise UsageError("comparing needs at least 8 batches, tiles of at least 1 pixel and 1 sample a pixel")
+        raise UsageError("comparing needs at least 8 batches, tiles of at least 1 pixel and 1 sample per pixel")
     wanted = size or _small(scene)
     each = -(-spp // batches)
     seeds = _seeds(seed, len(integrators) * batches)
@@ -90,17 +91,17 @@ def compare_integrators(
         if name == "radiosity":
             check_diffuse(scene)
     total = len(integrators) * batches * each * wanted[0] * wanted[1]
-    told = _Told(notify, on_progress, total)
+    reporter = _Reporter(notify, on_progress, total)
 
     def image(name: str, own: int) -> RenderedImage:
         one = settings_of_one(name, own)
-        notice = told.notice if notify else None
+        notice = reporter.notice if notify else None
         made = render(
-            scene, device=device, size=wanted, on_progress=told.advance, notify=notice, keep_film=False, **one
+            scene, device=device, size=wanted, on_progress=reporter.advance, notify=notice, keep_film=False, **one
         )
         if made.interrupted:
             raise RenderError(f"a render with {name} did not finish, so nothing can be compared")
-        told.finish(made)
+        reporter.finish(made)
         return made
 
     made = []
@@ -126,8 +127,8 @@ def check_integrators(integrators: Sequence[str]) -> None:
         raise UsageError(f"comparing takes at least two integrators of {', '.join(INTEGRATORS)}")
 
 
-class _Told:
-    """What many renders in a row tell: progress over all of them, and each notice once."""
+class _Reporter:
+    """Reports many renders as one: progress over all of them, and each notice once."""
 
     def __init__(
         self, notify: Callable[[str], None] | None, on_progress: Callable[[Progress], None] | None, total: int
@@ -154,7 +155,7 @@ class _Told:
 
 
 def _gathered(label: str, name: str, side: int, seeds: Sequence[int], images: Iterable[RenderedImage]) -> Batches:
-    """Batches of renders, of which no more than one is held at a time."""
+    """Batches of renders, with no more than one image in memory at a time."""
     tiles, whole = [], []
     mean: npt.NDArray[np.float64] | None = None
     numbers = {"spp": 0, "rays": 0, "seconds": 0.0, "nonfinite_samples": 0, "seeds": list(seeds)}
@@ -177,7 +178,7 @@ def _small(scene: Scene) -> tuple[int, int]:
 
 
 def _seeds(seed: int, count: int) -> list[int]:
-    """So many seeds of 32 bits, none twice, that have nothing to do with those of another `seed`."""
+    """`count` distinct seeds of 32 bits, independent of those that follow from another `seed`."""
     drawn = np.random.SeedSequence(seed).generate_state(2 * count + 16, np.uint32).tolist()
     return list(dict.fromkeys(drawn))[:count]
 

@@ -1,4 +1,4 @@
-"""Whether a difference between two integrators on a scene is as it must be, or a fault of one of them."""
+"""Whether a difference between two integrators on a scene is expected, or a fault of one of them."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _FLAT: Final = ("quad", "triangle", "disk")
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is to be thought of two integrators.
+    """Whether two integrators agree, and if not, whether they should.
 
     Attributes
     ----------
     kind : str
-        `AGREE`, `MUST` (one leaves out light that the scene has), `MAY` (one is not unbiased) or `FAULT`.
+        `AGREE`, `MUST` (one omits light that the scene has), `MAY` (one is not unbiased) or `FAULT`.
     reason : str
-        Why; for `AGREE`, what one leaves out although it does not show. May be empty.
+        Why; for `AGREE`, what one omits without a visible difference. May be empty.
     """
 
     kind: str
@@ -38,9 +38,9 @@ class Verdict:
 
 
 def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool) -> Verdict:
-    """Judge two integrators by where they differ beyond chance.
+    """Judge two integrators by where they differ significantly.
 
-    Light left out can only darken, but for soft shadows: a light that shines from its centre alone moves its light.
+    Omitted light can only darken, except for soft shadows: a light sampled at its centre alone also moves its light.
 
     Parameters
     ----------
@@ -62,14 +62,14 @@ def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool)
     if inexact:
         return Verdict(MAY, "; ".join((*reasons, *dict.fromkeys(inexact))))
     if not reasons:
-        return Verdict(FAULT, "neither leaves out any light that the other finds here")
+        return Verdict(FAULT, "neither omits any light that the other finds here")
     wrong = first if not missing else second
     right = second if wrong == first else first
     return Verdict(FAULT, f"{'; '.join(reasons)}, but then {wrong} cannot be darker than {right} anywhere")
 
 
 def light_kinds(scene: Scene) -> frozenset[str]:
-    """What this scene may have of the light that integrators leave out; of what is not sure, it is said to have it."""
+    """Which kinds of light that integrators omit this scene may have; when in doubt, a kind is included."""
     types = [scene.materials[shape.material].type if shape.material else "" for shape in scene.shapes]
     diffuse = [
         shape
@@ -94,7 +94,7 @@ def _black(scene: Scene, material: str) -> bool:
 
 
 def _missing(name: str, other: str, scene: Scene) -> list[str]:
-    """Light of this scene that `name` leaves out and `other` does not; kinds not known here count as the scene's."""
+    """Light of this scene that `name` omits and `other` does not; kinds not known here count as present."""
     judged = {BETWEEN_DIFFUSE, CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE}
     has = light_kinds(scene)
     out = [kind for kind in INTEGRATORS[name].leaves_out if kind in has or kind not in judged]

@@ -1,4 +1,4 @@
-"""Speed, measured so that it can be believed: the same scenes for clrender and its peers, runs in turns, ratios."""
+"""Benchmark: the same scenes for clrender and its peers, runs in turns, ratios."""
 
 from clrender.bench.measure import Run, measure, summary
 from clrender.bench.peers import PEERS, Peer, peer_from

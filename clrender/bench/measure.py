@@ -1,4 +1,4 @@
-"""Runs taken in turns, so that what else the machine does falls on all alike, and what they come to."""
+"""Runs in turns, so that other load on the machine affects all alike, and their medians."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ import numpy.typing as npt
 import clrender
 from clrender.bench.peers import OWN, SEGMENTS, Task
 from clrender.bench.scenes import write_scene
+from clrender.image.compare import relative_squared_error
 
 if TYPE_CHECKING:
     from clrender.bench.peers import Peer
@@ -40,12 +41,12 @@ class Run:
     repeat : int
         Which turn, from 0.
     wall_seconds, cpu_seconds : float
-        Of the render, by all threads: without start, reading the scene and compilers. clrender's are with its tree and
-        upload, peers' without.
+        Of the render, by all threads: without start, reading the scene and compiling. clrender's include building its
+        BVH and uploading the scene, peers' do not.
     paths : int
     details : dict
-        What the renderer says of itself: its version, set-up, tree and compile seconds, rays, memory; and ``rel_mse``
-        where there is a reference.
+        Reported by the renderer: version, set-up, BVH and compile seconds, rays, memory; and ``rel_mse`` where there is
+        a reference.
     """
 
     scene: str
@@ -58,18 +59,18 @@ class Run:
 
     @property
     def rate(self) -> float:
-        """Million paths a second of CPU time, times the processors: what an idle machine would give."""
+        """Million paths per second of CPU time, times the number of processors: the rate of an idle machine."""
         return self.paths * _processors() / self.cpu_seconds / 1e6
 
     @property
     def ray_rate(self) -> float | None:
-        """Million rays a second, likewise; None where they are not counted."""
+        """Million rays per second, likewise; None where they are not counted."""
         rays = self.details.get("rays")
         return None if rays is None else rays * _processors() / self.cpu_seconds / 1e6
 
     @property
     def efficiency(self) -> float | None:
-        """1 / (relative error × seconds), likewise; None without a reference."""
+        """1 / (relMSE × seconds), likewise; None without a reference."""
         error = self.details.get("rel_mse")
         return None if error is None else _processors() / (error * self.cpu_seconds)
 
@@ -92,14 +93,14 @@ class Run:
 
 
 def relative_error(image: npt.NDArray[Any], reference: npt.NDArray[Any]) -> float:
-    """Mean of squared errors over the reference's square plus 0.01; the last row is left out, which one peer lacks.
+    """relMSE without the last row of pixels, which LuxCore's film lacks.
 
     Parameters
     ----------
     image, reference : (H, W, 3) float
     """
     x, r = image[:-1].astype(np.float64), reference[:-1].astype(np.float64)
-    return float(((x - r) ** 2 / (r * r + 0.01)).mean())
+    return relative_squared_error(x - r, r)
 
 
 def measure(
@@ -120,11 +121,11 @@ def measure(
     task : Task
         Size and samples, and whether errors are wanted.
     repeats : int
-        Turns; one more comes first and does not count, so that everything is compiled and read.
+        Turns; an uncounted one comes first, so that everything is compiled and cached.
     device : str, optional
         clrender's.
     done : callable, optional
-        Told every run that counts, as soon as it has ended.
+        Receives every counted run as soon as it has ended.
 
     Raises
     ------
@@ -171,7 +172,7 @@ def _measure_scene(
 
 
 def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Median and spread of each renderer on each scene, and the medians, turn by turn, of clrender over a peer.
+    """Median and range of each renderer on each scene, and the median ratio, turn by turn, of clrender to each peer.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ def set_up(one: Job) -> None:
 
 
 def seconds_in(path: Path) -> float | None:
-    """The time that Cycles itself says its rendering took, without setting up: in the file's header."""
+    """Render time without set-up as Cycles reports it, in the header of the image file."""
     header = path.read_bytes()[:65536]
     found = re.search(rb"cycles\.[^\0]*?\.render_time\0string\0(.{4})([0-9:.]+)", header, re.S)
     if found is None:

@@ -1,4 +1,4 @@
-"""How fast Embree alone finds hits, one ray at a time, of rays frozen from diffuse paths in a benchmark scene.
+"""Rays per second of Embree alone, one ray at a time, with rays recorded from diffuse paths in a benchmark scene.
 
 Run by a Python that has embreex. Nothing is shaded while it is timed, so it bounds renderers. See peer_scene.py.
 """

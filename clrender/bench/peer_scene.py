@@ -1,4 +1,4 @@
-"""What every peer's script shares: the command line, the scene as meshes, the answer. Needs NumPy, not clrender."""
+"""Shared by the peers' scripts: command line, scene as meshes, result. Needs NumPy, not clrender."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Job", "Part", "answer", "camera_of", "job", "parts_of", "timed"]
 
 @dataclass(frozen=True)
 class Job:
-    """One render: `variant` of the peer, scene, size, samples a pixel, segments of a path, where the image goes."""
+    """One render: `variant` of the peer, scene, size, samples per pixel, segments of a path, output path."""
 
     variant: str
     scene: Path
@@ -31,7 +31,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Part:
-    """Shapes of one material and emission as one mesh, as a person would model them.
+    """Shapes of one material and emission as one mesh, as in an ordinary scene.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ def camera_of(one: Job) -> dict[str, Any]:
 
 
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
-    """The scene's meshes, and its spheres as the scene file has them but with their material in full."""
+    """The scene's meshes, and its spheres as in the scene file, with their materials resolved."""
     described = json.loads(one.scene.read_text(encoding="utf-8"))
     materials = described["materials"]
     parts, spheres = [], []
@@ -92,7 +92,7 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
-    """What `work` gives, and the wall and CPU seconds that it took."""
+    """The result of `work`, and its elapsed and CPU seconds."""
     wall, cpu = time.perf_counter(), time.process_time()
     result = work()
     return result, time.perf_counter() - wall, time.process_time() - cpu

@@ -1,4 +1,4 @@
-"""Other renderers, each run by a Python of its own, where it is installed and clrender need not be."""
+"""Other renderers, each run by a Python of its own, which need not have clrender."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ __all__ = ["OWN", "PEERS", "SEGMENTS", "Peer", "Task", "peer_from"]
 
 OWN: Final = "clrender"
 SEGMENTS: Final = 14
-"""Of a path, from the camera to a light: the depth at which renderers are compared, without roulette."""
+"""Segments of a path from the camera to a light: the depth at which renderers are compared, without roulette."""
 _FOLDER: Final = Path(__file__).resolve().parent
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """A peer's script in this folder, what it is told before the task, and what has to be known of it."""
+    """A peer's script in this folder, its variant, and its limitations."""
 
     script: str
     variant: str
     spheres: bool = True
-    """Whether it has spheres that are no triangles."""
+    """Whether it has analytic spheres."""
     no_opencl: bool = False
     """Whether it fails where it finds OpenCL drivers."""
 
@@ -41,20 +41,20 @@ PEERS: Final[Mapping[str, _Kind]] = {
     "cycles-tree": _Kind("peer_cycles.py", "tree", spheres=False),
     "embree": _Kind("peer_embree.py", "rays", spheres=False),
 }
-"""Other renderers by name; ``embree`` only finds hits."""
+"""Other renderers by name; ``embree`` only traces rays."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What every renderer is to do: so many pixels and samples, paths of `SEGMENTS`, no roulette, no filter."""
+    """The render that all are given: pixels, samples, paths of `SEGMENTS`, no roulette, box filter."""
 
     width: int
     height: int
     spp: int
     errors: bool = False
-    """Whether images are compared with a reference of clrender's own, of 64 times the samples."""
+    """Whether images are compared with a reference by clrender with 64 times the samples."""
     light_sampler: str = "auto"
-    """Of clrender; Mitsuba picks each light alike."""
+    """Of clrender; Mitsuba picks lights uniformly."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Peer:
 
     @property
     def spheres(self) -> bool:
-        """Whether it has spheres; else it is given the scene with triangles for them."""
+        """Whether it has analytic spheres; else its scene has triangle meshes for them."""
         return PEERS[self.name].spheres
 
     def run(self, scene: Path, task: Task, image: Path) -> dict[str, Any]:
@@ -108,7 +108,9 @@ class Peer:
             raise RenderError(f"{self.name} failed with exit status {done.returncode}: {last}")
         lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
         if not lines:
-            raise RenderError(f"{self.name} gave no answer; is the script of another version?")
+            raise RenderError(
+                f"{self.name} printed no result; the peer's script and this clrender may be of different versions"
+            )
         answer: dict[str, Any] = json.loads(lines[-1])
         return answer
 
@@ -123,5 +125,5 @@ def peer_from(text: str) -> Peer:
     """
     name, _, python = text.partition("=")
     if name not in PEERS or not python:
-        raise UsageError(f"{text!r} is no peer; write NAME=PYTHON with one of {', '.join(PEERS)}")
+        raise UsageError(f"{text!r} is not a peer; write NAME=PYTHON with one of {', '.join(PEERS)}")
     return Peer(name, python)

@@ -1,4 +1,4 @@
-"""The benchmark's scenes: a closed room with a mirror sphere and, each in its own way, what makes renderers slow.
+"""The benchmark's scenes: a closed room with a mirror sphere, and in each one a different load.
 
 They are made anew by the same formulae everywhere, as scene files with meshes beside them that other programs read too.
 """
@@ -18,15 +18,15 @@ from clrender.errors import UsageError
 __all__ = ["SCENES", "write_scene"]
 
 SCENES: Final[Mapping[str, str]] = {
-    "S1": "two lights over a cube, a diffuse and a mirror sphere",
-    "S1-tess": "the same, each sphere 5,120 smooth triangles",
+    "S1": "a closed room with two lights, a cube, a diffuse and a mirror sphere",
+    "S1-tess": "S1, each sphere 5,120 smooth-shaded triangles",
     "S2": "S1 with a glass sphere",
-    "S2-tess": "S2, each sphere 5,120 smooth triangles",
-    "S3-10k": "S1 with a bumpy body of 9,680 triangles for the cube",
-    "S3-100k": "of 100,820",
-    "S3-1M": "of 1,003,520",
-    "S3-4M": "of 3,996,180",
-    "S4": "S1 lit by a thousand small triangles",
+    "S2-tess": "S2, each sphere 5,120 smooth-shaded triangles",
+    "S3-10k": "S1 with a mesh of 9,680 triangles in place of the cube",
+    "S3-100k": "the same with 100,820 triangles",
+    "S3-1M": "the same with 1,003,520 triangles",
+    "S3-4M": "the same with 3,996,180 triangles",
+    "S4": "S1 lit by a thousand small triangles in place of the two lights",
 }
 _FREQUENCY: Final = {"S3-10k": 22, "S3-100k": 71, "S3-1M": 224, "S3-4M": 447}
 _SPHERE_FREQUENCY: Final = 16
@@ -53,14 +53,14 @@ def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:
     name : str
         One of `SCENES`.
     folder : Path
-        Where to; has to exist.
+        Output folder; has to exist.
     triangles : bool
-        Spheres as triangles, whatever the scene: for renderers that have no others.
+        Spheres as triangles in any scene, for renderers without analytic spheres.
 
     Returns
     -------
     Path
-        Of the scene file.
+        The scene file.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def _many_lights() -> list[dict[str, Any]]:
 
 
 def _geodesic(frequency: int) -> tuple[Points, Corners]:
-    """Unit sphere of 20 `frequency`² triangles: an icosahedron whose faces are cut into a grid and blown up."""
+    """Unit sphere of 20 `frequency`² triangles: an icosahedron, subdivided and projected onto the sphere."""
     t = (1.0 + 5.0**0.5) / 2.0
     signs = [(a, b) for a in (-1.0, 1.0) for b in (-t, t)]
     corners = np.array([p for a, b in signs for p in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))])
@@ -159,7 +159,7 @@ def _geodesic(frequency: int) -> tuple[Points, Corners]:
 
 
 def _bumps(p: Points) -> Points:
-    """Radius of the bumpy body over that of the sphere."""
+    """Radius of the displaced sphere relative to the sphere."""
     k = 24.0
     large = np.sin(k * p[:, 0]) * np.sin(k * p[:, 1] + 1.0) * np.sin(k * p[:, 2] + 2.0)
     small: Points = np.sin(6.0 * k * p).prod(1)

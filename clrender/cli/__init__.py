@@ -35,6 +35,7 @@ COMMANDS: Final[dict[str, str]] = {
     "tonemap": "Turn a linear image into one for display.",
     "compare": "Measure how far an image is from a reference.",
     "report": "Reproduce the founding report: its table, its figures, and what holds of it.",
+    "merge": "Unite films of one render into one.",
     "radiosity": "Animate a diffuse scene: a shape moves and its light follows.",
     "bench": "Measure how fast clrender is here, with its peers beside it.",
 }

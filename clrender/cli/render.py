@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +15,15 @@ from click.core import ParameterSource
 from clrender.cli import STARTED
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import allow_path_option, setting_options, tone_options
+from clrender.cli.options import shard as parse_shard
 from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct, check_image_size, scene_files
 from clrender.cli.progress import ProgressDisplay, ProgressLike, duration, quantity
-from clrender.errors import ClrenderError, UsageError
-from clrender.settings import settings_for
+from clrender.errors import ClrenderError, RenderError, UsageError
 
 if TYPE_CHECKING:
-    from clrender.rendering import RenderedImage
-    from clrender.scene import Scene
+    from clrender.job import RenderJob
+    from clrender.rendered_image import RenderedImage
 
 __all__ = ["render"]
 
@@ -53,6 +53,12 @@ __all__ = ["render"]
 @setting_options
 @tone_options
 @click.option("--aov", metavar="LIST", help="Layers of an .exr: albedo,normal,depth,position,object,material,samples.")
+@click.option(
+    "--shard",
+    type=parse_shard,
+    metavar="I/N",
+    help="The I-th of N disjoint parts of the samples, to a .film for `clrender merge`.",
+)
 @click.option("--denoise", is_flag=True, help="Remove noise with Open Image Denoise; introduces bias.")
 @click.option(
     "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
@@ -71,6 +77,7 @@ def render(
     tone_map: str,
     exposure: float,
     aov: str | None,
+    shard: tuple[int, int] | None,
     denoise: bool,
     stats: Path | None,
     quiet: bool,
@@ -87,6 +94,8 @@ def render(
     check_distinct(written, [Path(scene)])
     layers = _layers(aov, outputs)
     with interruptible() as interrupt:
+        from clrender.job import RenderJob
+        from clrender.rendered_image import IncompleteRender
         from clrender.scene import load
 
         begun = time.perf_counter()
@@ -94,13 +103,16 @@ def render(
         load_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
-        wanted = settings_for(description, size, chosen)
-        check_image_size(outputs, wanted.width, wanted.height)
-        chosen |= {"width": wanted.width, "height": wanted.height}
-        chosen |= ({"aov": layers} if layers else {}) | ({"denoise": True} if denoise else {})
+        job = RenderJob.of(description, size=size, aov=layers, denoise=denoise, **chosen)
+        job = job.shard(*shard) if shard else job
+        check_image_size(outputs, job.settings.width, job.settings.height)
         called = time.perf_counter()
         keep_film = any(path.suffix.lower() == ".film" for path in outputs)
-        image = _run(description, devices, interrupt, quiet, keep_film, chosen)
+        failure = None
+        try:
+            image = _run(job, devices, interrupt, quiet, keep_film)
+        except IncompleteRender as error:
+            failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
             click.echo("error: interrupted before the first sample; nothing was written", err=True)
             sys.exit(interrupt.exit_code)
@@ -109,6 +121,8 @@ def render(
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
         _write(image, outputs, tone_map, exposure, stats)
     click.echo(_result_line(image, outputs))
+    if failure is not None:
+        raise RenderError(f"{failure}; {' '.join(map(str, outputs))} holds what was finished by then")
     if interrupt.wanted():
         sys.exit(interrupt.exit_code)
 
@@ -128,6 +142,9 @@ def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | No
         if given and not endings.intersection(DISPLAY_ENDINGS):
             option = name.replace("_", "-")
             raise UsageError(f"--{option}: only .png and .jpg files are tone-mapped; name one with -o, or leave it out")
+    if ctx.params["shard"] and not endings.issubset(FILM_ENDINGS):
+        other = next(path for path in outputs if path.suffix.lower() not in FILM_ENDINGS)
+        raise UsageError(f"{other}: a shard holds a part of the samples; write it to a .film, for `clrender merge`")
     if ctx.params["denoise"] and endings.issubset(FILM_ENDINGS):
         raise UsageError("--denoise: a .film holds the exact sums; name another output with -o, or leave it out")
 
@@ -146,14 +163,7 @@ def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
     return layers
 
 
-def _run(
-    description: Scene,
-    devices: Sequence[str],
-    interrupt: Interrupt,
-    quiet: bool,
-    keep_film: bool,
-    settings: Mapping[str, Any],
-) -> RenderedImage:
+def _run(job: RenderJob, devices: Sequence[str], interrupt: Interrupt, quiet: bool, keep_film: bool) -> RenderedImage:
     from clrender.rendering import render as render_scene
 
     with ProgressDisplay(quiet=quiet) as display:
@@ -164,13 +174,12 @@ def _run(
             display(progress)
 
         return render_scene(
-            description,
+            job,
             device=list(devices) or None,
             on_progress=on_progress,
             should_stop=interrupt.wanted,
             notify=display.say,
             keep_film=keep_film,
-            **settings,
         )
 
 
@@ -206,13 +215,14 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     """What there is now, in one line."""
     numbers = image.stats
     height, width = image.linear.shape[:2]
-    total = width * height * numbers["spp"]
+    wanted = numbers.get("sample_count", numbers["spp"])
+    total = width * height * wanted
     held = image.film.samples
     parts = [f"{' '.join(map(str, outputs))}: {width}x{height}"]
     if image.interrupted:
         parts.append(f"stopped early with {held} of {total} samples ({held / (width * height):.3g} a pixel)")
     else:
-        parts.append(f"{numbers['spp']} samples a pixel")
+        parts.append(f"{wanted} samples a pixel")
     seconds = numbers["render_seconds"]
     speed = quantity(held / seconds) if seconds > 0 else "-"
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))

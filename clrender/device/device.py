@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -153,6 +153,7 @@ class Device:
         self.launches = 0
         self.builds = 0
         self._held_bytes = 0
+        self._buffers: set[Buffer] = set()
         self._sentinel = Sentinel()
         self._programs: dict[tuple[str, tuple[tuple[str, str], ...]], Program] = {}
 
@@ -217,7 +218,9 @@ class Device:
         handle = self._call(f"a buffer of {_mib(size)}", lambda: self._create(size))
         self._held_bytes += size
         self.allocated_bytes = max(self.allocated_bytes, self._held_bytes)
-        return Buffer(handle, size)
+        buffer = Buffer(handle, size)
+        self._buffers.add(buffer)
+        return buffer
 
     def _create(self, size: int) -> cl.Buffer:
         handle = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, size)
@@ -231,8 +234,19 @@ class Device:
 
     def release(self, buffer: Buffer) -> None:
         """Give the memory of a buffer back; the buffer must not be used again."""
-        buffer.handle.release()
+        self._buffers.discard(buffer)
         self._held_bytes -= buffer.nbytes
+        buffer.handle.release()
+
+    @property
+    def buffers(self) -> frozenset[Buffer]:
+        """Those that are not released yet."""
+        return frozenset(self._buffers)
+
+    def release_but(self, kept: Collection[Buffer]) -> None:
+        """Release every buffer that is not among these: what an error left behind."""
+        for buffer in self.buffers - set(kept):
+            self.release(buffer)
 
     def launch(
         self,
@@ -336,6 +350,11 @@ class Device:
         """
         self._call("waiting for its queue", self._queue.finish)
         self._sentinel.take()
+
+    def close(self) -> None:
+        """Give programs, queue and context back; the device must not be used again."""
+        self._programs.clear()
+        del self._queue, self._context
 
     def _call(self, what: str, function: Callable[[], _T]) -> _T:
         try:

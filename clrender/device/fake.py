@@ -61,6 +61,7 @@ class FakeDevice(Device):
         self.fail_build = fail_build
         self.seconds = seconds
         self._held_bytes = 0
+        self._buffers: set[Buffer] = set()
         self._programs: dict[Any, Program] = {}
 
     def program(self, entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
@@ -82,10 +83,13 @@ class FakeDevice(Device):
         size = max(nbytes, 16)
         self._held_bytes += size
         self.allocated_bytes = max(self.allocated_bytes, self._held_bytes)
-        return Buffer(np.full(size, 0xA5, np.uint8), size)
+        buffer = Buffer(np.full(size, 0xA5, np.uint8), size)
+        self._buffers.add(buffer)
+        return buffer
 
     def release(self, buffer: Buffer) -> None:
         """Count the memory as free."""
+        self._buffers.discard(buffer)
         self._held_bytes -= buffer.nbytes
 
     def launch(
@@ -115,6 +119,10 @@ class FakeDevice(Device):
     def write(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Copy `array` to the start of `buffer`."""
         buffer.handle[: array.nbytes] = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+
+    def close(self) -> None:
+        """Forget the programs."""
+        self._programs.clear()
 
     def finish(self) -> None:
         """Do nothing: launches are done when they return."""

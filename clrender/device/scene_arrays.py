@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clrender.device import bvh
 from clrender.resources import kernels_folder
@@ -90,6 +91,10 @@ class SceneArrays:
         if count:
             program = self._device.program("geometry/rows.cl", {"LANES": 1})
             self._device.launch(program, f"rows_{name}", -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
+
+    def look(self, camera: NDArray[np.void]) -> None:
+        """Take another camera, a (1,) `Camera`."""
+        self._device.write(self.buffers["camera"], camera)
 
     def release(self) -> None:
         """Give the device's memory back."""

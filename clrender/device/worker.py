@@ -5,24 +5,27 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
 from clrender.device.bvh import STACK
+from clrender.device.preparation import DevicePreparation
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
-from clrender.film.unit import BLOCK, Unit, UnitSums
-from clrender.integrators import INTEGRATORS, Integrator
+from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
+from clrender.integrators.descriptor import Pipeline
+from clrender.integrators.path import INTEGRATOR as PATH
 
 if TYPE_CHECKING:
     from clrender.device.bvh import Bvh
     from clrender.device.device import Argument, Buffer, Device, Program
     from clrender.flatten import FlatScene
 
-__all__ = ["DeviceWorker", "LaunchConfig", "Preparation", "probe_hash"]
+__all__ = ["DeviceWorker", "LaunchConfig", "most_lanes", "probe_hash"]
 
 SLICE_SECONDS: Final = 0.15
 """What a launch should last: short enough for progress, Ctrl-C and drivers with a watchdog."""
@@ -44,8 +47,6 @@ loops of a work-item): a work-item then gets one sample, and one that is not del
 
 _NO_PREFETCH: Final = ("oclgrind",)
 """Platforms that do not know the instruction which asks for memory ahead: an interpreter."""
-
-_BLOCK_SLOTS: Final = BLOCK * BLOCK
 
 
 @dataclass(frozen=True)
@@ -70,18 +71,29 @@ class LaunchConfig:
     traversal: str | None = None
 
 
-class Preparation(Protocol):
-    """What an integrator computes, on a device, before it makes samples."""
+class Scratch:
+    """Buffers of a device that are kept from launch to launch, and from worker to worker.
 
-    def arguments(self, sample: int) -> Sequence[Argument]:
-        """What the kernel takes after its own parameters, for this sample of the pixels (and any after it, unless the
-        integrator goes sample by sample). The queue is empty on return."""
+    Fresh memory costs more than rendering into it.
+    """
 
-    def take_rays(self) -> int:
-        """Rays traced for that since this was last asked."""
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._kept: dict[str, Buffer] = {}
+
+    def buffer(self, name: str, nbytes: int) -> Buffer:
+        """The buffer of that name, of `nbytes` bytes at least, contents undefined."""
+        kept = self._kept.get(name)
+        if kept is None or kept.nbytes < nbytes:
+            if kept is not None:
+                self._device.release(self._kept.pop(name))
+            kept = self._kept[name] = self._device.empty(nbytes)
+        return kept
 
     def release(self) -> None:
         """Give the device's memory back."""
+        while self._kept:
+            self._device.release(self._kept.popitem()[1])
 
 
 class DeviceWorker:
@@ -93,12 +105,16 @@ class DeviceWorker:
     scene : FlatScene
     settings : (1,) `Settings`
         What depends on the scene is filled in here.
-    integrator : Integrator
-    cut : LaunchConfig
+    pipeline : Pipeline
+    launch : LaunchConfig
     prepare : callable, optional
-        Makes what the integrator needs beside the scene, given this worker.
+        Makes what the pipeline needs beside the scene, given this worker.
     tree : Bvh, optional
-        Over a part of the scene, where the integrator's kernels know of the rest; it stays its owner's.
+        Over a part of the scene, where the pipeline's kernels know of the rest; it stays its owner's.
+    arrays : SceneArrays, optional
+        The scene as it is on the device already; it stays its owner's.
+    scratch : Scratch, optional
+        Likewise.
 
     Attributes
     ----------
@@ -112,7 +128,7 @@ class DeviceWorker:
     Raises
     ------
     RenderError, DeviceError
-        When the device has not the memory, or its driver fails.
+        When the device has not the memory, or its driver fails. Nothing stays on the device then.
     """
 
     def __init__(
@@ -120,46 +136,60 @@ class DeviceWorker:
         device: Device,
         scene: FlatScene,
         settings: npt.NDArray[np.void],
-        integrator: Integrator = INTEGRATORS["path"],
-        cut: LaunchConfig | None = None,
-        prepare: Callable[[DeviceWorker], Preparation] | None = None,
+        pipeline: Pipeline = PATH.pipeline,
+        launch: LaunchConfig | None = None,
+        prepare: Callable[[DeviceWorker], DevicePreparation] | None = None,
+        *,
         tree: Bvh | None = None,
+        arrays: SceneArrays | None = None,
+        scratch: Scratch | None = None,
     ) -> None:
-        cut = cut or LaunchConfig()
+        launch = launch or LaunchConfig()
         self.device = device
-        self.name = device.info.title
         self.busy_seconds = 0.0
-        begin = time.perf_counter()
-        self._arrays = SceneArrays(device, scene, tree)
-        self._settings = settings.copy()
-        self._settings["triangle_count"] = scene.triangle_count
-        self._settings["primitive_count"] = scene.triangle_count + scene.analytic_count
-        self._settings["light_count"] = scene.light_count
-        self._settings["environment"] = scene.environment
-        self._settings["light_levels"] = scene.light_levels
-        self._settings["lights_equal"] = bool((scene.arrays["lights"]["alias_threshold"] >= 1.0).all())
-        self._settings_buffer = device.upload(self._settings)
-        self.build_seconds = time.perf_counter() - begin
-        self.lanes = cut.lanes or _lanes(device)
-        self._parts = self.lanes >= 4 and self._arrays.tree.node_count > _SMALL_TREE
-        self._packets = integrator.packets if self._parts else 1
-        self._group = cut.work_group or min(_work_group(device, self.lanes, self._packets), device.max_work_group)
-        self._per_pass = cut.samples_per_pass
-        platform = device.info.platform.lower()
-        self._short_loops = any(name in platform for name in _SHORT_LOOPS)
-        self._prefetches = self._parts and not any(name in platform for name in _NO_PREFETCH)
-        self._defined = self._defines(cut)
-        self._integrator = integrator
-        self._program = device.program(integrator.entry, {**self._defined, "PACKETS": self._packets})
-        self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
-        self._rate = 0.0
-        self._kept: dict[str, Buffer] = {}
-        named = {**self._arrays.buffers, "settings": self._settings_buffer}
-        self.scene_arguments = [named[name] for name in scene_array_names()]
-        self._preparation = prepare(self) if prepare else None
+        self._owned = ExitStack()
+        with ExitStack() as undone:
+            undone.callback(self._owned.close)
+            begin = time.perf_counter()
+            self._arrays = arrays or SceneArrays(device, scene, tree)
+            if arrays is None:
+                self._owned.callback(self._arrays.release)
+            self._scratch = scratch or Scratch(device)
+            if scratch is None:
+                self._owned.callback(self._scratch.release)
+            self._settings = settings.copy()
+            self._settings["triangle_count"] = scene.triangle_count
+            self._settings["primitive_count"] = scene.triangle_count + scene.analytic_count
+            self._settings["light_count"] = scene.light_count
+            self._settings["environment"] = scene.environment
+            self._settings["light_levels"] = scene.light_levels
+            self._settings["lights_equal"] = bool((scene.arrays["lights"]["alias_threshold"] >= 1.0).all())
+            self._settings_buffer = self._scratch.buffer("settings", self._settings.nbytes)
+            device.write(self._settings_buffer, self._settings)
+            self.build_seconds = time.perf_counter() - begin
+            self.lanes = launch.lanes or _lanes(device)
+            self._parts = self.lanes >= 4 and self._arrays.tree.node_count > _SMALL_TREE
+            self._packets = pipeline.packets if self._parts else 1
+            group = launch.work_group or _work_group(device, self.lanes, self._packets)
+            self._group = group if launch.work_group else min(group, device.max_work_group)
+            self._per_pass = launch.samples_per_pass
+            platform = device.info.platform.lower()
+            self._short_loops = any(name in platform for name in _SHORT_LOOPS)
+            self._prefetches = self._parts and not any(name in platform for name in _NO_PREFETCH)
+            self._defined = self._defines(launch)
+            self._pipeline = pipeline
+            self._program = device.program(pipeline.entry, {**self._defined, "PACKETS": self._packets})
+            self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
+            self._rate = 0.0
+            named = {**self._arrays.buffers, "settings": self._settings_buffer}
+            self.scene_arguments = [named[name] for name in scene_array_names()]
+            self._preparation = prepare(self) if prepare else None
+            if self._preparation:
+                self._owned.callback(self._preparation.release)
+            undone.pop_all()
 
     def program(self, entry: str) -> Program:
-        """A kernel file that reads the scene, built for this scene and cut."""
+        """A kernel file that reads the scene, built for this scene and launch."""
         return self.device.program(entry, self._defined)
 
     def padded(self, items: int) -> int:
@@ -174,9 +204,9 @@ class DeviceWorker:
         """The same over so many things, one in every lane."""
         self.launch(program, kernel, self.padded(-(-count // self.lanes)), arguments)
 
-    def _defines(self, cut: LaunchConfig) -> dict[str, int | str]:
+    def _defines(self, launch: LaunchConfig) -> dict[str, int | str]:
         defines: dict[str, int | str] = {"LANES": self.lanes}
-        if cut.traversal == "single":
+        if launch.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
@@ -216,46 +246,37 @@ class DeviceWorker:
         RenderError
             When the driver fails.
         """
-        device, slots = self.device, unit.slot_count
-        sums, counts = self._buffer("sums", 48 * slots), self._buffer("counts", 4 * slots)
+        slots = unit.slot_count
+        sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
         self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
-        blocks_inside = self._inside(unit)
-        samples = rays = shadow_rays = deepest = done = 0
-        complete = True
-        while done < unit.sample_count and complete:
-            passes = self._passes(slots, unit.sample_count - done)
+        pixels = unit.pixels(int(self._settings["width"][0]), int(self._settings["height"][0]))
+        done = np.zeros(slots // BLOCK_SLOTS, np.uint32)
+        rays = shadow_rays = deepest = finished = 0
+        while finished < unit.sample_count:
+            passes = self._passes(slots, unit.sample_count - finished)
             start = 0
             while start < slots:
                 if should_stop is not None and should_stop():
-                    complete = False
-                    break
+                    return UnitSums(*self._read(sums, counts, slots), done, rays, shadow_rays, deepest)
                 length = self._slice_slots(slots - start, passes)
-                part = Unit(unit.first_slot + start, length, unit.first_sample + done, passes)
+                part = Unit(unit.first_slot + start, length, unit.first_sample + finished, passes, unit.tile)
                 counted = self._slice(part, start, sums, counts)
-                traced = int(blocks_inside[start // _BLOCK_SLOTS : -(-(start + length) // _BLOCK_SLOTS)].sum()) * passes
-                samples += traced
+                blocks = slice(start // BLOCK_SLOTS, (start + length) // BLOCK_SLOTS)
+                done[blocks] += np.uint32(passes)
                 rays += counted[0] + counted[1]
                 shadow_rays += counted[1]
                 deepest = max(deepest, counted[2])
                 start += length
                 if on_slice is not None:
-                    on_slice(traced, counted[0] + counted[1])
-            if complete:
-                done += passes
-        result = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
-        device.read(sums, result[0])
-        device.read(counts, result[1])
-        return UnitSums(*result, samples, rays, shadow_rays, deepest, complete)
+                    on_slice(int(pixels[blocks].sum()) * passes, counted[0] + counted[1])
+            finished += passes
+        return UnitSums(*self._read(sums, counts, slots), done, rays, shadow_rays, deepest)
 
-    def _inside(self, unit: Unit) -> npt.NDArray[np.int64]:
-        """How many slots of each block of a unit are in the image."""
-        width, height, tile = (int(self._settings[name][0]) for name in ("width", "height", "tile"))
-        first, across, blocks = unit.first_slot // _BLOCK_SLOTS, -(-width // tile), tile // BLOCK
-        number, block = np.divmod(np.arange(first, first + unit.slot_count // _BLOCK_SLOTS), blocks * blocks)
-        columns = width - (number % across * tile + block % blocks * BLOCK)
-        rows = height - (number // across * tile + block // blocks * BLOCK)
-        inside: npt.NDArray[np.int64] = np.clip(columns, 0, BLOCK) * np.clip(rows, 0, BLOCK)
-        return inside
+    def _read(self, sums: Buffer, counts: Buffer, slots: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
+        result = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
+        self.device.read(sums, result[0])
+        self.device.read(counts, result[1])
+        return result
 
     def _slice(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> tuple[int, int, int]:
         """One launch, and its samples added up; gives its nearest-hit rays, shadow rays and deepest path."""
@@ -263,16 +284,17 @@ class DeviceWorker:
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
         items = self.padded(-(-part.slot_count // (self.lanes * self._packets)))
-        samples = self._buffer("samples", 12 * part.slot_count * part.sample_count)
-        stats = self._buffer("stats", 16 * items)
+        samples = self._scratch.buffer("samples", 12 * part.slot_count * part.sample_count)
+        stats = self._scratch.buffer("stats", 16 * items)
         if self._short_loops:
             device.write(samples, np.full(3 * part.slot_count * part.sample_count, np.nan, np.float32))
         span = [
             np.uint32(number) for number in (part.first_slot, part.slot_count, part.first_sample, part.sample_count)
         ]
-        if self._integrator.record_bytes:
-            more.append(self._buffer("records", self._integrator.record_bytes * part.slot_count * part.sample_count))
-        for kernel in (self._integrator.kernel, *self._integrator.then):
+        if self._pipeline.record_bytes:
+            record_bytes = self._pipeline.record_bytes * part.slot_count * part.sample_count
+            more.append(self._scratch.buffer("records", record_bytes))
+        for kernel in (self._pipeline.kernel, *self._pipeline.then):
             self.launch(self._program, kernel, items, [*span, samples, stats, *more])
         head: list[Buffer | np.generic] = [
             self._settings_buffer,
@@ -294,7 +316,7 @@ class DeviceWorker:
         )
 
     def _prepared(self, sample: int) -> tuple[list[Argument], int]:
-        """What the integrator's kernel takes beside its own, and the rays that took."""
+        """What the pipeline's kernel takes beside its own, and the rays that took."""
         if self._preparation is None:
             return [], 0
         begin = time.perf_counter()
@@ -302,18 +324,9 @@ class DeviceWorker:
         self.busy_seconds += time.perf_counter() - begin
         return arguments, self._preparation.take_rays()
 
-    def _buffer(self, name: str, nbytes: int) -> Buffer:
-        """A buffer kept for all launches, because fresh memory costs more than rendering into it."""
-        kept = self._kept.get(name)
-        if kept is None or kept.nbytes < nbytes:
-            if kept is not None:
-                self.device.release(kept)
-            kept = self._kept[name] = self.device.empty(nbytes)
-        return kept
-
     def _passes(self, slots: int, left: int) -> int:
         """Samples of a pixel in the next launches."""
-        if self._integrator.sample_by_sample or self._short_loops:
+        if self._pipeline.sample_by_sample or self._short_loops:
             return 1
         if self._per_pass is not None:
             return min(self._per_pass, left)
@@ -324,7 +337,7 @@ class DeviceWorker:
     def _slice_slots(self, left: int, passes: int) -> int:
         """Slots of the next launch, from the speed of the last; the first is small, to find the speed."""
         wanted = self._rate * SLICE_SECONDS / passes if self._rate else 4096
-        room = _SAMPLES_BYTES // ((12 + self._integrator.record_bytes) * passes)
+        room = _SAMPLES_BYTES // ((12 + self._pipeline.record_bytes) * passes)
         return min(left, max(256, int(min(wanted, room)) // 16 * 16))
 
     def _launch(self, program: Program, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:
@@ -332,14 +345,8 @@ class DeviceWorker:
         self.device.launch(program, kernel, -(-count // group) * group, group, arguments)
 
     def release(self) -> None:
-        """Give the device's memory back."""
-        if self._preparation:
-            self._preparation.release()
-        self.device.release(self._settings_buffer)
-        for buffer in self._kept.values():
-            self.device.release(buffer)
-        self._kept.clear()
-        self._arrays.release()
+        """Give back what the worker made on the device."""
+        self._owned.close()
 
 
 def most_lanes(device: Device) -> int:
@@ -395,6 +402,6 @@ def probe_hash(device: Device) -> str:
     }.items():  # fmt: skip
         settings[name] = value
     worker = DeviceWorker(device, flatten(load("room"), size, size), settings)
-    result = worker.render(Unit(0, size * size, 0, spp))
+    result = worker.render(Unit(0, size * size, 0, spp, size))
     worker.release()
     return hashlib.sha256(result.sums.astype("<u4").tobytes() + result.counts.astype("<u4").tobytes()).hexdigest()

@@ -1,16 +1,20 @@
 """The `.film` file: exact sums on disk, so that a film can be kept, resumed and merged without losing a bit.
 
-It is an uncompressed NumPy archive (`.npz`) of three members, which `numpy.load` reads too: `header` (JSON text
-as bytes), `counts` (H, W) uint32 and `sums` (H, W, 3, 2) uint64, low word first, in quanta of 2^-64.
+It is an uncompressed NumPy archive (`.npz`) of four members, which `numpy.load` reads too: `header` (JSON text
+as bytes), `ledger` (blocks,) uint32, the number of each block's set of samples in the header's table, `counts` (H, W)
+uint32 and `sums` (H, W, 3, 2) uint64, low word first, in quanta of 2^-64.
 """
 
 from __future__ import annotations
 
 import json
 import struct
+import tokenize
 import zipfile
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
+from types import TracebackType
 from typing import IO, Any, Final
 
 import numpy as np
@@ -18,13 +22,21 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 from clrender.files import atomic_write, open_input
+from clrender.film.ledger import Ledger
+from clrender.film.unit import blocks_across
 
-__all__ = ["FORMAT", "read_arrays", "read_header", "write_film"]
+__all__ = ["FORMAT", "FilmReader", "write_film"]
 
 FORMAT: Final = "clrender film 1"
 
 _HEADER_LIMIT: Final = 256 << 20
 _DAMAGES: Final = (
+    AttributeError,
+    tokenize.TokenError,
+    SyntaxError,
+    OverflowError,
+    MemoryError,
+    RecursionError,
     zipfile.BadZipFile,
     EOFError,
     KeyError,
@@ -37,7 +49,11 @@ _DAMAGES: Final = (
 
 
 def write_film(
-    path: Path, header: Mapping[str, Any], counts: npt.NDArray[np.uint32], bands: Sequence[npt.NDArray[np.uint64]]
+    path: Path,
+    header: Mapping[str, Any],
+    blocks: npt.NDArray[np.uint32],
+    counts: npt.NDArray[np.uint32],
+    bands: Sequence[npt.NDArray[np.uint64]],
 ) -> None:
     """Write a film, all of it or nothing.
 
@@ -46,7 +62,9 @@ def write_film(
     path : Path
         Where to; an existing file is replaced.
     header : mapping
-        JSON-able: width, height, request, units, provenance.
+        JSON-able: width, height, request, ledger, provenance.
+    blocks : (blocks,) uint32
+        The ledger's.
     counts : (H, W) uint32
     bands : sequence of (rows, W, 3, 2) uint64
         Sums, top first.
@@ -59,61 +77,93 @@ def write_film(
     text = json.dumps({"format": FORMAT, **header}, sort_keys=True).encode()
     with atomic_write(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
         _write_member(archive, "header", (len(text),), [np.frombuffer(text, np.uint8)])
+        _write_member(archive, "ledger", blocks.shape, [blocks])
         _write_member(archive, "counts", counts.shape, [counts])
         _write_member(archive, "sums", (*counts.shape, 3, 2), bands)
 
 
-def read_header(path: Path) -> dict[str, Any]:
-    """Header of a film, after a check that the file is as large as the film it speaks of.
+class FilmReader:
+    """An open film file. What is not as it should be becomes one sentence.
+
+    Parameters
+    ----------
+    path : Path
+
+    Attributes
+    ----------
+    header : dict
+        Checked for its keys, and against the size of the file: what it asks for takes no more memory than the file
+        is large.
 
     Raises
     ------
     UsageError
-        No such file, or not a whole film.
+        No such file, or not a whole film; from within the block, too.
     """
-    with open_input(path) as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                text = _read_member(archive, "header", None, np.dtype(np.uint8)).tobytes()
-                header = json.loads(text)
-                if not isinstance(header, dict) or header.get("format") != FORMAT:
-                    raise ValueError(f"its header does not say {FORMAT!r}")
-                width, height = header.get("width"), header.get("height")
-                if type(width) is not int or type(height) is not int or width < 1 or height < 1:
-                    raise ValueError(f"a film of {width} x {height} pixels holds nothing")
-                missing = [key for key in ("request", "units", "provenance") if not isinstance(header.get(key), dict)]
-                if missing:
-                    raise ValueError(f"its header has no {missing[0]!r}")
-                sizes = {"counts": 4 * width * height, "sums": 48 * width * height}
-                for name, size in sizes.items():
-                    if not size < archive.getinfo(f"{name}.npy").file_size < size + 65536:
-                        raise ValueError(f"{name} are not those of {width} x {height} pixels")
-        except _DAMAGES as error:
-            raise _damaged(path, error) from None
-    return header
 
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.header: dict[str, Any] = {}
 
-def read_arrays(path: Path, counts: npt.NDArray[np.uint32], bands: Sequence[npt.NDArray[np.uint64]]) -> None:
-    """Fill `counts` (H, W) and `bands` (rows, W, 3, 2) in place from a film.
+    def __enter__(self) -> FilmReader:
+        with ExitStack() as stack:
+            stack.push(self._sentence)
+            file = stack.enter_context(open_input(self.path))
+            self._archive = stack.enter_context(zipfile.ZipFile(file))
+            self.header = self._checked_header()
+            self._open = stack.pop_all()
+        return self
 
-    Raises
-    ------
-    UsageError
-        The file is not a whole film of that size.
-    """
-    with open_input(path) as file:
-        try:
-            with zipfile.ZipFile(file) as archive:
-                with archive.open(_stored(archive, "counts")) as member:
-                    _expect(member, counts.shape, np.dtype("<u4"))
-                    _fill(member, counts)
-                with archive.open(_stored(archive, "sums")) as member:
-                    _expect(member, (*counts.shape, 3, 2), np.dtype("<u8"))
-                    for band in bands:
-                        _fill(member, band)
-                    member.read(1)  # the archive's check of the whole member
-        except _DAMAGES as error:
-            raise _damaged(path, error) from None
+    def __exit__(self, *details: Any) -> None:
+        self._open.__exit__(*details)
+
+    def require(self, holds: bool, fault: str) -> None:
+        """Refuse the file, by this fault, unless something holds."""
+        if not holds:
+            raise ValueError(fault)
+
+    def ledger(self) -> Ledger:
+        """Which samples the film holds."""
+        width, height = self.header["width"], self.header["height"]
+        blocks = np.empty(blocks_across(width) * blocks_across(height), np.uint32)
+        self._fill("ledger", blocks.shape, np.dtype("<u4"), [blocks])
+        return Ledger.from_file(width, height, self.header["ledger"], blocks)
+
+    def fill(self, counts: npt.NDArray[np.uint32], bands: Sequence[npt.NDArray[np.uint64]]) -> None:
+        """Fill `counts` (H, W) and `bands` (rows, W, 3, 2) in place."""
+        self._fill("counts", counts.shape, np.dtype("<u4"), [counts])
+        self._fill("sums", (*counts.shape, 3, 2), np.dtype("<u8"), bands)
+
+    def _fill(self, name: str, shape: tuple[int, ...], kind: np.dtype[Any], arrays: Sequence[npt.NDArray[Any]]) -> None:
+        with self._archive.open(_stored(self._archive, name)) as member:
+            _expect(member, shape, kind)
+            for array in arrays:
+                _fill(member, array)
+            self.require(member.read(1) == b"", f"{name} go on too long")  # and the archive checks the whole member
+
+    def _checked_header(self) -> dict[str, Any]:
+        header = json.loads(_read_member(self._archive, "header", None, np.dtype(np.uint8)).tobytes())
+        if not isinstance(header, dict) or header.get("format") != FORMAT:
+            raise ValueError(f"its header does not say {FORMAT!r}")
+        width, height = header.get("width"), header.get("height")
+        if type(width) is not int or type(height) is not int or width < 1 or height < 1:
+            raise ValueError(f"a film of {width} x {height} pixels holds nothing")
+        missing = [key for key in ("request", "ledger", "provenance") if not isinstance(header.get(key), dict)]
+        if missing:
+            raise ValueError(f"its header has no {missing[0]!r}")
+        blocks = blocks_across(width) * blocks_across(height)
+        sizes = {"ledger": 4 * blocks, "counts": 4 * width * height, "sums": 48 * width * height}
+        for name, size in sizes.items():
+            if not size < self._archive.getinfo(f"{name}.npy").file_size < size + 65536:
+                raise ValueError(f"{name} are not those of {width} x {height} pixels")
+        return header
+
+    def _sentence(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, _DAMAGES):
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise UsageError(f"{self.path}: not a whole clrender film ({reason}); render it again.") from None
 
 
 def _write_member(
@@ -169,7 +219,3 @@ def _fill(member: IO[bytes], array: npt.NDArray[Any]) -> None:
         if len(data) != part.nbytes:
             raise EOFError("the file ends too early")
         part[:] = np.frombuffer(data, array.dtype.newbyteorder("<"))
-
-
-def _damaged(path: Path, error: Exception) -> UsageError:
-    return UsageError(f"{path}: not a whole clrender film ({error}); render it again.")

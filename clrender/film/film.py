@@ -6,6 +6,7 @@ integer. Integer addition is associative: any grouping, order, resumption or mer
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -14,13 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import RenderError, UsageError
-from clrender.film.file import read_arrays, read_header, write_film
+from clrender.film.file import FilmReader, write_film
 from clrender.film.fixed_point import QUANTUM_BITS, SAMPLE_LIMIT_BITS, to_float64
-from clrender.film.ledger import UnitSet
+from clrender.film.ledger import Ledger
+from clrender.film.unit import Unit, UnitSums, tile_slots
 
 __all__ = ["Film"]
 
-_UNIT_LIMIT: Final = 1 << (126 - QUANTUM_BITS - SAMPLE_LIMIT_BITS)
+_COUNT_LIMIT: Final = 1 << (126 - QUANTUM_BITS - SAMPLE_LIMIT_BITS)
 """Samples a pixel may hold before its sum has to be watched: fewer cannot pass 2^126 quanta."""
 
 _BAND_BYTES: Final = 64 << 20
@@ -30,53 +32,52 @@ _CHUNK: Final = 1 << 16
 """Pixels developed at a time: their temporaries stay in the cache."""
 
 _Sums = npt.NDArray[np.uint64]
-_Integers = npt.NDArray[np.integer[Any]]
+_Counts = npt.NDArray[np.uint32]
 
 
 class Film:
-    """Exact sums and sample counts of an image, and which units of work they hold.
+    """Exact sums and sample counts of an image, and the ledger of the samples they hold.
 
     Parameters
     ----------
     width, height : int
         Pixels.
     request : mapping, optional
-        What makes the image what it is, JSON-able (scene hash, seed, integrator, …). Films of different
-        requests refuse to merge.
-    cut : mapping, optional
-        How units are numbered, JSON-able; see `clrender.film.ledger.UnitSet`.
+        What makes the image what it is, JSON-able (hashes of scene and kernels, seed, integrator, …). Films of
+        different requests refuse to merge.
 
     Attributes
     ----------
     counts : (height, width) uint32
         Samples accepted so far.
-    units : UnitSet
-        Finished units; whoever adds a unit's sums records it here.
+    ledger : Ledger
+        Which samples of which pixels were taken, accepted or not.
     provenance : dict
         What the film file said about its making; empty for a film not loaded from a file.
 
     Notes
     -----
-    A pixel takes 52 bytes, in bands of rows that `develop` releases one by one. Not thread-safe.
+    A pixel takes 52 bytes, in bands of rows that `develop` releases one by one. `commit`, `snapshot`, `merge` and
+    `save` may be called from several threads at once.
     """
 
-    def __init__(
-        self, width: int, height: int, request: Mapping[str, Any] | None = None, cut: Mapping[str, Any] | None = None
-    ) -> None:
+    def __init__(self, width: int, height: int, request: Mapping[str, Any] | None = None) -> None:
         if width < 1 or height < 1:
             raise UsageError(f"a film of {width} x {height} pixels holds nothing; both sides must be at least 1.")
         self.width = width
         self.height = height
         self.request: dict[str, Any] = dict(request or {})
         self.provenance: dict[str, Any] = {}
-        self.units = UnitSet(cut)
-        self.counts: npt.NDArray[np.uint32] = np.zeros((height, width), np.uint32)
+        self.ledger = Ledger(width, height)
+        self.counts: _Counts = np.zeros((height, width), np.uint32)
         self.band_rows = max(1, min(height, _BAND_BYTES // (48 * width)))
         # A band is (rows, width, channel, low/high word); zero pages cost nothing until they are written.
         self._bands: list[_Sums | None] = [
             np.zeros((min(self.band_rows, height - top), width, 3, 2), np.uint64)
             for top in range(0, height, self.band_rows)
         ]
+        self._whole = threading.RLock()  # the sums and the ledger agree while nobody else holds it
+        self._pixels = threading.Lock()  # a pixel's sums and its count agree, likewise
 
     @property
     def samples(self) -> int:
@@ -100,44 +101,49 @@ class Film:
             raise RenderError("the film is developed and its sums are released; call mean() to keep them.")
         return [band for band in self._bands if band is not None]
 
-    def add(
-        self, rows: _Integers, columns: _Integers, sums: npt.NDArray[np.uint32], counts: npt.NDArray[np.uint32]
-    ) -> None:
-        """Add sums of some pixels, with carry.
+    def commit(self, unit: Unit, result: UnitSums) -> int:
+        """Add what was done of a unit, and record it: the only way into a film.
 
         Parameters
         ----------
-        rows, columns : (n,) integers
-            The pixels, each at most once. Whole rectangles in row-major order go fastest.
-        sums : (n, 3, 4) uint32
-            128-bit two's complement sums in quanta of 2^-64, least significant word first.
-        counts : (n,) uint32
-            Samples in each sum.
+        unit : Unit
+        result : UnitSums
+            Of the unit, whole or stopped half-way.
+
+        Returns
+        -------
+        int
+            Samples that came in, over all pixels of the image, accepted or not.
 
         Raises
         ------
+        UsageError
+            The film holds some of these samples already. It is then unchanged.
         RenderError
-            A pixel outside the film or named twice, wrong shapes, or a sum beyond the film's range. The film
-            is then unchanged, except for a sum out of range, which ends the render.
+            The sums are not of such a unit; the film is then unchanged. Or a sum is beyond the film's range, which
+            ends the render.
         """
-        n = len(rows)
-        if len(columns) != n or np.shape(sums) != (n, 3, 4) or np.shape(counts) != (n,):
+        slots = unit.slot_count
+        if result.sums.shape != (slots, 3, 4) or result.counts.shape != (slots,) or 16 * len(result.done) != slots:
             raise RenderError(
-                f"a unit of {n} pixels came with {len(columns)} columns, sums of shape {np.shape(sums)} and counts of "
-                f"shape {np.shape(counts)}; expected ({n}, 3, 4) and ({n},)."
+                f"a unit of {slots} slots came with sums of shape {result.sums.shape}, counts of shape "
+                f"{result.counts.shape} and {len(result.done)} blocks."
             )
-        if n == 0:
-            return
-        rows, columns = np.asarray(rows), np.asarray(columns)
-        if rows.min() < 0 or columns.min() < 0 or rows.max() >= self.height or columns.max() >= self.width:
-            raise RenderError(f"a unit has pixels outside its film of {self.width} x {self.height}.")
-        words = np.ascontiguousarray(sums, "<u4").view("<u8").astype(np.uint64, copy=False)  # (n, 3, 2)
-        counts = np.asarray(counts, np.uint32)
-        area = _rectangle(rows, columns)
-        if area is None:
-            self._add_scattered(rows.astype(np.int64), columns.astype(np.int64), words, counts)
-        else:
-            self._add_rectangle(area, words, counts)
+        if int(result.done.max(initial=0)) > unit.sample_count:
+            raise RenderError(f"a unit of {unit.sample_count} samples came with {int(result.done.max())}.")
+        words = np.ascontiguousarray(result.sums, "<u4").view("<u8").astype(np.uint64, copy=False)  # (slots, 3, 2)
+        area, across = unit.tile * unit.tile, -(-self.width // unit.tile)
+        with self._whole:
+            self.bands()
+            self.ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
+            for first in range(0, slots, area):
+                row, column = divmod((unit.first_slot + first) // area, across)
+                top, left = row * unit.tile, column * unit.tile
+                rows, columns = min(unit.tile, self.height - top), min(unit.tile, self.width - left)
+                if rows > 0:
+                    order = first + tile_slots(unit.tile).reshape(unit.tile, unit.tile)[:rows, :columns]
+                    self._add(top, left, words[order], result.counts[order])
+        return int((unit.pixels(self.width, self.height) * result.done).sum())
 
     def mean(self) -> npt.NDArray[np.float32]:
         """Mean of the samples of each pixel; the film stays as it is.
@@ -153,44 +159,88 @@ class Film:
         RenderError
             After `develop`.
         """
-        return self._mean(self.bands(), release=False)
+        with self._whole:
+            return self._mean(self.bands(), release=False)
 
     def develop(self) -> npt.NDArray[np.float32]:
         """Same picture as `mean`, giving back the memory of the sums on the way: 52 bytes a pixel at most.
 
         The counts stay.
         """
-        return self._mean(self.bands(), release=True)
+        with self._whole:
+            return self._mean(self.bands(), release=True)
 
-    def merge(self, other: Film) -> None:
-        """Add another film of the same request whose units are not in this one.
+    def snapshot(self, most: int = 512) -> npt.NDArray[np.float32]:
+        """A smaller picture of what is there now, for whoever watches a render.
+
+        It reads every n-th pixel of every n-th row alone, and keeps nobody who commits waiting for longer than it
+        takes to copy those.
+
+        Parameters
+        ----------
+        most : int
+            Pixels of the longer side, at most.
+
+        Returns
+        -------
+        (h, w, 3) float32
+            As `mean` of these pixels.
+
+        Raises
+        ------
+        RenderError
+            After `develop`.
+        """
+        step = max(1, -(-max(self.width, self.height) // most))
+        sums, counts = [], []
+        for index, band in enumerate(self.bands()):
+            top = index * self.band_rows
+            rows = slice(-top % step, None, step)
+            with self._pixels:
+                sums.append(band[rows, ::step].copy())
+                counts.append(self.counts[top : top + len(band)][rows, ::step].copy())
+        return _mean_of(np.concatenate(sums), np.concatenate(counts))
+
+    def merge(self, other: Film, ours: str = "one film", theirs: str = "another") -> None:
+        """Add another film of the same request, of samples that are not in this one.
+
+        Parameters
+        ----------
+        other : Film
+        ours, theirs : str
+            What messages call the two.
 
         Raises
         ------
         UsageError
-            Another size or request, units numbered in another way, or units that both hold. This film is then
-            unchanged.
+            Another size or request, or samples that both hold. This film is then unchanged.
         """
         if (self.width, self.height) != (other.width, other.height):
             raise UsageError(
-                f"films of {self.width} x {self.height} and {other.width} x {other.height} pixels are not of one "
-                "request; only films of one request can be merged."
+                f"{ours} has {self.width} x {self.height} pixels and {theirs} {other.width} x {other.height}; only "
+                "films of one request can be merged."
             )
         keys = sorted({*self.request, *other.request})
         different = [key for key in keys if self.request.get(key) != other.request.get(key)]
         if different:
             raise UsageError(
-                f"the films differ in {', '.join(different)}: "
+                f"{ours} and {theirs} differ in {', '.join(different)}: "
                 + "; ".join(f"{key} {self.request.get(key)!r} and {other.request.get(key)!r}" for key in different)
                 + "; only films of one request can be merged."
             )
-        theirs = other.bands()
-        ours = self.bands()
-        self.units.update(other.units)
-        for index, (band, added) in enumerate(zip(ours, theirs, strict=True)):
-            top = index * self.band_rows
-            area = np.s_[top : top + len(band)]
-            _accumulate(band, self.counts[area], added, other.counts[area])
+        if other is self:
+            raise UsageError(f"{ours} and {theirs} are the same film; each sample counts once.")
+        with other._whole, self._whole:
+            bands, added = self.bands(), other.bands()
+            try:
+                self.ledger.unite(other.ledger)
+            except UsageError as error:
+                raise UsageError(f"{ours} and {theirs} overlap: {error}") from None
+            for index, (band, more) in enumerate(zip(bands, added, strict=True)):
+                top = index * self.band_rows
+                with self._pixels:
+                    rows = slice(top, top + len(band))
+                    _accumulate(band, self.counts[rows], more, other.counts[rows])
 
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None) -> None:
         """Write the film to a `.film` file, all of it or nothing.
@@ -207,14 +257,16 @@ class Film:
         RenderError
             After `develop`, or when the file cannot be written.
         """
-        header = {
-            "width": self.width,
-            "height": self.height,
-            "request": self.request,
-            "units": self.units.to_json(),
-            "provenance": self.provenance if provenance is None else dict(provenance),
-        }
-        write_film(Path(path), header, self.counts, self.bands())
+        with self._whole:
+            table, blocks = self.ledger.to_file()
+            header = {
+                "width": self.width,
+                "height": self.height,
+                "request": self.request,
+                "ledger": table,
+                "provenance": self.provenance if provenance is None else dict(provenance),
+            }
+            write_film(Path(path), header, blocks, self.counts, self.bands())
 
     @classmethod
     def load(cls, path: str | Path) -> Film:
@@ -225,54 +277,36 @@ class Film:
         UsageError
             No such file, or it is not a whole film.
         """
-        file = Path(path)
-        header = read_header(file)
-        film = cls(header["width"], header["height"], header["request"])
-        film.provenance = dict(header["provenance"])
-        try:
-            film.units = UnitSet.from_json(header["units"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise UsageError(
-                f"{file}: the list of finished units is damaged ({error}); render the film again."
-            ) from None
-        read_arrays(file, film.counts, film.bands())
+        with FilmReader(Path(path)) as reader:
+            film = cls(reader.header["width"], reader.header["height"], reader.header["request"])
+            film.provenance = dict(reader.header["provenance"])
+            film.ledger = reader.ledger()
+            reader.fill(film.counts, film.bands())
+            reader.require(film._agrees(), "it holds more samples than its ledger knows of")
         return film
 
-    def _add_rectangle(self, area: tuple[int, int, int, int], words: _Sums, counts: npt.NDArray[np.uint32]) -> None:
-        top, left, height, width = area
+    def _agrees(self) -> bool:
+        """Whether no pixel holds more samples than its block has had."""
+        taken = self.ledger.taken().reshape(-(-self.height // 4), -1)
+        for row in range(0, self.height, 4):
+            most = np.repeat(taken[row // 4], 4)[: self.width]
+            if (self.counts[row : row + 4] > most).any():
+                return False
+        return True
+
+    def _add(self, top: int, left: int, words: _Sums, counts: _Counts) -> None:
+        """Add the sums and counts of a rectangle of pixels."""
+        height, width = counts.shape
         bands = self.bands()
-        words = words.reshape(height, width, 3, 2)
-        counts = counts.reshape(height, width)
         row = top
         while row < top + height:
-            band = row // self.band_rows
-            stop = min(top + height, (band + 1) * self.band_rows)
-            inside = np.s_[row - band * self.band_rows : stop - band * self.band_rows, left : left + width]
-            part = np.s_[row - top : stop - top]
-            _accumulate(bands[band][inside], self.counts[row:stop, left : left + width], words[part], counts[part])
+            index = row // self.band_rows
+            stop = min(top + height, (index + 1) * self.band_rows)
+            band = bands[index][row - index * self.band_rows : stop - index * self.band_rows, left : left + width]
+            part = slice(row - top, stop - top)
+            with self._pixels:
+                _accumulate(band, self.counts[row:stop, left : left + width], words[part], counts[part])
             row = stop
-
-    def _add_scattered(
-        self, rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64], words: _Sums, counts: npt.NDArray[np.uint32]
-    ) -> None:
-        bands = self.bands()
-        flat = rows * self.width + columns
-        order = np.argsort(flat, kind="stable")
-        flat = flat[order]
-        if np.any(flat[1:] == flat[:-1]):
-            raise RenderError("a unit names a pixel twice; each pixel may occur once.")
-        band_pixels = self.band_rows * self.width
-        all_counts = self.counts.reshape(-1)
-        for index in range(int(flat[0]) // band_pixels, int(flat[-1]) // band_pixels + 1):
-            first, last = np.searchsorted(flat, (index * band_pixels, (index + 1) * band_pixels))
-            if first == last:
-                continue
-            chosen, source = flat[first:last], order[first:last]
-            pixels = bands[index].reshape(-1, 3, 2)
-            inside = chosen - index * band_pixels
-            total, total_counts = pixels[inside], all_counts[chosen]
-            _accumulate(total, total_counts, words[source], counts[source])
-            pixels[inside], all_counts[chosen] = total, total_counts
 
     def _mean(self, bands: list[_Sums], *, release: bool) -> npt.NDArray[np.float32]:
         image = np.empty((self.height * self.width, 3), np.float32)
@@ -281,9 +315,8 @@ class Film:
             pixels = bands[index].reshape(-1, 3, 2)
             start = index * self.band_rows * self.width
             for first in range(0, len(pixels), _CHUNK):
-                part = np.s_[start + first : start + min(first + _CHUNK, len(pixels))]
-                weights = np.maximum(counts[part], 1).astype(np.float64)
-                image[part] = (to_float64(pixels[first : first + _CHUNK]) / weights[:, None]).astype(np.float32)
+                part = slice(start + first, start + min(first + _CHUNK, len(pixels)))
+                image[part] = _mean_of(pixels[first : first + _CHUNK], counts[part])
             if release:
                 del pixels
                 self._bands[index] = None
@@ -291,22 +324,12 @@ class Film:
         return image.reshape(self.height, self.width, 3)
 
 
-def _rectangle(rows: _Integers, columns: _Integers) -> tuple[int, int, int, int] | None:
-    """(top, left, height, width) when the pixels are exactly a rectangle in row-major order."""
-    top, left = int(rows[0]), int(columns[0])
-    height, width = int(rows[-1]) - top + 1, int(columns[-1]) - left + 1
-    if height < 1 or width < 1 or height * width != len(rows):
-        return None
-    if np.any(rows.reshape(height, width) != np.arange(top, top + height)[:, None]):
-        return None
-    if np.any(columns.reshape(height, width) != np.arange(left, left + width)):
-        return None
-    return top, left, height, width
+def _mean_of(sums: _Sums, counts: _Counts) -> npt.NDArray[np.float32]:
+    weights = np.maximum(counts, 1).astype(np.float64)
+    return (to_float64(sums) / weights[..., None]).astype(np.float32)
 
 
-def _accumulate(
-    total: _Sums, total_counts: npt.NDArray[np.uint32], words: _Sums, counts: npt.NDArray[np.uint32]
-) -> None:
+def _accumulate(total: _Sums, total_counts: _Counts, words: _Sums, counts: _Counts) -> None:
     """Add `words` (…, 3, 2) to `total` in place, and the counts (…)."""
     low, high = total[..., 0], total[..., 1]
     low += words[..., 0]
@@ -316,5 +339,5 @@ def _accumulate(
     total_counts += counts
     if np.any(total_counts < counts):
         raise RenderError("a pixel has more than 4294967295 samples, the most a film counts; ask for fewer.")
-    if total_counts.max(initial=0) >= _UNIT_LIMIT and np.any(high.astype(np.int64) + (1 << 62) < 0):
+    if total_counts.max(initial=0) >= _COUNT_LIMIT and np.any(high.astype(np.int64) + (1 << 62) < 0):
         raise RenderError("the sum of a pixel's samples is beyond 2^62, the range of a film; use dimmer lights.")

@@ -1,118 +1,195 @@
-"""The ledger of a film: which units of work its sums hold, so that none is added twice and none is forgotten."""
+"""The ledger of a film: which samples of which blocks of pixels its sums hold, so that none is counted twice."""
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
 
 from clrender.errors import UsageError
+from clrender.film.unit import BLOCK, blocks_across
 
-__all__ = ["UnitSet"]
+__all__ = ["Ledger", "Ranges"]
+
+Ranges: TypeAlias = tuple[tuple[int, int], ...]
+"""A set of sample numbers: disjoint ranges (start, stop), ascending, stop not included, none touching the next."""
+
+_MOST_SETS: Final = 4096
+"""Sets kept before those that no block has any more are dropped."""
 
 
-class UnitSet:
-    """A set of integers, kept as sorted half-open ranges.
+class Ledger:
+    """Which samples each 4 x 4 block of an image's pixels has had.
+
+    It speaks of samples and blocks only: how the work was cut into tiles and units, and who did it, leaves no trace.
+    Most blocks have had the same samples, so each holds the number of its set of samples in a table of distinct sets.
 
     Parameters
     ----------
-    cut : mapping, optional
-        How a number names a piece of work, JSON-able (tile side, samples to a unit, …). Sets with different
-        cuts speak of different pieces and cannot be united.
+    width, height : int
+        Of the image, pixels.
     """
 
-    def __init__(self, cut: Mapping[str, Any] | None = None) -> None:
-        self.cut: dict[str, Any] = dict(cut or {})
-        self._starts: list[int] = []
-        self._stops: list[int] = []
-
-    def __len__(self) -> int:
-        return sum(self._stops) - sum(self._starts)
-
-    def __contains__(self, unit: int) -> bool:
-        index = bisect_right(self._starts, unit) - 1
-        return index >= 0 and unit < self._stops[index]
+    def __init__(self, width: int, height: int) -> None:
+        self.width = width
+        self.height = height
+        self._blocks = np.zeros(blocks_across(width) * blocks_across(height), np.uint32)
+        self._sets: list[Ranges] = [()]
+        self._numbers: dict[Ranges, int] = {(): 0}
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, UnitSet) and self.to_json() == other.to_json()
+        if not isinstance(other, Ledger):
+            return NotImplemented
+        self._compact()
+        other._compact()
+        return self._sets == other._sets and np.array_equal(self._blocks, other._blocks)
 
     __hash__ = None  # type: ignore[assignment]  # mutable
 
-    def ranges(self) -> Iterator[tuple[int, int]]:
-        """Disjoint ranges (start, stop), ascending, stop not included."""
-        return zip(self._starts, self._stops, strict=True)
+    @property
+    def samples(self) -> int:
+        """Samples taken, over all pixels of the image."""
+        return int((self.pixels_of_blocks() * self.taken()).sum())
 
-    def overlap(self, start: int, stop: int) -> tuple[int, int] | None:
-        """First range of units from `start` to `stop` (not included) that are already held, or None."""
-        index = bisect_right(self._stops, start)
-        if start < stop and index < len(self._starts) and self._starts[index] < stop:
-            return max(start, self._starts[index]), min(stop, self._stops[index])
-        return None
+    def taken(self) -> npt.NDArray[np.int64]:
+        """How many samples each block has had: (blocks,) int64, row by row."""
+        sizes = np.array([sum(stop - start for start, stop in each) for each in self._sets], np.int64)
+        counts: npt.NDArray[np.int64] = sizes[self._blocks]
+        return counts
 
-    def add(self, start: int, stop: int | None = None) -> None:
-        """Record the units from `start` to `stop` (not included; by default the one unit `start`).
+    def pixels_of_blocks(self) -> npt.NDArray[np.int64]:
+        """Pixels of each block that lie in the image: (blocks,) int64, row by row."""
+        rows = np.minimum(BLOCK, self.height - BLOCK * np.arange(blocks_across(self.height)))
+        columns = np.minimum(BLOCK, self.width - BLOCK * np.arange(blocks_across(self.width)))
+        pixels: npt.NDArray[np.int64] = (rows[:, None] * columns).reshape(-1)
+        return pixels
+
+    def ranges(self, row: int, column: int) -> Ranges:
+        """The samples that the block of this pixel has had."""
+        return self._sets[int(self._blocks[row // BLOCK * blocks_across(self.width) + column // BLOCK])]
+
+    def holds(self, start: int, stop: int) -> bool:
+        """Whether every block has had exactly the samples from `start` to `stop`, not included."""
+        wanted: Ranges = ((start, stop),) if stop > start else ()
+        return all(self._sets[number] == wanted for number in np.unique(self._blocks))
+
+    def add(self, blocks: npt.NDArray[np.integer[Any]], start: int, counts: npt.NDArray[np.integer[Any]]) -> None:
+        """Record samples of some blocks.
+
+        Parameters
+        ----------
+        blocks : (n,) integers
+            Each at most once; negative ones are outside the image and passed over.
+        start : int
+            The first sample of each.
+        counts : (n,) integers
+            How many of each.
 
         Raises
         ------
         UsageError
-            One of them is held already.
+            A block has had one of these samples already. The ledger is then unchanged.
         """
-        stop = start + 1 if stop is None else stop
-        if start >= stop:
-            return
-        if held := self.overlap(start, stop):
-            raise UsageError(f"units {held[0]} to {held[1] - 1} are in the film already; each may be added once.")
-        first = bisect_left(self._stops, start)
-        last = first
-        if last < len(self._starts) and self._stops[last] == start:
-            start = self._starts[last]
-            last += 1
-        if last < len(self._starts) and self._starts[last] == stop:
-            stop = self._stops[last]
-            last += 1
-        self._starts[first:last] = [start]
-        self._stops[first:last] = [stop]
+        wanted = (blocks >= 0) & (counts > 0)
+        blocks, counts = blocks[wanted], counts[wanted]
+        # Every distinct pair of the set that a block has and the range that comes is united once
+        keys = np.stack([self._blocks[blocks].astype(np.int64), counts.astype(np.int64)], axis=1)
+        pairs, inverse = np.unique(keys, axis=0, return_inverse=True)
+        united = [_united(self._sets[number], ((start, start + count),)) for number, count in pairs.tolist()]
+        self._blocks[blocks] = self._keep(united)[inverse.reshape(-1)]
 
-    def update(self, other: UnitSet) -> None:
-        """Add all units of another set.
+    def unite(self, other: Ledger) -> None:
+        """Add what another ledger of an image of this size holds.
 
         Raises
         ------
         UsageError
-            Another cut, or a unit that both hold. This set is then unchanged.
+            A block has had one of these samples already. The ledger is then unchanged.
         """
-        if self.cut != other.cut:
-            raise UsageError(
-                f"the films' work is cut in different ways ({self.cut} and {other.cut}); merge films rendered with "
-                "the same tile and samples per pass."
-            )
-        for start, stop in other.ranges():
-            if held := self.overlap(start, stop):
-                raise UsageError(
-                    f"units {held[0]} to {held[1] - 1} are in both films; merge films that hold different units."
-                )
-        for start, stop in other.ranges():
-            self.add(start, stop)
+        keys = self._blocks.astype(np.int64) * len(other._sets) + other._blocks
+        pairs, inverse = np.unique(keys, return_inverse=True)
+        united = [_united(self._sets[k // len(other._sets)], other._sets[k % len(other._sets)]) for k in pairs.tolist()]
+        self._blocks[:] = self._keep(united)[inverse.reshape(-1)]
 
-    def to_json(self) -> dict[str, Any]:
-        """JSON-able description, the same for equal sets."""
-        return {"cut": self.cut, "done": [list(pair) for pair in self.ranges()]}
+    def _keep(self, sets: Iterable[Ranges]) -> npt.NDArray[np.uint32]:
+        """Numbers of these sets, in the table from now on."""
+        numbers = []
+        for each in sets:
+            if each not in self._numbers:
+                self._numbers[each] = len(self._sets)
+                self._sets.append(each)
+            numbers.append(self._numbers[each])
+        if len(self._sets) > _MOST_SETS:
+            return self._compact(numbers)
+        return np.array(numbers, np.uint32)
+
+    def _compact(self, more: Sequence[int] = ()) -> npt.NDArray[np.uint32]:
+        """Drop the sets that no block has, but for `more`, whose new numbers are returned.
+
+        Those that are left are numbered in the order in which blocks first have them: equal ledgers look the same.
+        """
+        used, first = np.unique(np.append(self._blocks, np.array(more, np.uint32)), return_index=True)
+        used = used[np.argsort(first)]
+        renumbered = np.zeros(len(self._sets), np.uint32)
+        renumbered[used] = np.arange(len(used), dtype=np.uint32)
+        self._blocks[:] = renumbered[self._blocks]
+        self._sets = [self._sets[number] for number in used.tolist()]
+        self._numbers = {each: number for number, each in enumerate(self._sets)}
+        kept: npt.NDArray[np.uint32] = renumbered[np.array(more, np.uint32)]
+        return kept
+
+    def to_file(self) -> tuple[dict[str, Any], npt.NDArray[np.uint32]]:
+        """JSON-able table of sets and the (blocks,) uint32 numbers in it, the same for equal ledgers."""
+        self._compact()
+        return {"block": BLOCK, "sets": [[list(pair) for pair in each] for each in self._sets]}, self._blocks
 
     @classmethod
-    def from_json(cls, description: Mapping[str, Any]) -> UnitSet:
-        """The set that `to_json` described.
+    def from_file(cls, width: int, height: int, table: Mapping[str, Any], blocks: npt.NDArray[np.uint32]) -> Ledger:
+        """The ledger that `to_file` described.
 
         Raises
         ------
         ValueError, TypeError, KeyError
             The description is not one.
         """
-        units = cls(description["cut"])
-        for start, stop in description["done"]:
-            if type(start) is not int or type(stop) is not int or not 0 <= start < stop:
-                raise ValueError(f"[{start!r}, {stop!r}] is not a range of units")
-            if units._stops and start <= units._stops[-1]:
-                raise ValueError(f"the range from {start} is out of order")
-            units._starts.append(start)
-            units._stops.append(stop)
-        return units
+        ledger = cls(width, height)
+        if table["block"] != BLOCK or len(blocks) != len(ledger._blocks):
+            raise ValueError(f"its ledger is not of blocks of {BLOCK} x {BLOCK} pixels of this image")
+        sets = [_checked(each) for each in table["sets"]]
+        if len(set(sets)) != len(sets) or int(blocks.max(initial=0)) >= len(sets):
+            raise ValueError("its table of samples is not one of distinct sets, one for each block")
+        ledger._sets, ledger._numbers = sets, {each: number for number, each in enumerate(sets)}
+        ledger._blocks[:] = blocks
+        return ledger
+
+
+def _united(ours: Ranges, theirs: Ranges) -> Ranges:
+    """Both sets of samples together.
+
+    Raises
+    ------
+    UsageError
+        A sample is in both.
+    """
+    merged: list[tuple[int, int]] = []
+    for start, stop in sorted((*ours, *theirs)):
+        if merged and start < merged[-1][1]:
+            last = min(stop, merged[-1][1]) - 1
+            raise UsageError(f"samples {start} to {last} of some pixels are held already; each counts once.")
+        if merged and start == merged[-1][1]:
+            merged[-1] = (merged[-1][0], stop)
+        else:
+            merged.append((start, stop))
+    return tuple(merged)
+
+
+def _checked(ranges: Any) -> Ranges:
+    checked = tuple((start, stop) for start, stop in ranges)
+    before = -1
+    for start, stop in checked:
+        if type(start) is not int or type(stop) is not int or not before < start < stop <= 2**32:
+            raise ValueError(f"{list(checked)!r} is not an ascending list of ranges of samples")
+        before = stop
+    return checked

@@ -1,20 +1,26 @@
-"""What work is made of: slots, units, and what a unit comes to. Numbers only, no device."""
+"""What work is made of: blocks of pixels, tiles, units, and the sums that a unit comes to. Numbers only, no device.
+
+Pixels are numbered by slots. A tile is a square of pixels; its slots follow each other, block of 4 x 4 pixels by block,
+so sixteen neighbouring slots are always one block. Tiles are numbered row by row (``kernels/film/slot.h``).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from functools import lru_cache
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Unit", "UnitSums", "Worker", "slot_count", "tile_side", "tile_slots"]
+__all__ = ["BLOCK", "BLOCK_SLOTS", "Unit", "UnitSums", "blocks_across", "slot_count", "tile_side", "tile_slots"]
 
-BLOCK = 4
-"""Side of the blocks a tile is made of, ``kernels/film/slot.h``."""
+BLOCK: Final = 4
+"""Side of the blocks of pixels that a tile is made of."""
 
-LARGEST_TILE = 1024
+BLOCK_SLOTS: Final = BLOCK * BLOCK
+
+LARGEST_TILE: Final = 1024
 """A tile's sums take 52 bytes a pixel on the device and once more here, so a larger one would only cost memory."""
 
 
@@ -22,18 +28,47 @@ LARGEST_TILE = 1024
 class Unit:
     """Samples [first_sample, first_sample + sample_count) of slots [first_slot, first_slot + slot_count).
 
-    Doing it twice gives the same bits, so a unit that was lost is done again. It covers whole tiles.
+    It covers whole tiles of side `tile`. Doing it twice gives the same bits, so a unit that was lost is done again.
     """
 
     first_slot: int
     slot_count: int
     first_sample: int
     sample_count: int
+    tile: int
+
+    def blocks(self, width: int, height: int) -> npt.NDArray[np.int64]:
+        """The blocks of pixels that the unit covers, of an image of `width` by `height` pixels.
+
+        Returns
+        -------
+        (slot_count / BLOCK_SLOTS,) int64
+            Numbers in the image's grid of blocks, row by row, in the order of the unit's slots; -1 outside the image.
+        """
+        along = self.tile // BLOCK
+        number, block = np.divmod(
+            np.arange(self.first_slot // BLOCK_SLOTS, (self.first_slot + self.slot_count) // BLOCK_SLOTS),
+            along * along,
+        )
+        across = -(-width // self.tile)
+        row = number // across * along + block // along
+        column = number % across * along + block % along
+        inside = (row * BLOCK < height) & (column * BLOCK < width)
+        grid: npt.NDArray[np.int64] = np.where(inside, row * blocks_across(width) + column, -1)
+        return grid
+
+    def pixels(self, width: int, height: int) -> npt.NDArray[np.int64]:
+        """How many pixels of each of its blocks lie in the image: (slot_count / BLOCK_SLOTS,) int64."""
+        blocks = self.blocks(width, height)
+        row, column = np.divmod(blocks, blocks_across(width))
+        pixels = np.minimum(BLOCK, width - column * BLOCK) * np.minimum(BLOCK, height - row * BLOCK)
+        inside: npt.NDArray[np.int64] = np.where(blocks >= 0, pixels, 0)
+        return inside
 
 
 @dataclass(frozen=True)
 class UnitSums:
-    """What a unit came to.
+    """What a unit came to, whole or stopped half-way.
 
     Attributes
     ----------
@@ -41,46 +76,18 @@ class UnitSums:
         128-bit sums in quanta of 2**-64, least significant word first.
     counts : (slot_count,) uint32
         Accepted samples; slots outside the image have none.
-    samples, rays, shadow_rays, deepest : int
-        Paths traced, rays of all kinds, shadow rays, most scattering events of a path.
-    complete : bool
-        False when it was stopped before all samples were done.
+    done : (slot_count / BLOCK_SLOTS,) uint32
+        Samples taken of each block, the unit's first ones: fewer than the unit's where it was stopped.
+    rays, shadow_rays, deepest : int
+        Rays of all kinds, shadow rays, most scattering events of a path.
     """
 
     sums: npt.NDArray[np.uint32]
     counts: npt.NDArray[np.uint32]
-    samples: int
+    done: npt.NDArray[np.uint32]
     rays: int
     shadow_rays: int
     deepest: int
-    complete: bool
-
-
-class Worker(Protocol):
-    """Whatever can do a unit: all that scheduling knows of a device."""
-
-    @property
-    def name(self) -> str:
-        """For messages and statistics."""
-
-    def render(
-        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
-    ) -> UnitSums:
-        """Trace the samples of a unit.
-
-        Parameters
-        ----------
-        unit : Unit
-        on_slice : callable, optional
-            Told now and then how many samples and rays were added since it was last told.
-        should_stop : callable, optional
-            When it says yes, what is done so far is returned.
-
-        Raises
-        ------
-        ClrenderError
-            When the device failed. The unit then counts as not done.
-        """
 
 
 def tile_side(tile: int, width: int, height: int) -> int:
@@ -93,6 +100,12 @@ def slot_count(width: int, height: int, tile: int) -> int:
     return -(-width // tile) * -(-height // tile) * tile * tile
 
 
+def blocks_across(width: int) -> int:
+    """Blocks in a row of the image's grid of blocks; those at its right and lower edge may reach beyond it."""
+    return -(-width // BLOCK)
+
+
+@lru_cache(maxsize=8)
 def tile_slots(tile: int) -> npt.NDArray[np.int64]:
     """Slots of a tile in the order of its pixels, row by row; the inverse of ``kernels/film/slot.h``.
 
@@ -102,5 +115,6 @@ def tile_slots(tile: int) -> npt.NDArray[np.int64]:
     """
     rows, columns = np.divmod(np.arange(tile * tile, dtype=np.int64), tile)
     block = rows // BLOCK * (tile // BLOCK) + columns // BLOCK
-    slots: npt.NDArray[np.int64] = block * BLOCK * BLOCK + rows % BLOCK * BLOCK + columns % BLOCK
+    slots: npt.NDArray[np.int64] = block * BLOCK_SLOTS + rows % BLOCK * BLOCK + columns % BLOCK
+    slots.flags.writeable = False
     return slots

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -10,9 +10,9 @@ import numpy.typing as npt
 from clrender.errors import UsageError
 from clrender.image.flip import flip_map
 
-__all__ = ["compare_images"]
+__all__ = ["RELATIVE_FLOOR", "compare_images", "relative_squared_error"]
 
-_FLOOR = 0.01
+RELATIVE_FLOOR: Final = 0.01
 """Keeps relative errors finite where the reference is black."""
 
 
@@ -55,12 +55,24 @@ def compare_images(image: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, 
         "reference_mean": r.mean(axis=(0, 1)).tolist(),
         "difference_of_means": bias,
         "rmse": float(np.sqrt(np.mean(difference**2))),
-        "relmse": float(np.mean(difference**2 / (r**2 + _FLOOR))),
-        "mean_relative_difference": float(np.mean(np.abs(difference) / (np.abs(r) + _FLOOR))),
+        "relmse": relative_squared_error(difference, r),
+        "mean_relative_difference": float(np.mean(np.abs(difference) / (np.abs(r) + RELATIVE_FLOOR))),
         "max_difference": float(np.abs(difference).max()),
         "flip": float(flip_map(x, r).mean()),
         "identical": bool(np.array_equal(x, r)),
     }
+
+
+def relative_squared_error(difference: npt.ArrayLike, reference: npt.ArrayLike) -> float:
+    """relMSE: mean(d² / (r² + 0.01)) over pixels and channels.
+
+    Parameters
+    ----------
+    difference, reference : arrays of one shape
+        Image minus reference, d, and reference, r: linear radiance.
+    """
+    d, r = np.asarray(difference, np.float64), np.asarray(reference, np.float64)
+    return float(np.mean(d**2 / (r**2 + RELATIVE_FLOOR)))
 
 
 def _finite(image: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Radiosity: how bright each patch of a diffuse scene is, found once for all views."""
+"""Radiosity: the radiosity of every patch of a diffuse scene, solved once for all views."""
 
 from __future__ import annotations
 

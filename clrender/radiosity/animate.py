@@ -1,8 +1,8 @@
-"""Pictures of a scene in which something moves, its radiosity kept up to date from frame to frame."""
+"""Frames of a scene in which a shape moves, with its radiosity updated from frame to frame."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -17,17 +17,20 @@ from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.corners import Corners
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity, Update
-from clrender.scheduling.run import Plan, run
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.run import run
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
+    from clrender.device.preparation import DevicePreparation
 
 __all__ = ["Frame", "Motion", "frames", "picture"]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What moves from each frame to the next.
+    """The displacement from each frame to the next.
 
     Attributes
     ----------
@@ -43,7 +46,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Frame:
-    """A picture, and what its light took.
+    """An image, and the cost of updating its radiosity.
 
     Attributes
     ----------
@@ -77,7 +80,7 @@ def frames(
     count : int
     spp : int
     display : str
-        One of `clrender.integrators.RADIOSITY_DISPLAYS`.
+        A choice of the setting ``radiosity_display``.
 
     Raises
     ------
@@ -103,20 +106,18 @@ def picture(
     display: str,
     corners: Corners | None,
 ) -> NDArray[np.float32]:
-    """The scene as it is now: (height, width, 3) float32, radiance."""
+    """The current scene: (height, width, 3) float32, radiance."""
     width, height, tile = (int(settings[name][0]) for name in ("width", "height", "tile"))
     patches, rows = dynamic.patches, dynamic.rows
+    show: Callable[[DeviceWorker], DevicePreparation]
     if display == "gather":
         atlas = atlas_of(patches, rows.indirect(patches), dynamic.used, rows.open_share)
         flat = patches.whole(width, height)
-        worker = DeviceWorker(device, flat, settings, GATHER, None, partial(Gather, atlas=atlas))
+        pipeline, show = GATHER, partial(Gather, atlas=atlas)
     else:
         table = looks_of(patches, dynamic.reflected, dynamic.used, corners)
-        show = partial(Display, table=table)
-        worker = DeviceWorker(device, dynamic.flat, settings, INTEGRATORS["radiosity"], None, show)
-    film = Film(width, height, {})
-    try:
-        run(Plan(width, height, spp, tile), [worker], film)
-    finally:
-        worker.release()
+        flat, pipeline, show = dynamic.flat, INTEGRATORS["radiosity"].pipeline, partial(Display, table=table)
+    film = Film(width, height)
+    with WorkerPool([device], lambda each: DeviceWorker(each, flat, settings, pipeline, None, show)) as pool:
+        run(Plan(width, height, 0, spp, tile), pool.candidates, film).raise_failure()
     return film.mean()

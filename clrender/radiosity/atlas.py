@@ -1,4 +1,4 @@
-"""Indirect radiance of patches as a small picture on every triangle, sphere and disk: for the final gather."""
+"""Indirect radiance of patches as a small texture on every triangle, sphere and disk, for the final gather."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 __all__ = ["Atlas", "atlas_of"]
 
 _FINER: Final = 2.0
-"""Texels along an edge for each patch along it."""
+"""Texels along an edge per patch along it."""
 _MOST: Final = 4096
 _CUTS: Final = 8
-"""A patch is spread over texels from the centres of so many times so many parts of it."""
+"""A patch is rasterised by the centres of this many by this many parts of it."""
 _ROW: Final = 16
 
 _Floats = NDArray[np.float64]
@@ -30,15 +30,15 @@ _Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Atlas:
-    """What ``kernels/radiosity/gather.h`` reads.
+    """The textures that ``kernels/radiosity/gather.h`` reads.
 
     Attributes
     ----------
     rows : (primitives + 1, 16) float32
-        Of each primitive, and of what lies outside: radiance that its front sends out by itself, 1 where a gathering
-        ray has to count that, first texel and texels along an edge (both as bits).
+        For each primitive, and for the environment: radiance that its front emits, 1 where a gathering ray has to add
+        that, first texel and texels along an edge (both as bits).
     texels : (t, 3) float32
-        Radiance, W/(sr m²). Of each primitive a square for its front and one for its back.
+        Radiance, W/(sr m²). Each primitive has a square for its front and one for its back.
     """
 
     rows: NDArray[np.float32]
@@ -46,9 +46,9 @@ class Atlas:
 
 
 def atlas_of(patches: Patches, indirect: _Floats, used: NDArray[np.bool_], open_share: _Floats) -> Atlas:
-    """Radiance that patches reflect of light that has been reflected before, on the scene as it is.
+    """Textures of the indirect radiance that patches reflect, on the primitives of the original scene.
 
-    A texel is the mean over what of the patches lies in it, in the open; where nothing does, that of the whole side.
+    A texel is the mean of the uncovered parts of patches in it; where there are none, the mean of the whole side.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def atlas_of(patches: Patches, indirect: _Floats, used: NDArray[np.bool_], open_
 
 
 def _filled(sums: _Floats, weights: _Floats, lengths: _Ints) -> NDArray[np.float32]:
-    """Means; those of nothing are replaced by that of their square."""
+    """Means; those without samples are replaced by the mean of their square."""
     square = np.repeat(np.arange(len(lengths)), lengths)
     whole = np.bincount(square, weights, len(lengths))
     means = np.empty_like(sums)
@@ -109,7 +109,7 @@ def _rows(patches: Patches, first: _Ints, along: _Ints) -> NDArray[np.float32]:
 
 
 def _middles(corners: _Floats) -> Iterator[_Floats]:
-    """(n, 3) again and again: the centres of equal parts of triangles."""
+    """Yields (n, 3) arrays: centres of equal parts of triangles."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     for i in range(_CUTS):
         for j in range(_CUTS - i):

@@ -1,4 +1,4 @@
-"""Radiance at the corners of patches, for a smooth picture, and how much it differs from patch to patch."""
+"""Radiance at the corners of patches, for smooth display, and its contrast across patches."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clrender.radiosity.patches import Patches
 __all__ = ["Corners"]
 
 _CREASE: Final = 0.8
-"""Cosine of the angle between patches that still count as one smooth surface."""
+"""Cosine of the largest angle between patches of one smooth surface."""
 
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int64]
@@ -71,7 +71,7 @@ class Corners:
         return values.reshape(-1, 3, 3)
 
     def contrast(self, radiance: _Floats, used: NDArray[np.bool_]) -> _Floats:
-        """How much the surface's brightness changes across each patch: gradient times size.
+        """Contrast across each patch: gradient of its radiance times its size.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class Corners:
 
 
 def _same(points: _Floats, shape: _Ints) -> _Ints:
-    """A number for each point, alike where shape and place are."""
+    """An index for each point, equal where shape and position are."""
     order = np.lexsort((points[:, 2], points[:, 1], points[:, 0], shape))
     there, of = points[order], shape[order]
     fresh = np.ones(len(order), bool)
@@ -106,7 +106,7 @@ def _alike(normals: _Floats, first: _Ints, second: _Ints) -> NDArray[np.bool_]:
 
 
 def _pairs(ids: _Ints, normals: _Floats) -> tuple[_Ints, _Ints]:
-    """Pairs of corners at one point whose patches face about the same way."""
+    """Pairs of corners at one point whose patches have similar normals."""
     order = np.argsort(ids, kind="stable")
     firsts, seconds, step = [order[:0]], [order[:0]], 1
     while step < len(order):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.integrators import Integrator
+from clrender.integrators.descriptor import Pipeline
 from clrender.radiosity.corners import Corners
 from clrender.radiosity.sides import own_radiance
 from clrender.radiosity.solution import Solution
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["GATHER", "Display", "Gather", "looks", "looks_of"]
 
-GATHER: Final = Integrator("radiosity/gather.cl", "radiosity_gather")
+GATHER: Final = Pipeline("radiosity/gather.cl", "radiosity_gather")
 """Of the scene before it was cut into patches."""
 _ROW: Final = 16
 

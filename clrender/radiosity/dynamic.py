@@ -1,4 +1,4 @@
-"""Radiosity of a scene that changes: only light that a move touches is followed again, near the observer first."""
+"""Radiosity of a changing scene: only what a move affects is computed again, near the observer first."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from clrender.radiosity.sides import (
     sealed_sides,
     traced_sides,
 )
-from clrender.radiosity.solution import RadiositySettings, check_sought, solve_scene
+from clrender.radiosity.solution import RadiositySettings, check_settings, solve_scene
 from clrender.radiosity.tracer import Changes, PreviousDirectLight, Tracer
 from clrender.scene.description import PointLight
 
@@ -42,7 +42,7 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Update:
-    """What a change took.
+    """The cost of an update.
 
     Attributes
     ----------
@@ -60,33 +60,33 @@ class Update:
 
 
 class DynamicRadiosity:
-    """A scene's radiosity, kept up to date while shapes and lights move.
+    """A scene's radiosity, updated while shapes and lights move.
 
-    The rays of each side are numbered and the same in every frame, so an update ends at the solution that a fresh start
-    with the same patches ends at, but for the tolerance. Light is corrected by shooting the difference between what a
-    side sends and what it now should: less light than before is a negative amount (Chen 1990; George, Sillion &
-    Greenberg 1990). Sides near the observer are held to the tolerance, others to more in proportion to the square of
-    their distance (after Shcherbakov); what they keep back is not lost, but waits for a later frame or for `settle`.
+    The rays of each side are numbered and the same in every frame, so an update converges to the solution of a fresh
+    start with the same patches, up to the tolerance. The residual of each side, the difference between its new and its
+    old radiosity, positive or negative, is shot (Chen 1990; George, Sillion & Greenberg 1990). Sides near the observer
+    are held to the tolerance, others to one that grows with the square of their distance (after Shcherbakov); their
+    residual is not lost but propagated in a later frame or by `settle`.
 
     Parameters
     ----------
     scene : Scene
         Of diffuse surfaces only.
     device : Device
-    sought : RadiositySettings, optional
-        `tolerance` is that of a side's radiance against the mean radiance of the scene.
+    settings : RadiositySettings, optional
+        `tolerance` is relative to the mean radiance of the scene.
     size : (int, int)
         Of the image that the camera is for.
     cut : LaunchConfig, optional
     patches : Patches, optional
-        To begin with; else found for the scene as it is, refined where it wants it.
+        To begin with; default: made from the scene, and refined if `settings` says so.
 
     Attributes
     ----------
     patches : Patches
     flat : FlatScene
     started : Update
-        What it took to begin.
+        Cost of the first solution.
 
     Raises
     ------
@@ -97,13 +97,13 @@ class DynamicRadiosity:
         self,
         scene: Scene,
         device: Device,
-        sought: RadiositySettings | None = None,
+        settings: RadiositySettings | None = None,
         size: tuple[int, int] = (64, 64),
         cut: LaunchConfig | None = None,
         patches: Patches | None = None,
     ) -> None:
-        self._sought = sought or RadiositySettings(tolerance=1e-3)
-        check_sought(self._sought)
+        self._settings = settings or RadiositySettings(tolerance=1e-3)
+        check_settings(self._settings)
         self._device, self._size, self._cut = device, size, cut
         self.patches = patches or self._cut_up(scene)
         self._tracer: Tracer | None = None
@@ -114,7 +114,7 @@ class DynamicRadiosity:
 
     @property
     def rows(self) -> Rows:
-        """What is known of the sides that are solved for."""
+        """State of the sides that are solved for."""
         assert self._held is not None
         return self._held
 
@@ -129,7 +129,7 @@ class DynamicRadiosity:
         return self.rows.used
 
     def start_again(self) -> Update:
-        """Forget all and solve anew, for the patches as they are now; its time leaves the driver's compiler out."""
+        """Solve from scratch for the current patches; the time of compiling kernels is not counted."""
         begin = self._clock()
         self._stand_still()
         self._sealed = sealed_sides(self.patches)
@@ -141,12 +141,12 @@ class DynamicRadiosity:
         return Update(traced.hits.size, traced.hits.size, sweeps, self._clock() - begin)
 
     def move(self, shape: int, by: Sequence[float]) -> Update:
-        """Move a shape, and bring the light up to date.
+        """Move a shape and update the solution.
 
         Parameters
         ----------
         shape : int
-            Its place in the scene's list. Another than before takes longer the first time.
+            Its index in the scene's list. The first move of a shape takes longer.
         by : three floats
             Metres.
 
@@ -157,7 +157,7 @@ class DynamicRadiosity:
         """
         begin, scene = self._clock(), self.patches.scene
         if not 0 <= shape < len(scene.shapes):
-            raise UsageError(f"there is no shape {shape}; the scene has {len(scene.shapes)}, from 0")
+            raise UsageError(f"there is no shape {shape}; the scene has {len(scene.shapes)}, counted from 0")
         before = self.flat
         self._step(shape, (float(by[0]), float(by[1]), float(by[2])))
         changes = self._follow()
@@ -166,12 +166,12 @@ class DynamicRadiosity:
         return self._update(begin, changes.rays + self._add_sides(changes.unknown))
 
     def move_light(self, light: int, by: Sequence[float]) -> Update:
-        """Move a point light, and bring the light up to date.
+        """Move a point light and update the solution.
 
         Parameters
         ----------
         light : int
-            Its place in the scene's list of lights; shapes that shine are moved with `move`.
+            Its index in the scene's list of lights; shapes that emit are moved with `move`.
         by : three floats
             Metres.
 
@@ -182,10 +182,10 @@ class DynamicRadiosity:
         """
         begin, scene = self._clock(), self.patches.scene
         if not 0 <= light < len(scene.lights):
-            raise UsageError(f"there is no light {light}; the scene has {len(scene.lights)}, from 0")
+            raise UsageError(f"there is no light {light}; the scene has {len(scene.lights)}, counted from 0")
         old = scene.lights[light]
         if not isinstance(old, PointLight):
-            raise UsageError(f"light {light} is {old.type} and infinitely far away, so it cannot be moved")
+            raise UsageError(f"light {light} is {old.type}, which has no position; only point lights can be moved")
         place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
         new = PointLight(type="point", position=place, intensity=old.intensity)
         lights = (*scene.lights[:light], new, *scene.lights[light + 1 :])
@@ -196,11 +196,11 @@ class DynamicRadiosity:
         return self._update(begin, 0)
 
     def settle(self) -> int:
-        """Hold every side to the tolerance, however far it is; the number of sweeps it took."""
-        return self.rows.settle(self.patches, self._sought.tolerance, None)
+        """Hold every side to the tolerance, at any distance; returns the number of sweeps."""
+        return self.rows.settle(self.patches, self._settings.tolerance, None)
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         for held in (self._tracer, self._held, self._moving):
             if held is not None:
                 held.release()
@@ -215,26 +215,26 @@ class DynamicRadiosity:
         return time.perf_counter() - self._device.compile_seconds
 
     def _cut_up(self, scene: Scene) -> Patches:
-        if self._sought.refine:
-            return solve_scene(scene, self._device, self._sought, self._size, self._cut).patches
-        return cut_into_patches(scene, self._sought.patches)
+        if self._settings.refine:
+            return solve_scene(scene, self._device, self._settings, self._size, self._cut).patches
+        return cut_into_patches(scene, self._settings.patches)
 
     def _place(self) -> None:
-        """Put the patches, where they are now, on the device."""
+        """Upload the patches at their current positions."""
         if self._tracer is not None:
             self._tracer.release()
-        sought, moving = self._sought, self._moving
-        self._tracer = Tracer(self._device, self.flat, sought.rays, sought.seed, self._cut, moving=moving)
+        settings, moving = self._settings, self._moving
+        self._tracer = Tracer(self._device, self.flat, settings.rays, settings.seed, self._cut, moving=moving)
 
     def _stand_still(self) -> None:
-        """The same, with one tree over all of them."""
+        """The same, with one BVH over all of them."""
         if self._moving is not None:
             self._moving.release()
         self._moving, self.flat = None, self.patches.flat(*self._size)
         self._place()
 
     def _step(self, shape: int, by: tuple[float, float, float]) -> None:
-        """The same after a shape has moved."""
+        """The same after a step of a shape."""
         moved = self.patches.sides_of(shape)
         before = box_around(self.patches, moved)
         self.patches = self.patches.moved(shape, by)
@@ -248,12 +248,12 @@ class DynamicRadiosity:
         self._place()
 
     def _traced(self, sides: NDArray[np.uint32], known: NDArray[np.bool_]) -> Traced:
-        """Rays and shadow rays of these sides, and of those they see that are not known."""
+        """Rays and shadow rays of these sides, and of further sides that they see."""
         every, hits = traced_sides(self._rays, sides, known)
-        return Traced(every, hits, *self._rays.direct(every, self._sought.direct_samples))
+        return Traced(every, hits, *self._rays.direct(every, self._settings.direct_samples))
 
     def _follow(self) -> Changes:
-        """Trace again what the move may have changed."""
+        """Trace the rays again that the move may have changed."""
         rows = self.rows
         sent = np.zeros((2 * len(self.patches) + 1, 4), np.float32)
         sent[:, :3] = carried_radiance(self.patches) + rows.reflected
@@ -268,7 +268,7 @@ class DynamicRadiosity:
         return changes
 
     def _add_sides(self, met: bool) -> int:
-        """Take in sides that may be looked at now, or that are `met`, and were not before; the rays that took."""
+        """Add sides that the camera may see now, or rays hit (`met`), and that had no row; returns the rays traced."""
         rows = self.rows
         known = rows.used | self._sealed
         new = np.zeros(len(known), bool)
@@ -285,11 +285,11 @@ class DynamicRadiosity:
         return more.hits.size
 
     def _direct(self, everywhere: bool) -> None:
-        """Direct light, all of it or where the moving shape may have changed it."""
+        """Direct light, everywhere or where the moving shape may have changed it."""
         rows = self.rows
         known = None if everywhere else PreviousDirectLight(rows.irradiance, rows.seen, light_boxes(self.patches))
-        rows.irradiance, rows.seen = self._rays.direct(rows.sides, self._sought.direct_samples, known)
+        rows.irradiance, rows.seen = self._rays.direct(rows.sides, self._settings.direct_samples, known)
 
     def _update(self, begin: float, rays: int) -> Update:
-        sweeps = self.rows.settle(self.patches, self._sought.tolerance, self._weights)
-        return Update(rays, len(self.rows.sides) * self._sought.rays, sweeps, self._clock() - begin)
+        sweeps = self.rows.settle(self.patches, self._settings.tolerance, self._weights)
+        return Update(rays, len(self.rows.sides) * self._settings.rays, sweeps, self._clock() - begin)

@@ -1,4 +1,4 @@
-"""Form factors: the share of what leaves one side of a patch that arrives at another, as a sparse matrix."""
+"""Form factors: the fraction of the power leaving one side of a patch that arrives at another, as a sparse matrix."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _Uints = NDArray[np.uint32]
 
 @dataclass(frozen=True)
 class FormFactors:
-    """A sparse matrix by rows; a row for each side in use, a column for each side and, last, one for outside.
+    """A sparse matrix by rows: one row per side in use, one column per side and a last one for the environment.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class FormFactors:
     columns: int
 
     def gathered(self, sent: _Floats) -> _Floats:
-        """What arrives at each row of what the columns send: F times a matrix.
+        """Irradiance / π of each row from the radiance of the columns: F times a matrix.
 
         Sums go entry by entry in a fixed order, so the result is the same bits on every machine.
 
@@ -62,12 +62,12 @@ class FormFactors:
         return np.stack(parts, axis=1) if rows else np.zeros((0, sent.shape[1]))
 
     def row_sums(self) -> _Floats:
-        """(r,) float64: what a side sees of other sides; 1 where nothing is open to the outside."""
+        """(r,) float64: total form factor to other sides; 1 where the environment is not visible."""
         inside = np.where(self.column < self.columns - 1, self.value, 0.0)
         return np.bincount(self.row, weights=inside, minlength=len(self.sides)).astype(np.float64)
 
     def between(self, first: NDArray[np.bool_], second: NDArray[np.bool_], areas: _Floats) -> float:
-        """Form factor from all sides of one set together to another set.
+        """Form factor from one set of sides to another.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class FormFactors:
 def factors_of_hits(
     sides: _Uints, hits: _Uints, columns: int, weights: NDArray[np.float64] | None = None
 ) -> FormFactors:
-    """What rays met, counted.
+    """Form factors from the hits of rays, counted.
 
     Parameters
     ----------

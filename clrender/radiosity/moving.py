@@ -1,4 +1,4 @@
-"""A shape that moves, on a device: its own tree and one of all else, so that a step of it needs no tree anew."""
+"""A moving shape on a device: it has a BVH of its own, so that a step does not rebuild the BVH of everything else."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ _Floats = NDArray[np.float64]
 
 
 class Moving:
-    """Trees of a scene of patches in which one shape moves.
+    """BVHs of a scene of patches in which one shape moves.
 
     Parameters
     ----------
     device : Device
     shape : int
-        Its place in the scene's list.
+        Its index in the scene's list.
     sides : (int, int)
         First side of the shape, and the one after its last.
     convex : bool
-        Whether rays that leave the front of the shape cannot meet it again.
+        Whether rays that leave the front of the shape cannot hit it again.
 
     Attributes
     ----------
     shape : int
     others : Bvh
-        Over all but the shape, or over all.
+        Over everything but the shape, or over everything.
     """
 
     def __init__(self, device: Device, shape: int, sides: tuple[int, int], convex: bool) -> None:
@@ -46,27 +46,27 @@ class Moving:
         self._place = device.empty(4 * 18)
 
     def step(self, scene: FlatScene, boxes: NDArray[np.float32], at: _Floats, by: _Floats, inside: bool) -> None:
-        """The shape has moved; `others` is good until the next step.
+        """Take a step of the shape; `others` is valid until the next step.
 
         Parameters
         ----------
         scene : FlatScene
-            Of patches, where they are now.
+            Of patches, at their current positions.
         boxes : (2, 6) float32
-            Around the shape, before the step and after: low x, y, z and high x, y, z.
+            Bounds of the shape before and after the step: low x, y, z and high x, y, z.
         at : (3,) float64
             One of its points.
         by : (3,) float64
             The step.
         inside : bool
-            Whether it may reach into a box or tetrahedron, or it is one and another shape reaches into it. Rays from in
-            there meet two surfaces in one plane, a box's and that of the floor below it, and which of them is nearer is
-            for roundings of a tree's boxes to say: then there has to be the tree that a fresh start has.
+            Whether it may intersect a box or tetrahedron, or is one that another shape may intersect. Rays from inside
+            hit two coplanar surfaces, the box's and that of the floor below it, and the rounding of the BVH's boxes
+            decides which of them is nearer: then the BVH has to be that of a fresh start.
 
         Raises
         ------
         RenderError
-            When the device has not the memory.
+            When the device runs out of memory.
         """
         if self._own is None:
             self._own, self._begin = self._build(scene, moving=True, others=False), at
@@ -75,7 +75,7 @@ class Moving:
             self._release(self.others)
             self.others = self._build(scene, moving=inside, others=True)
         self._over_all = inside
-        # Kernels have room for the deeper of them
+        # Kernels size their stacks for the deeper of both.
         self.others = replace(self.others, levels=max(self.others.levels, self._own.levels))
         self._device.write(self._place, np.concatenate([boxes.reshape(-1), at - self._begin, by]).astype(np.float32))
 
@@ -92,7 +92,7 @@ class Moving:
 
     @property
     def arguments(self) -> list[Argument]:
-        """What kernels take for ``MOVING_PARAMETERS``."""
+        """Kernel arguments for ``MOVING_PARAMETERS``."""
         assert self._own is not None
         first, end = self._sides
         numbers = [np.uint32(n) for n in (first, end, self._convex)]
@@ -104,7 +104,7 @@ class Moving:
             self._device.release(buffer)
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         self._device.release(self._place)
         if self._own is not None:
             self._release(self._own)

@@ -1,4 +1,4 @@
-"""A scene cut into patches: small triangles that radiosity takes for evenly bright."""
+"""A scene divided into patches: small triangles of constant radiosity."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _SLACK: Final = 1.5
 """A patch may be larger than wanted by this factor."""
 _ROUNDS: Final = 5
 _LIGHTS_SHARE: Final = 0.25
-"""Where more than this share of all area shines, form factors find it better than shadow rays do."""
+"""Where more than this fraction of all area emits, form factors estimate its light better than shadow rays."""
 _CARRIED: Final = ("areas", "normals", "reflectance", "emission", "shadow_rays_find_emission")
-"""What a shape keeps as it moves."""
+"""Cached properties that stay valid when a shape moves."""
 
 _Floats = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class Patches:
 
     @cached_property
     def boxes(self) -> tuple[_Floats, _Floats]:
-        """Low and high corners of the boxes around all shapes: (s, 3) float64 each."""
+        """Low and high corners of the bounding boxes of all shapes: (s, 3) float64 each."""
         a, b, c = (self.corners[:, k] for k in range(3))
         firsts = np.searchsorted(self.shape, np.arange(len(self.scene.shapes)))
         lows: _Floats = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), firsts)
@@ -107,13 +107,13 @@ class Patches:
 
     @cached_property
     def environment(self) -> _Floats:
-        """(3,) float64, radiance from outside."""
+        """(3,) float64, radiance of the environment."""
         found = [light.radiance for light in self.scene.lights if isinstance(light, EnvironmentLight)]
         return np.array(found[0] if found else (0.0, 0.0, 0.0), np.float64)
 
     @cached_property
     def shadow_rays_find_emission(self) -> bool:
-        """Whether light of shapes that shine is found by shadow rays; else form factors carry it."""
+        """Whether the light of emitting shapes is sampled by shadow rays; else form factors carry it."""
         shining = self.emission.any(axis=1)
         return bool(self.areas[shining].sum() < _LIGHTS_SHARE * self.areas.sum())
 
@@ -123,7 +123,7 @@ class Patches:
         return 2 * int(first), 2 * int(end)
 
     def flat(self, width: int, height: int, light_sampler: str = "auto") -> FlatScene:
-        """The patches as kernels see them: triangle i is patch i. Light that rays to patches find is left out.
+        """The patches as kernels read them: triangle i is patch i, without the lights that form factors carry.
 
         Raises
         ------
@@ -135,12 +135,13 @@ class Patches:
         if flat.triangle_count != len(self):
             lost = len(self) - flat.triangle_count
             raise SceneError(
-                f"{self.scene.source}: {lost} of {len(self)} patches have no area in single precision; take fewer"
+                f"{self.scene.source}: {lost} of {len(self)} patches have no area in single precision; "
+                "ask for fewer with --patches"
             )
         return flat
 
     def whole(self, width: int, height: int, light_sampler: str = "auto") -> FlatScene:
-        """The scene before it was cut into patches, with the same lights as `flat`."""
+        """The scene before it was divided into patches, with the same lights as `flat`."""
         shapes = self.scene.shapes
         if not self.shadow_rays_find_emission:
             shapes = tuple(shape.model_copy(update={"emission": None}) for shape in shapes)
@@ -167,7 +168,7 @@ class Patches:
         return welded
 
     def bisected(self, which: NDArray[np.bool_]) -> Patches:
-        """Some patches cut in two across the middle of their longest edge; halves stay beside each other.
+        """Subdivide some patches at the middle of their longest edge; the halves have consecutive indices.
 
         Parameters
         ----------
@@ -186,7 +187,7 @@ class Patches:
         return Patches(self.scene, corners, self.shape[places], self.primitive[places])
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
-        """The same patches, with one shape somewhere else, in the scene's description too.
+        """The same patches with one shape moved, in the scene's description too.
 
         Parameters
         ----------
@@ -203,18 +204,18 @@ class Patches:
         return self._again(replace(self, scene=scene, corners=corners), *_CARRIED)
 
     def lit_by(self, scene: Scene) -> Patches:
-        """The same patches in a scene that differs in its lights only."""
+        """The same patches in a scene with other lights."""
         return self._again(replace(self, scene=scene))
 
     def _again(self, other: Patches, *same: str) -> Patches:
-        """The other patches, with what need not be found again."""
+        """Other patches that keep the cached properties of these."""
         for name in ("_welded", *same):
             other.__dict__[name] = getattr(self, name)
         return other
 
 
 def cut_into_patches(scene: Scene, count: int) -> Patches:
-    """The surfaces of a scene as about `count` patches of about equal area.
+    """Divide the surfaces of a scene into about `count` patches of about equal area.
 
     Parameters
     ----------
@@ -231,7 +232,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
     check_diffuse(scene)
     whole, is_round = _coarse(scene, np.inf)
     if not len(whole):
-        raise SceneError(f"{scene.source}: has no shapes, so there are no patches; use --integrator path")
+        raise SceneError(f"{scene.source}: has no shapes, and radiosity needs surfaces; use --integrator path")
     total, size = float(whole.areas.sum()), float(whole.areas.sum()) / count
     best: Patches | None = None
     for _ in range(_ROUNDS):
@@ -249,7 +250,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
 
 
 def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
-    """Triangles as the scene has them, spheres and disks as triangles of about `size`; which shapes are spheres."""
+    """The scene's triangles, and spheres and disks as triangles of about `size`; which shapes are spheres."""
     surfaces = flat_surfaces(scene)
     corners = surfaces.vertices[surfaces.triangles].astype(np.float64)
     parts: list[_Floats] = []

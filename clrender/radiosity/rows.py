@@ -1,4 +1,4 @@
-"""The sides that a changing scene is solved for: what their rays meet, what reaches them, what they reflect of it."""
+"""The sides that a changing scene is solved for: hits of their rays, irradiance and reflected radiance."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Rows", "Traced"]
 _GROUP: Final = 16
 _MOST_SWEEPS: Final = 1000
 _WITH: Final = 0.5
-"""Who has this share of what has to be sent is in the same sweep: later it would cost one of its own."""
+"""Sides with at least this fraction of the residual are shot in the same sweep, to save a later one."""
 
 _Floats = NDArray[np.float64]
 _Uints = NDArray[np.uint32]
@@ -29,17 +29,17 @@ _Uints = NDArray[np.uint32]
 
 @dataclass(frozen=True)
 class Traced:
-    """What rays and shadow rays found out about some sides.
+    """Results of the rays and shadow rays of some sides.
 
     Attributes
     ----------
     sides : (r,) uint32
     hits : (r, rays) uint32
-        Sides that rays met, or 2 n.
+        Sides that rays hit, or 2 n.
     irradiance : (r, 3) float64
-        Straight from lights, W/m².
+        Direct, W/m².
     seen : (r,) uint32
-        A bit for each shadow ray that arrived.
+        One bit per unoccluded shadow ray.
     """
 
     sides: _Uints
@@ -49,7 +49,7 @@ class Traced:
 
 
 class Rows:
-    """Sides in use, a row for each; what their rays met is on the device, and swept over there in single precision.
+    """Sides in use, one row each; hits stay on the device, where sweeps run in single precision.
 
     Parameters
     ----------
@@ -99,18 +99,18 @@ class Rows:
         return self._spread(self._reflected)
 
     def indirect(self, patches: Patches) -> _Floats:
-        """(2 n + 1, 3) float64: the part of `reflected` that no shadow ray finds at the side itself."""
+        """(2 n + 1, 3) float64: `reflected` without direct light from shadow rays."""
         return self._spread(self._reflected - self._reflectance(patches) * self.irradiance / math.pi)
 
     @property
     def open_share(self) -> _Floats:
-        """(2 n + 1,) float64: of each side's area, what nothing closed stands on; 1 of those without a row."""
+        """(2 n + 1,) float64: uncovered fraction of each side's area; 1 for those without a row."""
         share = np.ones(self._columns)
         share[self.sides] = 1.0 - self._covered / self.rays
         return share
 
     def joined(self, more: Traced, sealed: NDArray[np.bool_]) -> Rows:
-        """These rows and others, sides ascending; these are used up."""
+        """These rows joined with others, sides ascending; these rows must not be used afterwards."""
         sides = np.concatenate([self.sides, more.sides])
         order = np.argsort(sides, kind="stable")
         hits = np.concatenate([self.met, more.hits])[order]
@@ -122,17 +122,17 @@ class Rows:
         return rows
 
     def take(self, changes: Changes) -> None:
-        """Rays, of which `hits` tells already, meet something else now."""
+        """Account for rays whose hits changed; `hits` is already up to date."""
         assert self._arriving is not None
         self._arriving += changes.brought
         self._covered += changes.covered
 
     def cover(self, sealed: NDArray[np.bool_]) -> None:
-        """Other sides are sealed now."""
+        """Take over which sides are sealed."""
         self._covered = covered_rays(self.met, sealed)
 
     def settle(self, patches: Patches, tolerance: float, weights: _Floats | None) -> int:
-        """Shoot what sides send too much or too little of, until it is small.
+        """Shoot the residual of sides until it is small.
 
         Parameters
         ----------
@@ -176,7 +176,7 @@ class Rows:
         return wide
 
     def _gathered(self, sent: _Floats) -> _Floats:
-        """Mean radiance that the rays of each row bring, (r, 3), of what each side sends, (2 n + 1, 3)."""
+        """Mean radiance that the rays of each row gather, (r, 3), from the radiance of sides, (2 n + 1, 3)."""
         device = self._device
         self._sent[:, :3] = sent
         device.write(self._wide, self._sent)
@@ -187,6 +187,6 @@ class Rows:
         return self._got[:, :3].astype(np.float64)
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         for buffer in (self.hits, self._wide, self._out):
             self._device.release(buffer)

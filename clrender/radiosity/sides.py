@@ -1,4 +1,4 @@
-"""Sides of patches: which of them matter, what they send out by themselves, how much of each is in the open."""
+"""Sides of patches: which of them are needed, their emission, and the fraction of each that is uncovered."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ __all__ = [
 _BOX_MARGIN: Final = 1e-4
 _CLOSED: Final = (Sphere, Box, Tetrahedron)
 _NEAR: Final = 0.25
-"""Of the scene's diagonal: nobody is so near that what is nearer than this counts for more."""
+"""Fraction of the scene's diagonal within which importance no longer grows towards the observer."""
 
 _Floats = NDArray[np.float64]
 _Uints = NDArray[np.uint32]
 
 
 def own_radiance(patches: Patches) -> _Floats:
-    """(2 n + 1, 3): what sides send out by themselves, and last what comes from outside."""
+    """(2 n + 1, 3): emitted radiance of sides, and last that of the environment."""
     own = np.zeros((2 * len(patches) + 1, 3))
     own[:-1:2] = patches.emission
     own[-1] = patches.environment
@@ -52,7 +52,7 @@ def own_radiance(patches: Patches) -> _Floats:
 
 
 def carried_radiance(patches: Patches) -> _Floats:
-    """The part of `own_radiance` that form factors carry; shadow rays find the rest."""
+    """The part of `own_radiance` that form factors carry; shadow rays sample the rest."""
     own = own_radiance(patches)
     if patches.shadow_rays_find_emission:
         own[:-1] = 0.0
@@ -60,14 +60,15 @@ def carried_radiance(patches: Patches) -> _Floats:
 
 
 def side_areas(patches: Patches) -> _Floats:
-    """(2 n + 1,) float64; outside has none."""
+    """(2 n + 1,) float64; 0 for the environment."""
     return np.append(np.repeat(patches.areas, 2), 0.0)
 
 
 def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
-    """Sides that are the dark inside of something closed: (2 n + 1,) bool.
+    """Sides that face the dark interior of a closed shape: (2 n + 1,) bool.
 
-    A sphere, box or tetrahedron is, when neither the camera nor anything that shines reaches into the box around it.
+    Spheres, boxes and tetrahedra are closed; their interior is dark if neither the camera nor any emitter extends into
+    their bounding box.
     """
     sealed = np.zeros(2 * len(patches) + 1, bool)
     scene = patches.scene
@@ -90,12 +91,12 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
 
 
 def is_convex(shape: Shape) -> bool:
-    """Whether rays that leave the front of the shape's patches cannot meet it again."""
+    """Whether rays that leave the front of the shape's patches cannot hit it again."""
     return isinstance(shape, _CLOSED) and not shape.flip_normals
 
 
 def reaches_inside(patches: Patches, shape: int) -> bool:
-    """Whether a shape may reach into another, or the other into it, and one of them is a box or tetrahedron."""
+    """Whether a shape may intersect another, and one of them is a box or tetrahedron."""
     lows, highs = patches.boxes
     near = ((lows <= highs[shape]) & (highs >= lows[shape])).all(axis=1)
     shapes = patches.scene.shapes
@@ -107,7 +108,7 @@ def reaches_inside(patches: Patches, shape: int) -> bool:
 
 
 def _apart(patches: Patches, *pair: int) -> bool:
-    """Whether a face of one of two shapes, or a plane across the line between their middles, parts them."""
+    """Whether a face of one of two shapes, or a plane across the line between their centres, separates them."""
     ranges = [slice(*(side // 2 for side in patches.sides_of(shape))) for shape in pair]
     points = [patches.corners[each].reshape(-1, 3) for each in ranges]
     axes = [(points[1].mean(axis=0) - points[0].mean(axis=0))[None]]
@@ -122,7 +123,7 @@ def _apart(patches: Patches, *pair: int) -> bool:
 
 
 def covered_rays(hits: _Uints, sealed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """How many rays of each side set out inside of something closed that stands on it.
+    """Number of rays of each side that start inside a closed shape standing on it.
 
     Nothing reaches that part of the side, and nobody sees it: the side's radiance is that of its part in the open.
 
@@ -143,13 +144,13 @@ def covered_rays(hits: _Uints, sealed: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def lifted(reflectance: _Floats, share: _Floats) -> _Floats:
-    """Reflectance that turns what arrives on the whole of a side, by mean, into what its open part reflects."""
+    """Reflectance that relates the mean irradiance of a whole side to the radiance of its uncovered part."""
     up: _Floats = np.divide(reflectance, share[:, None], out=np.zeros_like(reflectance), where=share[:, None] > 0.0)
     return up
 
 
 def first_sides(patches: Patches, sealed: NDArray[np.bool_] | None = None) -> _Uints:
-    """All fronts, and the backs that the camera may look at; `sealed` if it is known already."""
+    """All fronts, and the backs that the camera may see; `sealed` if it is known already."""
     camera = patches.scene.camera
     x, y, z = (patches.centers - np.array(camera.position)).T
     normal_x, normal_y, normal_z = patches.normals.T
@@ -191,7 +192,7 @@ def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tup
 
 
 def importance(patches: Patches) -> _Floats:
-    """How much the observer cares: (2 n,) float64, 1 near the observer, falling with the square of the distance."""
+    """Importance to the observer: (2 n,) float64, 1 nearby, falling with the square of the distance."""
     spans = patches.corners.reshape(-1, 3).max(axis=0) - patches.corners.reshape(-1, 3).min(axis=0)
     near = (_NEAR * math.sqrt(float((spans * spans).sum()))) ** 2
     x, y, z = (patches.centers - np.array(patches.scene.camera.position)).T
@@ -199,7 +200,7 @@ def importance(patches: Patches) -> _Floats:
 
 
 def box_around(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
-    """(6,): around a shape's patches, a little larger than roundings."""
+    """(6,): bounds of a shape's patches, with a margin for rounding."""
     corners = patches.corners[moved[0] // 2 : moved[1] // 2].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = _BOX_MARGIN * max(float((high - low).max()), float(np.abs(corners).max()) * 1e-2)
@@ -207,7 +208,7 @@ def box_around(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
 
 
 def light_boxes(patches: Patches) -> NDArray[np.float32]:
-    """(k, 6): around everything that shadow rays go to; where that may be infinitely far, around everything."""
+    """(k, 6): bounds of everything that shadow rays aim at; of the whole scene for lights at infinity."""
     scene = patches.scene
     boxes = [
         box_around(patches, patches.sides_of(shape))
@@ -225,12 +226,12 @@ def light_boxes(patches: Patches) -> NDArray[np.float32]:
 
 
 def lights_differ(before: FlatScene, after: FlatScene) -> bool:
-    """Whether shadow rays choose among the lights in another way."""
+    """Whether the distribution from which shadow rays pick a light has changed."""
     return any(not np.array_equal(before.arrays[n], after.arrays[n]) for n in ("lights", "light_nodes", "light_order"))
 
 
 def largest(radiance: _Floats) -> _Floats:
-    """Of each row's magnitudes the largest; column by column, which is faster than NumPy's way along a short axis."""
+    """Largest magnitude of each row; column by column, which is faster than NumPy's reduction of a short axis."""
     size = np.abs(radiance)
     most: _Floats = np.maximum(np.maximum(size[:, 0], size[:, 1]), size[:, 2])
     return most

@@ -1,4 +1,4 @@
-"""A scene's radiosity from beginning to end: patches, form factors, direct light, the solution, refinement."""
+"""A scene's radiosity: patches, form factors, direct light, solution, refinement."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ if TYPE_CHECKING:
     from clrender.flatten import FlatScene
     from clrender.scene import Scene
 
-__all__ = ["RadiositySettings", "Solution", "check_sought", "solve_scene", "summary"]
+__all__ = ["RadiositySettings", "Solution", "check_settings", "solve_scene", "summary"]
 
 _COARSE_SHARE: Final = 0.5
-"""Of the patches wanted, before those are halved across which the radiance changes most."""
+"""Fraction of the patches wanted, before those with the largest contrast are subdivided."""
 _MOST_PATCHES: Final = 1 << 20
 _PILOT_RAYS: Final = 64
 _PILOT_ROUNDS: Final = 4
-"""For a gather: where patches have to be small is found with few rays, a quarter of the halvings at a time."""
+"""For a final gather: few rays decide where to subdivide, a quarter of the subdivisions at a time."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class RadiositySettings:
-    """What a solution is asked for.
+    """Settings of a solution.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class RadiositySettings:
 
 @dataclass(frozen=True)
 class Solution:
-    """How bright each side of each patch is.
+    """The radiosity of each side of each patch.
 
     Attributes
     ----------
@@ -89,14 +89,14 @@ class Solution:
     reflected : (2 n + 1, 3) float64
         Radiance that each side reflects, W/(sr m²).
     used : (2 n + 1,) bool
-        Sides that were solved for; the others are seen by nothing.
+        Sides that were solved for; nothing sees the others.
     open_share : (2 n + 1,) float64
-        Of each side's area; the rest is covered by something closed that stands on it.
+        Uncovered fraction of each side's area; the rest is covered by closed shapes standing on it.
     steps : int
     unshot : float
-        Share of the power.
+        Fraction of the power.
     seconds : dict of str to float
-        What took how long.
+        By step.
     complete : bool
         False when it was stopped.
     """
@@ -119,12 +119,12 @@ class Solution:
 
     @property
     def sent(self) -> _Floats:
-        """(2 n + 1, 3) float64: radiance of each side, its own and what it reflects; the last is the environment's."""
+        """(2 n + 1, 3) float64: emitted and reflected radiance of each side; the last is the environment's."""
         return self.reflected + own_radiance(self.patches)
 
     @property
     def indirect(self) -> _Floats:
-        """(2 n + 1, 3) float64: the part of `reflected` that no shadow ray finds at the side itself."""
+        """(2 n + 1, 3) float64: `reflected` without direct light from shadow rays."""
         return self.reflected - self.balance.spread(self.balance.direct)
 
     @property
@@ -134,21 +134,21 @@ class Solution:
 
 
 def summary(solution: Solution) -> str:
-    """What was done, in a line."""
+    """A summary of the solution in one line."""
     if not solution.complete:
         return "radiosity: stopped before it was solved"
     sums = solution.factors.row_sums()
     text = (
-        f"radiosity: {len(solution.patches)} patches, {len(solution.factors.sides)} sides in use, each sees "
-        f"{sums.mean():.3f} of the others; solved in {sum(solution.seconds.values()):.1f} s and {solution.steps} steps"
+        f"radiosity: {len(solution.patches)} patches, {len(solution.factors.sides)} sides in use, mean form factor "
+        f"to all others {sums.mean():.3f}; solved in {sum(solution.seconds.values()):.1f} s and {solution.steps} steps"
     )
     if solution.unshot > 1e-3:
-        text += f"; warning: {solution.unshot:.1%} of the light is still on its way, for surfaces absorb next to none"
+        text += f"; warning: not converged, {solution.unshot:.1%} of the light is unshot, as surfaces absorb hardly any"
     return text
 
 
-def check_sought(sought: RadiositySettings) -> None:
-    """Refuse what makes no sense.
+def check_settings(settings: RadiositySettings) -> None:
+    """Validate the settings.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def check_sought(sought: RadiositySettings) -> None:
     for name, least, most in (
         ("patches", 1, _MOST_PATCHES), ("rays", 1, 1 << 16), ("direct_samples", 1, MOST_DIRECT_SAMPLES),
     ):  # fmt: skip
-        value = getattr(sought, name)
+        value = getattr(settings, name)
         if not least <= value <= most:
             raise UsageError(f"radiosity: {name} is {value}; it must be from {least} to {most}")
 
@@ -165,21 +165,21 @@ def check_sought(sought: RadiositySettings) -> None:
 def solve_scene(
     scene: Scene,
     device: Device,
-    sought: RadiositySettings | None = None,
+    settings: RadiositySettings | None = None,
     size: tuple[int, int] = (64, 64),
     cut: LaunchConfig | None = None,
     light_sampler: str = "auto",
     should_stop: Callable[[], bool] | None = None,
     patches: Patches | None = None,
 ) -> Solution:
-    """Find the radiosity of a scene.
+    """Solve for the radiosity of a scene.
 
     Parameters
     ----------
     scene : Scene
         Of diffuse surfaces only.
     device : Device
-    sought : RadiositySettings, optional
+    settings : RadiositySettings, optional
     size : (int, int)
         Of the image that the camera is for.
     cut : LaunchConfig, optional
@@ -196,8 +196,8 @@ def solve_scene(
         When a shape is not diffuse.
     UsageError, RenderError
     """
-    wanted = sought or RadiositySettings()
-    check_sought(wanted)
+    wanted = settings or RadiositySettings()
+    check_settings(wanted)
     begin = time.perf_counter()
     if patches is None:
         patches = cut_into_patches(scene, math.ceil(wanted.patches * (_COARSE_SHARE if wanted.refine else 1.0)))
@@ -269,9 +269,10 @@ def _solve(
 
 
 def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
-    """Patches across which the brightness changes most, halved; at most `count` in all.
+    """Subdivide the patches with the largest contrast; at most `count` patches in all.
 
-    For a gather that of indirect light, and large patches sooner than small ones, because nobody looks at their edges.
+    For a final gather the contrast is that of indirect light, and large patches come first, as their edges are not
+    visible.
     """
     patches = solution.patches
     shown = solution.indirect if gathered else solution.reflected
@@ -288,7 +289,7 @@ def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
 
 
 def _nothing(patches: Patches, size: tuple[int, int], light_sampler: str) -> Solution:
-    """In place of a solution that nobody waited for."""
+    """An empty solution, for one that was interrupted."""
     columns = 2 * len(patches) + 1
     factors = factors_of_hits(np.zeros(0, np.uint32), np.zeros((0, 1), np.uint32), columns)
     empty = np.zeros((0, 3))

@@ -1,4 +1,4 @@
-"""The equations of radiosity, solved: by gathering, or by shooting what has not been shot yet, largest first."""
+"""Solvers of the radiosity equations: gathering, and shooting the largest unshot power first."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Balance:
-    """What each side gets and does with it.
+    """The terms of the radiosity equations.
 
     Attributes
     ----------
     factors : FormFactors
     reflectance : (r, 3) float64
-        Of each row's side, over the share of it that is in the open.
+        Of each row's side, divided by its uncovered fraction.
     direct : (r, 3) float64
-        Radiance reflected of light that shadow rays found, by row.
+        Reflected direct light from shadow rays, by row.
     sent : (columns, 3) float64
-        Radiance that sides send out by themselves and that form factors have to carry; the last is the environment's.
+        Emitted radiance that form factors have to carry; the last is the environment's.
     areas : (columns,) float64
         Of each side.
     """
@@ -43,7 +43,7 @@ class Balance:
         return self.direct + self.reflectance * self.factors.gathered(self.sent)
 
     def power(self, radiance: _Floats) -> float:
-        """Of radiance by row: the sum over area and channels, in no particular unit."""
+        """Power of a radiance by row: the sum over area and channels, in arbitrary units."""
         return float((np.abs(radiance).sum(axis=1) * self.areas[self.factors.sides]).sum())
 
     def spread(self, radiance: _Floats) -> _Floats:
@@ -55,7 +55,7 @@ class Balance:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a solution stands.
+    """The state of an iteration.
 
     Attributes
     ----------
@@ -63,9 +63,9 @@ class Progress:
     reflected : (r, 3) float64
         Radiance, by row, so far.
     unshot : (r, 3) float64
-        Part of it that has not been sent on.
+        Part of it that has not been shot.
     ambient : (3,) float64
-        Guess of what is still missing of the irradiance / π of every side.
+        Estimate of the irradiance / π that every side still lacks.
     """
 
     steps: int
@@ -75,7 +75,7 @@ class Progress:
 
 
 def gather(balance: Balance, tolerance: float = 1e-5, most: int = 2000) -> Progress:
-    """Jacobi's iteration: every side gathers from all others, until what is unshot is small.
+    """Jacobi iteration: every side gathers from all others, until the unshot power is small.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def shoot(
 
 
 def _ambient(balance: Balance, unshot: _Floats) -> _Floats:
-    """Unshot power spread evenly and reflected for ever (Cohen et al. 1988, eq. 11-13)."""
+    """Unshot power distributed uniformly and reflected infinitely often (Cohen et al. 1988, eq. 11-13)."""
     areas = balance.areas[balance.factors.sides][:, None]
     total = areas.sum()
     mean = (balance.reflectance * areas).sum(axis=0) / total

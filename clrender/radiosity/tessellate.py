@@ -1,4 +1,4 @@
-"""Spheres and disks as triangles of about the size that patches are to have."""
+"""Spheres and disks as triangles of about the size of patches."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _Floats = NDArray[np.float64]
 
 
 def sphere_triangles(center: _Floats, radius: float, inward: bool, size: float) -> _Floats:
-    """A sphere as an icosphere of the same area: it is a little too large at its corners and too small between.
+    """A sphere as an icosphere of the same area: it lies outside the sphere at its corners and inside between them.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _icosphere(level: int) -> _Floats:
 
 
 def disk_triangles(center: _Floats, radius: float, normal: _Floats, size: float) -> _Floats:
-    """A disk as a regular polygon of the same area, cut like a cake.
+    """A disk as a regular polygon of the same area, divided into sectors.
 
     Parameters
     ----------

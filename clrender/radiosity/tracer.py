@@ -14,7 +14,7 @@ from clrender import layout
 from clrender.device.radix_sort import launch_each, scan
 from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.errors import UsageError
-from clrender.integrators import Integrator
+from clrender.integrators.descriptor import Pipeline
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer, Device
@@ -26,7 +26,7 @@ __all__ = ["MOST_DIRECT_SAMPLES", "Changes", "PreviousDirectLight", "Stopped", "
 MOST_DIRECT_SAMPLES: Final = 32
 _LAUNCH_SECONDS: Final = 0.15
 _FIRST_LAUNCH: Final = 1 << 16
-_FORM: Final = Integrator("radiosity/form.cl", "radiosity_rays")
+_FORM: Final = Pipeline("radiosity/form.cl", "radiosity_rays")
 
 _Floats = NDArray[np.float64]
 _Uints = NDArray[np.uint32]

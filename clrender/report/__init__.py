@@ -1,4 +1,4 @@
-"""The founding report, measured again: its table, its figures, and what holds of its conclusions."""
+"""The founding report reproduced: its table, its figures, and which of its conclusions hold."""
 
 from __future__ import annotations
 
@@ -45,21 +45,28 @@ def make_report(
     Raises
     ------
     ClrenderError
-        When nothing can be rendered.
+        When Matplotlib is missing or nothing can be rendered.
     Stopped
         When `should_stop` said so.
     """
-    from clrender.report.drawing import hemisphere, room_measures
+    from clrender.report.drawing import hemisphere, room_dimensions
     from clrender.report.page import Page
     from clrender.report.pictures import Figure, figures
     from clrender.report.plan import SCENE
     from clrender.report.plots import plots
     from clrender.report.runs import Renderer, measure
+    from clrender.report.svg import require_matplotlib
     from clrender.scene import load
 
+    require_matplotlib()
     measured = measure(Renderer(size, device, should_stop, say), quick)
     drawn = [
-        Figure("figure-1", "Figure 1: the room", "Its measures, drawn from the scene.", svg=room_measures(load(SCENE))),
+        Figure(
+            "figure-1",
+            "Figure 1: the room",
+            "Its dimensions, drawn from the scene.",
+            svg=room_dimensions(load(SCENE)),
+        ),
         Figure(
             "figure-3",
             "Figure 3: the hemisphere",

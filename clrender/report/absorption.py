@@ -1,4 +1,4 @@
-"""The absorption that makes a render's deepest path as deep as wanted."""
+"""The absorption for which a render's deepest path is as deep as wanted."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ __all__ = ["absorption_for", "expected_deepest", "survival_for"]
 
 
 def survival_for(deepest: int, paths: int) -> float:
-    """Probability to go on from a hit that makes a deepest path of `deepest` scattering events likeliest.
+    """Survival probability at a hit for which a deepest path of `deepest` scattering events is most probable.
 
-    Going on with probability s from each hit, a path scatters k times or more, its last by a shadow ray, with
-    probability s^(k-1), and the deepest of n paths is k with about exp(-n s^k) - exp(-n s^(k-1)): one maximum, searched
-    by golden sections.
+    With survival probability s at each hit, a path has at least k scattering events, the last one by a shadow ray, with
+    probability s^(k-1), and the deepest of n paths has k with probability about exp(-n s^k) - exp(-n s^(k-1)). Its one
+    maximum is found by golden-section search.
 
     Parameters
     ----------
@@ -37,10 +37,10 @@ def survival_for(deepest: int, paths: int) -> float:
 
 
 def absorption_for(deepest: int, paths: int, goes_on: float) -> float:
-    """The roulette's absorption, when of the paths it spares a share `goes_on` does not end otherwise (on a light)."""
+    """The roulette's absorption, when a fraction `goes_on` of the paths it spares does not end on a light."""
     return min(max(1.0 - survival_for(deepest, paths) / goes_on, 0.0), 0.999)
 
 
 def expected_deepest(survival: float, paths: int) -> float:
-    """About the median of the deepest of so many paths, in scattering events."""
+    """Approximate median of the deepest of this many paths, in scattering events."""
     return math.log(paths / math.log(2.0)) / -math.log(survival)

@@ -1,4 +1,4 @@
-"""Program of a process of its own: renders what its argument asks for, and prints a line of JSON each."""
+"""Program of the one-core process: renders what its argument asks for, and prints a line of JSON per render."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["main"]
 
 
 def main(task: str) -> None:
-    """Render; `task` is what `clrender.report.one_core` wrote."""
+    """Render a task that `clrender.report.one_core` wrote."""
     wanted = json.loads(task)
     scene = clrender.load(wanted["scene"])
     for number, settings in enumerate([{**wanted["wanted"][0], "spp": 1}, *wanted["wanted"]]):

@@ -1,4 +1,4 @@
-"""What the founding report measured and concluded: its Table 1 and its sentences, word for word."""
+"""The founding report's measurements and conclusions: its Table 1, and its sentences quoted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class FoundingRow:
     Attributes
     ----------
     run : str
-        Name of the run of ours that repeats it (`clrender.report.plan.SPECS`).
+        Name of our run that reproduces it (`clrender.report.plan.SPECS`).
     seconds : int
         Its time.
     samples, shadow_rays : int
@@ -43,7 +43,7 @@ class FoundingRow:
 
 @dataclass(frozen=True)
 class Group:
-    """The lines that vary one thing; `base` is the line that the others are compared with."""
+    """The lines that vary one parameter; `base` is the line that the others are compared with."""
 
     title: str
     figure: str
@@ -89,7 +89,7 @@ GROUPS: Final = (
         0,
     ),
 )
-"""Its Table 1: 800 x 800 pixels, on a processor that it does not name."""
+"""Its Table 1: 800 x 800 pixels, on an unnamed processor."""
 
 CLAIMS: Final = {
     "time": "“The sample amount … will cause an exponential increase in computations.”",
@@ -105,6 +105,6 @@ CLAIMS: Final = {
     "roulette": "By Russian roulette “the method will mathematically still be converging to the desired result”.",
     "limit": "A constant ray limit “adds bias”.",
     "indirect": "“The effect of the indirect illumination can easily be distinguished.”",
-    "deepest": "More samples met no deeper path: 13 of 256 samples, 14 of 64, 13 of 16 (Table 1).",
+    "deepest": "More samples found no deeper path: 13 of 256 samples, 14 of 64, 13 of 16 (Table 1).",
 }
-"""Name -> what it says."""
+"""Name -> conclusion."""

@@ -1,4 +1,4 @@
-"""Renders on one core: PoCL reads how many threads it may have when it starts, so they are a process of their own."""
+"""Renders on one core, in a process of their own: PoCL reads its number of threads when it starts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from clrender.errors import RenderError
 __all__ = ["THREADS", "one_core_runs"]
 
 THREADS: Final = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
-"""Environment variables that hold PoCL to a number of threads: of old versions, of new ones."""
+"""Environment variables for PoCL's number of threads: of older and of newer versions."""
 
 _POLL_SECONDS: Final = 0.1
 
@@ -32,11 +32,11 @@ def one_core_runs(
     Parameters
     ----------
     scene : str
-        A built-in one's name.
+        Name of a built-in scene.
     size : (int, int)
     device : str or None
     wanted : sequence of dict
-        Settings of each render; one more comes first and does not count, so that everything is compiled.
+        Settings of each render; an uncounted one comes first, so that everything is compiled.
     should_stop : callable
         Asked ten times a second.
 

@@ -1,4 +1,4 @@
-"""The report as a page: one HTML file that needs no other, or Markdown with its pictures beside it."""
+"""The report as a page: one self-contained HTML file, or Markdown with its pictures beside it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from clrender.report.verdicts import FAILS, HOLDS, verdicts
 
 __all__ = ["Page", "html_page", "markdown_page", "picture_name"]
 
-_HEADING: Final = "The founding report, measured again"
+_HEADING: Final = "The founding report, reproduced"
 
 _HTML: Final = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -69,7 +69,7 @@ $body
 
 @dataclass(frozen=True)
 class Page:
-    """All that a page shows.
+    """Contents of a page.
 
     Attributes
     ----------
@@ -84,16 +84,16 @@ class Page:
 
 
 def html_page(page: Page) -> str:
-    """The page as one HTML file: pictures, plots and style are inside."""
+    """The page as one HTML file, with pictures, plots and style inside."""
     found = verdicts(page.results)
     classes = [{HOLDS: "holds", FAILS: "fails"}.get(each.outcome, "open") for each in found]
     times = times_table(page.results)
     starts = ["first" if i == 0 or times.rows[i - 1][0] != row[0] else "" for i, row in enumerate(times.rows)]
     parts = [
         *_paragraphs(introduction(page.results)),
-        "<h2>What holds of its conclusions</h2>",
+        "<h2>Its conclusions</h2>",
         _html_table(verdict_table(found), "prose", classes),
-        "<h2>Its benchmark, and ours</h2>",
+        "<h2>Its benchmark and ours</h2>",
         _html_table(times, "", starts),
         _html_table(noise_table(page.results), "", []),
         "<h2>Why our numbers differ</h2>",
@@ -109,14 +109,14 @@ def html_page(page: Page) -> str:
 
 
 def markdown_page(page: Page) -> str:
-    """The page as Markdown; its pictures have the names of `picture_name`."""
+    """The page as Markdown, which refers to pictures by `picture_name`."""
     found = verdicts(page.results)
     parts = [
         f"# {_HEADING}",
         *introduction(page.results),
-        "## What holds of its conclusions",
+        "## Its conclusions",
         _markdown_table(verdict_table(found)),
-        "## Its benchmark, and ours",
+        "## Its benchmark and ours",
         _markdown_table(times_table(page.results)),
         _markdown_table(noise_table(page.results)),
         "## Why our numbers differ",

@@ -1,4 +1,4 @@
-"""The report's figures as pictures: which images stand beside each other, whole and in detail."""
+"""The report's figures as pictures: images side by side, whole and in detail."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Pixels = npt.NDArray[np.uint8]
 _Images = Mapping[str, npt.NDArray[Any]]
 
 _WHOLE: Final = 480
-"""Pixels of a whole picture's longer side, at most."""
+"""Pixels of the longer side of a whole picture, at most."""
 
 _STRIP_BYTES: Final = 60_000
 _STRIP_PANEL: Final = 280
@@ -42,7 +42,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the report, or a further one.
+    """A figure of the report, or an additional one.
 
     Attributes
     ----------
@@ -76,8 +76,8 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         Figure(
             "figure-2-5",
             "Figures 2 and 5: reflection, colour bleeding, soft shadows",
-            "A mirror sphere shows the room (room-mirror). The white sphere takes on the green of the wall beside "
-            "it. Area lights cast shadows with soft edges.",
+            "A mirror sphere reflects the room (room-mirror). The green wall bleeds colour onto the white sphere "
+            "beside it. Area lights cast soft shadows.",
             [
                 [
                     Panel(_whole(images["mirror"]), "reflection"),
@@ -89,8 +89,8 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         Figure(
             "figure-4",
             "Figure 4: direct and indirect light, and direct light only",
-            f"Of the light on surfaces {-100 * results.beside_reference(results.direct_mean):.0f} % is indirect: "
-            "without it the ceiling is black and shadows have no light.",
+            f"{-100 * results.beside_reference(results.direct_mean):.0f} % of the light on surfaces is indirect: "
+            "without it the ceiling and the shadows are black.",
             [
                 [
                     Panel(_whole(images["reference"]), "direct and indirect"),
@@ -101,8 +101,8 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         Figure(
             "figure-6",
             "Figure 6: tone curves",
-            "The square root, which the report calls logarithmic (it is a power law), beside no curve at all. One "
-            "render, shown twice.",
+            "The square root, which the report calls logarithmic (it is a power law), and linear display of the same "
+            "render.",
             [
                 [
                     Panel(_whole(images["reference"]), "square root"),
@@ -111,51 +111,51 @@ def figures(images: _Images, results: Results) -> list[Figure]:
             ],
         ),
         _compared(
-            "figure-7", "Figure 7: samples", "256, 64 and 16 samples a pixel, two shadow rays.", images,
+            "figure-7", "Figure 7: samples", "256, 64 and 16 samples per pixel, two shadow rays.", images,
             {"samples-256": "256 samples", "samples-64": "64 samples", "samples-16": "16 samples"},
         ),
         _compared(
-            "figure-8", "Figure 8: shadow rays", "One, two and four shadow rays, 16 samples a pixel.", images,
+            "figure-8", "Figure 8: shadow rays", "One, two and four shadow rays, 16 samples per pixel.", images,
             {"base": "1 shadow ray", "samples-16": "2 shadow rays", "shadow-4": "4 shadow rays"},
         ),
         _compared(
             "figure-9", "Figure 9: depth",
-            "Deepest paths of about 14, 7 and 5; 16 samples, one shadow ray. What survives the roulette is divided "
-            "by its probability, so all have the same light on average, but the right ones have it in ever rarer, "
-            "brighter specks.",
+            "Deepest paths of about 14, 7 and 5; 16 samples, one shadow ray. Surviving paths are divided by their "
+            "probability, so all have the same mean, but towards the right it is concentrated in ever rarer, brighter "
+            "fireflies.",
             images,
             {name: f"deepest path {_deepest(results, name)}" for name in ("base", "depth-7", "depth-5")},
         ),
         _compared(
-            "roulettes", "Further: the roulette",
-            "The report's roulette by absorption beside clrender's, which ends a path by how little it can still "
-            "carry: same samples, same shadow rays.",
+            "roulettes", "Additional: the roulette",
+            "The report's roulette by absorption and clrender's, which ends paths according to their throughput: same "
+            "samples, same shadow rays.",
             images, {"base": "by absorption", "own-base": "by throughput"},
         ),
         Figure(
             "whitted",
             "Section 2.1.2: Whitted's ray tracing",
-            "Path tracing beside Whitted's ray tracing on the scene room: mirror and glass are followed, but "
-            "lights are points, shadows hard, and there is no indirect light.",
+            "Path tracing and Whitted's ray tracing of the scene room: mirror and glass are traced, but lights are "
+            "sampled at their centres, shadows are hard, and there is no light between diffuse surfaces.",
             [[Panel(_whole(images["path"]), "path tracing"), Panel(_whole(images["whitted"]), "Whitted")]],
         ),
     ]  # fmt: skip
 
 
 def _compared(name: str, title: str, caption: str, images: _Images, words: Mapping[str, str]) -> Figure:
-    """Images of several rows beside each other, whole above, a detail in its own pixels below."""
+    """Images of several rows side by side, whole above, a magnified detail below."""
     wholes = [Panel(_whole(images[row]), word) for row, word in words.items()]
     details = [Panel(_detail(images[row], _NOISE), f"{word}, detail") for row, word in words.items()]
     return Figure(name, title, caption, [wholes, details])
 
 
 def _deepest(results: Results, name: str) -> int:
-    """Of the run that is shown, the first."""
+    """Deepest path of the first run, which is the one shown."""
     return results.rows[name].runs[0].deepest
 
 
 def _whole(linear: npt.NDArray[Any], tone_map: str = "sqrt") -> _Pixels:
-    """Display pixels, made smaller by a whole factor, in linear light, where the image is large."""
+    """Display pixels; large images are averaged down by an integer factor, in linear radiance."""
     factor = -(-max(linear.shape[:2]) // _WHOLE)
     height, width = (side // factor * factor for side in linear.shape[:2])
     blocks = linear[:height, :width].reshape(height // factor, factor, width // factor, factor, 3)
@@ -169,7 +169,7 @@ def _detail(linear: npt.NDArray[Any], where: tuple[float, float, float]) -> _Pix
 
 
 def data_uri(pixels: _Pixels) -> str:
-    """A picture inside a page."""
+    """A picture as a data URI, for inclusion in a page."""
     return "data:image/jpeg;base64," + base64.b64encode(_jpeg(pixels, 88)).decode()
 
 

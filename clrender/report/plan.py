@@ -1,4 +1,4 @@
-"""What the report renders: its settings, how often each, and how much work that is."""
+"""What the report renders: its settings, the runs of each, and how much work that is."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Final
 __all__ = ["LIMIT", "ONE_CORE", "REFERENCE_SAMPLES", "SCENE", "SPECS", "Spec", "one_core_turns", "turns_of", "work_of"]
 
 SCENE: Final = "room-report"
-"""The built-in scene of the table."""
+"""The built-in scene that the table is measured on."""
 
 LIMIT: Final = 3
-"""Scatterings at most, where paths are limited."""
+"""Scattering events at most, in the renders with limited paths."""
 
 REFERENCE_SAMPLES: Final = 512
-"""Samples a pixel of both halves of the reference together."""
+"""Samples per pixel of both halves of the reference together."""
 
 
 @dataclass(frozen=True)
 class Spec:
-    """One setting: its samples, its shadow rays, and how deep the deepest of its 16 samples a pixel should be."""
+    """One setting: samples per pixel, shadow rays, and the deepest path wanted with 16 samples per pixel."""
 
     samples: int
     shadow_rays: int
@@ -46,26 +46,26 @@ SPECS: Final = {
     "own-base": Spec(16, 1, None),
     "own-shadow-4": Spec(16, 4, None),
 }
-"""Name -> setting. Those that begin with ``own`` have clrender's roulette, by throughput, not the report's."""
+"""Name -> setting. Those that begin with ``own`` use clrender's roulette, by throughput, not the report's."""
 
 ONE_CORE: Final = {"one-core-4": "cores-4", "one-core": "base", "one-core-64": "cores-64"}
-"""Rows of one core alone -> the rows of all cores with the same settings and seeds."""
+"""Rows rendered on one core -> the rows on all cores with the same settings and seeds."""
 
 
 def turns_of(samples: int, quick: bool) -> int:
-    """Runs of a setting with so many samples a pixel."""
+    """Runs of a setting with this many samples per pixel."""
     if quick:
         return 3
     return 3 if samples > 64 else 6 if samples <= 16 else 4
 
 
 def one_core_turns(quick: bool) -> int:
-    """Runs of one core alone."""
+    """Runs on one core."""
     return 3 if quick else 4
 
 
 def work_of(quick: bool) -> int:
-    """Samples a pixel of all renders."""
+    """Samples per pixel of all renders together."""
     rows = sum(spec.samples * turns_of(spec.samples, quick) for spec in SPECS.values())
     one_core = sum(SPECS[twin].samples for twin in ONE_CORE.values()) * one_core_turns(quick)
     further = 3 * (64 if quick else 128) + 32 + 16 * turns_of(16, quick) + 5

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from clrender.report.founding import GROUPS
 from clrender.report.intervals import Interval, mean_interval
-from clrender.report.plot import Axis, Series, plot
 from clrender.report.results import Results, Row, Run
+from clrender.report.svg import BLUE, GREY, ORANGE, draw
 
-__all__ = ["Plot", "plots"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["Plot", "Series", "plot", "plots"]
 
 _Point = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
 class Plot:
-    """One, ready.
+    """A plot and its caption.
 
     Attributes
     ----------
@@ -32,6 +38,27 @@ class Plot:
     svg: str
 
 
+@dataclass(frozen=True)
+class Series:
+    """Points of one kind.
+
+    Attributes
+    ----------
+    title : str
+        For the legend.
+    points : sequence of (x, y, low, high)
+        `low` and `high` equal to y: no error bar.
+    colour : str
+    style : str
+        Of marker and line, as of Matplotlib: ``o-``, ``o``, ``--``.
+    """
+
+    title: str
+    points: Sequence[_Point]
+    colour: str
+    style: str = "o-"
+
+
 def plots(results: Results) -> list[Plot]:
     """All of them.
 
@@ -42,6 +69,57 @@ def plots(results: Results) -> list[Plot]:
     return [_time(results), _noise(results), _shadow(results)]
 
 
+def plot(
+    name: str, caption: str, axes_titles: tuple[str, str], series: Sequence[Series], x_ticks: Sequence[float],
+    logarithmic: bool = True,
+) -> Plot:  # fmt: skip
+    """Draw series of points.
+
+    Parameters
+    ----------
+    name, caption : str
+    axes_titles : (str, str)
+        Of x and y.
+    series : sequence of Series
+    x_ticks : sequence of float
+    logarithmic : bool
+        Both axes; else both begin at 0.
+    """
+
+    def paint(figure: Figure) -> None:
+        axes = figure.add_subplot(xlabel=axes_titles[0], ylabel=axes_titles[1])
+        for each in series:
+            x, y, low, high = zip(*each.points, strict=True)
+            bars = [[b - a for a, b in zip(low, y, strict=True)], [b - a for a, b in zip(y, high, strict=True)]]
+            known = bars if any(map(any, bars)) else None
+            axes.errorbar(x, y, known, fmt=each.style, color=each.colour, label=each.title, capsize=4.0)
+        if logarithmic:
+            _logarithmic(axes, [y for each in series for _, y, _, _ in each.points if y > 0.0])
+        else:
+            axes.set_xlim(left=0.0, right=1.1 * max(x_ticks))
+            axes.set_ylim(bottom=0.0)
+        axes.set_xticks(list(x_ticks))
+        axes.set_xticks([], minor=True)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter("{x:,.10g}")
+        axes.grid()
+        figure.legend(loc="outside upper left")
+
+    return Plot(name, caption, draw(name, caption, (8.4, 5.2), paint))
+
+
+def _logarithmic(axes: Axes, values: Sequence[float]) -> None:
+    """Both axes logarithmic, with a label at each decade of y, or at more of its values where there are few."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    decades = math.log10(max(values) / min(values)) if values else 1.0
+    subs = (1.0,) if decades > 2.5 else (1.0, 2.0, 5.0) if decades > 1.0 else (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
 def _time(results: Results) -> Plot:
     theirs = [(float(row.samples), float(row.seconds)) for row in reversed(GROUPS[0].rows)]
     ours = _sampled(results, "samples-", _seconds)
@@ -49,20 +127,13 @@ def _time(results: Results) -> Plot:
     first = next(point for point in ours if point[0] == theirs[0][0])
     ratio = [(n, first[1] * seconds / theirs[0][1]) for n, seconds in theirs]
     series = [
-        Series("the report, on a processor it does not name", [_bare(*p) for p in theirs], "c"),
-        Series("clrender, the report's settings", ours, "a"),
-        Series("clrender, its own roulette", own, "b"),
-        Series(
-            "the report's ratios, from clrender's time at 16 samples",
-            [_bare(*p) for p in ratio],
-            "c",
-            False,
-            dashed=True,
-        ),
+        Series("the report, on an unnamed processor", [_bare(*p) for p in theirs], GREY),
+        Series("clrender, the report's settings", ours, BLUE),
+        Series("clrender, its own roulette", own, ORANGE),
+        Series("the report's ratios, from clrender's time at 16 samples", [_bare(*p) for p in ratio], GREY, "--"),
     ]
-    title = "Seconds against samples a pixel, two shadow rays; medians, bars: least and greatest run"
-    ticks = (1, 4, 16, 64, 256)
-    return Plot("time", title, plot(title, Axis("samples a pixel"), Axis("seconds"), series, ticks))
+    caption = "Seconds against samples per pixel, two shadow rays; medians, bars: shortest and longest run"
+    return plot("time", caption, ("samples per pixel", "seconds"), series, (1, 4, 16, 64, 256))
 
 
 def _noise(results: Results) -> Plot:
@@ -70,13 +141,12 @@ def _noise(results: Results) -> Plot:
     theirs = _sampled(results, "samples-", _spread)
     rate = [_bare(n, own[0][1] / n) for n in (1.0, 256.0)]
     series = [
-        Series("the report's roulette; bars: least and greatest run", theirs, "b", line=False),
-        Series("clrender's roulette; bars: 95 % intervals", own, "a", line=False),
-        Series("1/N", rate, "c", False, dashed=True),
+        Series("the report's roulette; bars: smallest and largest of the runs", theirs, ORANGE, "o"),
+        Series("clrender's roulette; bars: 95 % confidence intervals", own, BLUE, "o"),
+        Series("1/N", rate, GREY, "--"),
     ]
-    title = "relMSE against samples a pixel, two shadow rays"
-    ticks = (1, 4, 16, 64, 256)
-    return Plot("noise", title, plot(title, Axis("samples a pixel"), Axis("relMSE"), series, ticks))
+    caption = "relMSE against samples per pixel, two shadow rays"
+    return plot("noise", caption, ("samples per pixel", "relMSE"), series, (1, 4, 16, 64, 256))
 
 
 def _shadow(results: Results) -> Plot:
@@ -95,17 +165,13 @@ def _shadow(results: Results) -> Plot:
         return found
 
     own = relative(("own-base", "own-samples-16", "own-shadow-4"), lambda run: run.noise)
-    theirs = relative(("base", "samples-16", "shadow-4"), lambda run: run.seen**2)
+    theirs = relative(("base", "samples-16", "shadow-4"), lambda run: run.display_error**2)
     series = [
-        Series("clrender's roulette: relMSE × seconds", own, "a"),
-        Series("the report's roulette: visible error² × seconds", theirs, "b"),
+        Series("clrender's roulette: relMSE × seconds", own, BLUE),
+        Series("the report's roulette: display error² × seconds", theirs, ORANGE),
     ]
-    title = "Noise at equal time against shadow rays, one shadow ray = 1; lower is better"
-    return Plot(
-        "shadow",
-        title,
-        plot(title, Axis("shadow rays a hit", True), Axis("noise at equal time", True), series, (1, 2, 4)),
-    )
+    caption = "Noise at equal time against shadow rays, one shadow ray = 1; lower is better"
+    return plot("shadow", caption, ("shadow rays per hit", "noise at equal time"), series, (1, 2, 4), False)
 
 
 def _sampled(results: Results, prefix: str, of: Callable[[Row], Interval]) -> list[_Point]:

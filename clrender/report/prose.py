@@ -1,4 +1,4 @@
-"""The words of the report's page: what it is, how it was measured, and why our numbers are other ones."""
+"""The prose of the report's page: what it is, how it was measured, and why our numbers differ."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clrender.version import __version__
 __all__ = ["differences", "introduction", "method"]
 
 _BUSY: Final = 0.85
-"""Share of the cores below which the page says that the machine was busy."""
+"""Share of the cores below which the page notes that the machine was busy."""
 
 
 def introduction(results: Results) -> list[str]:
@@ -23,54 +23,55 @@ def introduction(results: Results) -> list[str]:
     if size != usual:
         command += f" --size {results.width}x{results.height}"
     if results.quick:
-        kind += ", with few runs: for a look, not for conclusions"
+        kind += "; few runs, not enough for conclusions"
     cores = f", {results.cores} cores" if results.cores else ""
     busy = (
-        f" The machine was busy with other things: it gave {percent(results.share_of_cores)} of its cores, and "
-        "times by the clock are longer for it."
+        f" The machine was busy: only {percent(results.share_of_cores)} of its cores were available, so elapsed times "
+        "are longer than on an idle machine."
         if results.share_of_cores < _BUSY
         else ""
     )
     return [
-        f"clrender grew out of a report on one Monte Carlo ray tracer ({TITLE}). This page renders its benchmark "
-        "table and its figures again, puts its numbers beside ours, and says what holds of its conclusions. Every "
-        "verdict is computed from the numbers on this page.",
-        f"Made by clrender {__version__} with “{command}” at {results.width} × {results.height} pixels ({kind}) on "
+        f"clrender grew out of a report on a Monte Carlo ray tracer ({TITLE}). This page reproduces its benchmark "
+        "table and its figures, compares its numbers with ours, and tests its conclusions. Every verdict is computed "
+        "from the numbers on this page.",
+        f"Made with clrender {__version__}, “{command}”, at {results.width} × {results.height} pixels ({kind}) on "
         f"{results.device}{cores} ({results.driver}) in {significant(results.seconds / 60.0, 2)} minutes. Scene of "
         f"the table: room-report.{busy}",
     ]
 
 
 def method(results: Results) -> list[str]:
-    """How it was measured, and what is assumed."""
+    """How it was measured, and under which assumptions."""
     row = results.rows["base"]
     one_core = (
-        "One core: PoCL reads how many threads it may have when it starts, so these renders are a process of their "
-        "own; one render comes first there and does not count. The ratio is to those renders of all cores that lay "
-        "beside them."
+        "One core: PoCL reads its number of threads when it starts, so these renders run in a process of their own, "
+        "after one render that does not count. They are compared with the renders on all cores of the same turns."
     )
     if results.no_one_core:
-        one_core = f"The line with one core is left out: {results.no_one_core}"
-    cost = "processor seconds over cores, as an idle machine would take" if results.cores else "seconds by the clock"
+        one_core = f"The row with one core is missing: {results.no_one_core}"
+    cost = "CPU time divided by the number of cores" if results.cores else "elapsed time"
     return [
-        "Settings are rendered in turns, every run with a seed of its own, so that what else the machine does "
-        "falls on all alike. Time is from the first launch to the last result: without compiling, reading the "
-        f"scene and building its tree. Efficiency and ratios in verdicts use {cost}.",
-        "Absorption: the report varies it and tells the deepest path that it saw, and so do we. With n paths that "
-        "go on with probability s, the likeliest deepest path follows from s alone; a short render tells how many "
-        "paths end on lights. Table 1 shows the deepest paths that came of it. Depth counts scattering events, the "
-        "last shadow ray's included.",
+        "Settings are rendered in turns, every run with a seed of its own, so that other load on the machine affects "
+        "all of them alike. Time is measured from the first launch to the last result: without compiling, reading "
+        f"the scene and building its BVH. Efficiency and ratios in verdicts use {cost}.",
+        "Absorption: the report varies it and states the deepest path that occurred; so do we. For n paths that "
+        "survive each hit with probability s, the most probable deepest path follows from s and n; a short render "
+        "measures how many paths end on lights. Table 1 shows the deepest paths that resulted. Depth counts "
+        "scattering events, including the one that the last shadow ray serves.",
         "Noise is relMSE, the mean over pixels and channels of (x − r)² / (r² + 0.01), against a reference r of "
-        f"{results.reference_samples} samples a pixel, other seeds and clrender's roulette. The reference is made "
-        f"of two halves, whose difference tells its own relMSE ({significant(results.reference_noise, 2)}), which "
-        "is taken off. Intervals are Student's t at 95 %, each by itself; they take runs to be independent, which "
-        "seeds make them, and their means to be normally distributed; ratios are taken in logarithms (Welch).",
-        "The last does not hold of relMSE where variance has no bound. The roulette ends a path with probability α "
-        "at every hit and divides the others by 1 − α; between surfaces of reflectance ρ the mean square of a "
-        f"path's weight is multiplied by ρ²/(1 − α) at each bounce, here {row.growth:.2f} on the white walls at α = "
-        f"{row.absorption}. Above 1 it can grow without end, and more samples meet ever rarer, ever brighter paths. "
-        "Such rows are marked with * and judged by the visible error, which is bounded; and the questions about "
-        "samples and shadow rays are answered with clrender's roulette as well, whose variance is finite.",
+        f"{results.reference_samples} samples per pixel, with other seeds and clrender's roulette. The reference is "
+        "the mean of two renders, whose difference gives its own relMSE "
+        f"({significant(results.reference_noise, 2)}), which is subtracted. Intervals are 95 % t-intervals, each by "
+        "itself. They assume that runs are independent, which their seeds ensure, and that their means are normally "
+        "distributed; ratios are computed in logarithms (Welch).",
+        "The second assumption does not hold for relMSE where the variance is unbounded. The roulette ends a path "
+        "with probability α at every hit and divides the others by 1 − α; between surfaces of reflectance ρ the mean "
+        "square of a path's weight is multiplied by ρ²/(1 − α) at each bounce, here "
+        f"{row.growth:.2f} on the white walls at α = {row.absorption}. Above 1 it can grow without bound: more samples "
+        "find ever rarer, ever brighter paths. Such rows are marked with * and judged by the display error, which "
+        "is bounded. The questions about samples and shadow rays are also answered with clrender's roulette, whose "
+        "variance is finite.",
         one_core,
     ]
 
@@ -82,11 +83,11 @@ def differences(results: Results) -> list[str]:
     faster = theirs.seconds / (base.cost * pixels)
     return [
         f"Per path, with 16 samples and one shadow ray, the report's program took {significant(faster)} times as "
-        "long as clrender here. Its processor is not named, so only ratios can be compared. Its program is C++ "
-        "with one pixel to a software thread and, as far as it tells, tests every object for every ray; clrender "
-        "takes sixteen paths at a time through a tree of boxes in vector instructions, in single precision.",
-        "Ratios differ too. A shadow ray here costs less than a path's other work (it stops at the first thing in "
-        "its way), so further shadow rays are cheaper than the report's, while each further bounce is a larger "
-        "share of a path that has next to no overhead. Our room is made after the report's description; its exact "
-        "objects and reflectances are not known, nor whether its roulette divides by 1 − α.",
+        "long as clrender here. Its processor is not named, so only ratios can be compared. It is written in C++, "
+        "renders one pixel per software thread and, as far as the report says, tests every object for every ray; "
+        "clrender traces sixteen paths at a time through a BVH with vector instructions, in single precision.",
+        "Ratios differ too. A shadow ray is cheap here, as it stops at the first occluder, so additional shadow rays "
+        "cost less than the report's. Each additional bounce costs more, relative to a path with hardly any "
+        "overhead. Our room follows the report's description; its exact objects and reflectances are unknown, and "
+        "so is whether its roulette divides by 1 − α.",
     ]

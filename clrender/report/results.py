@@ -1,4 +1,4 @@
-"""What was measured, as data: runs, rows of runs, and all of them together."""
+"""Measurements as data: runs, rows of runs, and all rows together."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ class Run:
     ----------
     seed : int
     seconds, cpu_seconds : float
-        From the first launch to the last result: by the clock, and of all of this process's threads.
+        From the first launch to the last result: elapsed, and CPU time of all threads of this process.
     cost : float
-        Seconds that an idle machine would take: processor seconds over cores on a CPU, else seconds by the clock.
+        Seconds that an idle machine would take: CPU time over cores on a CPU, else elapsed time.
     paths, rays, shadow_rays, deepest : int
         Camera paths; closest-hit rays; shadow rays; scattering events of the deepest path.
     noise : float
-        relMSE against the reference, less the reference's own.
-    seen : float
-        Root mean square difference from it of what a display shows, both through the square root and cut to 0..1.
-    typical : float
-        Median over pixels and channels of this image over the reference: below 1 where rare paths carry much.
+        relMSE against the reference, minus the reference's own.
+    display_error : float
+        Display error: root mean square difference from it, both after the square root and clamped to 0..1.
+    median_ratio : float
+        Median over pixels and channels of image / reference: below 1 where rare paths contribute much.
     mean : float
         Radiance, over pixels and channels.
     sha256 : str
@@ -46,8 +46,8 @@ class Run:
     shadow_rays: int
     deepest: int
     noise: float
-    seen: float
-    typical: float
+    display_error: float
+    median_ratio: float
     mean: float
     sha256: str = ""
 
@@ -57,26 +57,27 @@ class Run:
         return 1.0 / (self.noise * self.cost)
 
     @property
-    def seen_efficiency(self) -> float:
-        """The same of the error that is seen: 1 / (its square x seconds)."""
-        return 1.0 / (self.seen**2 * self.cost)
+    def display_efficiency(self) -> float:
+        """The same for the display error: 1 / (its square x seconds)."""
+        return 1.0 / (self.display_error**2 * self.cost)
 
 
 @dataclass
 class Row:
-    """The runs of one setting, each with a seed of its own.
+    """The runs of one setting, each with a different seed.
 
     Attributes
     ----------
     name : str
     samples, shadow_rays : int
     absorption : float or None
-        Of the roulette by absorption; None: the roulette by throughput, clrender's own.
+        Probability of the roulette by absorption; None: clrender's own roulette, by throughput.
     cores : int
-        That may work; 0 on a device that is no CPU.
+        Available to the run; 0 on a device that is not a CPU.
     growth : float
-        What a bounce between the brightest surfaces multiplies the mean square of a path's weight by: reflectance
-        squared over 1 - absorption. From 1 on, the variance of a pixel may have no bound; 0 with clrender's roulette.
+        Factor by which a bounce between the brightest surfaces multiplies the mean square of a path's weight:
+        reflectance squared over 1 - absorption. From 1 on, a pixel's variance may be unbounded; 0 with clrender's
+        roulette.
     runs : list of Run
     """
 
@@ -89,22 +90,22 @@ class Row:
     runs: list[Run] = field(default_factory=list)
 
     def values(self, of: Callable[[Run], float]) -> list[float]:
-        """One number of each run."""
+        """One value of each run."""
         return [of(run) for run in self.runs]
 
     @property
     def seconds(self) -> float:
-        """Median, by the clock."""
+        """Median elapsed time."""
         return statistics.median(run.seconds for run in self.runs)
 
     @property
     def cpu_seconds(self) -> float:
-        """Median, of the processor."""
+        """Median CPU time."""
         return statistics.median(run.cpu_seconds for run in self.runs)
 
     @property
     def cost(self) -> float:
-        """Median of the runs' costs: seconds on an idle machine."""
+        """Median cost: seconds on an idle machine."""
         return statistics.median(run.cost for run in self.runs)
 
     @property
@@ -119,24 +120,24 @@ class Row:
 
     @property
     def bounded(self) -> bool:
-        """Whether the variance of a pixel is surely finite, as intervals of relMSE need it to be."""
+        """Whether the variance of a pixel is known to be finite, which intervals of relMSE require."""
         return self.growth < 1.0
 
     @property
-    def seen(self) -> Interval:
-        """Root mean square difference of what a display shows; bounded, so its interval holds always."""
-        return mean_interval(self.values(lambda run: run.seen))
+    def display_error(self) -> Interval:
+        """Display error; it is bounded, so its interval is always valid."""
+        return mean_interval(self.values(lambda run: run.display_error))
 
     @property
     def deepest(self) -> tuple[int, int]:
-        """Least and greatest of the runs."""
+        """Smallest and largest of the runs."""
         depths = [run.deepest for run in self.runs]
         return min(depths), max(depths)
 
 
 @dataclass
 class Results:
-    """Everything measured.
+    """All measurements.
 
     Attributes
     ----------
@@ -144,21 +145,21 @@ class Results:
     quick : bool
     device, driver : str
     cores : int
-        Of the CPU that renders; 0 on a device that is none.
+        Of the CPU that renders; 0 on other devices.
     rows : dict
-        Name -> Row; ``one-core`` is absent where one core alone could not be had.
+        Name -> Row; without ``one-core`` where rendering could not be restricted to one core.
     no_one_core : str
-        Why, then; else empty.
+        The reason for that; else empty.
     reference_mean, reference_noise : float
-        Radiance of the reference over pixels and channels; its own relMSE, which every run's is lessened by.
+        Radiance of the reference over pixels and channels; its own relMSE, which is subtracted from every run's.
     reference_samples : int
     emitted_mean, direct_mean : float
-        Radiance of the lights as they are seen; of them and of direct light alone.
+        Mean radiance of directly visible lights; the same with direct light.
     limited : list of float
-        Means of renders whose paths scatter `limit` times at most.
+        Means of renders whose paths have at most `limit` scattering events.
     limit : int
     seconds : float
-        The whole report took.
+        Duration of the whole report.
     """
 
     width: int
@@ -179,23 +180,23 @@ class Results:
     seconds: float = 0.0
 
     def each(self, names: Sequence[str]) -> list[Row]:
-        """Those of these rows that there are."""
+        """Those of these rows that exist."""
         return [self.rows[name] for name in names if name in self.rows]
 
     @property
     def share_of_cores(self) -> float:
-        """What the machine gave of its cores to the renders that had all of them; 1 where they are no CPU's."""
+        """Fraction of the cores that the renders on all cores really had; 1 on devices that are not CPUs."""
         if not self.cores:
             return 1.0
         runs = [run for row in self.rows.values() if row.cores == self.cores for run in row.runs]
         return sum(run.cpu_seconds for run in runs) / (sum(run.seconds for run in runs) * self.cores)
 
     def beside_reference(self, mean: float) -> float:
-        """A mean radiance over the reference's, both without the lights that are seen, less 1."""
+        """Relative difference of a mean radiance from the reference's, both without directly visible lights."""
         return (mean - self.emitted_mean) / (self.reference_mean - self.emitted_mean) - 1.0
 
     def as_json(self) -> dict[str, Any]:
-        """All of it as plain data."""
+        """Everything as plain data."""
         from dataclasses import asdict
 
         plain = asdict(self)
@@ -206,7 +207,7 @@ class Results:
                 "deepest": row.deepest,
                 "noise": _bounds(row.noise),
                 "efficiency": _bounds(row.efficiency),
-                "seen": _bounds(row.seen),
+                "display_error": _bounds(row.display_error),
                 "bounded": row.bounded,
             }
         return plain

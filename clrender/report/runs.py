@@ -1,4 +1,4 @@
-"""What the report renders: each setting in turns, with references, and one core alone in a process of its own."""
+"""Renders for the report: all settings in turns, a reference, and one core in a process of its own."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 import clrender
+from clrender.image.compare import RELATIVE_FLOOR, relative_squared_error
 from clrender.report.absorption import absorption_for
 from clrender.report.one_core import one_core_runs
 from clrender.report.plan import (
@@ -29,24 +30,23 @@ from clrender.report.plan import (
 from clrender.report.results import Results, Row, Run
 
 if TYPE_CHECKING:
-    from clrender.rendering import Progress, RenderedImage
+    from clrender.rendered_image import Progress, RenderedImage
     from clrender.scene import Scene
 
 __all__ = ["Measured", "Renderer", "Stopped", "measure"]
 
 _REFERENCE_SEEDS: Final = (2**31, 2**31 + 1)
 _SECONDS_APART: Final = 10.0
-_FLOOR: Final = 0.01  # as in `clrender.image.compare`
 _Image = npt.NDArray[Any]
 
 
 class Stopped(Exception):
-    """The user wanted it to stop."""
+    """The user asked to stop."""
 
 
 @dataclass
 class Renderer:
-    """Renders, tells how far it is, and stops when asked to.
+    """Renders, reports progress, and stops when asked to.
 
     Attributes
     ----------
@@ -54,9 +54,9 @@ class Renderer:
     device : str or None
     should_stop : callable
     say : callable
-        Told a line a render.
+        Receives a line of text per render.
     total : int
-        Camera paths of all renders, for the share done.
+        Samples per pixel of all renders, for progress.
     """
 
     size: tuple[int, int]
@@ -96,7 +96,7 @@ class Renderer:
         return image
 
     def finished(self, what: str, spp: int, seconds: float) -> None:
-        """Tell that a render is done."""
+        """Report that a render is done."""
         self.done += spp
         self.say(f"{self._share(0.0):4.0%}  {what}: {seconds:.2f} s")
 
@@ -106,13 +106,13 @@ class Renderer:
 
 @dataclass
 class Measured:
-    """Results, and the images that pictures are made of.
+    """Results, and the images for the figures.
 
     Attributes
     ----------
     results : Results
     images : dict
-        Name -> linear image: the first run of each row, ``reference`` and the further ones of figures.
+        Name -> linear image: the first run of each row, ``reference``, and those for figures alone.
     """
 
     results: Results
@@ -121,20 +121,23 @@ class Measured:
 
 @dataclass(frozen=True)
 class Reference:
-    """Mean of two renders with many samples; their difference tells its own relMSE."""
+    """Mean of two renders with many samples; their difference gives its own relMSE."""
 
     mean: _Image
     noise: float
 
     def judge(self, image: _Image) -> dict[str, float]:
-        """`noise`, `seen`, `typical` and `mean` of a `Run`. relMSE is less the reference's own: as the two are
-        independent of each other, that leaves the image's without bias."""
-        lit = self.mean > _FLOOR
+        """`noise`, `display_error`, `median_ratio` and `mean` of a `Run`.
+
+        Image and reference are independent, so subtracting the reference's relMSE leaves an unbiased estimate of the
+        image's.
+        """
+        lit = self.mean > RELATIVE_FLOOR
         shown = np.sqrt(np.clip(image, 0.0, 1.0)) - np.sqrt(np.clip(self.mean, 0.0, 1.0))
         return {
-            "noise": _relative(image - self.mean, self.mean) - self.noise,
-            "seen": float(np.sqrt((shown**2).mean())),
-            "typical": float(np.median(image[lit] / self.mean[lit])) if lit.any() else 1.0,
+            "noise": relative_squared_error(image - self.mean, self.mean) - self.noise,
+            "display_error": float(np.sqrt((shown**2).mean())),
+            "median_ratio": float(np.median(image[lit] / self.mean[lit])) if lit.any() else 1.0,
             "mean": float(image.mean()),
         }
 
@@ -153,7 +156,7 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     ClrenderError
         When nothing can be rendered.
     Stopped
-        When the user wants it to.
+        When the user asks to stop.
     """
     begun = time.perf_counter()
     scene = clrender.load(SCENE)
@@ -166,14 +169,14 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     ]
     halves = [image.linear.astype(np.float64) for image in references]
     mean = (halves[0] + halves[1]) / 2.0
-    reference = Reference(mean, _relative((halves[0] - halves[1]) / 2.0, mean))
+    reference = Reference(mean, relative_squared_error((halves[0] - halves[1]) / 2.0, mean))
     images: dict[str, _Image] = {"reference": mean}
     device = references[0].stats["devices"][0]
     cores = _cores() if all(each["type"] == "cpu" for each in references[0].stats["devices"]) else 0
     rows = {name: _row(name, spec, absorptions[spec.deepest], cores, scene) for name, spec in SPECS.items()}
     no_one_core = _turns(renderer, scene, rows, reference, images, quick, device["driver"])
     limited = [
-        renderer.image(scene, f"at most {LIMIT} scatterings", 16, seed=900 + turn, max_depth=LIMIT)
+        renderer.image(scene, f"at most {LIMIT} scattering events", 16, seed=900 + turn, max_depth=LIMIT)
         for turn in range(turns_of(16, quick))
     ]
     emitted = renderer.image(scene, "lights only", 16, max_depth=0)
@@ -197,10 +200,12 @@ def _turns(
     renderer: Renderer, scene: Scene, rows: dict[str, Row], reference: Reference, images: dict[str, _Image],
     quick: bool, driver: str,
 ) -> str:  # fmt: skip
-    """All settings in turns, so that what else the machine does falls on all alike; why one core alone was left out."""
-    no_one_core = "" if driver.startswith("Portable Computing Language") else f"{driver} cannot be held to one core."
+    """All settings in turns, so that other load affects all alike; returns why one core was left out, or nothing."""
+    no_one_core = (
+        "" if driver.startswith("Portable Computing Language") else f"{driver} cannot be restricted to one core."
+    )
     if rows["base"].cores == 1:
-        no_one_core = "This machine has one core only."
+        no_one_core = "This machine has only one core."
     for turn in range(max(turns_of(spec.samples, quick) for spec in SPECS.values())):
         for number, (name, spec) in enumerate(SPECS.items()):
             if turn >= turns_of(spec.samples, quick):
@@ -223,15 +228,20 @@ def _one_core(renderer: Renderer, rows: dict[str, Row], turn: int) -> None:
         raise Stopped
     for (name, twin), stats in zip(twins.items(), all_stats, strict=True):
         row = rows.setdefault(name, dataclasses.replace(twin, name=name, cores=1, runs=[]))
-        # The same seed gives the same bits, which the hash tells: their errors need not be measured again.
+        # The same seed gives the same bits, as the hash shows: errors need not be measured again.
         run = twin.runs[turn]
-        judged = {"noise": run.noise, "seen": run.seen, "typical": run.typical, "mean": run.mean}
+        judged = {
+            "noise": run.noise,
+            "display_error": run.display_error,
+            "median_ratio": run.median_ratio,
+            "mean": run.mean,
+        }
         row.runs.append(_run(stats, 1, run.seed, judged))
         renderer.finished(f"turn {turn + 1}, {name}", twin.samples, stats["render_seconds"])
 
 
 def settings_of(row: Row) -> dict[str, Any]:
-    """What `clrender.render` is given for a row, but for samples and seed."""
+    """Settings of `clrender.render` for a row, without samples and seed."""
     roulette = {} if row.absorption is None else {"roulette": "absorption", "absorption": row.absorption}
     return {"shadow_rays": row.shadow_rays, **roulette}
 
@@ -245,7 +255,7 @@ def _run(stats: dict[str, Any], cores: int, seed: int, judged: dict[str, float])
 
 
 def _absorptions(renderer: Renderer, scene: Scene) -> dict[int | None, float | None]:
-    """Deepest path wanted -> absorption. A short render tells how many paths end otherwise than by the roulette."""
+    """Deepest path wanted -> absorption. A short render measures how many paths end other than by the roulette."""
     probe = renderer.image(scene, "finding absorptions", 4, roulette="absorption", absorption=0.5).stats
     rays = probe["rays"] - probe["shadow_rays"]
     goes_on = (1.0 - probe["samples"] / rays) / 0.5  # the mean length of geometric paths is 1 / (1 - survival)
@@ -255,17 +265,13 @@ def _absorptions(renderer: Renderer, scene: Scene) -> dict[int | None, float | N
 
 
 def _figures(renderer: Renderer, scene: Scene, images: dict[str, _Image], quick: bool) -> None:
-    """Further pictures."""
+    """Images for figures that no row provides."""
     fine = 64 if quick else 128
     images["direct"] = renderer.image(scene, "direct light only", fine, integrator="direct").linear
     images["mirror"] = renderer.image(clrender.load("room-mirror"), "mirror sphere", fine).linear
     room = clrender.load("room")
     images["path"] = renderer.image(room, "room by path tracing", fine).linear
     images["whitted"] = renderer.image(room, "room by Whitted's ray tracing", 16, integrator="whitted").linear
-
-
-def _relative(difference: _Image, reference: _Image) -> float:
-    return float((difference**2 / (reference**2 + _FLOOR)).mean())
 
 
 def _cores() -> int:

@@ -1,4 +1,4 @@
-"""The report's table, its numbers beside ours, and the work and the noise of every setting: as rows of text."""
+"""The report's table with our numbers beside its own, and work and noise of every setting, as rows of text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Table:
     header : sequence of str
     rows : sequence of sequence of str
     words : int
-        Of its columns, the first so many are words, the others numbers.
+        Number of leading columns that hold words; the others hold numbers.
     """
 
     caption: str
@@ -41,7 +41,7 @@ def times_table(results: Results) -> Table:
     results : Results
     """
     header = (
-        "Test", "Samples", "Shadow rays", "Cores", "Deepest: report", "Deepest: ours", "Absorption",
+        "Test", "Samples", "Shadow rays", "Cores", "Deepest path: report", "Deepest path: ours", "Absorption",
         "Time: report", "Time: ours", "CPU time", "Ratio: report", "Ratio: ours",
     )  # fmt: skip
     lines = []
@@ -64,10 +64,10 @@ def times_table(results: Results) -> Table:
                 ]
             )  # fmt: skip
     caption = (
-        f"Table 1: the report's benchmark. Its times (mm:ss) are of 800 × 800 pixels, ours of {results.width} × "
-        f"{results.height}, medians. Ratios are to the line of the same test with ratio ×1; ours are of processor "
-        "time on a CPU, as an idle machine would take, but those of cores by the clock. Deepest: the most "
-        "scattering events of any path, least and greatest of the runs."
+        f"Table 1: the report's benchmark. Its times (mm:ss) are for 800 × 800 pixels, ours for {results.width} × "
+        f"{results.height}, medians. Ratios are relative to the row of the same test with ratio ×1; ours are ratios of "
+        "CPU time, and of elapsed time for cores. Deepest path: scattering events of the deepest path, smallest and "
+        "largest of the runs."
     )
     return Table(caption, header, lines)
 
@@ -80,47 +80,50 @@ def noise_table(results: Results) -> Table:
     results : Results
     """
     header = (
-        "Roulette", "Samples", "Shadow rays", "Runs", "Paths, M", "Rays, M", "Shadow rays, M", "Deepest", "Time",
-        "relMSE", "Visible error", "Typical pixel", "Efficiency",
+        "Roulette", "Samples", "Shadow rays", "Runs", "Paths, M", "Rays, M", "Shadow rays, M", "Deepest path", "Time",
+        "relMSE", "Display error", "Median pixel", "Efficiency",
     )  # fmt: skip
     lines = []
     for row in sorted(results.rows.values(), key=lambda row: (row.absorption or 0.0, row.shadow_rays, row.samples)):
         if row.name.startswith("one-core"):
             continue
         told = "throughput" if row.absorption is None else f"absorption {row.absorption}"
-        typical = statistics.fmean(run.typical for run in row.runs)
+        typical = statistics.fmean(run.median_ratio for run in row.runs)
         work = [statistics.fmean(values) / 1e6 for values in (
             row.values(lambda run: run.paths), row.values(lambda run: run.rays), row.values(lambda run: run.shadow_rays)
         )]  # fmt: skip
-        seen = row.seen
-        half = f" ± {significant(100 * (seen.high - seen.value), 2)}" if seen.known else ""
+        display_error = row.display_error
+        half = f" ± {significant(100 * (display_error.high - display_error.value), 2)}" if display_error.known else ""
         lines.append(
             [
                 told, str(row.samples), str(row.shadow_rays), str(len(row.runs)),
                 *(significant(value) for value in work),
-                _deepest(row), f"{significant(row.seconds)} s", _error(row), f"{significant(100 * seen.value)}{half} %",
+                _deepest(row), f"{significant(row.seconds)} s", _error(row),
+                f"{significant(100 * display_error.value)}{half} %",
                 f"{100 * typical:.1f} %", _efficiency(row),
             ]
         )  # fmt: skip
     caption = (
         "Table 2: work and noise of every setting. relMSE and efficiency, 1/(relMSE × s): ± is a 95 % t-interval "
-        "over runs with seeds of their own; with * the variance may have no bound (see below), so the median is "
-        "given with the least and the greatest run. Visible error: root mean square difference from the reference "
-        "through the square root, cut to 0–100 %. Typical pixel: median of image over reference; below 100 % light "
-        "is missing from most pixels and piled up in a few."
+        "over runs with different seeds; for rows marked with * the variance may be unbounded (see below), so the "
+        "median is given with the smallest and the largest run. Display error: root mean square difference from the "
+        "reference after the square root, clamped to 0–100 %. Median pixel: median of image over reference; below "
+        "100 % most pixels lack light that is concentrated in a few."
     )
     return Table(caption, header, lines)
 
 
 def verdict_table(found: Sequence[Verdict]) -> Table:
-    """What holds of the conclusions.
+    """The verdicts on the conclusions.
 
     Parameters
     ----------
     found : sequence of Verdict
     """
     lines = [[each.claim, each.outcome, each.measured] for each in found]
-    return Table("The report's conclusions, and what the numbers say.", ("The report", "Verdict", "Measured"), lines, 3)
+    return Table(
+        "The report's conclusions, and what the measurements say.", ("The report", "Verdict", "Measured"), lines, 3
+    )
 
 
 def _ratio(results: Results, row: Row, base: Row) -> float:

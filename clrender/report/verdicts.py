@@ -1,4 +1,4 @@
-"""What holds of the founding report's conclusions: each decided by the numbers, never written down beforehand."""
+"""Which of the founding report's conclusions hold: each decided by the numbers, never written down beforehand."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SMALL: Final = 1.25
 
 @dataclass(frozen=True)
 class Verdict:
-    """A conclusion of the report, what was measured of it, and what follows.
+    """A conclusion of the report, the measurement that tests it, and the outcome.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Verdict:
 
 
 def verdicts(results: Results) -> list[Verdict]:
-    """All of them, in the order of the report; those that need a row which is not there are left out.
+    """All of them, in the order of the report, without those whose rows are missing.
 
     Parameters
     ----------
@@ -82,8 +82,8 @@ def _time(results: Results) -> tuple[str, str]:
     # Its own table: 256 samples against 16.
     theirs = math.log((44 * 60 + 59) / (2 * 60 + 56)) / math.log(16)
     text = (
-        f"Time grows as samples to the power of {bounds(power)}; the report's own times give {theirs:.2f}. A power "
-        "of 1 is proportional growth; an exponential one would have no such power."
+        f"Time grows as samples to the power of {bounds(power)}; the report's own times give {theirs:.2f}. A power of "
+        "1 is linear growth; exponential growth would follow no power."
     )
     return text, _decided(power.above(1.25), power.below(1.25))
 
@@ -92,11 +92,11 @@ def _noise(results: Results) -> tuple[str, str]:
     power = power_law([(row.samples, run.noise) for row in results.each(_OWN_SAMPLES) for run in row.runs])
     text = (
         f"relMSE changes as samples to the power of {bounds(power)} from 1 to 256 samples (clrender's roulette): "
-        f"four times the samples divide the noise's variance by {4.0**-power.value:.1f}, its visible size by "
+        f"four times the samples divide the variance by {4.0**-power.value:.1f} and the standard deviation by "
         f"{2.0**-power.value:.1f}. "
     )
     text += (
-        "That is quicker than the 1/N of independent samples, as stratified ones may."
+        "That is faster than the 1/N of independent samples, as expected of stratified ones."
         if power.below(-1.02)
         else "Independent samples give -1."
     )
@@ -111,11 +111,11 @@ def _important(results: Results) -> tuple[str, str]:
         "depth 5 → 14": _cost_ratio(rows["base"], rows["depth-5"]).value,
     }
     errors = {
-        "samples 16 → 256": _seen_ratio(rows["samples-16"], rows["samples-256"]).value,
-        "shadow rays 1 → 4": _seen_ratio(rows["base"], rows["shadow-4"]).value,
-        "depth 5 → 14": _seen_ratio(rows["depth-5"], rows["base"]).value,
+        "samples 16 → 256": _display_error_ratio(rows["samples-16"], rows["samples-256"]).value,
+        "shadow rays 1 → 4": _display_error_ratio(rows["base"], rows["shadow-4"]).value,
+        "depth 5 → 14": _display_error_ratio(rows["depth-5"], rows["base"]).value,
     }
-    listed = "; ".join(f"{name}: time {factor(times[name])}, visible error ÷ {errors[name]:.2f}" for name in times)
+    listed = "; ".join(f"{name}: time {factor(times[name])}, display error ÷ {errors[name]:.2f}" for name in times)
     first = [max(table, key=table.__getitem__) == "samples 16 → 256" for table in (times, errors)]
     return f"Over the report's ranges: {listed}.", _decided(all(first), not any(first))
 
@@ -132,28 +132,30 @@ def _shadow(results: Results) -> tuple[str, str]:
         parts.append(
             f"{number}: relMSE {factor(noise.value)}, time {factor(cost.value)}, efficiency {bounds(gain, '×')}"
         )
-    seen = _seen_ratio(rows["base"], rows["shadow-4"])
+    display_error = _display_error_ratio(rows["base"], rows["shadow-4"])
     text = (
         f"Against one shadow ray (clrender's roulette), {'; '.join(parts)}. Above ×1, more shadow rays give less "
-        f"noise in the same time. With the report's roulette the visible error of one ray is {bounds(seen, '×')} "
-        "that of four. "
+        "noise in the same time. With the report's roulette the display error of one ray is "
+        f"{bounds(display_error, '×')} that of four. "
     )
     pays, fails = [gain.above(1.0) for gain in gains], [gain.below(1.0) for gain in gains]
-    text += f"A second shadow ray {'pays' if pays[0] else 'does not pay' if fails[0] else 'makes no sure difference'}."
+    outcome = "pays" if pays[0] else "does not pay" if fails[0] else "makes no significant difference"
+    text += f"A second shadow ray {outcome}."
     return text, _decided(not any(pays) and all(fails), any(pays))
 
 
 def _light(results: Results) -> tuple[str, str]:
     deep, flat = results.rows["base"], results.rows["depth-5"]
-    seen = _seen_ratio(flat, deep)
+    display_error = _display_error_ratio(flat, deep)
     light = scaled(_mean(flat), results.beside_reference)
     text = (
-        "The roulette divides what survives by its probability, which leaves the light the same on average "
-        f"(measured with a deepest path of {_span(flat)}: {bounds(light, percent=True)}). But the typical pixel "
-        f"shows {percent(_typical(flat))} of it then and rare pixels far too much; with {_span(deep)} it shows "
-        f"{percent(_typical(deep))}. The visible error of the former is {bounds(seen, '×')} that of the latter."
+        "The roulette divides surviving paths by their probability, which preserves the mean "
+        f"(measured with a deepest path of {_span(flat)}: {bounds(light, percent=True)}). But the median pixel then "
+        f"has {percent(_median_ratio(flat))} of the reference, and rare pixels far too much; with {_span(deep)} it has "
+        f"{percent(_median_ratio(deep))}. The display error of the former is {bounds(display_error, '×')} that of the "
+        "latter."
     )
-    return text, _decided(seen.below(_SMALL), seen.above(_SMALL))
+    return text, _decided(display_error.below(_SMALL), display_error.above(_SMALL))
 
 
 def _bounces(results: Results) -> tuple[str, str]:
@@ -168,7 +170,7 @@ def _bounces(results: Results) -> tuple[str, str]:
     listed = ", ".join(f"{name} {factor(ratio.value)}" for name, ratio in others.items())
     text = (
         f"From a deepest path of {_span(rows['depth-5'])} to {_span(rows['base'])}, time {bounds(depth, '×')} (the "
-        f"report: ×{103 / 91:.2f}), rays {factor(rays / flat_rays)}; beside it {listed}."
+        f"report: ×{103 / 91:.2f}), rays {factor(rays / flat_rays)}; for comparison {listed}."
     )
     least = min(others.values(), key=lambda ratio: ratio.value)
     return text, _decided(depth.high < least.low, depth.low > least.high)
@@ -184,9 +186,9 @@ def _deepest(results: Results) -> tuple[str, str]:
         mean_interval(rows[name].values(lambda run: float(run.deepest))) for name in (_SAMPLES[0], _SAMPLES[2])
     )
     text = (
-        f"Deepest of 16, 64 and 256 samples: {', '.join(depths)}. Of geometrically distributed lengths one expects "
+        f"Deepest path of 16, 64 and 256 samples: {', '.join(depths)}. Geometrically distributed lengths predict "
         f"about {', '.join(f'{x:.1f}' for x in expected)}: {math.log(16) / -math.log(survival):.1f} more for 16 "
-        "times the paths. A deepest path that does not grow with the number of paths does not fit the roulette "
+        "times the paths. A deepest path that does not grow with the number of paths contradicts the roulette "
         "described."
     )
     grows = many.low > few.high or min(rows[_SAMPLES[2]].deepest) > max(rows[_SAMPLES[0]].deepest)
@@ -198,28 +200,27 @@ def _roulette(results: Results) -> tuple[str, str]:
     theirs = scaled(_mean(results.rows["base"]), results.beside_reference)
     row = results.rows["base"]
     text = (
-        f"Light on surfaces beside the reference's: {bounds(own, percent=True)} with clrender's roulette, "
+        f"Light on surfaces, relative to the reference: {bounds(own, percent=True)} with clrender's roulette, "
         f"{bounds(theirs, percent=True)} with the report's. "
     )
     if not row.bounded:
         text += (
             f"But its absorption of {row.absorption} multiplies the mean square of a path's weight by up to "
-            f"{row.growth:.2f} a bounce: the variance may have no bound, and convergence can be slower than 1/N."
+            f"{row.growth:.2f} per bounce: the variance may be unbounded and convergence slower than 1/N."
         )
     return text, _decided(own.holds(0.0) and theirs.holds(0.0), not own.holds(0.0) and abs(own.value) > 0.005)
 
 
 def _limit(results: Results) -> tuple[str, str]:
     bias = scaled(mean_interval(results.limited), results.beside_reference)
-    text = (
-        f"Paths that scatter {results.limit} times at most give {bounds(bias, percent=True)} of the light on surfaces."
-    )
+    change = bounds(bias, percent=True)
+    text = f"Paths of at most {results.limit} scattering events change the light on surfaces by {change}."
     return text, _decided(bias.below(0.0), bias.holds(0.0))
 
 
 def _indirect(results: Results) -> tuple[str, str]:
     share = -results.beside_reference(results.direct_mean)
-    return f"{percent(share)} of the light on surfaces is indirect, averaged over the picture.", _decided(
+    return f"{percent(share)} of the light on surfaces is indirect, averaged over the image.", _decided(
         share > 0.05, share < 0.01
     )
 
@@ -233,8 +234,8 @@ def _cores(results: Results) -> tuple[str, str] | None:
         for run in results.rows["one-core"].runs
     )
     text = (
-        f"{results.cores} cores are {bounds(gain, '×')} as fast as one (the report: ×{307 / 103:.2f}, on a number "
-        f"of cores it does not say); the images are {'the same, bit for bit' if same else 'NOT the same'}."
+        f"{results.cores} cores are {bounds(gain, '×')} as fast as one (the report: ×{307 / 103:.2f}, on an unstated "
+        f"number of cores); the images are {'the same, bit for bit' if same else 'NOT the same'}."
     )
     return text, _decided(gain.above(_SMALL), gain.below(_SMALL))
 
@@ -245,13 +246,13 @@ def _more_cores(results: Results) -> tuple[str, str] | None:
     names = {4: ("one-core-4", "cores-4"), 16: ("one-core", "base"), 64: ("one-core-64", "cores-64")}
     gains = {samples: _speedup(results, *pair) for samples, pair in names.items()}
     text = "; ".join(f"{samples} samples: {bounds(gain, '×')}" for samples, gain in gains.items())
-    return f"Gain of all cores at {text}.", _decided(
+    return f"Speed-up by all cores at {text}.", _decided(
         gains[64].low > gains[4].high, gains[64].high < gains[4].value * _SMALL
     )
 
 
 def _speedup(results: Results, alone: str, together: str) -> Interval:
-    """By the clock; of the same turns only, which lay beside each other in time."""
+    """Ratio of elapsed times, of the same turns only."""
     one = results.rows[alone].runs
     seeds = {run.seed for run in one}
     beside = [run.seconds for run in results.rows[together].runs if run.seed in seeds]
@@ -262,16 +263,16 @@ def _cost_ratio(above: Row, below: Row) -> Interval:
     return ratio_interval(above.values(lambda run: run.cost), below.values(lambda run: run.cost))
 
 
-def _seen_ratio(above: Row, below: Row) -> Interval:
-    return ratio_interval(above.values(lambda run: run.seen), below.values(lambda run: run.seen))
+def _display_error_ratio(above: Row, below: Row) -> Interval:
+    return ratio_interval(above.values(lambda run: run.display_error), below.values(lambda run: run.display_error))
 
 
 def _mean(row: Row) -> Interval:
     return mean_interval(row.values(lambda run: run.mean))
 
 
-def _typical(row: Row) -> float:
-    return mean_interval(row.values(lambda run: run.typical)).value
+def _median_ratio(row: Row) -> float:
+    return mean_interval(row.values(lambda run: run.median_ratio)).value
 
 
 def _span(row: Row) -> str:

@@ -1,4 +1,4 @@
-"""Numbers in words: bounds, factors, percentages."""
+"""Numbers as text: intervals, factors, percentages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["bounds", "factor", "percent", "significant"]
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """So many significant digits, without an exponent where that is readable."""
+    """A number with this many significant digits, without an exponent where that is readable."""
     if value == 0.0 or not math.isfinite(value):
         return "0" if value == 0.0 else "–"
     places = digits - 1 - math.floor(math.log10(abs(value)))
@@ -25,7 +25,7 @@ def factor(value: float) -> str:
 
 
 def percent(value: float) -> str:
-    """A share as 12.3 %."""
+    """A fraction as 12.3 %."""
     return f"{100.0 * value:.1f} %"
 
 

@@ -293,6 +293,12 @@ class Scene(Part):
         scene._meshes = {f"shape {i}": mesh for i, mesh in enumerate(meshes)}
         return scene
 
+    def with_meshes(self, meshes: Mapping[str, MeshData]) -> Scene:
+        """The same scene with these meshes in the place of the files of these names."""
+        scene = self.model_copy()
+        scene._meshes = {**self._meshes, **meshes}
+        return scene
+
     def mesh(self, index: int) -> MeshData:
         """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.
 
@@ -320,7 +326,14 @@ class Scene(Part):
         str
             64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, not by its name.
         """
-        content = self.model_dump(mode="json", exclude={"title", "render"})
+        return self._hash_without({"title", "render"})
+
+    def content_sha256(self) -> str:
+        """The same of shapes, materials and lights alone: whoever looks at them, and however."""
+        return self._hash_without({"title", "camera", "image", "render"})
+
+    def _hash_without(self, left_out: set[str]) -> str:
+        content = self.model_dump(mode="json", exclude=left_out)
         for index, shape in enumerate(self.shapes):
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()

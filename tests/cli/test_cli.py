@@ -22,7 +22,7 @@ from clrender.image.tone_map import TONE_MAPS as OPERATORS
 RENDER_OPTIONS = (
     "output spp size seed device integrator shadow-rays indirect-rays max-depth roulette absorption sampling "
     "light-sampler reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
-    "samples-per-pass work-group lanes time stats quiet allow-path"
+    "samples-per-pass work-group lanes time shard stats quiet allow-path"
 )
 
 
@@ -108,7 +108,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
         "render room -o a.png --integrator pathh",
         ("--integrator", "'pathh'", "did you mean 'path'?"),
     ),
-    "no such integrator": ("render room -o a.png --integrator metropolis", ("--integrator", "path, direct, whitted")),
+    "no such integrator": ("render room -o a.png --integrator metropolis", ("--integrator", "path, direct, photon")),
     "no shadow rays": ("render room -o a.png --shadow-rays 0", ("--shadow-rays", "at least 1")),
     "negative indirect rays": ("render room -o a.png --indirect-rays -1", ("--indirect-rays", "at least 0")),
     "negative depth": ("render room -o a.png --max-depth -1", ("--max-depth", "at least 0")),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -11,12 +14,14 @@ import clrender
 import clrender.agreement.integrators
 from clrender.agreement.batches import Batches, compare_batches, tile_means
 from clrender.agreement.integrators import check_integrators
+from clrender.agreement.significance import has_outlier, holm, welch
 from clrender.agreement.verdict import AGREE, FAULT, MAY, MUST, light_kinds, verdict
-from clrender.agreement.welch import holm, outlying, student_limit, student_tails, welch
 from clrender.cli import main
 from clrender.errors import UsageError
 from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
+from clrender.integrators.descriptor import Pipeline
 from clrender.scene import Scene, load
+from clrender.student import critical_value, p_value
 
 Floats = npt.NDArray[np.float64]
 
@@ -48,30 +53,41 @@ def of_tiles(tiles: Floats, name: str = "path") -> Batches:
 # --- the tests themselves --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("freedom", [2.0, 7.0, 15.0, 22.7, 62.0, 1000.0])
-def test_student_is_scipys(freedom: float) -> None:
+@pytest.mark.parametrize("df", [1.0, 2.0, 7.0, 15.0, 22.7, 62.0, 1000.0])
+def test_students_distribution_is_scipys(df: float) -> None:
     t = np.concatenate([[0.0], np.logspace(-6, 2, 200), [np.inf]])
-    np.testing.assert_allclose(student_tails(t, freedom), 2.0 * stats.t.sf(t, freedom), rtol=1e-9, atol=1e-290)
-    np.testing.assert_array_equal(student_tails(-t, freedom), student_tails(t, freedom))
-    for chance in (0.05, 1e-5, 1e-9):
-        limit = student_limit(chance, [freedom])
-        np.testing.assert_allclose(limit, stats.t.isf(chance / 2.0, freedom), rtol=1e-8)
+    np.testing.assert_allclose(p_value(t, df), 2.0 * stats.t.sf(t, df), rtol=1e-9, atol=1e-290)
+    np.testing.assert_array_equal(p_value(-t, df), p_value(t, df))
+    for probability in (0.05, 1e-5, 1e-9):
+        found = critical_value(probability, [df])
+        np.testing.assert_allclose(found, stats.t.isf(probability / 2.0, df), rtol=1e-8)
+
+
+def test_the_default_install_is_enough() -> None:
+    """Neither SciPy nor Matplotlib is needed to compare integrators, nor to import what needs them."""
+    code = """if True:
+        import sys
+        sys.modules.update(dict.fromkeys(("scipy", "matplotlib")))
+        import clrender.agreement.integrators, clrender.report.runs, clrender.report.verdicts
+        print(clrender.student.p_value(0.0, 3.0))
+    """
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "1.0\n"
 
 
 def test_welch_is_scipys() -> None:
     random = np.random.default_rng(3)
     a, b = random.normal(size=(12, 40)), random.normal(0.3, 4.0, size=(20, 40))
     found, right = welch(a, b), stats.ttest_ind(a, b, equal_var=False)
-    np.testing.assert_allclose(found.chance, right.pvalue, rtol=1e-9)
-    np.testing.assert_allclose(found.freedom, right.df, rtol=1e-12)
-    np.testing.assert_allclose(found.score, stats.norm.isf(right.pvalue / 2.0) * np.sign(right.statistic), rtol=1e-7)
+    np.testing.assert_allclose(found.p, right.pvalue, rtol=1e-9)
+    np.testing.assert_allclose(found.df, right.df, rtol=1e-12)
+    np.testing.assert_allclose(found.z, stats.norm.isf(right.pvalue / 2.0) * np.sign(right.statistic), rtol=1e-7)
 
 
 def test_welch_without_noise_tells_rounding_from_difference() -> None:
     one = np.ones((8, 3))
     found = welch(one, one * [1.0, 1.0 + 1e-7, 1.5], 4e-6)
-    np.testing.assert_array_equal(found.chance, [1.0, 1.0, 0.0])
-    np.testing.assert_allclose(found.score, [0.0, 0.0, -37.06], atol=0.05)
+    np.testing.assert_array_equal(found.p, [1.0, 1.0, 0.0])
+    np.testing.assert_allclose(found.z, [0.0, 0.0, -37.06], atol=0.05)
 
 
 def test_holm() -> None:
@@ -85,12 +101,12 @@ def test_holm() -> None:
 
 def test_fireflies_are_found_and_normal_noise_has_none() -> None:
     rows = np.random.default_rng(5).normal(size=(16, 20000))
-    false = int(outlying(rows, 1e-3).sum())
+    false = int(has_outlier(rows, 1e-3).sum())
     # Bonferroni inside Grubbs' test keeps it at or a little below its level.
     assert stats.binomtest(false, 20000, 1e-3, alternative="greater").pvalue > CHANCE and false > 0
     rows[3] += 12.0
-    assert outlying(rows, 1e-3).mean() > 0.99
-    assert not outlying(np.ones((16, 2)), 1e-3).any()
+    assert has_outlier(rows, 1e-3).mean() > 0.99
+    assert not has_outlier(np.ones((16, 2)), 1e-3).any()
 
 
 # --- many tests at once ----------------------------------------------------------------------------------------------
@@ -157,7 +173,7 @@ def test_differences_said_to_be_visible_are_seen_nine_times_in_ten(cornell: Scen
 def test_a_difference_too_small_for_any_tile_shows_in_the_mean(cornell: Scene) -> None:
     tiles = np.random.default_rng(1).normal(1.0, 0.05, (2, 16, *TILES))
     pair = compare_batches(cornell, of_tiles(1.01 * tiles[0]), of_tiles(tiles[1]))
-    assert pair.numbers["tiles_differ"] == 0 and pair.numbers["mean_chance"] < 0.001
+    assert pair.numbers["tiles_differ"] == 0 and pair.numbers["mean_p_value"] < 0.001
     assert pair.verdict.kind == FAULT
     low, high = pair.numbers["mean_ratio_95"]
     assert low < 1.01 < high and low > 1.0
@@ -257,7 +273,7 @@ def test_verdicts(cornell: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     assert verdict("path", "direct", lamp, False, True).kind == FAULT
     assert "does not show" in verdict("path", "direct", cornell, False, False).reason
     # One that is not unbiased, and one that leaves out what is not known here
-    odd = clrender.integrators.Integrator("", "", bias="consistent", leaves_out=("mirrors and glass",))
+    odd = clrender.integrators.Integrator(Pipeline("", ""), bias="consistent", leaves_out=("mirrors and glass",))
     monkeypatch.setattr("clrender.agreement.verdict.INTEGRATORS", {**INTEGRATORS, "odd": odd})
     assert verdict("path", "odd", plane, False, True).kind == MUST
     may = verdict("odd", "path", plane, False, True)

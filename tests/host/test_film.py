@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import itertools
 import json
+import subprocess
+import sys
+import threading
+import time
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -11,13 +15,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.fixed_point import fixed_point, to_float64
-from clrender.film.ledger import UnitSet
+from clrender.film.ledger import Ledger
+from clrender.film.unit import Unit, UnitSums, slot_count, tile_side, tile_slots
 
 Words = npt.NDArray[np.uint32]
 
@@ -34,10 +39,30 @@ def expected(value: float) -> int:
     return int(Fraction(value) * 2**64)
 
 
-def add_values(film: Film, rows: npt.ArrayLike, columns: npt.ArrayLike, values: npt.NDArray[np.float32]) -> None:
+def unit_of(film: Film, sample: int) -> Unit:
+    """One sample of every pixel of a small film, as one tile."""
+    side = tile_side(1024, film.width, film.height)
+    return Unit(0, side * side, sample, 1, side)
+
+
+def add_words(
+    film: Film, rows: npt.ArrayLike, columns: npt.ArrayLike, words: Words, counts: npt.ArrayLike = 1, sample: int = -1
+) -> int:
+    """Commit (n, 3, 4) sums of some pixels as the film's next sample, or a given one; other pixels' is rejected."""
+    held = film.ledger.ranges(0, 0)
+    unit = unit_of(film, sample if sample >= 0 else held[-1][1] if held else 0)
+    slots = tile_slots(unit.tile).reshape(unit.tile, unit.tile)[np.asarray(rows, int), np.asarray(columns, int)]
+    sums, counted = np.zeros((unit.slot_count, 3, 4), np.uint32), np.zeros(unit.slot_count, np.uint32)
+    sums[slots], counted[slots] = words, np.asarray(counts, np.uint32)
+    return film.commit(unit, UnitSums(sums, counted, np.ones(unit.slot_count // 16, np.uint32), 0, 0, 0))
+
+
+def add_values(
+    film: Film, rows: npt.ArrayLike, columns: npt.ArrayLike, values: npt.NDArray[np.float32], sample: int = -1
+) -> None:
     words, accepted = fixed_point(values)
     assert accepted.all()
-    film.add(np.asarray(rows, np.int32), np.asarray(columns, np.int32), words, np.ones(len(values), np.uint32))
+    add_words(film, rows, columns, words, 1, sample)
 
 
 def wide_values(count: int, seed: int = 0) -> npt.NDArray[np.float32]:
@@ -109,7 +134,7 @@ def test_a_million_additions_in_any_order_give_the_exact_sum() -> None:
         film = Film(1000, 1)
         columns, rows = np.arange(1000), np.zeros(1000, np.int32)
         for unit in arrangement.reshape(1000, 1000, 4):
-            film.add(rows, columns, np.repeat(unit[:, None], 3, axis=1), np.ones(1000, np.uint32))
+            add_words(film, rows, columns, np.repeat(unit[:, None], 3, axis=1))
         assert film.samples == 1_000_000
         results.append(sum(film_sum(film, 0, column, 1) for column in range(1000)))
     assert results == [exact, exact]
@@ -126,7 +151,7 @@ def test_every_grouping_gives_the_same_bits() -> None:
         for sample in rng.permutation(600):
             chosen = rng.permutation(4)[: rng.integers(1, 5)]
             for part in (chosen, np.setdiff1d(np.arange(4), chosen)):
-                film.add(part // 2, part % 2, words[sample, part], np.ones(len(part), np.uint32))
+                add_words(film, part // 2, part % 2, words[sample, part])
         pictures.append(film.mean())
         for pixel in range(4):
             for channel in range(3):
@@ -140,7 +165,7 @@ def test_every_grouping_gives_the_same_bits() -> None:
 @pytest.mark.parametrize("shuffled", [False, True])
 def test_pixels_land_where_they_belong_across_bands(shuffled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("clrender.film.film._BAND_BYTES", 48 * 7 * 3)
-    monkeypatch.setattr("clrender.film._CHUNK", 5)
+    monkeypatch.setattr("clrender.film.film._CHUNK", 5)
     film = Film(7, 10)
     assert len(film.bands()) == 4
     rows, columns = (axis.ravel() for axis in np.mgrid[1:9, 2:6])
@@ -177,31 +202,39 @@ def test_pixels_without_a_sample_are_black_beside_others() -> None:
     np.testing.assert_array_equal(film.mean(), [[[0, 0, 0], [1, 1, 1]]])
 
 
-@pytest.mark.parametrize(
-    ("rows", "columns"), [([0, 0], [1, 1]), ([2, 0], [0, 0]), ([0, -1], [0, 0]), ([0, 0], [0, 3]), ([0, 0], [0])]
-)
-def test_bad_pixels_are_refused_and_change_nothing(rows: list[int], columns: list[int]) -> None:
+@pytest.mark.parametrize("fault", ["sums", "counts", "blocks", "too many samples"])
+def test_sums_of_another_unit_are_refused_and_change_nothing(fault: str) -> None:
     film = Film(3, 2)
+    unit = unit_of(film, 0)
+    slots = unit.slot_count
+    result = UnitSums(
+        np.ones((slots + (fault == "sums"), 3, 4), np.uint32),
+        np.ones(slots + (fault == "counts"), np.uint32),
+        np.full(slots // 16 + (fault == "blocks"), 1 + (fault == "too many samples"), np.uint32),
+        0,
+        0,
+        0,
+    )
     with pytest.raises(RenderError):
-        film.add(np.array(rows), np.array(columns), np.ones((2, 3, 4), np.uint32), np.ones(2, np.uint32))
-    assert not film.samples and not film.mean().any()
+        film.commit(unit, result)
+    assert not film.samples and not film.mean().any() and film.ledger.samples == 0
 
 
 def test_a_film_says_when_its_range_is_spent() -> None:
     film = Film(1, 1)
     words = np.zeros((1, 3, 4), np.uint32)
     words[..., 3] = 1 << 29  # 2^125 quanta of 2^19 samples
-    film.add(np.zeros(1, np.int32), np.zeros(1, np.int32), words, np.array([1 << 19], np.uint32))
+    add_words(film, [0], [0], words, 1 << 19)
     with pytest.raises(RenderError, match="range of a film"):
-        film.add(np.zeros(1, np.int32), np.zeros(1, np.int32), words, np.array([1 << 19], np.uint32))
+        add_words(film, [0], [0], words, 1 << 19)
 
 
 def test_a_film_counts_no_more_samples_than_it_can() -> None:
     film = Film(1, 1)
-    add = (np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 3, 4), np.uint32))
-    film.add(*add, np.array([0xFFFFFFFF], np.uint32))
+    words = np.zeros((1, 3, 4), np.uint32)
+    add_words(film, [0], [0], words, 0xFFFFFFFF)
     with pytest.raises(RenderError, match="4294967295"):
-        film.add(*add, np.array([1], np.uint32))
+        add_words(film, [0], [0], words, 1)
 
 
 def test_sizes_must_be_positive() -> None:
@@ -209,15 +242,120 @@ def test_sizes_must_be_positive() -> None:
         Film(0, 5)
 
 
+# --- the ledger ------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=200)
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5), st.integers(0, 12), st.integers(1, 5)), max_size=25))
+def test_the_ledger_is_a_set_of_samples_for_each_block(steps: list[tuple[int, int, int, int]]) -> None:
+    """Against Python's sets, one for each of the six blocks of an image of 11 x 7 pixels."""
+    ledger, reference = Ledger(11, 7), [set[int]() for _ in range(6)]
+    for first, last, start, count in steps:
+        blocks = np.arange(min(first, last), max(first, last) + 1)
+        wanted = set(range(start, start + count))
+        if any(wanted & reference[block] for block in blocks):
+            with pytest.raises(UsageError, match="counts once"):
+                ledger.add(blocks, start, np.full(len(blocks), count))
+        else:
+            ledger.add(blocks, start, np.full(len(blocks), count))
+            for block in blocks:
+                reference[block] |= wanted
+    pixels = [16, 16, 12, 12, 12, 9]
+    assert ledger.samples == sum(n * len(held) for n, held in zip(pixels, reference, strict=True))
+    for number, held in enumerate(reference):
+        ranges = ledger.ranges(4 * (number // 3), 4 * (number % 3))
+        assert {n for start, stop in ranges for n in range(start, stop)} == held
+        assert all(stop < start for (_, stop), (start, _) in itertools.pairwise(ranges))
+    table, numbers = ledger.to_file()
+    assert Ledger.from_file(11, 7, json.loads(json.dumps(table)), numbers.copy()) == ledger
+
+
+def test_the_ledger_forgets_the_sets_that_no_block_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("clrender.film.ledger._MOST_SETS", 4)
+    ledger = Ledger(400, 4)
+    for sample in range(50):
+        for block in np.random.default_rng(sample).permutation(100):
+            ledger.add(np.array([block]), sample, np.array([1]))
+    assert ledger.holds(0, 50) and len(ledger.to_file()[0]["sets"]) == 1
+
+
+def test_the_ledger_does_not_know_how_the_work_was_cut() -> None:
+    ledgers = []
+    for tile, depth in ((4, 3), (8, 1), (20, 5)):
+        film = Film(19, 10)
+        slots = slot_count(19, 10, tile)
+        for sample in range(0, 15, depth):
+            for first in range(0, slots, tile * tile):
+                unit = Unit(first, tile * tile, sample, depth, tile)
+                zeros = np.zeros((tile * tile, 3, 4), np.uint32), np.zeros(tile * tile, np.uint32)
+                film.commit(unit, UnitSums(*zeros, np.full(tile * tile // 16, depth, np.uint32), 0, 0, 0))
+        ledgers.append(film.ledger)
+    assert ledgers[0] == ledgers[1] == ledgers[2] and ledgers[0].holds(0, 15)
+
+
+def test_a_unit_stopped_half_way_is_recorded_as_what_it_is() -> None:
+    film, unit = Film(8, 4), Unit(0, 64, 4, 3, 8)
+    sums, counts = np.zeros((64, 3, 4), np.uint32), np.zeros(64, np.uint32)
+    sums[:16], counts[:16] = 5, 2
+    stopped = UnitSums(sums, counts, np.array([2, 0, 0, 0], np.uint32), 0, 0, 0)
+    assert film.commit(unit, stopped) == 32
+    assert film.ledger.ranges(0, 0) == ((4, 6),) and film.ledger.ranges(0, 4) == ()
+    before = film.mean()
+    with pytest.raises(UsageError, match="samples 4 to 5 of some pixels are held already"):
+        film.commit(unit, stopped)
+    assert film.samples == 32 and (film.mean() == before).all()
+    assert (
+        film.commit(Unit(0, 64, 6, 1, 8), UnitSums(sums, counts // 2, np.array([1, 0, 0, 0], np.uint32), 0, 0, 0)) == 16
+    )
+    assert film.ledger.ranges(3, 3) == ((4, 7),)
+
+
+# --- watching --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("most", [1, 3, 5, 8, 100])
+def test_a_snapshot_is_every_nth_pixel(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("clrender.film.film._BAND_BYTES", 48 * 13 * 4)
+    film = Film(13, 11)
+    rows, columns = (axis.ravel() for axis in np.mgrid[0:11, 0:13])
+    add_values(film, rows, columns, wide_values(3 * len(rows)).reshape(-1, 3))
+    step = -(-13 // most) if most < 13 else 1
+    np.testing.assert_array_equal(film.snapshot(most), film.mean()[::step, ::step])
+
+
+def test_snapshots_and_commits_from_many_threads_agree() -> None:
+    """Each pixel's sum is 3 times its count: a snapshot in between would show another mean."""
+    film = Film(40, 40)
+    rows, columns = (axis.ravel() for axis in np.mgrid[0:40, 0:40])
+    words, _ = fixed_point(np.full((1600, 3), 3.0, np.float32))
+    faults: list[str] = []
+
+    def watch() -> None:
+        while film.ledger.samples < 1600 * 40:
+            seen = np.unique(film.snapshot(16))
+            if not set(seen.tolist()) <= {0.0, 3.0}:
+                faults.append(f"{seen}")
+
+    watchers = [threading.Thread(target=watch) for _ in range(2)]
+    makers = [
+        threading.Thread(target=lambda part=part: [add_words(film, rows, columns, words, 1, n) for n in part])
+        for part in (range(20), range(20, 40))
+    ]
+    for thread in (*watchers, *makers):
+        thread.start()
+    for thread in (*watchers, *makers):
+        thread.join(30.0)
+    assert not faults and film.ledger.holds(0, 40) and (film.mean() == 3.0).all()
+
+
 # --- files and merging -----------------------------------------------------------------------------------------------
 
 
-def some_film(seed: int = 0, units: range = range(4)) -> Film:
-    film = Film(5, 4, {"seed": 7, "scene_sha256": "ab"}, {"tile": 2})
+def some_film(salt: int = 0, units: range = range(4), **request: Any) -> Film:
+    film = Film(5, 4, {"seed": 7, "scene_sha256": "ab", **request})
     rows, columns = (axis.ravel() for axis in np.mgrid[0:4, 0:5])
     for unit in units:
-        add_values(film, rows, columns, wide_values(60, 100 * seed + unit).reshape(20, 3))
-        film.units.add(unit)
+        add_values(film, rows, columns, wide_values(60, 100 * salt + unit).reshape(20, 3), unit)
     return film
 
 
@@ -225,7 +363,7 @@ def assert_equal(first: Film, second: Film) -> None:
     for band, other in zip(first.bands(), second.bands(), strict=True):
         np.testing.assert_array_equal(band, other)
     np.testing.assert_array_equal(first.counts, second.counts)
-    assert (first.units, first.request) == (second.units, second.request)
+    assert (first.ledger, first.request) == (second.ledger, second.request)
 
 
 def test_a_film_survives_its_file(tmp_path: Path) -> None:
@@ -247,31 +385,30 @@ def test_numpy_reads_a_film_file(tmp_path: Path) -> None:
         assert json.loads(archive["header"].tobytes())["format"] == "clrender film 1"
 
 
-def test_merged_parts_are_the_whole() -> None:
-    whole, first, second = some_film(units=range(6)), some_film(units=range(2)), some_film(units=range(2, 6))
-    second.merge(first)
-    assert_equal(whole, second)
-    assert list(second.units.ranges()) == [(0, 6)]
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+def test_merged_parts_are_the_whole(order: tuple[int, ...]) -> None:
+    parts = [some_film(units=range(2)), some_film(units=range(2, 5)), some_film(units=range(5, 6))]
+    merged = Film(5, 4, parts[0].request)
+    for number in order:
+        merged.merge(parts[number])
+    assert_equal(some_film(units=range(6)), merged)
+    assert merged.ledger.holds(0, 6)
 
 
-def test_overlapping_units_are_refused() -> None:
+def test_overlapping_films_are_refused_by_name() -> None:
     film, before = some_film(units=range(3)), some_film(units=range(3))
-    with pytest.raises(UsageError, match="units 2 to 2 are in both"):
-        film.merge(some_film(units=range(2, 5)))
+    for other in (some_film(units=range(2, 5)), some_film(units=range(3)), film):
+        with pytest.raises(UsageError, match=r"a\.film and b\.film (overlap: samples|are the same)"):
+            film.merge(other, "a.film", "b.film")
     assert_equal(film, before)
 
 
-@pytest.mark.parametrize("change", ["request", "size", "cut"])
-def test_films_of_other_requests_are_refused(change: str) -> None:
+@pytest.mark.parametrize("change", ["seed", "kernel_sha256", "size"])
+def test_films_of_other_requests_are_refused_by_name(change: str) -> None:
     film = some_film(units=range(2))
-    other = Film(
-        6 if change == "size" else 5,
-        4,
-        {"seed": 8 if change == "request" else 7, "scene_sha256": "ab"},
-        {"tile": 4 if change == "cut" else 2},
-    )
-    with pytest.raises(UsageError, match={"request": "seed 7 and 8", "size": "6 x 4", "cut": "tile"}[change]):
-        film.merge(other)
+    other = Film(6, 4, film.request) if change == "size" else some_film(units=range(2, 3), **{change: 8})
+    with pytest.raises(UsageError, match=rf"a\.film .*b\.film .*({change} .* and 8|6 x 4)"):
+        film.merge(other, "a.film", "b.film")
     assert_equal(film, some_film(units=range(2)))
 
 
@@ -290,7 +427,8 @@ def test_a_developed_film_has_no_sums_left(tmp_path: Path) -> None:
 def damaged_films(folder: Path) -> list[Path]:
     """Files that are no whole film, each in its way."""
     good = folder / "good.film"
-    some_film().save(good)
+    film = some_film()
+    film.save(good)
     data = good.read_bytes()
     flipped = bytearray(data)
     flipped[len(data) // 2] ^= 1
@@ -303,13 +441,16 @@ def damaged_films(folder: Path) -> list[Path]:
         "header": data.replace(b'"width": 5', b'"width": 9'),
         "negative": data.replace(b'"width": 5', b'"width":-5'),
         "format": data.replace(b"clrender film 1", b"clrender film 7"),
-        "units": data.replace(b"[[0, 4]]", b"[[4, 0]]"),
+        "ledger": data.replace(b"[[[0, 4]]]", b"[[[4, 0]]]"),
     }
     for name, content in contents.items():
+        assert content != data
         (folder / f"{name}.film").write_bytes(content)
     np.savez_compressed(folder / "packed.npz", header=np.zeros(3), counts=np.zeros(3), sums=np.zeros(3))
     (folder / "packed.npz").rename(folder / "packed.film")
-    return [folder / f"{name}.film" for name in (*contents, "packed", "missing")] + [folder]
+    film.counts[1, 1] += 1
+    film.save(folder / "forged.film")
+    return [folder / f"{name}.film" for name in (*contents, "packed", "forged", "missing")] + [folder]
 
 
 def test_damaged_films_are_refused_in_one_sentence(tmp_path: Path) -> None:
@@ -319,23 +460,34 @@ def test_damaged_films_are_refused_in_one_sentence(tmp_path: Path) -> None:
         assert str(path) in str(caught.value) and "\n" not in str(caught.value), path
 
 
-# --- the ledger ------------------------------------------------------------------------------------------------------
+SAVES = """
+import sys
+from clrender.film import Film
+film, other = Film.load(sys.argv[1]), Film.load(sys.argv[2])
+print("ready", flush=True)
+while True:
+    film.save(sys.argv[3])
+    other.save(sys.argv[3])
+"""
 
 
-@given(st.lists(st.tuples(st.integers(0, 60), st.integers(1, 9)), max_size=30))
-def test_the_ledger_is_a_set(pairs: list[tuple[int, int]]) -> None:
-    ledger, reference = UnitSet(), set[int]()
-    for start, length in pairs:
-        units = set(range(start, start + length))
-        if units & reference:
-            with pytest.raises(UsageError):
-                ledger.add(start, start + length)
-        else:
-            ledger.add(start, start + length)
-            reference |= units
-    assert {unit for start, stop in ledger.ranges() for unit in range(start, stop)} == reference
-    assert len(ledger) == len(reference)
-    assert all((unit in ledger) == (unit in reference) for unit in range(-1, 71))
-    ranges = list(ledger.ranges())
-    assert all(stop < start for (_, stop), (start, _) in itertools.pairwise(ranges))
-    assert UnitSet.from_json(json.loads(json.dumps(ledger.to_json()))) == ledger
+def test_killed_while_saving_the_old_film_or_the_new_one_is_there(tmp_path: Path) -> None:
+    """Fifty times, at other moments each."""
+    first, second, saved = tmp_path / "first.film", tmp_path / "second.film", tmp_path / "saved.film"
+    for path, units in ((first, range(2)), (second, range(3))):
+        film = Film(300, 200, {"seed": 1})
+        rows, columns = (axis.ravel() for axis in np.mgrid[0:200, 0:300])
+        for unit in units:
+            add_values(film, rows, columns, wide_values(180000, unit).reshape(-1, 3), unit)
+        film.save(path)
+    whole = {path.read_bytes() for path in (first, second)}
+    saved.write_bytes(first.read_bytes())
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        command = [sys.executable, "-c", SAVES, str(first), str(second), str(saved)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as child:
+            assert child.stdout is not None and child.stdout.readline() == b"ready\n"
+            time.sleep(rng.uniform(0.0, 0.05))
+            child.kill()
+        assert saved.read_bytes() in whole
+    Film.load(saved)

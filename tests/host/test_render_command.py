@@ -21,7 +21,9 @@ import pytest
 from clrender.cli import main
 from clrender.errors import RenderError
 from clrender.film import Film
+from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.image.files import image_sha256, read_image, read_provenance, write_image
+from clrender.settings import SETTINGS
 
 SCENE = """
 title = "nothing"
@@ -31,6 +33,8 @@ target = [0.0, 0.0, 0.0]
 [image]
 width = 6
 height = 4
+[render]
+spp = 4
 [[lights]]
 type = "environment"
 radiance = [1.0, 1.0, 1.0]
@@ -72,20 +76,20 @@ class FakeRenderer:
 
     def render(
         self,
-        scene: Any,
+        job: Any,
         *,
         device: Any = None,
         on_progress: Callable[[Any], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
         notify: Callable[[str], None] | None = None,
         keep_film: bool = True,
-        **settings: Any,
     ) -> FakeImage:
-        self.calls.append({"device": device, **settings})
-        width, height, spp = settings["width"], settings["height"], settings.get("spp", 4)
-        film = Film(width, height)
-        rows, columns = (axis.ravel() for axis in np.mgrid[0:height, 0:width])
-        words = np.zeros((len(rows), 3, 4), np.uint32)
+        asked = {name: value for name, value in vars(job.settings).items() if value != SETTINGS[name].default}
+        self.calls.append({"device": device, **asked})
+        width, height, spp = job.settings.width, job.settings.height, job.sample_count
+        film, side = Film(width, height), tile_side(1024, width, height)
+        slots = side * side
+        words = np.zeros((slots, 3, 4), np.uint32)
         words[..., 2] = 1
         stopped = False
         for sample in range(spp):
@@ -93,7 +97,8 @@ class FakeRenderer:
             if should_stop is not None and should_stop():
                 stopped = True
                 break
-            film.add(rows, columns, words, np.ones(len(rows), np.uint32))
+            done = UnitSums(words, np.ones(slots, np.uint32), np.ones(slots // 16, np.uint32), 0, 0, 0)
+            film.commit(Unit(0, slots, sample, 1, side), done)
             if on_progress is not None:
                 on_progress(FakeProgress(film.samples, spp * width * height, 2.0 * (sample + 1)))
         linear = film.mean()
@@ -140,9 +145,9 @@ def test_every_output_is_written(renderer: FakeRenderer, capsys: pytest.CaptureF
     assert re.fullmatch(r"( ..% .* of 96 samples, 5 samples/s, 3 s left\n|100% .*\n)+", err)
 
 
-def test_settings_are_passed_on_only_when_given(renderer: FakeRenderer) -> None:
+def test_settings_are_passed_on(renderer: FakeRenderer) -> None:
     assert run("render", "scene.toml", "-o", "a.npy", "--quiet") == 0
-    assert renderer.calls[0] == {"device": None, "width": 6, "height": 4}
+    assert renderer.calls[0] == {"device": None, "width": 6, "height": 4, "spp": 4}
     options = (
         "--spp 2 --size 5x3 --seed 9 -d cpu -d 1 --integrator direct --shadow-rays 3 --indirect-rays 0 --max-depth 7"
     )

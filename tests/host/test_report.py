@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from html import escape
@@ -13,16 +15,18 @@ import pytest
 import scipy.stats
 
 import clrender
+from clrender.errors import UsageError
+from clrender.report import make_report
 from clrender.report.absorption import absorption_for, expected_deepest, survival_for
-from clrender.report.drawing import hemisphere, room_measures
+from clrender.report.drawing import hemisphere, room_dimensions
 from clrender.report.founding import CLAIMS, GROUPS
 from clrender.report.intervals import mean_interval, power_law, ratio_interval
 from clrender.report.page import Page, html_page, markdown_page
 from clrender.report.pictures import Figure, Panel, figures, strip
 from clrender.report.plan import ONE_CORE, SPECS
-from clrender.report.plot import Axis, Series, plot
-from clrender.report.plots import plots
+from clrender.report.plots import Series, plot, plots
 from clrender.report.results import Results, Row, Run
+from clrender.report.svg import BLUE
 from clrender.report.tables import noise_table, times_table, verdict_table
 from clrender.report.verdicts import FAILS, HOLDS, OPEN, verdicts
 from clrender.report.wording import bounds, significant
@@ -59,9 +63,9 @@ def made_up(change: Change = lambda run, row: run, one_core: bool = True) -> Res
 def _made_up_run(row: Row, seed: int, off: float, deepest: int) -> Run:
     seconds = row.samples / 16.0 * {1: 1.0, 2: 1.71, 4: 3.1}[row.shadow_rays] * (0.9 + 0.1 * deepest / 14) * off
     paths = 640_000 * row.samples
-    noise, seen = 0.1 / row.samples / off, 0.1 / math.sqrt(row.samples) / off
+    noise, display_error = 0.1 / row.samples / off, 0.1 / math.sqrt(row.samples) / off
     work = (paths, int(1.4 * paths), paths, deepest)
-    return Run(seed, seconds, 4 * seconds, seconds, *work, noise, seen, 0.9, 1.1 * off, str(seed))
+    return Run(seed, seconds, 4 * seconds, seconds, *work, noise, display_error, 0.9, 1.1 * off, str(seed))
 
 
 def outcome(name: str, results: Results) -> str:
@@ -89,7 +93,7 @@ def _times(where: Callable[[Row], bool], factor: Callable[[Row], float]) -> Chan
 def _errors(where: Callable[[Row], bool], factor: Callable[[Row], float]) -> Change:
     def change(run: Run, row: Row) -> Run:
         times = factor(row) if where(row) else 1.0
-        return dataclasses.replace(run, noise=run.noise * times, seen=run.seen * math.sqrt(times))
+        return dataclasses.replace(run, noise=run.noise * times, display_error=run.display_error * math.sqrt(times))
 
     return change
 
@@ -99,7 +103,7 @@ def _deeper(run: Run, row: Row) -> Run:
 
 
 def _only_shadow_rays_matter(run: Run, row: Row) -> Run:
-    return dataclasses.replace(run, cost=1.0 + row.shadow_rays, seen=0.1 / row.shadow_rays)
+    return dataclasses.replace(run, cost=1.0 + row.shadow_rays, display_error=0.1 / row.shadow_rays)
 
 
 def _brighter(run: Run, row: Row) -> Run:
@@ -183,13 +187,13 @@ def test_intervals_are_those_of_scipy() -> None:
     values = [1.0, 1.4, 0.9, 1.3, 1.15]
     interval = mean_interval(values)
     expected = scipy.stats.t.interval(0.95, 4, np.mean(values), scipy.stats.sem(values))
-    assert (interval.low, interval.high) == pytest.approx(expected, rel=1e-3)
+    assert (interval.low, interval.high) == pytest.approx(expected, rel=1e-9)
     x = np.array([1.0, 1.0, 4.0, 4.0, 16.0, 64.0])
     y = np.array([1.1, 0.9, 0.26, 0.24, 0.06, 0.017])
     fit = scipy.stats.linregress(np.log(x), np.log(y))
     power = power_law(list(zip(x.tolist(), y.tolist(), strict=True)))
     assert power.value == pytest.approx(fit.slope)
-    assert power.high - power.value == pytest.approx(fit.stderr * scipy.stats.t.ppf(0.975, 4), rel=1e-3)
+    assert power.high - power.value == pytest.approx(fit.stderr * scipy.stats.t.ppf(0.975, 4), rel=1e-9)
 
 
 def test_ratio_intervals_hold_the_truth_as_often_as_they_say() -> None:
@@ -231,20 +235,46 @@ def test_absorption_gives_the_deepest_path_asked_for(deepest: int) -> None:
 
 def test_a_plot_puts_points_where_they_belong() -> None:
     points = [(1.0, 1.0, 0.5, 2.0), (10.0, 10.0, 10.0, 10.0), (100.0, 100.0, 100.0, 100.0)]
-    drawn = ET.fromstring(plot("A <plot> & more", Axis("x"), Axis("y"), [Series("one", points)]))
-    dots = [(float(c.get("cx", "")), float(c.get("cy", ""))) for c in drawn.iter() if c.tag.endswith("circle")]
+    svg = plot("one", "A <plot> & more", ("x", "y"), [Series("one", points, BLUE)], (1, 10, 100)).svg
+    drawn = ET.fromstring(svg)
+    marks = [use for use in drawn.iter() if use.tag.endswith("use") and "clip-path" not in use.attrib]
+    dots = [(float(use.get("x", "")), float(use.get("y", ""))) for use in _markers(drawn)]
+    assert marks and len(dots) == 3
     (x0, y0), (x1, y1), (x2, y2) = dots
     assert x1 - x0 == pytest.approx(x2 - x1, abs=0.2) and y1 - y0 == pytest.approx(y2 - y1, abs=0.2)
     assert x2 > x0 and y2 < y0
     assert "A <plot> & more" in "".join(drawn.itertext())
 
 
-def test_drawings_are_svg_with_the_rooms_measures() -> None:
+def _markers(drawn: ET.Element) -> list[ET.Element]:
+    """Uses of the first round marker inside the axes."""
+    groups = [group for group in drawn.iter() if group.tag.endswith("}g") and "clip-path" in group.attrib]
+    return [use for group in groups for use in group if use.tag.endswith("use")][-3:]
+
+
+def test_the_same_plot_is_the_same_bytes_and_names_nothing_outside() -> None:
+    first, again = (plots(made_up()) for _ in range(2))
+    assert [each.svg for each in first] == [each.svg for each in again]
+    for each in first:
+        assert not re.search(r"<\?xml|<!DOCTYPE|<metadata|@import|url\((?!#)|href=\"(?!#)", each.svg)
+    names = [re.findall(r' id="([^"]*)"', each.svg) for each in first]
+    together = [name for one in names for name in one]
+    assert len(set(together)) == len(together), "plots of one page must not share the names of their clip paths"
+
+
+def test_without_matplotlib_the_report_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(UsageError, match=r"Matplotlib, which is not installed; pip install 'clrender\[report\]'"):
+        make_report((16, 16), quick=True)
+
+
+def test_drawings_are_svg_with_the_rooms_dimensions() -> None:
     for name in ("room", "room-mirror", "room-report"):
-        drawn = ET.fromstring(room_measures(clrender.load(name)))
+        drawn = ET.fromstring(room_dimensions(clrender.load(name)))
         texts = [text.text for text in drawn.iter() if text.tag.endswith("text")]
         assert texts.count("4 m") == 3 and texts.count("8 m") == 1
-    assert len([c for c in ET.fromstring(hemisphere(50)).iter() if c.tag.endswith("circle")]) == 50
+    assert len([use for use in ET.fromstring(hemisphere(50)).iter() if use.tag.endswith("use")]) == 50
 
 
 def test_the_page_and_the_markdown_say_the_same() -> None:
@@ -267,7 +297,7 @@ def test_a_busy_machine_is_said() -> None:
     def slowed(run: Run, row: Row) -> Run:
         return dataclasses.replace(run, seconds=2.0 * run.seconds)
 
-    assert "gave 50.0 % of its cores" in markdown_page(Page(made_up(slowed), [], []))
+    assert "only 50.0 % of its cores were available" in markdown_page(Page(made_up(slowed), [], []))
     assert "busy" not in markdown_page(Page(made_up(), [], []))
     # Ratios are of processor time, so they stay.
     assert [row[-1] for row in times_table(made_up(slowed)).rows] == [row[-1] for row in times_table(made_up()).rows]

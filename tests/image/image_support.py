@@ -17,11 +17,11 @@ import numpy as np
 import clrender
 from clrender.bench import write_scene
 from clrender.film.unit import Unit, slot_count
-from clrender.scheduling.run import Plan
+from clrender.scheduling.policy import Plan
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.rendering import RenderedImage
+    from clrender.rendered_image import RenderedImage
     from clrender.scene import Scene
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "TRAVERSALS",
     "WIDTH_HEIGHT",
     "Cutting",
+    "ShuffledUnits",
     "covering",
     "product",
     "render",
@@ -102,13 +103,33 @@ def covering(lanes: Sequence[int] = LANES, traversals: Sequence[str] = TRAVERSAL
 def small_units(plan: Plan, samples: int = 5, seed: int = 1) -> Iterator[Unit]:
     """The plan's work as single tiles of few samples, in random order."""
     area = plan.tile * plan.tile
+    stop = plan.first_sample + plan.sample_count
     units = [
-        Unit(slot, area, sample, min(samples, plan.spp - sample))
-        for sample in range(0, plan.spp, samples)
+        Unit(slot, area, sample, min(samples, stop - sample), plan.tile)
+        for sample in range(plan.first_sample, stop, samples)
         for slot in range(0, slot_count(plan.width, plan.height, plan.tile), area)
     ]
     order = np.random.default_rng(seed).permutation(len(units))
     return iter([units[index] for index in order])
+
+
+class ShuffledUnits:
+    """Stands for what remains to be done: single tiles of few samples, in random order."""
+
+    def __init__(self, plan: Plan, workers: int) -> None:
+        self._units = list(small_units(plan))
+
+    def take(self, worker: int) -> Unit | None:
+        return self._units.pop(0) if self._units else None
+
+    def put_back(self, unit: Unit) -> None:
+        self._units.insert(0, unit)
+
+    def measured(self, worker: int, unit: Unit, seconds: float) -> None:
+        """Every unit is as small as the others."""
+
+    def retire(self, worker: int) -> None:
+        """Nobody counts workers here."""
 
 
 @functools.cache
@@ -131,10 +152,10 @@ def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None
     """
     cutting = cutting or Cutting()
     with ExitStack() as stack:
-        stack.enter_context(patch("clrender.rendering.select", return_value=list(devices)))
+        session = stack.enter_context(clrender.Session(devices))
         if cutting.order == "shuffled":
-            stack.enter_context(patch.object(Plan, "units", small_units))
-        return clrender.render(
+            stack.enter_context(patch("clrender.scheduling.run.Remaining", ShuffledUnits))
+        return session.render(
             _many_lights() if scene == "S4" else clrender.load(scene),
             **{
                 "size": WIDTH_HEIGHT,

@@ -10,14 +10,11 @@ import numpy.typing as npt
 import pytest
 
 import clrender
-from clrender.aov import AOVS, exr_channels, first_hits
+from clrender.aov import AOVS, exr_channels
 from clrender.device import Device
-from clrender.device.worker import LaunchConfig
 from clrender.errors import UsageError
-from clrender.flatten import flatten
 from clrender.image.files import read_image
 from clrender.scene import Scene
-from clrender.settings import settings_for
 
 ASKED = tuple(name for name in AOVS if name != "samples")
 WIDTH, HEIGHT = 40, 24
@@ -41,11 +38,11 @@ def wall(z: float, **more: Any) -> dict[str, Any]:
 
 
 def layers(
-    device: Device, what: Scene, names: tuple[str, ...] = ASKED, cut: LaunchConfig | None = None, **settings: Any
+    device: Device, what: Scene, names: tuple[str, ...] = ASKED, **settings: Any
 ) -> dict[str, npt.NDArray[np.float32]]:
     """Layers of a small image."""
-    wanted = settings_for(what, (WIDTH, HEIGHT), {"spp": 64, **settings})
-    return first_hits([device], flatten(what, WIDTH, HEIGHT), wanted, names, cut)
+    with clrender.Session(device) as session:
+        return session.render(what, size=(WIDTH, HEIGHT), aov=names, **{"spp": 64, **settings}).aovs
 
 
 def single(numbers: npt.ArrayLike) -> npt.NDArray[np.float32]:
@@ -170,7 +167,7 @@ def test_the_same_bits_however_the_work_is_cut(device: Device, name: str) -> Non
     what = clrender.load(name)
     expected = layers(device, what, spp=6)
     for lanes, tile, passes in CUTS[name]:
-        found = layers(device, what, cut=LaunchConfig(lanes, None, passes), spp=6, tile=tile)
+        found = layers(device, what, lanes=lanes, samples_per_pass=passes, spp=6, tile=tile)
         for layer, array in expected.items():
             assert array.tobytes() == found[layer].tobytes(), f"{layer} in {lanes} lanes and tiles of {tile}"
 

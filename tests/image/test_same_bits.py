@@ -7,20 +7,33 @@ The full product is slow, and `scripts/same_bits` prints it as a table.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 import pytest
-from image_support import LANES, SCENES, SPP, TRAVERSALS, WIDTH_HEIGHT, Cutting, covering, product, render, small_units
+from image_support import (
+    LANES,
+    SCENES,
+    SPP,
+    TRAVERSALS,
+    WIDTH_HEIGHT,
+    Cutting,
+    ShuffledUnits,
+    covering,
+    product,
+    render,
+    small_units,
+)
 
 import clrender
-from clrender import schedule
 from clrender.aov import AOVS
 from clrender.device import Device
 from clrender.device.worker import DeviceWorker, LaunchConfig
@@ -29,7 +42,9 @@ from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.flatten import flatten
 from clrender.image.files import image_sha256
 from clrender.integrators import INTEGRATORS
-from clrender.scheduling.run import Plan
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.run import run
+from clrender.scheduling.worker import Candidate
 from clrender.settings import RenderSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -115,7 +130,7 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
 def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, str], packets: int) -> None:
     """Other numbers of them than devices choose, where rays part; with another pool of samples to a work-item each."""
     path, built = INTEGRATORS["path"], Device.program
-    assert path.packets != packets
+    assert path.pipeline.packets != packets
     defined = []
 
     def program(device: Device, entry: str | Path, defines: Any = None) -> Any:
@@ -124,11 +139,11 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, 
 
     others: dict[str, Any] = {"indirect_rays": 2, "shadow_rays": 2, "roulette": "absorption"}
     other = sha("bumpy", all_devices[:1], Cutting(8), **others)
-    changed = {"path": dataclasses.replace(path, packets=packets)}
-    with patch.dict("clrender.integrators.INTEGRATORS", changed), patch.object(Device, "program", program):
+    changed = dataclasses.replace(path, pipeline=dataclasses.replace(path.pipeline, packets=packets))
+    with patch("clrender.integrators.path.INTEGRATOR", changed), patch.object(Device, "program", program):
         assert sha("bumpy", all_devices[:1], Cutting(8)) == expected["bumpy"]
         assert sha("bumpy", all_devices[:1], Cutting(8, samples_per_pass=3), **others) == other
-    assert (path.entry, packets) in defined
+    assert (path.pipeline.entry, packets) in defined
 
 
 @pytest.mark.parametrize("scene", ["room", "bumpy"])
@@ -304,7 +319,6 @@ class _Recording:
 
     def __init__(self, worker: DeviceWorker) -> None:
         self.worker = worker
-        self.name = worker.name
         self.finished: list[Unit] = []
 
     def render(
@@ -312,15 +326,16 @@ class _Recording:
     ) -> UnitSums:
         """As the worker; a unit here is a single launch, so it is finished or not begun."""
         sums = self.worker.render(unit, on_slice, should_stop)
-        assert sums.complete or sums.samples == 0
-        if sums.complete:
+        assert (sums.done == sums.done[0]).all() and sums.done[0] in (0, unit.sample_count)
+        if sums.done[0]:
             self.finished.append(unit)
         return sums
 
 
 def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: dict[str, str]) -> None:
     settings = RenderSettings(spp=SPP, width=WIDTH_HEIGHT[0], height=WIDTH_HEIGHT[1])
-    plan = Plan(settings.width, settings.height, SPP, tile_side(16, settings.width, settings.height))
+    tile = tile_side(16, settings.width, settings.height)
+    plan = Plan(settings.width, settings.height, 0, SPP, tile)
     units = list(small_units(plan))
     film = Film(settings.width, settings.height)
     flat = flatten(clrender.load("bumpy"), settings.width, settings.height)
@@ -334,13 +349,31 @@ def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: 
         return lambda: slices >= stop
 
     while units:
-        worker = DeviceWorker(all_devices[0], flat, settings.struct(plan.tile), cut=LaunchConfig(None, 16, 16))
+        worker = DeviceWorker(all_devices[0], flat, settings.struct(tile), launch=LaunchConfig(None, 16, 16))
         recording = _Recording(worker)
-        with patch.object(Plan, "units", return_value=iter(units)):
-            schedule.run(plan, [recording], film, tell, after(slices + 11))
+        candidates = [Candidate("recording", partial(lambda each: each, recording))]
+        with (
+            patch("image_support.small_units", return_value=units),
+            patch("clrender.scheduling.run.Remaining", ShuffledUnits),
+        ):
+            run(plan, candidates, film, tell, after(slices + 11))
         worker.release()
         assert recording.finished, "each go gets somewhere"
         units = [unit for unit in units if unit not in recording.finished]
     assert slices > 40
-    assert np.unique(film.counts).tolist() == [SPP]
+    assert np.unique(film.counts).tolist() == [SPP] and film.ledger.holds(0, SPP)
     assert image_sha256(film.mean()) == expected["bumpy"]
+
+
+def test_shards_on_two_drivers_merge_to_the_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+    job = clrender.RenderJob.of(clrender.load("room"), size=WIDTH_HEIGHT, spp=SPP)
+    films = []
+    for number in (1, 2, 3):
+        with clrender.Session(all_devices[number % len(all_devices)]) as session:
+            films.append(session.render(job.shard(number, 3)).film)
+    for order in itertools.permutations(range(3)):
+        merged = Film(*WIDTH_HEIGHT, films[0].request)
+        for number in order:
+            merged.merge(films[number])
+        assert merged.ledger.holds(0, SPP)
+        assert image_sha256(merged.mean()) == expected["room"]

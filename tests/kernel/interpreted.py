@@ -28,7 +28,7 @@ from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.film.unit import Unit, slot_count
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
-from clrender.photon_map import PhotonMaps
+from clrender.photon_maps import PhotonMaps
 from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity
@@ -136,10 +136,10 @@ def render(device: Device, run: Run) -> str:
         flat = scene(run.large, Path(folder))
     prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5) if run.kernel == "photon" else None
     cut = LaunchConfig(run.lanes, 2, None, run.traversal)
-    worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel], cut, prepare)
-    sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples))
+    worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel].pipeline, cut, prepare)
+    sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples, TILE))
     worker.release()
-    assert sums.complete
+    assert (sums.done == run.samples).all()
     assert sums.counts.sum() == run.samples * WIDTH * HEIGHT
     return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes()).hexdigest()
 
@@ -152,7 +152,7 @@ def layers(device: Device) -> str:
     worker = DeviceWorker(device, flat, settings, FIRST_HITS, LaunchConfig(4, 2), lambda _: asked)
     digest = hashlib.sha256()
     for asked.kind in LAYER_KINDS.values():
-        sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1))
+        sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1, TILE))
         digest.update(sums.sums.tobytes() + sums.counts.tobytes())
     worker.release()
     return digest.hexdigest()
@@ -180,12 +180,12 @@ def radiosity(device: Device) -> str:
     settings = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE)
     known = dynamic.rows
     atlas = atlas_of(dynamic.patches, known.indirect(dynamic.patches), known.used, known.open_share)
-    for shown, integrator, prepare in (
-        (dynamic.flat, INTEGRATORS["radiosity"], partial(Display, table=table)),
+    for shown, pipeline, prepare in (
+        (dynamic.flat, INTEGRATORS["radiosity"].pipeline, partial(Display, table=table)),
         (dynamic.patches.whole(WIDTH, HEIGHT), GATHER, partial(Gather, atlas=atlas)),
     ):
-        worker = DeviceWorker(device, shown, settings, integrator, cut, prepare)
-        digest.update(worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1)).sums.tobytes())
+        worker = DeviceWorker(device, shown, settings, pipeline, cut, prepare)
+        digest.update(worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1, TILE)).sums.tobytes())
         worker.release()
     for each in (tracer, dynamic):
         each.release()

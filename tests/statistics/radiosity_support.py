@@ -13,10 +13,12 @@ import numpy.typing as npt
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
 from clrender.film.unit import tile_side
-from clrender.integrators import Integrator
+from clrender.integrators.descriptor import Pipeline
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.tracer import Tracer
-from clrender.scheduling.run import Plan, run
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.run import run
 from clrender.settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -27,7 +29,7 @@ __all__ = ["fronts", "path_traced", "tracer_of"]
 
 Floats = npt.NDArray[np.float64]
 
-_PATHS = Integrator(str(Path(__file__).resolve().with_name("patch_paths.cl")), "patch_paths")
+_PATHS = Pipeline(str(Path(__file__).resolve().with_name("patch_paths.cl")), "patch_paths")
 
 
 def fronts(patches: Patches) -> npt.NDArray[np.uint32]:
@@ -59,10 +61,7 @@ def path_traced(device: Device, patches: Patches, spp: int, seed: int) -> Floats
     side = int(np.ceil(np.sqrt(len(patches))))
     settings = RenderSettings(spp=spp, width=side, height=side, seed=seed)
     tile = tile_side(64, side, side)
-    film = Film(side, side, {})
-    worker = DeviceWorker(device, patches.flat(side, side), settings.struct(tile), _PATHS)
-    try:
-        run(Plan(side, side, spp, tile), [worker], film)
-    finally:
-        worker.release()
+    film, flat = Film(side, side), patches.flat(side, side)
+    with WorkerPool([device], lambda each: DeviceWorker(each, flat, settings.struct(tile), _PATHS)) as pool:
+        run(Plan(side, side, 0, spp, tile), pool.candidates, film).raise_failure()
     return film.mean().reshape(-1, 3)[: len(patches)].astype(np.float64) - patches.emission

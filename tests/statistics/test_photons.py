@@ -17,7 +17,7 @@ from clrender.device.device import Buffer
 from clrender.device.worker import DeviceWorker
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
-from clrender.photon_map import PhotonMaps, radius_of_pass
+from clrender.photon_maps import PhotonMaps, radius_of_pass
 from clrender.scene import Scene
 from clrender.settings import RenderSettings
 
@@ -36,7 +36,7 @@ LIGHTS: dict[str, tuple[dict[str, Any], float]] = {
 def photon_map(device: Device, what: Scene, number: int, photons: int = PHOTONS) -> npt.NDArray[np.float32]:
     """(10, n) the deposits of a map: position, normal, flux, scattering events."""
     flat = flatten(what, 16, 16, "power")
-    worker = DeviceWorker(device, flat, RenderSettings(integrator="photon").struct(16), INTEGRATORS["photon"])
+    worker = DeviceWorker(device, flat, RenderSettings(integrator="photon").struct(16), INTEGRATORS["photon"].pipeline)
     maps = PhotonMaps(worker, flat, photons, None)
     buffer, starts, stride, _, size, _, _ = maps.arguments(number)
     assert isinstance(buffer, Buffer) and isinstance(starts, Buffer)

@@ -74,8 +74,8 @@ def test_an_anchor_that_does_not_see_may_not_be_counted(
     """With all anchors assumed to see all targets, light behind edges is divided by densities that are none."""
     defines = DeviceWorker._defines
 
-    def blind(worker: DeviceWorker, cut: LaunchConfig) -> dict[str, int | str]:
-        return {**defines(worker, cut), "REUSE_ASSUMES_VISIBLE": 1}
+    def blind(worker: DeviceWorker, launch: LaunchConfig) -> dict[str, int | str]:
+        return {**defines(worker, launch), "REUSE_ASSUMES_VISIBLE": 1}
 
     monkeypatch.setattr(DeviceWorker, "_defines", blind)
     tiles = partitioned_furnace(studio, integrator="reuse")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
-from functools import cache
+from functools import cache, partial
 from typing import Any, Final
 from unittest.mock import patch
 
@@ -20,7 +22,9 @@ from clrender.errors import DeviceError, RenderError
 from clrender.film import Film
 from clrender.film.unit import BLOCK, Unit, UnitSums, slot_count, tile_side, tile_slots
 from clrender.image.files import image_sha256
-from clrender.scheduling.run import Plan, run
+from clrender.scheduling.policy import Plan, Remaining
+from clrender.scheduling.run import Tally, run
+from clrender.scheduling.worker import Candidate
 
 OnSlice = Callable[[int, int], None] | None
 ShouldStop = Callable[[], bool] | None
@@ -68,29 +72,40 @@ class FakeWorker:
             if x < plan.width and y < plan.height
         ]
         totals = [[0, 0, 0] for _ in range(unit.slot_count)]
-        counts = np.zeros(unit.slot_count, np.uint32)
-        complete = True
+        counts, done = np.zeros(unit.slot_count, np.uint32), np.zeros(unit.slot_count // 16, np.uint32)
         for sample in range(unit.first_sample, unit.first_sample + unit.sample_count):
             if should_stop is not None and should_stop():
-                complete = False
                 break
             for index, x, y in inside:
                 for channel, value in enumerate(sample_words(x, y, sample)):
                     totals[index][channel] += value
                 counts[index] += 1
+            done += 1
             rays += 3 * len(inside)
             if on_slice is not None:
                 on_slice(len(inside), 3 * len(inside))
             if self.before is not None:
                 self.before(self.asked, unit)
-        if complete:
+        if (done == unit.sample_count).all():
             self.done.append(unit)
         sums = np.array([[to_words(value) for value in slot] for slot in totals], np.uint32)
-        return UnitSums(sums, counts, int(counts.sum()), rays, rays // 2, unit.first_sample + 1, complete)
+        return UnitSums(sums, counts, done, rays, rays // 2, unit.first_sample + 1)
+
+
+def go(
+    plan: Plan,
+    workers: Sequence[FakeWorker],
+    film: Film,
+    on_progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Tally:
+    """Run a plan with these workers, all of which can be set up."""
+    candidates = [Candidate(worker.name, partial(lambda each: each, worker)) for worker in workers]
+    return run(plan, candidates, film, on_progress, should_stop)
 
 
 def plan_for(width: int, height: int, spp: int, tile: int = 64) -> Plan:
-    return Plan(width, height, spp, tile_side(tile, width, height))
+    return Plan(width, height, 0, spp, tile_side(tile, width, height))
 
 
 @cache
@@ -99,28 +114,49 @@ def expected_sums(plan: Plan) -> npt.NDArray[np.uint64]:
     result = np.empty((plan.height, plan.width, 3, 2), np.uint64)
     for y in range(plan.height):
         for x in range(plan.width):
-            totals = np.sum([[int(v) for v in sample_words(x, y, s)] for s in range(plan.spp)], axis=0, dtype=object)
+            totals = np.sum(
+                [[int(v) for v in sample_words(x, y, s)] for s in range(plan.sample_count)], axis=0, dtype=object
+            )
             for channel, value in enumerate(totals):
                 result[y, x, channel] = [int(value) & (2**64 - 1), (int(value) >> 64) & (2**64 - 1)]
     return result
 
 
 def assert_whole(plan: Plan, film: Film) -> None:
-    assert (film.counts == plan.spp).all()
+    assert (film.counts == plan.sample_count).all()
     np.testing.assert_array_equal(np.concatenate(film.bands()), expected_sums(plan))
 
 
 def small_units(plan: Plan, samples: int = 2) -> Iterator[Unit]:
     """The plan's work in many small pieces: single tiles, few samples."""
-    area = plan.tile * plan.tile
-    for sample in range(0, plan.spp, samples):
+    area, stop = plan.tile * plan.tile, plan.first_sample + plan.sample_count
+    for sample in range(plan.first_sample, stop, samples):
         for slot in range(0, slot_count(plan.width, plan.height, plan.tile), area):
-            yield Unit(slot, area, sample, min(samples, plan.spp - sample))
+            yield Unit(slot, area, sample, min(samples, stop - sample), plan.tile)
+
+
+class GivenUnits:
+    """Stands for what remains to be done: given units, whoever asks."""
+
+    def __init__(self, units: Iterator[Unit]) -> None:
+        self._units = deque(units)
+
+    def take(self, worker: int) -> Unit | None:
+        return self._units.popleft() if self._units else None
+
+    def put_back(self, unit: Unit) -> None:
+        self._units.appendleft(unit)
+
+    def measured(self, worker: int, unit: Unit, seconds: float) -> None:
+        """Speeds do not matter here."""
+
+    def retire(self, worker: int) -> None:
+        """Nor does who is left."""
 
 
 def cut_as(units: Callable[[Plan], Iterator[Unit]]) -> AbstractContextManager[Any]:
     """While it lasts, plans are cut into these units."""
-    return patch.object(Plan, "units", units)
+    return patch("clrender.scheduling.run.Remaining", lambda plan, workers: GivenUnits(units(plan)))
 
 
 def no_threads_left(before: int) -> bool:
@@ -143,21 +179,59 @@ SIZES = [
 ]
 
 
+def taken(plan: Plan, rates: Sequence[float]) -> list[tuple[int, Unit, float]]:
+    """(worker, unit, second at which it is done) by workers of given speeds, slots times samples a second."""
+    remaining, clock = Remaining(plan, len(rates)), [(0.0, worker) for worker in range(len(rates))]
+    done = []
+    while clock:
+        clock.sort()
+        now, worker = clock.pop(0)
+        unit = remaining.take(worker)
+        if unit is not None:
+            seconds = unit.slot_count * unit.sample_count / rates[worker]
+            remaining.measured(worker, unit, seconds)
+            done.append((worker, unit, now + seconds))
+            clock.append((now + seconds, worker))
+    return done
+
+
+@pytest.mark.parametrize("rates", [[1e6], [1e6, 1e6], [1e7, 3e5, 40.0]], ids=str)
 @pytest.mark.parametrize(("width", "height", "spp", "tile"), SIZES)
-def test_units_cover_every_sample_of_every_slot_once(width: int, height: int, spp: int, tile: int) -> None:
-    plan = plan_for(width, height, spp, tile)
-    seen = np.zeros((slot_count(width, height, plan.tile), spp), int)
-    for unit in plan.units():
+def test_units_cover_every_sample_of_every_slot_once(
+    width: int, height: int, spp: int, tile: int, rates: list[float]
+) -> None:
+    plan = dataclasses.replace(plan_for(width, height, spp, tile), first_sample=3)
+    seen = np.zeros((slot_count(width, height, plan.tile), spp + 4), int)
+    for _, unit, _ in taken(plan, rates):
         assert unit.first_slot % plan.tile**2 == 0 and unit.slot_count % plan.tile**2 == 0, "whole tiles"
         assert unit.sample_count >= 1 and unit.slot_count >= 1
         seen[unit.first_slot : unit.first_slot + unit.slot_count, unit.first_sample :][:, : unit.sample_count] += 1
-    assert (seen == 1).all()
+    assert (seen[:, 3 : 3 + spp] == 1).all() and seen.sum() == seen[:, 3 : 3 + spp].size
 
 
 def test_units_refine_the_whole_image_and_stay_small() -> None:
-    units = list(Plan(8192, 8192, 40, 64).units())
+    units = [unit for _, unit, _ in taken(Plan(8192, 8192, 0, 40, 64), [1e7])]
     assert [unit.first_sample for unit in units] == sorted(unit.first_sample for unit in units)
     assert max(52 * unit.slot_count for unit in units) <= 8 << 20, "bytes a unit's sums take"
+
+
+@pytest.mark.parametrize("slow", [1e5, 1e4])
+def test_a_slow_device_does_not_hold_up_a_fast_one(slow: float) -> None:
+    """800 x 800 at 64 samples on a device of 10 M samples a second and a slow one: 4.1 seconds without the slow one."""
+    plan = Plan(800, 800, 0, 64, 64)
+    rates = [1e7, slow]
+    done = taken(plan, rates)
+    work = sum(unit.slot_count * unit.sample_count for _, unit, _ in done)
+    ends = [max((end for worker, _, end in done if worker == each), default=0.0) for each in (0, 1)]
+    # One tile of one sample is the least that anybody can be given
+    assert max(ends) <= work / sum(rates) * 1.1 + 4096 / slow
+    assert len(done) < 600, "and units do not become too small for what each costs"
+
+
+def test_no_unit_is_longer_than_it_should_be_where_devices_share() -> None:
+    done = taken(Plan(4096, 4096, 0, 64, 64), [3e7, 1e6])
+    longest = max(unit.slot_count * unit.sample_count / (3e7, 1e6)[worker] for worker, unit, _ in done)
+    assert longest <= 1.0
 
 
 @pytest.mark.parametrize(("tile", "width", "height", "side"), [
@@ -192,7 +266,7 @@ def test_any_number_of_workers_gives_the_same_film(width: int, height: int, spp:
     workers = [FakeWorker(plan, f"fake {number}") for number in range(count)]
     film = Film(width, height)
     with cut_as(small_units):
-        tally = run(plan, workers, film)
+        tally = go(plan, workers, film)
     assert_whole(plan, film)
     done = [unit for worker in workers for unit in worker.done]
     assert sorted(done, key=repr) == sorted(small_units(plan), key=repr), "each unit once"
@@ -208,7 +282,7 @@ def test_any_number_of_workers_gives_the_same_film(width: int, height: int, spp:
 def test_the_units_of_the_plan_itself_do_as_well() -> None:
     plan = plan_for(37, 11, 20, 8)
     film = Film(37, 11)
-    assert run(plan, [FakeWorker(plan)], film).complete
+    assert go(plan, [FakeWorker(plan)], film).complete
     assert_whole(plan, film)
 
 
@@ -233,7 +307,7 @@ def test_shuffled_units_merge_to_the_same_film(
 
     film = Film(*size)
     with cut_as(shuffled):
-        run(plan, [FakeWorker(plan) for _ in range(workers)], film)
+        go(plan, [FakeWorker(plan) for _ in range(workers)], film)
     assert_whole(plan, film)
 
 
@@ -243,8 +317,8 @@ def test_two_films_of_half_the_units_merge_to_the_whole() -> None:
     halves = []
     for start in (0, 1):
         film = Film(23, 14)
-        with patch.object(Plan, "units", return_value=iter(units[start::2])):
-            tally = run(plan, [FakeWorker(plan)], film)
+        with cut_as(lambda plan, start=start: iter(units[start::2])):  # type: ignore[misc]
+            tally = go(plan, [FakeWorker(plan)], film)
         assert not tally.complete, "some samples of the plan are missing"
         halves.append(film)
     halves[0].merge(halves[1])
@@ -282,10 +356,10 @@ def test_units_of_a_dead_worker_are_done_by_the_others(number: int, error: Excep
     good, bad = FakeWorker(plan, "good", in_step), FakeWorker(plan, "bad", badly)
     film = Film(30, 22)
     with cut_as(lambda plan: small_units(plan, 1)):
-        tally = run(plan, [bad, good], film)
+        tally = go(plan, [bad, good], film)
     assert_whole(plan, film)
     assert tally.complete
-    assert tally.failures == [str(error)]
+    assert [str(each) for each in tally.failures] == [str(error)]
     assert [(each.name, each.requeued) for each in tally.workers] == [("bad", 1), ("good", 0)]
     assert len(bad.done) == number - 1
     assert no_threads_left(before)
@@ -310,25 +384,52 @@ def test_idle_workers_wait_for_units_that_may_come_back() -> None:
     bad, good = FakeWorker(plan, "bad", dies_last), FakeWorker(plan, "good", does_the_rest)
     film = Film(8, 8)
     with cut_as(lambda plan: small_units(plan, 1)):
-        tally = run(plan, [bad, good], film)
+        tally = go(plan, [bad, good], film)
     assert_whole(plan, film)
-    assert tally.complete and tally.failures == ["at last"]
+    assert tally.complete and [str(each) for each in tally.failures] == ["at last"]
     assert len(good.done) == 4
 
 
-def test_when_all_are_dead_the_render_fails_with_the_last_reason() -> None:
+def test_when_all_are_dead_what_was_finished_is_in_the_film() -> None:
     plan, before = plan_for(30, 22, 6, 8), threading.active_count()
-    workers = [FakeWorker(plan, f"{n}", dies_at(n, RenderError(f"reason {n}"))) for n in (1, 2, 3)]
-    with cut_as(small_units), pytest.raises(RenderError, match=r"^reason \d$"):
-        run(plan, workers, Film(30, 22))
+    workers = [FakeWorker(plan, f"{n}", dies_at(n + 3, RenderError(f"reason {n}"))) for n in (1, 2, 3)]
+    film = Film(30, 22)
+    with cut_as(small_units):
+        tally = go(plan, workers, film)
+    assert tally.all_failed and not tally.complete
+    assert sorted(str(each) for each in tally.failures) == ["reason 1", "reason 2", "reason 3"]
+    with pytest.raises(RenderError, match=r"^reason \d$"):
+        tally.raise_failure()
+    finished = [unit for worker in workers for unit in worker.done]
+    assert film.samples == tally.samples == film.ledger.samples > 0 and len(finished) >= 3
     assert no_threads_left(before)
+
+
+@pytest.mark.parametrize("error", [RenderError("no memory"), DeviceError("cannot build")])
+def test_a_device_that_cannot_be_set_up_leaves_the_work_to_the_others(error: Exception) -> None:
+    plan, film, before = plan_for(30, 22, 6, 8), Film(30, 22), threading.active_count()
+
+    def broken() -> FakeWorker:
+        raise error
+
+    good = FakeWorker(plan, "good")
+    tally = run(plan, [Candidate("bad", broken), Candidate("good", lambda: good)], film)
+    assert_whole(plan, film)
+    assert tally.complete and tally.failures == [error]
+    assert [(each.name, each.requeued, each.units > 0) for each in tally.workers] == [
+        ("bad", 0, False),
+        ("good", 0, True),
+    ]
+    assert no_threads_left(before)
+    alone = run(plan, [Candidate("bad", broken)], Film(30, 22))
+    assert alone.all_failed and alone.samples == 0
 
 
 def test_a_fault_of_the_program_is_not_taken_for_a_dead_device() -> None:
     plan, before = plan_for(30, 22, 6, 8), threading.active_count()
     workers = [FakeWorker(plan, "a", dies_at(2, ZeroDivisionError("a bug"))), FakeWorker(plan, "b")]
     with cut_as(small_units), pytest.raises(ZeroDivisionError, match="a bug"):
-        run(plan, workers, Film(30, 22))
+        go(plan, workers, Film(30, 22))
     assert no_threads_left(before)
 
 
@@ -338,7 +439,7 @@ def test_progress_never_counts_what_was_lost() -> None:
     tell = lambda samples, rays: told.append((samples, rays))  # noqa: E731
     bad, good = FakeWorker(plan, "bad", dies_at(3, RenderError("gone"))), FakeWorker(plan, "good")
     with cut_as(lambda plan: small_units(plan, 4)):
-        tally = run(plan, [bad, good], Film(16, 16), tell)
+        tally = go(plan, [bad, good], Film(16, 16), tell)
     assert tally.complete
     assert told[-1] == (tally.samples, tally.rays) == (16 * 16 * 8, 3 * 16 * 16 * 8)
     assert max(told) == told[-1]
@@ -359,7 +460,7 @@ def test_stopped_in_the_middle_the_film_holds_what_is_reported(workers: int, aft
 
     film = Film(21, 18)
     with cut_as(lambda plan: small_units(plan, 16)):
-        tally = run(plan, [FakeWorker(plan) for _ in range(workers)], film, tell, lambda: slices >= after)
+        tally = go(plan, [FakeWorker(plan) for _ in range(workers)], film, tell, lambda: slices >= after)
     assert not tally.complete
     assert film.samples == tally.samples < 21 * 18 * 40
     assert (tally.samples == 0) == (after == 0)
@@ -379,8 +480,27 @@ def test_a_stop_that_comes_with_the_last_sample_is_no_interruption() -> None:
         nonlocal done
         done = samples
 
-    tally = run(plan, [FakeWorker(plan)], Film(8, 8), tell, lambda: done >= 8 * 8 * 4)
+    tally = go(plan, [FakeWorker(plan)], Film(8, 8), tell, lambda: done >= 8 * 8 * 4)
     assert tally.complete
+
+
+@pytest.mark.parametrize("calls", [0, 3])
+def test_an_exception_of_whoever_is_asked_to_stop_ends_all_threads(calls: int) -> None:
+    plan, before = plan_for(30, 22, 400, 8), threading.active_count()
+    asked = 0
+
+    def stops() -> bool:
+        nonlocal asked
+        asked += 1
+        if asked > calls:
+            raise ZeroDivisionError("in the callback")
+        return False
+
+    begun = time.monotonic()
+    with cut_as(small_units), pytest.raises(ZeroDivisionError, match="in the callback"):
+        go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), None, stops)
+    assert time.monotonic() - begun < PATIENCE
+    assert no_threads_left(before)
 
 
 def test_an_exception_of_whoever_watches_ends_all_threads() -> None:
@@ -391,7 +511,7 @@ def test_an_exception_of_whoever_watches_ends_all_threads() -> None:
 
     begun = time.monotonic()
     with cut_as(small_units), pytest.raises(KeyboardInterrupt):
-        run(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), tell)
+        go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), tell)
     assert time.monotonic() - begun < PATIENCE
     assert no_threads_left(before)
 
@@ -404,14 +524,14 @@ def test_workers_wait_for_a_film_that_is_slower_than_they(monkeypatch: pytest.Mo
     plan, before = plan_for(64, 64, 4, 4), threading.active_count()
     film = Film(64, 64)
     lock, waiting, most = threading.Lock(), 0, 0
-    add = film.add
+    commit = film.commit
 
-    def slow_add(*arguments: Any) -> None:
+    def slow_commit(*arguments: Any) -> int:
         nonlocal waiting
         time.sleep(0.002)
         with lock:
             waiting -= 1
-        add(*arguments)
+        return commit(*arguments)
 
     class Counted(FakeWorker):
         def render(self, unit: Unit, on_slice: OnSlice = None, should_stop: ShouldStop = None) -> UnitSums:
@@ -422,9 +542,9 @@ def test_workers_wait_for_a_film_that_is_slower_than_they(monkeypatch: pytest.Mo
                 most = max(most, waiting)
             return result
 
-    monkeypatch.setattr(film, "add", slow_add)
+    monkeypatch.setattr(film, "commit", slow_commit)
     with cut_as(lambda plan: small_units(plan, 2)):
-        tally = run(plan, [Counted(plan), Counted(plan)], film)
+        tally = go(plan, [Counted(plan), Counted(plan)], film)
     assert tally.complete
     assert len(list(small_units(plan, 2))) == 512
     assert most <= 16
@@ -437,6 +557,6 @@ def test_the_hash_of_the_image_does_not_depend_on_the_cut() -> None:
     for tile, workers in ((4, 1), (16, 2), (64, 3)):
         plan = plan_for(19, 33, 5, tile)
         film = Film(19, 33)
-        run(plan, [FakeWorker(plan) for _ in range(workers)], film)
+        go(plan, [FakeWorker(plan) for _ in range(workers)], film)
         hashes.add(image_sha256(film.mean()))
     assert len(hashes) == 1

@@ -1,14 +1,16 @@
-"""Photon maps, one for each sample of the pixels, made on the device before the samples are."""
+"""Photon maps: one for each sample of the pixels, made on the device before the samples are."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from clrender.device.preparation import Prepared, Request
 from clrender.device.radix_sort import launch_each, sort
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from clrender.device.worker import DeviceWorker
     from clrender.flatten import FlatScene
 
-__all__ = ["PhotonMaps", "radius_of_pass"]
+__all__ = ["PhotonMaps", "prepare", "radius_of_pass"]
 
 SHRINKING: Final = 2.0 / 3.0
 """How slowly the radius shrinks: the value that Knaus and Zwicker find best (2011, section 4.1)."""
@@ -163,3 +165,10 @@ class PhotonMaps:
         for buffer in self._held:
             self._worker.device.release(buffer)
         self._held, self._ready = [], None
+
+
+def prepare(request: Request) -> Prepared:
+    """Photon maps on each device."""
+    settings = request.settings
+    maps = partial(PhotonMaps, flat=request.flat, photons=settings.photons, radius=settings.photon_radius)
+    return Prepared(request.flat, request.pipeline, maps)

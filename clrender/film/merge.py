@@ -1,0 +1,87 @@
+"""Films of one render put together: each sample once, and one account of how they were made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from clrender.errors import UsageError
+from clrender.film.film import Film
+from clrender.image.files import image_sha256
+
+__all__ = ["merge_films"]
+
+_SUMMED: Final = ("samples", "rays", "shadow_rays", "render_seconds", "render_cpu_seconds")
+_SAME: Final = (
+    "scene_sha256",
+    "kernel_sha256",
+    "version",
+    "width",
+    "height",
+    "seed",
+    "integrator",
+    "settings",
+    "triangles",
+)
+
+
+def merge_films(paths: Sequence[str | Path]) -> Film:
+    """The union of films of one request.
+
+    Two of them are in memory at a time.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        Film files, at least one; their order does not matter.
+
+    Returns
+    -------
+    Film
+        With the provenance of all.
+
+    Raises
+    ------
+    UsageError
+        A file is no whole film, belongs to another request, or holds samples that another one holds; the message names
+        both files.
+    """
+    if not paths:
+        raise UsageError("no film was named; name those to merge")
+    merged = Film.load(paths[0])
+    accounts = [merged.provenance]
+    names = [str(paths[0])]
+    for path in paths[1:]:
+        film = Film.load(path)
+        _add(merged, film, names, str(path))
+        accounts.append(film.provenance)
+        names.append(str(path))
+    merged.provenance = _account(merged, accounts)
+    return merged
+
+
+def _add(merged: Film, film: Film, names: Sequence[str], path: str) -> None:
+    """Merge one more film; where that fails, say with which of the earlier ones."""
+    try:
+        merged.merge(film, names[0], path)
+    except UsageError:
+        for name in names:
+            Film.load(name).merge(film, name, path)
+        raise
+
+
+def _account(film: Film, accounts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """How the merged film was made, from how its parts were."""
+    told = {name: accounts[0][name] for name in _SAME if name in accounts[0]}
+    told |= {name: sum(each.get(name, 0) for each in accounts) for name in _SUMMED}
+    taken = film.ledger.taken()
+    return told | {
+        "image_sha256": image_sha256(film.mean()),
+        "denoised": False,
+        "spp": int(taken.max()),
+        "max_depth": max((each.get("max_depth", 0) for each in accounts), default=0),
+        "nonfinite_samples": film.ledger.samples - film.samples,
+        "devices": [device for each in accounts for device in each.get("devices", [])],
+        "merged_films": len(accounts),
+    }

@@ -1,0 +1,16 @@
+"""Direct light alone: path tracing without indirect rays."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from clrender.integrators.descriptor import BETWEEN_DIFFUSE, CAUSTICS, Integrator, Pipeline
+
+__all__ = ["INTEGRATOR"]
+
+INTEGRATOR: Final = Integrator(
+    Pipeline("integrator/path.cl", "integrator_path", packets=8),
+    leaves_out=(BETWEEN_DIFFUSE, CAUSTICS),
+    takes={"indirect_rays": (1, 0)},
+    fixed={"indirect_rays": 0},
+)

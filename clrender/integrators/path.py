@@ -1,0 +1,11 @@
+"""Path tracing: all light, without bias."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from clrender.integrators.descriptor import Integrator, Pipeline
+
+__all__ = ["INTEGRATOR"]
+
+INTEGRATOR: Final = Integrator(Pipeline("integrator/path.cl", "integrator_path", packets=8))

@@ -1,0 +1,19 @@
+"""Progressive photon mapping: a photon map for each sample of the pixels."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from clrender.integrators.descriptor import Integrator, Pipeline
+
+__all__ = ["INTEGRATOR"]
+
+INTEGRATOR: Final = Integrator(
+    Pipeline("integrator/photon.cl", "integrator_photon", sample_by_sample=True),
+    bias="consistent",
+    # Photons start at lights and not at points, for which a light BVH has no answer.
+    takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
+    fixed={"indirect_rays": 0},
+    auto_light_sampler="power",
+    preparation="clrender.photon_maps",
+)

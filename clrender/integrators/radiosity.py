@@ -1,0 +1,16 @@
+"""Radiosity: light between diffuse patches, solved once and shown by all devices."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from clrender.integrators.descriptor import CAUSTICS, Integrator, Pipeline
+
+__all__ = ["INTEGRATOR"]
+
+INTEGRATOR: Final = Integrator(
+    Pipeline("radiosity/display.cl", "integrator_radiosity"),
+    leaves_out=(CAUSTICS,),
+    bias="discretised",
+    preparation="clrender.radiosity.preparation",
+)

@@ -1,0 +1,14 @@
+"""Path reuse: pixels share the light behind their first diffuse surface."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from clrender.integrators.descriptor import Integrator, Pipeline
+
+__all__ = ["INTEGRATOR"]
+
+INTEGRATOR: Final = Integrator(
+    Pipeline("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
+    takes={"indirect_rays": (1,)},
+)

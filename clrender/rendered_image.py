@@ -1,0 +1,117 @@
+"""What a render gives: the image with its film and numbers, and the progress on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.aov import exr_channels
+from clrender.errors import RenderError
+from clrender.film import Film
+from clrender.image.files import png_bytes, write_image
+
+__all__ = ["IncompleteRender", "Progress", "RenderedImage"]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a render is: samples done and wanted, rays, seconds since the first launch."""
+
+    samples_done: int
+    samples_total: int
+    seconds: float
+    rays: int
+
+    @property
+    def fraction(self) -> float:
+        """Between 0 and 1."""
+        return self.samples_done / self.samples_total if self.samples_total else 1.0
+
+    @property
+    def samples_per_second(self) -> float:
+        """Mean so far."""
+        return self.samples_done / self.seconds if self.seconds > 0.0 else 0.0
+
+    @property
+    def seconds_left(self) -> float:
+        """At the mean speed so far; infinite before the first sample."""
+        speed = self.samples_per_second
+        return (self.samples_total - self.samples_done) / speed if speed > 0.0 else float("inf")
+
+
+@dataclass
+class RenderedImage:
+    """A finished (or interrupted) render.
+
+    Attributes
+    ----------
+    linear : (height, width, 3) float32
+        Radiance, linear Rec. 709.
+    stats : dict
+        What ``--stats`` writes.
+    film : Film
+        The exact sums; released for huge images unless they were asked for.
+    interrupted : bool
+        Some of the samples asked for are missing.
+    denoised : (height, width, 3) float32 or None
+        The image without noise, where that was asked for: what `save` writes.
+    aovs : dict of str to (height, width, channels) float32
+        The layers asked for; `clrender.aov.first_hits` says what each holds.
+    """
+
+    linear: npt.NDArray[np.float32]
+    stats: dict[str, Any]
+    film: Film
+    interrupted: bool
+    denoised: npt.NDArray[np.float32] | None = None
+    aovs: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> npt.NDArray[np.float32]:
+        """What is written and shown: the denoised image where there is one, else the linear one."""
+        return self.linear if self.denoised is None else self.denoised
+
+    def save(self, path: str | Path, tone_map: str = "srgb", exposure: float = 0.0) -> None:
+        """Write the image; the ending says how. `.film` keeps the exact sums, `.exr` the layers too.
+
+        Parameters
+        ----------
+        path : str or Path
+        tone_map : str
+            For display formats.
+        exposure : float
+            In stops, for display formats.
+
+        Raises
+        ------
+        UsageError
+            When the ending or the tone map is unknown.
+        RenderError
+            When the file cannot be written; nothing is left half-written.
+        """
+        if Path(path).suffix.lower() == ".film":
+            told = {name: value for name, value in self.stats.items() if not name.startswith("denois")}
+            self.film.save(path, {**told, "denoised": False})
+        else:
+            write_image(path, self.picture, self.stats, tone_map, exposure, exr_channels(self.aovs))
+
+    def _repr_png_(self) -> bytes:
+        return png_bytes(self.picture)
+
+
+class IncompleteRender(RenderError):
+    """Every device failed before the render was done; what was finished by then is kept.
+
+    Attributes
+    ----------
+    image : RenderedImage
+        Of the samples that were finished.
+    """
+
+    def __init__(self, message: str, image: RenderedImage) -> None:
+        super().__init__(message)
+        self.image = image

@@ -1,0 +1,126 @@
+"""Matplotlib figures as SVG in one style, light and dark: text stays text, and the same figure is the same bytes."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import logging
+import re
+from collections.abc import Callable
+from html import escape
+from typing import TYPE_CHECKING, Any, Final
+
+from clrender.errors import UsageError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["BLUE", "EDGE", "GREY", "INK", "ORANGE", "PAPER", "RULE", "draw", "require_matplotlib"]
+
+PAPER: Final = "#fdfdfd"
+INK: Final = "#222222"
+EDGE: Final = "#888888"
+RULE: Final = "#dddddd"
+BLUE: Final = "#0b62a8"
+ORANGE: Final = "#b3490b"
+GREY: Final = "#666666"
+
+_DARK: Final = {
+    PAPER: "#16181c", INK: "#e4e4e4", EDGE: "#999999", RULE: "#3a3d42", BLUE: "#6db3f2", ORANGE: "#f0945a",
+    GREY: "#aaaaaa",
+}  # fmt: skip
+"""Colours on a dark background; others stay as they are."""
+
+_STYLE: Final[dict[Any, Any]] = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],  # Matplotlib brings it along: text is laid out alike on every machine
+    "font.size": 10.0,
+    "figure.facecolor": PAPER,
+    "axes.facecolor": PAPER,
+    "axes.edgecolor": EDGE,
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": RULE,
+    "grid.linewidth": 0.8,
+    "legend.frameon": False,
+    "legend.fontsize": 9.5,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 5.0,
+    "text.color": INK,
+    "xtick.color": EDGE,
+    "ytick.color": EDGE,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+}
+
+
+def require_matplotlib() -> None:
+    """Make sure that Matplotlib is there, before anything is rendered.
+
+    Raises
+    ------
+    UsageError
+        With what to install.
+    """
+    # Its notes on its font cache are nothing to a reader of the report.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    try:
+        for module in ("matplotlib", "matplotlib.figure"):
+            importlib.import_module(module)
+    except ImportError as error:
+        reason = "is not installed" if error.name == "matplotlib" else f"cannot be loaded ({error})"
+        raise UsageError(
+            f"the report draws its plots with Matplotlib, which {reason}; pip install 'clrender[report]'"
+        ) from None
+
+
+def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figure], None]) -> str:
+    """Draw a figure as one SVG element, which stands alone or in HTML.
+
+    Parameters
+    ----------
+    name : str
+        Figures of one page need different ones: the names of their clip paths follow from it.
+    title : str
+        For those who cannot see it.
+    size : (float, float)
+        Width and height in inches, each of 72 units of the SVG.
+    paint : callable
+        Adds axes and what is in them to an empty figure.
+    """
+    require_matplotlib()
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    no_metadata: dict[str, Any] = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    file = io.StringIO()
+    with rc_context({**_STYLE, "svg.hashsalt": name}):
+        figure = Figure(figsize=size, layout="constrained")
+        paint(figure)
+        figure.savefig(file, format="svg", metadata=no_metadata)
+    svg = file.getvalue()
+    svg = svg[svg.index("<svg") :]
+    view = re.search(r'viewBox="[^"]*"', svg)
+    assert view is not None
+    # No size of its own, so that the page decides; its namespaces; its title for screen readers.
+    opening = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" {view.group()} role="img" '
+        f'aria-label="{escape(title)}"><title>{escape(title)}</title>{_colours()}'
+    )
+    svg = opening + svg[svg.index(">") + 1 :]
+    named = set(re.findall(r"#([\w-]+)[\")]", svg))
+    svg = re.sub(r' id="([^"]*)"', lambda found: found.group() if found.group(1) in named else "", svg)
+    svg = svg.replace("'DejaVu Sans'", "system-ui")
+    for place, light in enumerate(_DARK):
+        svg = re.sub(f"(fill|stroke): {light}", rf"\1: var(--c{place})", svg)
+    return svg.strip()
+
+
+def _colours() -> str:
+    """A style sheet of the colours that are others on a dark background."""
+    light = ";".join(f"--c{place}:{colour}" for place, colour in enumerate(_DARK))
+    dark = ";".join(f"--c{place}:{colour}" for place, colour in enumerate(_DARK.values()))
+    return f"<style>svg{{{light}}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}</style>"

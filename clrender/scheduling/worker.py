@@ -1,0 +1,51 @@
+"""What scheduling knows of a device: its name, that it can be set up, and that it then does units of work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from clrender.film.unit import Unit, UnitSums
+
+__all__ = ["Candidate", "Worker"]
+
+
+class Worker(Protocol):
+    """Whatever can do a unit."""
+
+    def render(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> UnitSums:
+        """Trace the samples of a unit.
+
+        Parameters
+        ----------
+        unit : Unit
+        on_slice : callable, optional
+            Told now and then how many samples and rays were added since it was last told.
+        should_stop : callable, optional
+            When it says yes, what is done so far is returned.
+
+        Raises
+        ------
+        ClrenderError
+            When the device failed. The unit then counts as not done.
+        """
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A device that may take part in a render.
+
+    Attributes
+    ----------
+    name : str
+        For messages and statistics.
+    set_up : callable
+        Compiles, uploads and builds what the render needs, and gives the worker. It is called once, in the worker's
+        own thread: one device that fails there, with a `ClrenderError`, leaves the others to do the work.
+    """
+
+    name: str
+    set_up: Callable[[], Worker]

@@ -1,0 +1,145 @@
+"""Make docs/speed.md's table, plot and pictures. Arguments: `pictures`, or files of lines that `scripts/bench` printed.
+
+Lines of a benchmark replace what docs/speed.json holds of the same scenes and renderers:
+
+    scripts/bench S1 S2 S1-tess S3-10k S3-1M S3-4M S4 > speed.jsonl
+    scripts/bench S1 S2 S4 --errors --size 100x100 --spp 64 > errors.jsonl
+    python scripts/speed_docs.py speed.jsonl errors.jsonl
+"""
+
+from __future__ import annotations
+
+import json
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from clrender.bench import SCENES
+from clrender.report.plots import Series, plot
+from clrender.report.svg import BLUE, ORANGE
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+__all__ = ["current"]
+
+_DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
+_BEGIN: Final = "<!-- made by scripts/speed_docs.py: begin -->"
+_END: Final = "<!-- end -->"
+_TRIANGLES: Final = {"S3-10k": 9_680, "S3-100k": 100_820, "S3-1M": 1_003_520, "S3-4M": 3_996_180}
+_ROWS: Final = ("S1", "S2", "S1-tess", "S3-10k", "S3-1M", "S3-4M", "S4")
+_NONE: Final = "–"
+
+
+def main() -> int:
+    """Take new lines in, and rewrite the page."""
+    if sys.argv[1:] == ["pictures"]:
+        _pictures()
+        return 0
+    data = json.loads((_DOCS / "speed.json").read_text())
+    for name in sys.argv[1:]:
+        _take(data, [json.loads(line) for line in Path(name).read_text().splitlines() if line.startswith("{")])
+    (_DOCS / "speed.json").write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+    page = _DOCS / "speed.md"
+    page.write_text(current(page.read_text(), data))
+    (_DOCS / "speed-growth.svg").write_text(_growth(data))
+    return 0
+
+
+def current(page: str, data: dict[str, Any]) -> str:
+    """The page with its table made anew.
+
+    Parameters
+    ----------
+    page : str
+        Text with the two marks between which the table stands.
+    data : dict
+        What docs/speed.json holds.
+    """
+    before, rest = page.split(_BEGIN)
+    return f"{before}{_BEGIN}\n\n{_table(data)}\n\n{_END}{rest.split(_END)[1]}"
+
+
+def _take(data: dict[str, Any], lines: list[dict[str, Any]]) -> None:
+    """Put the medians and ranges of a benchmark's lines into the data."""
+    judged = all("rel_mse" in line for line in lines)
+    for scene, renderer in dict.fromkeys((line["scene"], line["renderer"]) for line in lines):
+        these = [line for line in lines if (line["scene"], line["renderer"]) == (scene, renderer)]
+        row = data["scenes"].setdefault(scene, {}).setdefault(renderer, {})
+        wanted = ("rel_mse", "efficiency") if judged else ("mpaths_per_second", "device_bytes", "peak_rss_bytes")
+        for key in wanted:
+            values = [line[key] for line in these if key in line]
+            if values:
+                row[key] = [statistics.median(values), min(values), max(values)]
+
+
+def _table(data: dict[str, Any]) -> str:
+    lines = [
+        "| scene | clrender, Mpaths/s | Mitsuba LLVM, Mpaths/s | as fast "
+        "| relMSE: clrender, Mitsuba | as efficient | memory on the device |",
+        "|---|---:|---:|---:|---:|---:|---:|",
+    ]
+    for scene in _ROWS:
+        own, peer = (data["scenes"].get(scene, {}).get(name, {}) for name in ("clrender", "mitsuba"))
+        errors = ", ".join(_value(each.get("rel_mse"), "{:.4f}") for each in (own, peer))
+        efficiency = _ratio(own.get("efficiency"), peer.get("efficiency"))
+        memory = _value([own["device_bytes"][0] / 1e6] if "device_bytes" in own else None, "{:,.1f} MB")
+        lines.append(
+            f"| {scene}: {SCENES[scene]} | {_value(own.get('mpaths_per_second'))} | "
+            f"{_value(peer.get('mpaths_per_second'))} | "
+            f"{_ratio(own.get('mpaths_per_second'), peer.get('mpaths_per_second'))} | "
+            f"{errors if errors != f'{_NONE}, {_NONE}' else _NONE} | {efficiency} | {memory} |"
+        )
+    return "\n".join(lines)
+
+
+def _value(numbers: list[float] | None, form: str = "{:.2f}") -> str:
+    """A median with its range, where it has one."""
+    if not numbers:
+        return _NONE
+    told = form.format(numbers[0])
+    return told if len(numbers) == 1 else f"{told} ({form.format(numbers[1])}–{form.format(numbers[2])})"
+
+
+def _ratio(own: list[float] | None, peer: list[float] | None) -> str:
+    return f"**{own[0] / peer[0]:.2f}**" if own and peer else _NONE
+
+
+def _growth(data: dict[str, Any]) -> str:
+    """Paths per second against triangles."""
+    series = []
+    for renderer, title, colour in (("clrender", "clrender", BLUE), ("mitsuba", "Mitsuba LLVM", ORANGE)):
+        points = []
+        for scene, triangles in _TRIANGLES.items():
+            numbers = data["growth"]["scenes"].get(scene, {}).get(renderer)
+            if numbers:
+                points.append((float(triangles), numbers[0], min(numbers), max(numbers)))
+        series.append(Series(title, points, colour))
+    caption = "Million paths per second against triangles (S3)"
+    return plot("growth", caption, ("triangles", "Mpaths/s"), series, (1e4, 1e5, 1e6, 4e6)).svg + "\n"
+
+
+def _pictures() -> None:
+    """The scenes side by side, docs/speed.jpg."""
+    import numpy as np
+    from PIL import Image
+
+    import clrender
+    from clrender.bench import write_scene
+    from clrender.image.tone_map import to_display
+
+    def picture(name: str) -> npt.NDArray[np.uint8]:
+        with tempfile.TemporaryDirectory() as folder:
+            scene = clrender.load(str(write_scene(name, Path(folder))))
+            linear = clrender.render(scene, size=(240, 240), spp=256).linear
+        return np.pad(to_display(linear, "srgb"), ((0, 0), (0, 4), (0, 0)), constant_values=255)
+
+    sheet = np.concatenate([picture(name) for name in ("S1", "S2", "S3-1M", "S4")], axis=1)[:, :-4]
+    Image.fromarray(sheet).save(_DOCS / "speed.jpg", quality=85, optimize=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,98 @@
+"""`clrender render --shard` and `clrender merge`: parts of one render, put together in any order, are the render."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_support import run
+
+from clrender.film import Film
+
+SIZE = ("--size", "37x22", "--spp", "8", "--quiet")
+
+
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a whole render and its three shards, cut in other ways."""
+    folder = tmp_path_factory.mktemp("shards")
+    assert run("render", "room", "-o", "whole.film", *SIZE, folder=folder).returncode == 0
+    for number, tile in ((1, 4), (2, 16), (3, 64)):
+        done = run(
+            "render", "room", "-o", f"{number}.film", "--shard", f"{number}/3", "--tile", str(tile), *SIZE,
+            folder=folder,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations("123")), ids="".join)
+def test_shards_in_any_order_are_the_render(shards: Path, order: tuple[str, ...]) -> None:
+    output = f"merged-{''.join(order)}.film"
+    done = run("merge", *(f"{number}.film" for number in order), "-o", output, folder=shards)
+    assert (done.returncode, done.stderr) == (0, "")
+    whole, merged = Film.load(shards / "whole.film"), Film.load(shards / output)
+    np.testing.assert_array_equal(np.concatenate(merged.bands()), np.concatenate(whole.bands()))
+    assert merged.ledger == whole.ledger and merged.request == whole.request
+    for name in ("image_sha256", "samples", "rays", "spp", "scene_sha256", "kernel_sha256", "nonfinite_samples"):
+        assert merged.provenance[name] == whole.provenance[name], name
+
+
+def refused(folder: Path, *arguments: str) -> str:
+    before = sorted(folder.iterdir())
+    done = run("merge", *arguments, "-o", "refused.film", folder=folder)
+    assert done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1, done.stderr
+    assert sorted(folder.iterdir()) == before
+    return done.stderr
+
+
+def test_what_does_not_go_together_is_refused_with_both_names(shards: Path) -> None:
+    assert "1.film and 1.film overlap: samples 0 to 1" in refused(shards, "1.film", "1.film")
+    assert "2.film and whole.film overlap" in refused(shards, "2.film", "whole.film")
+    assert "3.film and 3.film overlap" in refused(shards, "1.film", "3.film", "3.film")
+    assert run("render", "room", "-o", "seed.film", "--seed", "1", *SIZE, folder=shards).returncode == 0
+    message = refused(shards, "1.film", "seed.film")
+    assert "1.film and seed.film differ in seed: seed 0 and 1" in message
+    film = Film.load(shards / "2.film")
+    film.request["kernel_sha256"] = "0" * 64
+    film.save(shards / "kernels.film")
+    message = refused(shards, "1.film", "kernels.film")
+    assert "1.film and kernels.film differ in kernel_sha256" in message
+    damaged = bytearray((shards / "2.film").read_bytes())
+    damaged[len(damaged) // 2] ^= 4
+    (shards / "damaged.film").write_bytes(damaged)
+    assert "damaged.film: not a whole clrender film" in refused(shards, "1.film", "damaged.film")
+
+
+def test_bad_uses_of_merge(shards: Path) -> None:
+    for arguments in (
+        ("1.film",),
+        ("1.film", "-o", "a.png"),
+        ("1.film", "-o", "1.film"),
+        ("1.film", "-o", "no/a.film"),
+    ):
+        done = run("merge", *arguments, folder=shards)
+        assert done.returncode == 2 and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
+    assert not (shards / "a.png").exists()
+
+
+@pytest.mark.parametrize("shard", ["0/3", "4/3", "1/9", "x/3", "1/0", "1", "1/2/3", "-1/3"])
+def test_shards_that_there_are_not(tmp_path: Path, shard: str) -> None:
+    done = run("render", "room", "-o", "a.film", "--shard", shard, *SIZE, folder=tmp_path)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and shard in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_shard_goes_to_a_film(tmp_path: Path) -> None:
+    done = run("render", "room", "-o", "a.png", "--shard", "1/2", *SIZE, folder=tmp_path)
+    assert done.returncode == 2 and "a.png" in done.stderr and ".film" in done.stderr
+
+
+def test_a_shard_says_which_samples_it_holds(shards: Path) -> None:
+    held = [Film.load(shards / f"{number}.film") for number in (1, 2, 3)]
+    assert [film.ledger.ranges(0, 0) for film in held] == [((0, 2),), ((2, 5),), ((5, 8),)]
+    assert [film.provenance["sample_count"] for film in held] == [2, 3, 3]
+    assert json.dumps(held[0].request, sort_keys=True) == json.dumps(held[2].request, sort_keys=True)

@@ -1,0 +1,143 @@
+"""What the documentation says of commands, options, files and links is so."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+
+import clrender
+from clrender.cli import main
+from clrender.integrators import INTEGRATORS
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "scenes").glob("*.md")])
+README = (ROOT / "README.md").read_text()
+REFERENCE = (ROOT / "docs" / "reference.md").read_text()
+
+NOT_YET = {"--shard", "SECURITY.md", "CLRENDER_INSTALL", "CLRENDER_TEST_COLD"}
+"""Documented ahead of the work that brings them."""
+
+
+def generator(name: str) -> Callable[..., str]:
+    """`current` of a script that makes a page."""
+    found: Callable[..., str] = runpy.run_path(str(ROOT / "scripts" / f"{name}.py"))["current"]
+    return found
+
+
+def commands() -> dict[str, click.Command]:
+    """The commands of the command line, by name."""
+    context = click.Context(main)
+    return {name: found for name in main.list_commands(context) if (found := main.get_command(context, name))}
+
+
+def options() -> dict[str, list[click.Parameter]]:
+    """Options of all commands, by their long name."""
+    found: dict[str, list[click.Parameter]] = {"--help": [], "--version": []}
+    for command in commands().values():
+        for parameter in command.params:
+            for name in parameter.opts:
+                found.setdefault(name, []).append(parameter)
+    return found
+
+
+def code(page: str, language: str = "") -> list[str]:
+    """Fenced blocks of a page."""
+    return re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
+
+
+def test_the_scene_reference_is_that_of_the_schema() -> None:
+    page = (ROOT / "docs" / "scenes.md").read_text()
+    assert generator("scene_docs")(page) == page, "run `python scripts/scene_docs.py`"
+
+
+def test_the_table_of_speeds_is_that_of_its_numbers() -> None:
+    pytest.importorskip("matplotlib")
+    page = (ROOT / "docs" / "speed.md").read_text()
+    data = json.loads((ROOT / "docs" / "speed.json").read_text())
+    assert generator("speed_docs")(page, data) == page, "run `python scripts/speed_docs.py`"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text()
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        place, _, heading = link.partition("#")
+        if link.startswith(("http://", "https://")) or place.rpartition("/")[2] in NOT_YET:
+            continue
+        target = (page.parent / place).resolve() if place else page
+        assert target.is_file(), f"{page.name} links to {link}"
+        if heading:
+            headings = re.findall(r"^#+ (.*)$", target.read_text(), re.MULTILINE)
+            assert heading in [re.sub(r"[^\w -]", "", each).strip().lower().replace(" ", "-") for each in headings]
+
+
+def test_every_command_of_the_readme_exists_and_every_command_is_in_it() -> None:
+    named = set(re.findall(r"clrender ([a-z]+)(?= |`)", README)) - {"command", "is", "grew", "does"}
+    assert named - set(commands()) <= NOT_YET
+    assert set(commands()) <= named
+
+
+@pytest.mark.parametrize("page", [README, REFERENCE, *(path.read_text() for path in (ROOT / "docs").glob("[!n]*.md"))])
+def test_every_option_exists(page: str) -> None:
+    # Of scripts there are a few more, and of pip.
+    named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page)) - {"--install-peers", "--yes", "--by"}
+    assert named - set(options()) <= NOT_YET
+
+
+def test_choices_of_options_are_those_of_the_command_line() -> None:
+    for name, listed in re.findall(r"`(--[a-z-]+) ((?:[a-z]+\\\|)+[a-z]+)`", README):
+        kinds = [each.type for each in options()[name] if isinstance(each.type, click.Choice)]
+        assert kinds
+        assert all(set(listed.split("\\|")) == set(kind.choices) for kind in kinds)
+
+
+def test_every_integrator_is_in_its_tables() -> None:
+    for page in (README, (ROOT / "docs" / "integrators.md").read_text()):
+        assert all(f"`{name}`" in page for name in INTEGRATORS)
+
+
+@pytest.mark.parametrize("place", ["README.md", "docs/scenes.md"])
+def test_scenes_of_the_documentation_are_valid(tmp_path: Path, place: str) -> None:
+    bunny = (ROOT / "scenes" / "bumpy.ply").read_bytes()
+    (tmp_path / "bunny.ply").write_bytes(bunny)
+    blocks = code((ROOT / place).read_text(), "toml")
+    assert blocks
+    for block in blocks:
+        (tmp_path / "scene.toml").write_text(block)
+        assert clrender.load(str(tmp_path / "scene.toml")).shapes
+
+
+def test_built_in_scenes_are_counted_right() -> None:
+    files = [path.read_text() for path in (ROOT / "scenes").glob("*.toml")]
+    exact = sum("Exact answer" in text for text in files)
+    numbers = {11: "eleven", 19: "nineteen"}
+    assert (
+        f"{numbers[len(files)].title()} built-in scenes, {numbers[exact]} of them"
+        in (ROOT / "CHANGELOG.md").read_text()
+    )
+    assert f"{numbers[exact]} have a known exact answer" in README
+
+
+def test_variables_of_the_environment_are_read_somewhere() -> None:
+    named = set(re.findall(r"`(CLRENDER_[A-Z_]+)`", REFERENCE))
+    files = [path for folder in ("clrender", "scripts", "tests") for path in (ROOT / folder).rglob("*")]
+    read = {
+        name
+        for path in files
+        if path.is_file() and path != Path(__file__) and path.suffix in ("", ".py", ".sh")
+        for name in re.findall(r"CLRENDER_[A-Z_]+", path.read_text())
+    }
+    assert named - read <= NOT_YET
+    assert read <= named
+
+
+def test_names_of_the_python_interface_exist() -> None:
+    named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
+    assert named <= set(clrender.__all__) | {"radiosity"}
+    assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))

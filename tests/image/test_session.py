@@ -1,0 +1,263 @@
+"""A session renders again without starting over, and gives everything back at its end, however it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy.typing as npt
+import pytest
+
+import clrender
+from clrender.device import Buffer, Device
+from clrender.errors import DeviceError, RenderError, UsageError
+from clrender.rendered_image import IncompleteRender
+
+SIZE = (64, 64)
+
+
+@dataclass
+class Watched:
+    """What goes to a device: how many bytes at a time, and what is allocated and not released yet."""
+
+    writes: list[int] = field(default_factory=list)
+    held: set[int] = field(default_factory=set)
+
+
+@pytest.fixture
+def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
+    seen = Watched()
+    write, empty, release = Device.write, Device.empty, Device.release
+
+    def watched_write(device: Device, buffer: Buffer, array: npt.NDArray[Any]) -> None:
+        seen.writes.append(array.nbytes)
+        write(device, buffer, array)
+
+    def watched_empty(device: Device, nbytes: int) -> Buffer:
+        buffer = empty(device, nbytes)
+        seen.held.add(id(buffer.handle))
+        return buffer
+
+    def watched_release(device: Device, buffer: Buffer) -> None:
+        seen.held.remove(id(buffer.handle))
+        release(device, buffer)
+
+    monkeypatch.setattr(Device, "write", watched_write)
+    monkeypatch.setattr(Device, "empty", watched_empty)
+    monkeypatch.setattr(Device, "release", watched_release)
+    yield seen
+
+
+CHANGES: dict[str, dict[str, Any]] = {
+    "nothing": {},
+    "seed": {"seed": 9},
+    "samples": {"samples": (1, 2)},
+    "settings": {"max_depth": 3, "roulette": "none", "sampling": "light"},
+    "size": {"size": (32, 48)},
+    "tile": {"tile": 16},
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_rendering_again_uploads_only_camera_and_settings(device: Device, watched: Watched, change: str) -> None:
+    room = clrender.load("room")
+    how: dict[str, Any] = {"size": SIZE, "spp": 2, **CHANGES[change]}
+    with clrender.Session(device) as session:
+        session.render(room, size=SIZE, spp=2)
+        builds, many = device.builds, len(watched.writes)
+        assert many > 10
+        watched.writes.clear()
+        image = session.render(room, **how)
+        camera, settings = session.flat(clrender.RenderJob.of(room)).camera.nbytes, watched.writes[-1]
+        assert sorted(watched.writes) == sorted([camera, settings]) and settings < 512
+        assert device.builds == builds
+    fresh = clrender.render(room, device=device, **how)
+    assert image.stats["image_sha256"] == fresh.stats["image_sha256"]
+
+
+def test_another_camera_uploads_no_scene(device: Device, watched: Watched) -> None:
+    room = clrender.load("room")
+    camera = room.camera.model_copy(update={"position": (0.3, 0.1, -3.0), "vertical_fov": 40.0})
+    moved = room.model_copy(update={"camera": camera})
+    with clrender.Session(device) as session:
+        first = session.render(room, size=SIZE, spp=1)
+        watched.writes.clear()
+        second = session.render(moved, size=SIZE, spp=1)
+        assert len(watched.writes) == 2
+        again = session.render(clrender.load("room"), size=SIZE, spp=1)  # equal, though another object
+        assert len(watched.writes) == 4
+    assert first.stats["image_sha256"] == again.stats["image_sha256"] != second.stats["image_sha256"]
+    assert second.stats["image_sha256"] == clrender.render(moved, device=device, size=SIZE, spp=1).stats["image_sha256"]
+
+
+def test_other_scenes_and_integrators_in_turn(device: Device) -> None:
+    """What the one leaves behind is nothing that another one stumbles over."""
+    cases: list[tuple[str, dict[str, Any]]] = [
+        ("room", {}),
+        ("cornell", {"integrator": "photon", "photons": 5000}),
+        ("room", {"integrator": "whitted", "aov": ("albedo", "depth")}),
+        ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
+        ("room-diffuse", {"integrator": "reuse"}),
+        ("room", {"absorption": 0.5, "roulette": "absorption"}),
+        ("room", {"light_sampler": "uniform"}),
+    ]
+    alone = [clrender.render(clrender.load(name), device=device, size=(24, 16), spp=2, **how) for name, how in cases]
+    with clrender.Session(device) as session:
+        for _ in range(2):
+            for (name, how), expected in zip(cases, alone, strict=True):
+                image = session.render(clrender.load(name), size=(24, 16), spp=2, **how)
+                assert image.stats["image_sha256"] == expected.stats["image_sha256"], (name, how)
+                assert {k: v.tobytes() for k, v in image.aovs.items()} == {
+                    k: v.tobytes() for k, v in expected.aovs.items()
+                }
+
+
+class Fault(Exception):
+    """Of whoever uses a session."""
+
+
+@pytest.mark.parametrize("end", ["well", "by the user", "by a callback", "by bad settings", "by a device"])
+@pytest.mark.parametrize("integrator", ["path", "photon", "radiosity"])
+def test_everything_is_released_however_it_ends(
+    device: Device, watched: Watched, monkeypatch: pytest.MonkeyPatch, end: str, integrator: str
+) -> None:
+    scene = clrender.load("room-diffuse")
+    how: dict[str, Any] = {"size": (24, 16), "spp": 2, "integrator": integrator, "patches": 100}
+    if integrator != "radiosity":
+        how.pop("patches")
+
+    def breaks(*_: object) -> None:
+        raise Fault
+
+    def fails(*_: object, **__: object) -> None:
+        raise RenderError("told to fail")
+
+    try:
+        with clrender.Session(device) as session:
+            session.render(scene, aov=("albedo",), **how)
+            if end == "by the user":
+                raise Fault
+            if end == "by a callback":
+                session.render(scene, on_progress=breaks, **how)
+            if end == "by bad settings":
+                session.render(scene, **{**how, "spp": 0})
+            if end == "by a device":
+                monkeypatch.setattr(Device, "launch", fails)
+                session.render(scene, **{**how, "seed": 1})
+    except (Fault, UsageError, RenderError):
+        assert end != "well"
+    else:
+        assert end == "well"
+    assert not watched.held
+    with pytest.raises(UsageError, match="closed"):
+        session.render(scene, **how)
+
+
+def test_a_session_closes_what_it_opened_and_nothing_else(device: Device) -> None:
+    with clrender.Session("cpu") as session:
+        (own,) = session.devices
+        session.render(clrender.load("room"), size=(8, 8), spp=1)
+    assert own is not device
+    with pytest.raises(AttributeError):
+        own.finish()
+    with clrender.Session(device) as session:
+        session.render(clrender.load("room"), size=(8, 8), spp=1)
+    device.finish()
+
+
+def test_nothing_is_opened_for_a_job_that_makes_no_sense(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("clrender.session.select", lambda *_, **__: pytest.fail("a device was looked for"))
+    with clrender.Session() as session, pytest.raises(UsageError, match="spp"):
+        session.render(clrender.load("room"), spp=-1)
+
+
+# --- devices that fail -----------------------------------------------------------------------------------------------
+
+
+class Broken(Device):
+    """A device that fails in one of its calls, from the n-th on."""
+
+    def __init__(self, device: Device, call: str, after: int = 0) -> None:
+        self.__dict__.update(device.__dict__)
+        self._programs, self._buffers = {}, set()
+        self._call_name, self._left = call, after
+
+    def _count(self, call: str, error: type[Exception]) -> None:
+        if call == self._call_name:
+            self._left -= 1
+            if self._left < 0:
+                raise error(f"told to fail at {call}")
+
+    def program(self, *args: Any, **more: Any) -> Any:
+        self._count("program", DeviceError)
+        return super().program(*args, **more)
+
+    def empty(self, nbytes: int) -> Buffer:
+        self._count("empty", RenderError)
+        return super().empty(nbytes)
+
+    def launch(self, *args: Any) -> None:
+        self._count("launch", RenderError)
+        super().launch(*args)
+
+    def read(self, *args: Any) -> None:
+        self._count("read", RenderError)
+        super().read(*args)
+
+
+FAILURES = [("program", 0), ("program", 6), ("empty", 3), ("launch", 2), ("launch", 60), ("read", 0), ("read", 12)]
+
+
+@pytest.mark.parametrize(("call", "after"), FAILURES)
+@pytest.mark.parametrize("integrator", ["path", "photon"])
+def test_a_device_that_fails_anywhere_leaves_the_image_to_the_other(
+    device: Device, watched: Watched, call: str, after: int, integrator: str
+) -> None:
+    how: dict[str, Any] = {"size": SIZE, "spp": 8, "tile": 16, "integrator": integrator}
+    if integrator == "photon":
+        how["photons"] = 2000
+    room = clrender.load("cornell")
+    expected = clrender.render(room, device=device, **how).stats["image_sha256"]
+    told: list[str] = []
+    with clrender.Session([Broken(device, call, after), device], notify=told.append) as session:
+        image = session.render(room, aov=("normal",), **how)
+    assert image.stats["image_sha256"] == expected and not image.interrupted
+    assert not watched.held
+    failed = [line for line in told if "told to fail" in line]
+    assert failed and all(line.startswith("warning: ") for line in failed)
+
+
+def test_when_the_last_device_fails_what_was_finished_is_kept(device: Device, watched: Watched) -> None:
+    room = clrender.load("room")
+    how: dict[str, Any] = {"size": SIZE, "spp": 200, "samples_per_pass": 1, "tile": 16}
+    broken = Broken(device, "launch", 400)
+    with pytest.raises(IncompleteRender, match="told to fail at launch") as caught:
+        clrender.render(room, device=[broken], **how)
+    image = caught.value.image
+    assert image.interrupted and 0 < image.film.samples == image.film.ledger.samples < 64 * 64 * 200
+    assert not watched.held
+    whole = clrender.render(room, device=device, **{**how, "spp": 16})
+    done = image.film.ledger.ranges(0, 0)
+    assert done and done[0][0] == 0
+    if done == ((0, 16),):
+        assert (image.linear[0, 0] == whole.linear[0, 0]).all()
+
+
+def test_a_device_that_never_worked_says_why(device: Device) -> None:
+    with pytest.raises(DeviceError, match="told to fail at program"):
+        clrender.render(clrender.load("room"), device=Broken(device, "program"), size=(8, 8), spp=1)
+
+
+# --- time ------------------------------------------------------------------------------------------------------------
+
+
+def test_too_little_time_for_a_sample_is_an_error_and_no_black_image(device: Device) -> None:
+    with pytest.raises(RenderError, match="not one sample was finished within 1e-09 s"):
+        clrender.render(clrender.load("room"), device=device, size=(8, 8), time_limit=1e-9)
+
+
+def test_time_ends_a_long_render(device: Device) -> None:
+    clrender.render(clrender.load("room"), device=device, size=SIZE, spp=1)
+    image = clrender.render(clrender.load("room"), device=device, size=SIZE, spp=2**20, time_limit=1.0)
+    assert image.interrupted and image.film.samples > 0 and image.stats["wall_seconds"] < 10.0
