@@ -134,10 +134,12 @@ _SIDE: Final = Range(1, 65536, whole=True)
 class RenderSettings:
     """What a render is asked for; `SETTINGS` says of each field what it means and what it may be.
 
+    NumPy's numbers become Python's.
+
     Raises
     ------
     UsageError
-        When a value, or a combination of values, makes no sense. Numbers of NumPy become Python's.
+        When a value, or a combination of values, is not allowed.
     """
 
     spp: int = _setting(64, Range(1, 2**20, whole=True), "Samples per pixel", group=STOP)
@@ -310,7 +312,7 @@ class _Scene(Protocol):
 def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str, Any]) -> RenderSettings:
     """The settings of a render: those given, else the scene's, else the defaults.
 
-    What is given has to be of use; what the scene says may be for another integrator than the one asked for.
+    What is given must have an effect; what the scene says may be for another integrator than the one asked for.
 
     Parameters
     ----------
@@ -323,7 +325,7 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
     Raises
     ------
     UsageError
-        When a name is unknown, a value makes no sense or would be ignored, or memory is short for the image.
+        When a name is unknown, a value is not allowed or has no effect, or the image does not fit into memory.
     """
     for name in given:
         if name not in SETTINGS:
@@ -356,9 +358,9 @@ def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
     for name in given:
         owner = SETTINGS[name].integrator
         if owner not in (None, wanted.integrator) and getattr(wanted, name) is not None:
-            raise UsageError(f"{name} is of no use: the integrator is {wanted.integrator}, and only {owner} takes it")
+            raise UsageError(f"{name} has no effect with the integrator {wanted.integrator}; it belongs to {owner}")
     if "absorption" in given and wanted.absorption is not None and wanted.roulette != "absorption":
-        raise UsageError(f"absorption is of no use: roulette is {wanted.roulette!r}; make it 'absorption'")
+        raise UsageError(f"absorption has no effect with the roulette {wanted.roulette}; it belongs to absorption")
 
 
 def _check_memory(width: int, height: int) -> None:
