@@ -193,7 +193,7 @@ def render(
         late = wanted.time_limit is not None and time.perf_counter() - begin >= wanted.time_limit
         return late or (should_stop is not None and should_stop())
 
-    devices = select(device, notify=tell, alone=notify is not None)
+    devices = select(device, notify=tell)
     for each in devices:
         if (wanted.lanes or 1) > (limit := most_lanes(each)):
             title = each.info.title

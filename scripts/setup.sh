@@ -90,7 +90,7 @@ import sys
 from clrender.device import select
 from clrender.errors import ClrenderError
 try:
-    select("auto", notify=lambda line: print("clrender set-up:", line, file=sys.stderr), alone=True)
+    select("auto", notify=lambda line: print("clrender set-up:", line, file=sys.stderr))
 except ClrenderError:
     sys.exit(3)
 '

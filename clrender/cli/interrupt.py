@@ -55,6 +55,10 @@ class Interrupt:
     def _end(self, message: str) -> None:
         """Leave at once, whatever the main thread is doing."""
         remove_temporaries()
+        # Not imported here: the main thread may be in the middle of that.
+        leave = getattr(sys.modules.get("clrender.device.compiled"), "leave", None)
+        if leave is not None:
+            leave()
         sys.stderr.write(f"\nerror: {message}\n")
         sys.stderr.flush()
         os._exit(INTERRUPTED)
