@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from clrender.cli.last_words import LastWords
 from clrender.files import remove_temporaries
 
 __all__ = ["INTERRUPTED", "Interrupt", "interruptible"]
@@ -30,11 +31,14 @@ class Interrupt:
     has_picture : threading.Event
         Set by whoever renders once there are samples worth keeping. Before that, a signal ends the program even
         in the middle of a compilation.
+    last_words : LastWords
+        Said when a driver takes the whole process with it.
     """
 
     def __init__(self) -> None:
         self.has_picture = threading.Event()
         self._wanted = threading.Event()
+        self.last_words = LastWords()
 
     def wanted(self) -> bool:
         """True from the first signal on."""
@@ -59,6 +63,7 @@ class Interrupt:
         leave = getattr(sys.modules.get("clrender.device.compiled"), "leave", None)
         if leave is not None:
             leave()
+        self.last_words.cancel()
         sys.stderr.write(f"\nerror: {message}\n")
         sys.stderr.flush()
         os._exit(INTERRUPTED)
@@ -74,7 +79,10 @@ def interruptible() -> Iterator[Interrupt]:
     """
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
-        yield interrupt
+        try:
+            yield interrupt
+        finally:
+            interrupt.last_words.cancel()
         return
     reader, writer = socket.socketpair()
     writer.setblocking(False)
@@ -100,6 +108,7 @@ def interruptible() -> Iterator[Interrupt]:
             signal.signal(number, handler)
         signal.set_wakeup_fd(previous_descriptor)
         interrupt.has_picture.set()
+        interrupt.last_words.cancel()
         writer.close()
         listener.join()
         reader.close()
