@@ -1,11 +1,13 @@
-# Sourced by scripts/clrender, scripts/test and scripts/check: the environment in .venv and a working OpenCL device.
+# Sourced by scripts/clrender, scripts/test and scripts/check: the environment in .venv, or in CLRENDER_VENV, and a working
+# OpenCL device.
 # Expects `root` to be the checkout. Everything it says goes to stderr.
 #
 # It removes no environment but one it made. Outside of .venv it installs system packages, and Intel's driver, whose licence
 # is not a free one: each is said first, and done as root, where CLRENDER_INSTALL=1 or --yes says so, or where somebody
 # at a terminal agrees. CLRENDER_INSTALL=0 forbids it to root too.
 
-venv=$root/.venv
+venv=${CLRENDER_VENV:-$root/.venv}
+[[ $venv == /* ]] || venv=$PWD/$venv
 
 say() { printf 'clrender set-up: %s\n' "$*" >&2; }
 fail() {
@@ -105,7 +107,7 @@ pip_install() {
 
 # Make the environment and install the package in place; $1 is the extra, or "plain".
 make_environment() {
-    local what=$root log=$root/.venv/install.log
+    local what=$root log=$venv/install.log
     [[ $1 == plain ]] || what="$root[$1]"
     if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then make_venv; fi
     # An environment that was moved still points to where it was made.

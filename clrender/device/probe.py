@@ -19,7 +19,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 from clrender.device import cache, compiled
 from clrender.device.discover import Driver, driver_variables, drivers, fingerprint
@@ -134,7 +134,7 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
     with (
         os.fdopen(ours, "wb"),
         os.fdopen(lifeline, "rb") as stdin,
-        tempfile.TemporaryFile() as errors,
+        _scratch_file() as errors,
         subprocess.Popen(
             command,
             stdin=stdin,
@@ -162,6 +162,14 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
     code = process.returncode
     how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
     return Answer(None, "crashed", f"{how}{': ' + tail if tail else ''}")
+
+
+def _scratch_file() -> IO[bytes]:
+    """A nameless file, in memory where no disk has room for one."""
+    try:
+        return tempfile.TemporaryFile()
+    except OSError:
+        return os.fdopen(os.memfd_create("clrender"), "w+b")
 
 
 def ask_child(request: dict[str, Any], seconds: float, changes: dict[str, str] | None = None) -> Answer:

@@ -7,6 +7,7 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -104,6 +105,17 @@ def test_a_child_that_hangs_is_killed_with_all_it_started() -> None:
     answer = ask(script(before=hang), 1.0)
     assert answer.failure == "timeout"
     assert time.monotonic() - begin < 10
+
+
+def test_a_child_is_heard_where_no_disk_has_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_room() -> None:
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", no_room)
+    assert ask(script({"hash": "x"}), 5.0) == Answer({"hash": "x"})
+    assert (
+        "exit status 7: boom" in ask(script(before="print('boom', file=__import__('sys').stderr); exit(7)"), 5.0).detail
+    )
 
 
 def test_a_child_does_not_import_what_lies_in_the_users_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
