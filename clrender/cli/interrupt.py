@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from clrender.cli.last_words import LastWords
 from clrender.files import remove_temporaries
 
 __all__ = ["INTERRUPTED", "TERMINATED", "Interrupt", "Terminated", "interruptible", "terminable"]
@@ -38,12 +39,15 @@ class Interrupt:
         in the middle of a compilation.
     exit_code : int
         Of a program that ends because of the first signal.
+    last_words : LastWords
+        Said when a driver takes the whole process with it.
     """
 
     def __init__(self) -> None:
         self.has_picture = threading.Event()
         self.exit_code = INTERRUPTED
         self._wanted = threading.Event()
+        self.last_words = LastWords()
 
     def wanted(self) -> bool:
         """True from the first signal on."""
@@ -65,6 +69,11 @@ class Interrupt:
     def _end(self, message: str) -> None:
         """Leave at once, whatever the main thread is doing."""
         remove_temporaries()
+        # Not imported here: the main thread may be in the middle of that.
+        leave = getattr(sys.modules.get("clrender.device.compiled"), "leave", None)
+        if leave is not None:
+            leave()
+        self.last_words.cancel()
         sys.stderr.write(f"\nerror: {message}\n")
         sys.stderr.flush()
         os._exit(self.exit_code)
@@ -98,7 +107,10 @@ def interruptible() -> Iterator[Interrupt]:
     """
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
-        yield interrupt
+        try:
+            yield interrupt
+        finally:
+            interrupt.last_words.cancel()
         return
     reader, writer = socket.socketpair()
     writer.setblocking(False)
@@ -124,6 +136,7 @@ def interruptible() -> Iterator[Interrupt]:
             signal.signal(number, handler)
         signal.set_wakeup_fd(previous_descriptor)
         interrupt.has_picture.set()
+        interrupt.last_words.cancel()
         writer.close()
         listener.join()
         reader.close()

@@ -21,8 +21,9 @@ from meshes import icosphere
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerKind
 from clrender.device.arithmetic import check as arithmetic_check
-from clrender.device.device import Buffer, Device, DeviceInfo, Program
+from clrender.device.device import Buffer, Device, Program
 from clrender.device.discover import drivers, load_platforms
+from clrender.device.info import DeviceInfo
 from clrender.device.radix_sort import CHUNK
 from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.film.unit import Unit, slot_count
