@@ -32,11 +32,8 @@ _ROULETTES: Final = {
     "throughput": layout.ROULETTE_THROUGHPUT,
     "absorption": layout.ROULETTE_ABSORPTION,
 }
-_STRATEGIES: Final = {
-    "mis": layout.STRATEGY_BOTH,
-    "light": layout.STRATEGY_LIGHTS,
-    "bsdf": layout.STRATEGY_MATERIALS,
-}
+_STRATEGIES: Final = {"mis": (1, 1), "light": (1, 0), "bsdf": (0, 1)}
+"""Whether the weights of multiple importance sampling count samples of lights, and of the BSDF."""
 
 
 @dataclass(frozen=True)
@@ -116,16 +113,20 @@ class RenderSettings:
         (1,) `Settings`
         """
         settings = np.zeros(1, layout.dtype("Settings"))
+        indirect = 0 if self.integrator in ("direct", "photon") else self.indirect_rays
+        lights, bsdf = _STRATEGIES[self.sampling]
         values: dict[str, int] = {
             "width": self.width,
             "height": self.height,
             "tile": tile,
             "seed": self.seed,
             "shadow_rays": self.shadow_rays,
-            "indirect_rays": 0 if self.integrator in ("direct", "photon") else self.indirect_rays,
+            "indirect_rays": indirect,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
             "roulette": _ROULETTES[self.roulette],
-            "strategy": _STRATEGIES[self.sampling],
+            # Without indirect rays only light samples find light on diffuse surfaces.
+            "light_samples": self.shadow_rays if lights or indirect == 0 else 0,
+            "bsdf_samples": bsdf * indirect,
             "reuse": self.reuse,
         }
         for name, value in values.items():
