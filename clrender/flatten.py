@@ -49,8 +49,8 @@ class FlatScene:
     warnings : tuple of str
         What was left out or changed, and light that cannot be found, one sentence each.
     origin : (3,) float
-        World space, metres: what all coordinates of the arrays and of the camera are relative to. `scene_origin` chooses
-        it, and changes its choice only when the camera goes far: arrays stay as they are while `origin` does.
+        World space, metres: what all coordinates of the arrays and of the camera are relative to. `scene_origin`
+        chooses it, and chooses another only when the camera goes far: until then the arrays stay as they are.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -73,8 +73,8 @@ class FlatScene:
 def scene_origin(camera: Camera) -> Vector:
     """Where coordinates on the device begin: near the camera, so that single precision resolves what it sees.
 
-    It is the point nearest to the camera of a cubic grid, whose side is 64 to 1024 times the distance from the camera to
-    its target: the world's own origin for a camera that is near it, and the same for most moves of a camera.
+    It is the point nearest to the camera of a cubic grid, whose side is 64 to 1024 times the distance from the camera
+    to its target: the world's own origin for a camera that is near it, and the same for most moves of a camera.
 
     Parameters
     ----------

@@ -56,14 +56,15 @@ static void path_find(const Scene* scene, const Path* path, Vertex* vertex, Pool
 static void path_add_emission(const Scene* scene, Path* path, const Vertex* vertex) {
     __global const Settings* settings = scene->settings;
     const Surface* surface = &vertex->surface;
-    const vmask shines = vertex->found & (surface->light != NONE) & surface->front;
+    const vmask shines = vertex->found & light_shines(surface);
     const vmask outside = vertex->traced & !vertex->found & (splat_uint(settings->environment) != NONE);
     if (!lane_any(shines | outside)) return;
     vec3 emitted = vec3_all(0.0f);
     vfloat pdf = splat(0.0f);
     if (lane_any(shines)) {
-        emitted = choose(shines, light_emitted(scene, surface), emitted);
-        pdf = light_pdf(scene, surface, path->ray.origin, path->normal);
+        const LightRow light = light_of(scene, surface, shines);
+        emitted = light.radiance;
+        pdf = light_pdf(scene, &light, surface, path->ray.origin, path->normal);
     }
     if (lane_any(outside)) {
         emitted = choose(outside, environment_emitted(scene), emitted);

@@ -164,28 +164,30 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own,
     return s;
 }
 
-// Radiance from a surface that shines, towards where the ray came from; black from behind.
-static vec3 light_emitted(const Scene* scene, const Surface* s) {
-    const vmask shines = (s->light != NONE) & s->front;
-    if (!lane_any(shines)) return vec3_all(0.0f);
-    const LightRow l = light_at(scene, shines ? s->light : splat_uint(0u));
-    return choose(shines, l.radiance, vec3_all(0.0f));
+// Whether a surface shines towards where the ray came from: not from behind.
+static vmask light_shines(const Surface* s) { return (s->light != NONE) & s->front; }
+
+// Its light, where it does.
+static LightRow light_of(const Scene* scene, const Surface* s, vmask shines) { return light_at(scene, shines ? s->light : splat_uint(0u)); }
+
+// The radiance that it sends there.
+static vec3 light_emitted(const Scene* scene, const Surface* s, vmask found) {
+    const vmask shines = found & light_shines(s);
+    return lane_any(shines) ? choose(shines, light_of(scene, s, shines).radiance, vec3_all(0.0f)) : vec3_all(0.0f);
 }
 
-// The density, per steradian, with which light_sample chooses that point of the surface from `origin`, with this normal.
-static vfloat light_pdf(const Scene* scene, const Surface* s, vec3 origin, vec3 normal) {
-    const vmask shines = (s->light != NONE) & s->front;
-    const LightRow l = light_at(scene, shines ? s->light : splat_uint(0u));
-    const vfloat radius = l.row[LIGHT_ROW_RADIUS];
-    const vmask sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
-    vfloat inverse_area = l.row[LIGHT_ROW_INVERSE] * 2.0f;
+// The density, per steradian, with which light_sample chooses that point of its light from `origin`, with this normal.
+static vfloat light_pdf(const Scene* scene, const LightRow* l, const Surface* s, vec3 origin, vec3 normal) {
+    const vfloat radius = l->row[LIGHT_ROW_RADIUS];
+    const vmask sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
+    vfloat inverse_area = l->row[LIGHT_ROW_INVERSE] * 2.0f;
     if (lane_any(disk)) inverse_area = disk ? inverse_or_one(radius * radius * PI) : inverse_area;
     vfloat density = area_pdf(sub(s->point, origin), s->normal, inverse_area);
     if (lane_any(sphere)) {
-        const vec3 center = vec3_row(l.row, LIGHT_ROW_CENTER);
-        density = sphere ? sphere_pdf(origin, center, radius, l.row[LIGHT_ROW_FACING], s->point, s->normal) : density;
+        const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER);
+        density = sphere ? sphere_pdf(origin, center, radius, l->row[LIGHT_ROW_FACING], s->point, s->normal) : density;
     }
-    return shines ? density * light_probability(scene, origin, normal, &l) : splat(0.0f);
+    return density * light_probability(scene, origin, normal, l);
 }
 
 // The same two of the environment, for a ray that leaves the scene.

@@ -22,7 +22,7 @@ typedef struct {
 typedef struct {
     vec3 direction;      // unit, world
     vec3 weight;         // f |cosθ| / pdf; zero ends the path
-    vfloat pdf;          // per steradian; without meaning where the BSDF is specular
+    vfloat pdf;          // per steradian; 0 where the BSDF is specular (but whether it is, the mask says)
 } BsdfSample;
 
 static Bsdf bsdf_at(const Surface* s, vec3 direction) {
@@ -64,6 +64,7 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
         const vmask mirror = b->kind == MATERIAL_MIRROR;
         wi = choose(delta, choose(mirror, mirrored, through), wi);
         s.weight = choose(delta, choose(mirror, mirror_weight, glass_weight), s.weight);
+        s.pdf = delta ? splat(0.0f) : s.pdf;
     }
     s.direction = direction_again(frame_to_world(b->frame, wi));
     // A direction on the other side of the geometry than it is of the shading normal carries no light.

@@ -87,7 +87,9 @@ __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4
     const Hit hit = traverse_nearest(&scene.bvh, &ray, mask_all());
     const vmask found = hit.primitive != NONE;
     const Surface surface = surface_at(&scene, &ray, hit, found);
-    const vfloat density = light_pdf(&scene, &surface, from, up), outside = environment_pdf(&scene, from, up);
+    const vmask shines = found & light_shines(&surface);
+    const LightRow met = light_of(&scene, &surface, shines);
+    const vfloat density = shines ? light_pdf(&scene, &met, &surface, from, up) : splat(0.0f), outside = environment_pdf(&scene, from, up);
     const vec3 off = sub(surface.point, light.target);
     vfloat out[8];
     out[0] = light.direction.x, out[1] = light.direction.y, out[2] = light.direction.z;
