@@ -6,9 +6,10 @@ static void rows_put(__global float* row, const float values[16]) {
     for (int k = 0; k < 16; ++k) row[k] = values[k];
 }
 
-static void rows_vector(float* row, float4 v) { row[0] = v.x, row[1] = v.y, row[2] = v.z; }
+static void rows_vector(float* to, float4 v) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
 
-static void rows_geometry(float row[9], uint primitive, uint triangle_count, __global const float* vertices,
+// The first nine numbers of a primitive's row.
+static void rows_geometry(float* row, uint primitive, uint triangle_count, __global const float* vertices,
                           __global const uint* triangles, __global const AnalyticShape* analytic_shapes) {
     if (primitive < triangle_count) {
         for (uint k = 0; k < 9; ++k) row[k] = vertices[(size_t)triangles[(size_t)primitive * 3 + k / 3] * 3 + k % 3];
@@ -18,7 +19,6 @@ static void rows_geometry(float row[9], uint primitive, uint triangle_count, __g
         rows_vector(row + PRIMITIVE_ROW_NORMAL, r.normal);
         row[PRIMITIVE_ROW_RADIUS] = r.center_radius.w;
         row[PRIMITIVE_ROW_FACING] = r.normal.w;
-        row[8] = 0.0f;
     }
 }
 
@@ -72,7 +72,7 @@ __kernel void rows_lights(__global const Light* lights, __global const float* ve
     if (l.place != NONE) row[LIGHT_ROW_PLACE] = as_float(l.place);
     row[LIGHT_ROW_PRIMITIVE] = as_float(l.primitive);
     if (l.kind == LIGHT_AREA_TRIANGLE || l.kind == LIGHT_AREA_SPHERE || l.kind == LIGHT_AREA_DISK) {
-        float g[9];
+        float g[9] = {0.0f};
         rows_geometry(g, l.primitive, triangle_count, vertices, triangles, analytic_shapes);
         if (l.primitive < triangle_count) {
             const vec3 a = vec3_row(g, PRIMITIVE_ROW_A), ab = sub(vec3_row(g, PRIMITIVE_ROW_B), a), ac = sub(vec3_row(g, PRIMITIVE_ROW_C), a);

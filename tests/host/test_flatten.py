@@ -359,7 +359,7 @@ WINDINGS = {"right": "f 1//1 2//2 3//3\nf 1//1 3//3 4//4\n", "inverted": "f 3//3
 @pytest.mark.parametrize(("winding", "turned"), [("right", 0), ("inverted", 2), ("one of two", 1)])
 def test_normals_against_the_winding_are_told(tmp_path: Path, winding: str, turned: int) -> None:
     (tmp_path / "q.obj").write_text(QUAD_OBJ + WINDINGS[winding])
-    shape = {"type": "mesh", "file": "q.obj"}
+    shape: dict[str, Any] = {"type": "mesh", "file": "q.obj"}
     scene = scenes.Scene(camera=CAMERA, shapes=(shape,)).placed("scene", tmp_path)
     warnings = flatten(scene, 8, 8).warnings
     assert len(warnings) == (1 if turned else 0)
@@ -367,12 +367,15 @@ def test_normals_against_the_winding_are_told(tmp_path: Path, winding: str, turn
         assert f"shapes[0]: the normals of {turned} of 2 triangles point to their backs and were turned" in warnings[0]
 
 
-GLASS = {"glass": {"type": "dielectric", "ior": 1.5}, "same": {"type": "dielectric", "ior": 1.3, "exterior_ior": 1.3}}
-POINT = {"type": "point", "position": [0, 2, 0], "intensity": [1, 1, 1]}
+GLASS: dict[str, dict[str, Any]] = {
+    "glass": {"type": "dielectric", "ior": 1.5},
+    "same": {"type": "dielectric", "ior": 1.3, "exterior_ior": 1.3},
+}
+POINT: dict[str, Any] = {"type": "point", "position": [0, 2, 0], "intensity": [1, 1, 1]}
 
 
 def test_light_that_glass_keeps_from_most_integrators_is_told() -> None:
-    ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
+    ball: dict[str, Any] = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
     (told,) = flat({**ball, "material": "glass"}, lights=(POINT,), materials=GLASS).warnings
     assert "point lights, through the dielectric 'glass': only the integrator photon finds it" in told
     assert flat({**ball, "material": "glass"}, materials=GLASS).warnings == ()
@@ -381,7 +384,7 @@ def test_light_that_glass_keeps_from_most_integrators_is_told() -> None:
 
 
 def test_what_does_not_bend_light_is_no_boundary() -> None:
-    shapes = [{"type": "sphere", "center": [0, 0, 0], "radius": 1}, UNIT_CUBE]
+    shapes: list[dict[str, Any]] = [{"type": "sphere", "center": [0, 0, 0], "radius": 1}, UNIT_CUBE]
     none = flat(*({**shape, "material": "same"} for shape in shapes), materials=GLASS)
     assert (none.triangle_count, none.analytic_count) == (0, 0)
     shining = flat(*({**shape, "material": "same", "emission": [1, 1, 1]} for shape in shapes), materials=GLASS)

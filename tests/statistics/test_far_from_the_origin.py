@@ -49,7 +49,8 @@ def test_layers_stay_in_world_space(device: Device) -> None:
     near = clrender.render(small_things(0.0, 0.0, 0.0), **settings).aovs
     far = clrender.render(small_things(x, y, z), **settings).aovs
     seen = np.isfinite(near["position"])
-    np.testing.assert_allclose((far["position"] - np.float32([x, y, z]))[seen], near["position"][seen], atol=0.05)
+    place = np.array([x, y, z], np.float32)
+    np.testing.assert_allclose((far["position"] - place)[seen], near["position"][seen], atol=0.05)
     np.testing.assert_allclose(far["depth"], near["depth"], rtol=1e-3)
 
 

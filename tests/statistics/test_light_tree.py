@@ -130,7 +130,7 @@ def test_the_point_on_a_light_has_all_its_digits(evidence: Evidence, device: Dev
     """
     rng = np.random.default_rng(47)
     lights = [
-        {"type": "point", "position": rng.uniform(-2.0, 2.0, 3).tolist(), "intensity": [float(power)] * 3}
+        {"type": "point", "position": rng.uniform(0.5, 2.0, 3).tolist(), "intensity": [float(power)] * 3}
         for power in rng.uniform(0.5, 2.0, 4096)
     ]
     chosen, left = LightTable(device, scene([], lights), choice).places((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
