@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -43,10 +43,14 @@ def radius_of_pass(first: float, number: int) -> float:
     number : int
         Of the map, from 0.
     """
-    squared = first * first
-    for i in range(1, number + 1):
-        squared *= (i + SHRINKING) / (i + 1)
-    return math.sqrt(squared)
+    return first * math.sqrt(float(_shrunk(max(number, 255).bit_length())[number]))
+
+
+@lru_cache
+def _shrunk(bits: int) -> npt.NDArray[np.float64]:
+    """(2**bits,) by how much the square of the radius has shrunk at each map, multiplied one after the other."""
+    i = np.arange(1.0, 2.0**bits)
+    return np.concatenate([[1.0], np.cumprod((i + SHRINKING) / (i + 1.0))])
 
 
 def photons_per_item(lanes: int) -> int:

@@ -22,7 +22,7 @@ from clrender.device.worker import DeviceWorker, LaunchConfig, Scratch, most_lan
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.unit import tile_side
-from clrender.flatten import FlatScene, flatten, seen_by
+from clrender.flatten import FlatScene, flatten, scene_origin, seen_by
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.integrators.descriptor import Pipeline
@@ -222,13 +222,14 @@ class _Geometry:
     scene: Scene
     light_sampler: str
     absorption: float | None
+    origin: tuple[float, float, float]
 
     @classmethod
     def of(cls, job: RenderJob) -> _Geometry:
-        return cls(job.scene, _light_sampler(job), job.settings.absorption)
+        return cls(job.scene, _light_sampler(job), job.settings.absorption, scene_origin(job.scene.camera))
 
     def same(self, other: _Geometry) -> bool:
-        if (self.light_sampler, self.absorption) != (other.light_sampler, other.absorption):
+        if (self.light_sampler, self.absorption, self.origin) != (other.light_sampler, other.absorption, other.origin):
             return False
         a, b = self.scene, other.scene
         if all(getattr(a, name) is getattr(b, name) for name in ("shapes", "materials", "lights", "_meshes")):

@@ -250,18 +250,20 @@ class RenderSettings:
 
         from clrender import layout
 
-        strategies = {"mis": layout.STRATEGY_BOTH, "light": layout.STRATEGY_LIGHTS, "bsdf": layout.STRATEGY_MATERIALS}
         settings = np.zeros(1, layout.dtype("Settings"))
+        indirect = (fixed or {}).get("indirect_rays", self.indirect_rays)
         values: dict[str, int] = {
             "width": self.width,
             "height": self.height,
             "tile": tile,
             "seed": self.seed,
             "shadow_rays": self.shadow_rays,
-            "indirect_rays": self.indirect_rays,
+            "indirect_rays": indirect,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
             "roulette": getattr(layout, f"ROULETTE_{self.roulette.upper()}"),
-            "strategy": strategies[self.sampling],
+            # Without indirect rays only light samples find light on diffuse surfaces.
+            "light_samples": 0 if self.sampling == "bsdf" and indirect else self.shadow_rays,
+            "bsdf_samples": 0 if self.sampling == "light" else indirect,
             "reuse": self.reuse,
             **(fixed or {}),
         }

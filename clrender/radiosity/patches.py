@@ -26,6 +26,9 @@ _LIGHTS_SHARE: Final = 0.25
 """Where more than this fraction of all area emits, form factors estimate its light better than shadow rays."""
 _CARRIED: Final = ("areas", "normals", "reflectance", "emission", "shadow_rays_find_emission")
 """Cached properties that stay valid when a shape moves."""
+"""What a shape keeps as it moves."""
+_ORIGIN: Final = (0.0, 0.0, 0.0)
+"""Patches are in world space, and what moves among them too."""
 
 _Floats = NDArray[np.float64]
 
@@ -131,7 +134,7 @@ class Patches:
             When a patch is too small for single precision.
         """
         scene = self.scene.remeshed(self._meshes(), self._lights, self.shadow_rays_find_emission)
-        flat = flatten(scene, width, height, light_sampler)
+        flat = flatten(scene, width, height, light_sampler, _ORIGIN)
         if flat.triangle_count != len(self):
             lost = len(self) - flat.triangle_count
             raise SceneError(
@@ -146,7 +149,7 @@ class Patches:
         if not self.shadow_rays_find_emission:
             shapes = tuple(shape.model_copy(update={"emission": None}) for shape in shapes)
         scene = self.scene.model_copy(update={"shapes": shapes, "lights": self._lights})
-        return flatten(scene, width, height, light_sampler)
+        return flatten(scene, width, height, light_sampler, _ORIGIN)
 
     @property
     def _lights(self) -> tuple[Light, ...]:

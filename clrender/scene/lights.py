@@ -73,7 +73,7 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> t
         row["primitive"] = layout.NONE
         if isinstance(light, PointLight):
             color, factor, kind = light.intensity, 4.0 * math.pi, layout.LIGHT_POINT
-            row["position"][0, :3] = light.position
+            row["position"][0, :3] = [x - o for x, o in zip(light.position, surfaces.origin, strict=True)]
         elif isinstance(light, DirectionalLight):
             color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
             size = length(light.direction)

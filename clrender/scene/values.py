@@ -37,8 +37,8 @@ __all__ = [
 
 COORDINATE_LIMIT: Final = 1e12
 """Largest magnitude of a coordinate, metres: its cube, which a triangle's distance needs, fits single precision."""
-POWER_LIMIT: Final = 1e15
-"""Largest magnitude of a radiometric quantity: its square fits single precision."""
+POWER_LIMIT: Final = 1e12
+"""Largest magnitude of a radiometric quantity: seen directly, it is a sample that the film takes (below 2^43)."""
 SHAPE_LIMIT: Final = 2**20
 """Most shapes, and most lights, of one scene."""
 INLINE_LIMIT: Final = 2**22
