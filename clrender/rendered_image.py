@@ -19,12 +19,24 @@ __all__ = ["IncompleteRender", "Progress", "RenderedImage"]
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a render is: samples done and wanted, rays, seconds since the first launch."""
+    """How far a render is.
+
+    Attributes
+    ----------
+    samples_done, samples_total : int
+        Over all pixels.
+    seconds : float
+        Since the first launch.
+    rays : int
+    film : Film or None
+        What is committed so far, where one render is watched: `Film.snapshot` of it is cheap, in any thread.
+    """
 
     samples_done: int
     samples_total: int
     seconds: float
     rays: int
+    film: Film | None = None
 
     @property
     def fraction(self) -> float:

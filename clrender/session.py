@@ -277,6 +277,7 @@ class _Render:
         )
         self._seconds: dict[str, float] = {}
         self._started: float | None = None
+        self._film: Film | None = None
 
     def image(self, keep_film: bool) -> RenderedImage:
         job, settings, session = self._job, self._settings, self._session
@@ -291,7 +292,7 @@ class _Render:
         with self._timed("aov_seconds"):
             first = self._layers(flat)
         prepared = self._prepared(flat)
-        film = Film(settings.width, settings.height, {**job.request(), "arrays_sha256": flat.sha256})
+        self._film = film = Film(settings.width, settings.height, {**job.request(), "arrays_sha256": flat.sha256})
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
         with self._pool(prepared) as pool:
@@ -342,7 +343,8 @@ class _Render:
     def _advance(self, samples: int, rays: int) -> None:
         if self._on_progress is not None:
             begun = self._started or time.perf_counter()
-            self._on_progress(Progress(samples, self._plan().samples, time.perf_counter() - begun, rays))
+            seconds = time.perf_counter() - begun
+            self._on_progress(Progress(samples, self._plan().samples, seconds, rays, self._film))
 
     def _plan(self) -> Plan:
         settings, job = self._settings, self._job

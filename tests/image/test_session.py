@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 import pytest
 
 import clrender
 from clrender.device import Buffer, Device
 from clrender.errors import DeviceError, RenderError, UsageError
+from clrender.film import Film
 from clrender.rendered_image import IncompleteRender
 
 SIZE = (64, 64)
@@ -170,6 +173,28 @@ def test_nothing_is_opened_for_a_job_that_makes_no_sense(monkeypatch: pytest.Mon
     monkeypatch.setattr("clrender.session.select", lambda *_, **__: pytest.fail("a device was looked for"))
     with clrender.Session() as session, pytest.raises(UsageError, match="spp"):
         session.render(clrender.load("room"), spp=-1)
+
+
+def test_a_render_can_be_watched(device: Device) -> None:
+    """A smaller image of what is done, taken in another thread while the render goes on."""
+    seen: list[npt.NDArray[Any]] = []
+    films: list[Film] = []
+
+    def watch(film: Film) -> None:
+        seen.append(film.snapshot(16))
+
+    def progress(now: clrender.Progress) -> None:
+        assert now.film is not None
+        films.append(now.film)
+        thread = threading.Thread(target=watch, args=(now.film,))
+        thread.start()
+        thread.join()
+
+    image = clrender.render(clrender.load("room"), device=device, size=(96, 64), spp=40, tile=16, on_progress=progress)
+    assert len(seen) > 2 and {each.shape for each in seen} == {(11, 16, 3)}
+    assert all(np.isfinite(each).all() for each in seen) and seen[-1].mean() > 0.0
+    assert (image.film.snapshot(16) == image.linear[::6, ::6]).all()
+    assert set(films) == {image.film}
 
 
 # --- devices that fail -----------------------------------------------------------------------------------------------
