@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from clrender.rendered_image import RenderedImage as RenderedImage
     from clrender.rendering import render as render
     from clrender.scene import Scene as Scene
-    from clrender.scene import load as load
+    from clrender.scene.load import load as load
     from clrender.session import Session as Session
 
 # What each name comes from. They are fetched when first used: `clrender --version` must not load NumPy.

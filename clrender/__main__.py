@@ -11,7 +11,9 @@ def main() -> None:
     """Load the command line and run it."""
     try:
         from clrender.cli import main as command
+        from clrender.cli.streams import guard_streams
 
+        guard_streams()
         command()
     except KeyboardInterrupt:
         sys.exit(130)

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.device.pipeline import Pipeline
 from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.film.unit import tile_side
+from clrender.integrators.descriptor import Pipeline
 from clrender.scene.wording import suggestion
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool

@@ -5,15 +5,21 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+import stat
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, BinaryIO
 
 from clrender.errors import RenderError, UsageError
 
-__all__ = ["atomic_write", "check_writable", "open_input", "remove_temporaries"]
+__all__ = ["UnreadableFile", "atomic_write", "check_writable", "open_input", "open_regular", "remove_temporaries"]
+
+
+class UnreadableFile(Exception):
+    """A file that cannot be read; the message goes on from its name: "is a folder; …"."""
+
 
 _temporaries: set[Path] = set()
 _beginning = threading.Lock()
@@ -73,20 +79,73 @@ def atomic_write(path: str | Path) -> Iterator[IO[bytes]]:
         raise RenderError(_reason(path, error)) from None
 
 
+def open_regular(path: str | Path, beneath: Path | None = None) -> BinaryIO:
+    """Open an existing regular file for reading, without ever waiting for it.
+
+    Opening a pipe waits until somebody writes to it, and a device may never end; both are refused.
+
+    Parameters
+    ----------
+    path : path
+    beneath : Path, optional
+        A folder. `path` must then be relative to it, without `..`; links on the way are refused, so that nobody can
+        lead the way out of the folder between a check of the path and its opening.
+
+    Raises
+    ------
+    UnreadableFile
+        Missing, a folder, a device, a pipe, a socket, or without permission.
+    """
+    try:
+        descriptor = _open_beneath(beneath, Path(path)) if beneath is not None else os.open(path, _READ)
+    except FileNotFoundError:
+        raise UnreadableFile("does not exist (no such file); check its name and folder") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno == errno.ENXIO:  # what opening a socket says
+            raise UnreadableFile(_SPECIAL) from None
+        if isinstance(error, OSError) and error.errno == errno.ELOOP:
+            raise UnreadableFile("cannot be opened: its links go round in a circle") from None
+        reason = getattr(error, "strerror", None) or "the name is not a valid path"
+        raise UnreadableFile(f"cannot be opened: {reason}") from None
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(descriptor)
+        raise UnreadableFile("is a folder; name a file in it" if stat.S_ISDIR(mode) else _SPECIAL)
+    return os.fdopen(descriptor, "rb")
+
+
+_SPECIAL = "is a socket, a device or a pipe; only regular files are read"
+_READ = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
+
+
+def _open_beneath(folder: Path, path: Path) -> int:
+    """Descriptor of a file reached from `folder` step by step, through real folders only."""
+    step = os.O_DIRECTORY | os.O_CLOEXEC | getattr(os, "O_PATH", os.O_RDONLY)
+    here = os.open(folder, step)
+    try:
+        for name in path.parts[:-1]:
+            there = os.open(name, step | os.O_NOFOLLOW, dir_fd=here)
+            os.close(here)
+            here = there
+        return os.open(path.name, _READ | os.O_NOFOLLOW, dir_fd=here)
+    finally:
+        os.close(here)
+
+
 @contextmanager
 def open_input(path: str | Path) -> Iterator[IO[bytes]]:
-    """Existing binary file for reading.
+    """Existing regular file for reading.
 
     Raises
     ------
     UsageError
-        It cannot be opened or read.
+        It cannot be opened or read, or is a folder, a device, a pipe or a socket.
     """
     try:
-        with Path(path).open("rb") as file:
+        with open_regular(path) as file:
             yield file
-    except FileNotFoundError:
-        raise UsageError(f"{path}: no such file; check the name.") from None
+    except UnreadableFile as error:
+        raise UsageError(f"{path}: {error}.") from None
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from None
 
@@ -135,12 +194,14 @@ def _sync_folder(folder: Path) -> None:
 
 def _reason(path: Path, error: OSError) -> str:
     folder = Path(os.path.realpath(path)).parent
+    if error.errno == errno.ENOENT and folder.is_dir():  # as /proc says of new files
+        return f"{path}: the folder {str(folder)!r} takes no files; write elsewhere."
     match error.errno:
         case errno.ENOSPC | errno.EDQUOT | errno.EFBIG:
             return f"{path}: cannot be written, no room is left ({error.strerror}); make room or write elsewhere."
-        case errno.ENOENT | errno.ENOTDIR:
+        case errno.ENOENT | errno.ENOTDIR if not folder.is_dir():
             return f"{path}: there is no folder {str(folder)!r}; create it first."
-        case errno.EACCES | errno.EPERM | errno.EROFS:
+        case errno.EACCES | errno.EPERM | errno.EROFS | errno.ENOENT:
             return f"{path}: the folder {str(folder)!r} cannot be written ({error.strerror}); write elsewhere."
         case _:
             return f"{path}: cannot be written ({error.strerror or error})."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -14,12 +15,12 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.scene.angles import tan_degrees
-from clrender.scene.description import Camera, Dielectric, Lambert, Scene
+from clrender.scene.description import Camera, Dielectric, DirectionalLight, Lambert, PointLight, Scene
 from clrender.scene.lights import flat_lights
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
 
-__all__ = ["FlatScene", "flatten"]
+__all__ = ["FlatScene", "flatten", "scene_origin"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _MOST_ABSORPTION: Final = 0.999
@@ -38,6 +39,7 @@ class FlatScene:
         ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
         (N,) uint32, the tree of lights. Little-endian, C-contiguous.
     camera : (1,) `Camera`
+        All that depends on the camera, but for `origin`.
     environment : int
         Index of the environment light, or `layout.NONE`.
     triangle_count, analytic_count, light_count : int
@@ -46,7 +48,10 @@ class FlatScene:
     arrays_sha256 : str
         Over all of the above but the camera.
     warnings : tuple of str
-        What was left out, one sentence each.
+        What was left out or changed, and light that cannot be found, one sentence each.
+    origin : (3,) float
+        World space, metres: what all coordinates of the arrays and of the camera are relative to. `scene_origin`
+        chooses it, and chooses another only when the camera goes far: until then the arrays stay as they are.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -58,6 +63,7 @@ class FlatScene:
     light_levels: int
     arrays_sha256: str
     warnings: tuple[str, ...] = ()
+    origin: Vector = (0.0, 0.0, 0.0)
 
     @property
     def sha256(self) -> str:
@@ -70,7 +76,30 @@ class FlatScene:
         return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes
 
 
-def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") -> FlatScene:
+def scene_origin(camera: Camera) -> Vector:
+    """Where coordinates on the device begin: near the camera, so that single precision resolves what it sees.
+
+    It is the point nearest to the camera of a cubic grid, whose side is 64 to 1024 times the distance from the camera
+    to its target: the world's own origin for a camera that is near it, and the same for most moves of a camera.
+
+    Parameters
+    ----------
+    camera : Camera
+
+    Returns
+    -------
+    (3,) float
+        World space, metres.
+    """
+    _, exponent = math.frexp(64.0 * length(_difference(camera.target, camera.position)))
+    side = math.ldexp(1.0, -(-exponent // 4) * 4)
+    x, y, z = (round(p / side) * side for p in camera.position)
+    return (x, y, z)
+
+
+def flatten(
+    scene: Scene, width: int, height: int, light_sampler: str = "auto", origin: Vector | None = None
+) -> FlatScene:
     """Arrays of a scene for an image of `width` by `height` pixels.
 
     Parameters
@@ -79,7 +108,9 @@ def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") 
     width, height : int
         Pixels.
     light_sampler : str
-        One of `clrender.scene.lights.LIGHT_SAMPLERS`.
+        A light sampler of `clrender.settings`.
+    origin : (3,) float, optional
+        World space, metres: what coordinates on the device are relative to; default: `scene_origin`.
 
     Returns
     -------
@@ -94,8 +125,9 @@ def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") 
     """
     if width < 1 or height < 1:
         raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
-    camera = _camera_row(scene.camera, width, height, scene.source)
-    surfaces = flat_surfaces(scene)
+    origin = scene_origin(scene.camera) if origin is None else origin
+    camera = _camera_row(scene.camera, width, height, scene.source, origin)
+    surfaces = flat_surfaces(scene, origin)
     lights, environment, tree = flat_lights(scene, surfaces, light_sampler)
     triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
     arrays = {
@@ -123,19 +155,36 @@ def flatten(scene: Scene, width: int, height: int, light_sampler: str = "auto") 
         light_count=light_count,
         light_levels=tree.levels if tree else 0,
         arrays_sha256=digest.hexdigest(),
-        warnings=surfaces.warnings,
+        warnings=(*surfaces.warnings, *_lost_light(scene)),
+        origin=origin,
     )
 
 
 def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene:
     """The same arrays with the camera of `scene`, whose shapes, materials and lights they are, for another image.
 
+    The camera's `scene_origin` has to be that of the arrays.
+
     Raises
     ------
     SceneError, UsageError
         As `flatten`.
     """
-    return dataclasses.replace(flat, camera=_camera_row(scene.camera, width, height, scene.source))
+    return dataclasses.replace(flat, camera=_camera_row(scene.camera, width, height, scene.source, flat.origin))
+
+
+def _lost_light(scene: Scene) -> list[str]:
+    """What no integrator but one finds: light of points and directions that passes glass."""
+    used = {shape.material for shape in scene.shapes if shape.material is not None}
+    glass = [name for name in used if isinstance(m := scene.materials[name], Dielectric) and m.ior != m.exterior_ior]
+    kinds: dict[type, str] = {DirectionalLight: "directional", PointLight: "point"}
+    shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
+    if not glass or not shining:
+        return []
+    which = f"{' and '.join(shining)} lights, through the dielectric {min(glass)!r}"
+    return [
+        f"{scene.source}: light of {which}: only the integrator photon finds it; elsewhere glass casts a full shadow"
+    ]
 
 
 def _padded(array: NDArray[Any]) -> NDArray[Any]:
@@ -162,7 +211,7 @@ def _material_rows(scene: Scene) -> _Rows:
     return rows
 
 
-def _camera_row(camera: Camera, width: int, height: int, source: str) -> _Rows:
+def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:
     """Film rectangle on the plane of focus: right-handed, image right = forward x up."""
     view = _difference(camera.target, camera.position)
     distance = camera.focus_distance if camera.focus_distance is not None else length(view)
@@ -175,12 +224,13 @@ def _camera_row(camera: Camera, width: int, height: int, source: str) -> _Rows:
     corner = [f * distance - r * half_width + u * half_height for f, r, u in zip(forward, right, upward, strict=True)]
     row = np.zeros(1, dtype=layout.dtype("Camera"))
     for name, vector in (
-        ("origin", camera.position),
+        ("origin", _difference(camera.position, origin)),
         ("corner", corner),
         ("right", _scaled(right, 2.0 * half_width)),
         ("down", _scaled(upward, -2.0 * half_height)),
         ("lens_u", _scaled(right, camera.aperture_radius)),
         ("lens_v", _scaled(upward, camera.aperture_radius)),
+        ("world", origin),
     ):
         row[0][name][:3] = vector
     sizes = [2.0 * half_width, 2.0 * half_height]

@@ -77,13 +77,21 @@ class RenderJob:
         UsageError
             When something makes no sense.
         """
-        wanted = settings_for(scene, size, settings)
-        first, stop = samples if samples is not None else (0, wanted.spp)
-        if not 0 <= first < stop <= wanted.spp:
-            raise UsageError(f"samples is {(first, stop)}; it must be a range within the {wanted.spp} of a pixel")
-        job = cls(scene, wanted, first, stop - first, check_aovs(aov), denoise)
-        _check_integrator(wanted)
-        return job
+        return cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise)
+
+    @classmethod
+    def _checked(
+        cls,
+        scene: Scene,
+        settings: RenderSettings,
+        samples: tuple[int, int] | None,
+        aov: Iterable[str],
+        denoise: bool,
+    ) -> RenderJob:
+        first, stop = samples if samples is not None else (0, settings.spp)
+        if not 0 <= first < stop <= settings.spp:
+            raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")
+        return cls(scene, settings, first, stop - first, check_aovs(aov), denoise)
 
     @classmethod
     def given(cls, scene: Scene | RenderJob, **settings: Any) -> RenderJob:
@@ -188,15 +196,14 @@ class RenderJob:
             content = json.loads(text)
             if content["format"] != FORMAT:
                 raise ValueError(f"its format is {content['format']!r}")
-            settings = dict(content["settings"])
-            size = settings.pop("width"), settings.pop("height")
+            settings = RenderSettings(**content["settings"])
             first, stop = content["samples"]
             aov, denoise, request = tuple(content["aov"]), bool(content["denoise"]), dict(content["request"])
             description = dict(content["scene"])
         except (KeyError, TypeError, ValueError) as error:
             raise UsageError(f"this is no clrender job of the format {FORMAT!r} ({error})") from None
         scene = scene_from_portable(description, assets, "job")
-        job = cls.of(scene, size=size, samples=(first, stop), aov=aov, denoise=denoise, **settings)
+        job = cls._checked(scene, settings, (first, stop), aov, denoise)
         here = job.request()
         if different := sorted(key for key in {*here, *request} if here.get(key) != request.get(key)):
             raise UsageError(
@@ -204,15 +211,6 @@ class RenderJob:
                 "of clrender"
             )
         return job
-
-
-def _check_integrator(settings: RenderSettings) -> None:
-    """Refuse values of settings that the integrator does not take."""
-    for name, values in INTEGRATORS[settings.integrator].takes.items():
-        value = getattr(settings, name)
-        if value not in values:
-            taken = ", ".join(map(str, values))
-            raise UsageError(f"{name} is {value!r}; the integrator {settings.integrator} takes only {taken}")
 
 
 def _sampler_sha256() -> str:

@@ -1,4 +1,4 @@
-"""The one table of structs and constants that host and kernels share.
+"""The one table of structs, columns of rows and constants that host and kernels share.
 
 `kernels/types.h` is generated from it by ``python -m clrender.layout`` and committed; a test compares the two,
 and another asks every driver for its ``sizeof`` of each struct. Members are ``float4``, ``uint``, ``int`` and
@@ -32,10 +32,8 @@ __all__ = [
     "ROULETTE_ABSORPTION",
     "ROULETTE_NONE",
     "ROULETTE_THROUGHPUT",
+    "ROWS",
     "SHAPE_SMOOTH",
-    "STRATEGY_BOTH",
-    "STRATEGY_LIGHTS",
-    "STRATEGY_MATERIALS",
     "STRUCTS",
     "dtype",
     "types_header",
@@ -58,11 +56,6 @@ LIGHT_ENVIRONMENT: Final = 5
 ROULETTE_NONE: Final = 0
 ROULETTE_THROUGHPUT: Final = 1
 ROULETTE_ABSORPTION: Final = 2
-
-STRATEGY_BOTH: Final = 0
-STRATEGY_LIGHTS: Final = 1
-STRATEGY_MATERIALS: Final = 2
-"""How light from area lights is found: by sampling lights and materials, weighted, or by one of them alone."""
 
 SHAPE_SMOOTH: Final = 1
 """Flag of a shape whose vertices carry normals to interpolate."""
@@ -89,9 +82,6 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "ROULETTE_NONE": ROULETTE_NONE,
     "ROULETTE_THROUGHPUT": ROULETTE_THROUGHPUT,
     "ROULETTE_ABSORPTION": ROULETTE_ABSORPTION,
-    "STRATEGY_BOTH": STRATEGY_BOTH,
-    "STRATEGY_LIGHTS": STRATEGY_LIGHTS,
-    "STRATEGY_MATERIALS": STRATEGY_MATERIALS,
     "FIRST_HIT_ALBEDO": FIRST_HIT_ALBEDO,
     "FIRST_HIT_NORMAL": FIRST_HIT_NORMAL,
     "FIRST_HIT_POSITION": FIRST_HIT_POSITION,
@@ -131,12 +121,13 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("padding_1", "uint", ""),
     ),
     "Camera": (
-        ("origin", "float4", "xyz, world space"),
+        ("origin", "float4", "xyz, metres"),
         ("corner", "float4", "from origin to the top left corner of the image plane at focus distance"),
         ("right", "float4", "whole width of that plane, left to right"),
         ("down", "float4", "whole height of it, top to bottom"),
         ("lens_u", "float4", "aperture radius along image right; 0: pinhole"),
         ("lens_v", "float4", "aperture radius along image up"),
+        ("world", "float4", "xyz: where the origin of all coordinates on the device lies in world space"),
     ),
     "Settings": (
         ("width", "uint", "pixels"),
@@ -147,7 +138,12 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("indirect_rays", "uint", "at the first diffuse hit; 0: direct light only"),
         ("max_depth", "uint", "scattering events at most, or NONE"),
         ("roulette", "uint", "ROULETTE_*"),
-        ("strategy", "uint", "STRATEGY_*"),
+        (
+            "light_samples",
+            "uint",
+            "MIS: samples of lights at a diffuse hit that the weights count; 0: BSDF sampling alone",
+        ),
+        ("bsdf_samples", "uint", "MIS: samples of the BSDF at the first diffuse hit; 0: light sampling alone"),
         ("light_count", "uint", ""),
         ("environment", "uint", "index of the environment light, or NONE"),
         ("triangle_count", "uint", "primitives below it are triangles, the rest analytic_shapes"),
@@ -155,6 +151,91 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("lights_equal", "uint", "1: each light of the alias table keeps its own entry"),
         ("light_levels", "uint", "of the tree of lights; 0: the alias table picks"),
         ("reuse", "uint", "pixels that share their indirect light: 1, 2, 4, 8 or 16"),
+        ("padding_0", "uint", ""),
+        ("padding_1", "uint", ""),
+        ("padding_2", "uint", ""),
+    ),
+}
+
+# table -> ((column, first number, how many, comment), ...). Rows are sixteen numbers (kernels/core/lane.h, lane_rows).
+# What a triangle and a sphere or disk, or two kinds of light, have in the same place has several names.
+ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
+    "PRIMITIVE": (
+        ("A", 0, 3, "triangle: its vertices"),
+        ("B", 3, 3, ""),
+        ("C", 6, 3, ""),
+        ("CENTER", 0, 3, "sphere or disk"),
+        ("RADIUS", 3, 1, ""),
+        ("NORMAL", 4, 3, "disk: unit normal; sphere: 0"),
+        ("FACING", 7, 1, "sphere: +1 front outside, -1 front inside"),
+        ("COLOR", 9, 3, "reflectance"),
+        ("ABSORPTION", 12, 1, "probability that the absorption roulette ends a path here"),
+        ("IOR", 13, 1, "index behind the front over index before it"),
+        ("LIGHT", 14, 1, "bits: index of the light it is, or NONE"),
+        ("KIND", 15, 1, "bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on"),
+    ),
+    "NORMAL": (
+        ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),
+        ("B", 3, 3, ""),
+        ("C", 6, 3, ""),
+    ),
+    "LIGHT": (
+        ("RADIANCE", 0, 3, "or intensity, or irradiance"),
+        ("KIND", 3, 1, "bits: LIGHT_*"),
+        ("PROBABILITY", 4, 1, "with which the alias table picks it"),
+        ("PLACE", 4, 1, "bits: its leaf in the light BVH, where there is one"),
+        ("PRIMITIVE", 5, 1, "bits: the primitive that shines, or NONE"),
+        ("A", 6, 3, "triangle: vertex A"),
+        ("AB", 9, 3, "B - A"),
+        ("AC", 12, 3, "C - A"),
+        ("INVERSE", 15, 1, "one over the length of AB x AC, twice the area"),
+        ("CENTER", 6, 3, "sphere or disk"),
+        ("RADIUS", 9, 1, ""),
+        ("FACING", 10, 1, "sphere: +1 shines outwards, -1 inwards"),
+        ("NORMAL", 12, 3, "disk"),
+        ("POSITION", 6, 3, "point light"),
+        ("DIRECTION", 6, 3, "directional light: of travel, unit"),
+    ),
+    "NODE": (
+        ("CENTER", 0, 3, "child of a node of the light BVH: sphere about its lights"),
+        ("RADIUS", 3, 1, "negative: infinitely far"),
+        ("NORMAL", 4, 3, "mean of the lights' normals"),
+        ("POWER", 7, 1, ""),
+    ),
+    "ANCHOR": (
+        ("ORIGIN", 0, 3, "path reuse, first row of a record: where rays leave the anchor"),
+        ("SIDE", 3, 3, "geometric normal on the side seen"),
+        ("SHADING", 6, 3, "shading normal on that side"),
+        ("REFLECTS", 9, 3, "throughput times reflectance"),
+        ("FROM", 12, 1, "bits: Ray.from"),
+        ("DEPTH", 13, 1, "bits: scattering events before it"),
+        ("SURVIVAL", 14, 1, "probability that a path leaves it"),
+        ("FLAGS", 15, 1, "bits: RECORD_*"),
+    ),
+    "TARGET": (
+        ("POINT", 0, 3, "path reuse, second row of a record: where rays to the target end"),
+        ("SIDE", 3, 3, "geometric normal on the side that the path came from"),
+        ("PRIMITIVE", 6, 1, "bits"),
+        ("LIGHT", 7, 3, "radiance that leaves it, later over the sum of densities"),
+        ("SEEN", 10, 1, "bits: which anchors of the group see it"),
+    ),
+    "ATLAS": (
+        ("OWN", 0, 3, "final gather: radiance that the primitive's front sends out"),
+        ("COUNTED", 3, 1, "1 where a gathering ray counts it, because no shadow ray looks for it"),
+        ("FIRST", 4, 1, "bits: its first texel"),
+        ("ALONG", 5, 1, "bits: texels along an edge"),
+    ),
+    "LOOK": (
+        ("A", 0, 3, "display of radiosity, of a side: radiance reflected at the corners"),
+        ("B", 3, 3, ""),
+        ("C", 6, 3, ""),
+        ("OWN", 9, 3, "radiance sent out by itself"),
+    ),
+    "DEPOSIT": (
+        ("POINT", 0, 3, "what a photon leaves"),
+        ("NORMAL", 3, 3, "of the surface, on the side that the photon came from"),
+        ("FLUX", 6, 3, "watts"),
+        ("EVENTS", 9, 1, "scattering events before it; with a minus where all were at deltas: a caustic"),
     ),
 }
 
@@ -199,6 +280,11 @@ def types_header() -> str:
             declaration = f"    {c_type} {name};"
             lines.append(f"{declaration:<32}// {comment}" if comment else declaration)
         lines.append(f"}} {struct};")
+    for table, columns in ROWS.items():
+        lines.append("")
+        for name, first, _, comment in columns:
+            definition = f"#define {table}_ROW_{name} {first}"
+            lines.append(f"{definition:<40}// {comment}" if comment else definition)
     return "\n".join([*lines, "", "#endif", ""])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,16 +16,16 @@ import numpy.typing as npt
 
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits
 from clrender.device import Buffer, Device, select
-from clrender.device.pipeline import Pipeline, Preparation
+from clrender.device.preparation import DevicePreparation, Prepared, Request
 from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker, LaunchConfig, Scratch, most_lanes
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.unit import tile_side
-from clrender.flatten import FlatScene, flatten, seen_by
+from clrender.flatten import FlatScene, flatten, scene_origin, seen_by
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
-from clrender.integrators import Prepared, Request
+from clrender.integrators.descriptor import Pipeline
 from clrender.job import RenderJob
 from clrender.render_stats import render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
@@ -162,7 +163,7 @@ class Session:
         settings: npt.NDArray[np.void],
         pipeline: Pipeline,
         launch: LaunchConfig,
-        on_device: Callable[[DeviceWorker], Preparation] | None = None,
+        on_device: Callable[[DeviceWorker], DevicePreparation] | None = None,
     ) -> DeviceWorker:
         """A worker for a scene that is, or will be, on a device; one at a time for each device."""
         before = device.buffers
@@ -181,7 +182,7 @@ class Session:
         settings: npt.NDArray[np.void],
         pipeline: Pipeline,
         launch: LaunchConfig,
-        on_device: Callable[[DeviceWorker], Preparation] | None,
+        on_device: Callable[[DeviceWorker], DevicePreparation] | None,
     ) -> DeviceWorker:
         begin = time.perf_counter()
         held, arrays = self._uploaded.get(device, (None, None))
@@ -221,13 +222,14 @@ class _Geometry:
     scene: Scene
     light_sampler: str
     absorption: float | None
+    origin: tuple[float, float, float]
 
     @classmethod
     def of(cls, job: RenderJob) -> _Geometry:
-        return cls(job.scene, _light_sampler(job), job.settings.absorption)
+        return cls(job.scene, _light_sampler(job), job.settings.absorption, scene_origin(job.scene.camera))
 
     def same(self, other: _Geometry) -> bool:
-        if (self.light_sampler, self.absorption) != (other.light_sampler, other.absorption):
+        if (self.light_sampler, self.absorption, self.origin) != (other.light_sampler, other.absorption, other.origin):
             return False
         a, b = self.scene, other.scene
         if all(getattr(a, name) is getattr(b, name) for name in ("shapes", "materials", "lights", "_meshes")):
@@ -288,9 +290,7 @@ class _Render:
         compiled = sum(device.compile_seconds for device in devices)
         with self._timed("aov_seconds"):
             first = self._layers(flat)
-        prepared = job.integrator.prepared(
-            Request(job.scene, flat, settings, devices, self._launch, session.tell, self._stops)
-        )
+        prepared = self._prepared(flat)
         film = Film(settings.width, settings.height, {**job.request(), "arrays_sha256": flat.sha256})
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
@@ -321,6 +321,18 @@ class _Render:
         for failure in tally.failures:
             session.tell(f"warning: {failure}; its work was done by the others")
         return image
+
+    def _prepared(self, flat: FlatScene) -> Prepared:
+        """What the integrator renders with."""
+        job, session, integrator = self._job, self._session, self._job.integrator
+        if not integrator.preparation:
+            return Prepared(flat, integrator.pipeline)
+        module = importlib.import_module(integrator.preparation)
+        request = Request(
+            job.scene, flat, job.settings, integrator.pipeline, session.devices, self._launch, session.tell, self._stops
+        )
+        prepared: Prepared = module.prepare(request)
+        return prepared
 
     def _stops(self) -> bool:
         limit = self._settings.time_limit

@@ -1,114 +1,236 @@
-"""What a render is asked for: the settings, where they come from, and what makes sense."""
+"""THE table of settings: command line, scene file, its schema, calls and the hash of a request are made from it.
+
+A new setting is one field of `RenderSettings`, and what its integrator does with it.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
-from clrender import layout
 from clrender.errors import UsageError
-from clrender.resources import integrator_names
-from clrender.scene.lights import LIGHT_SAMPLERS
+from clrender.integrators import INTEGRATORS
+from clrender.limits import Choice, Domain, NotAllowed, Range, nearest, shown
 
 if TYPE_CHECKING:
-    from clrender.scene import Scene
+    import numpy as np
+    import numpy.typing as npt
 
-__all__ = ["RenderSettings", "settings_for"]
+__all__ = [
+    "IMAGE",
+    "PIXEL_LIMIT",
+    "SETTINGS",
+    "STOP",
+    "WORK",
+    "RenderSettings",
+    "Setting",
+    "not_taken",
+    "settings_for",
+    "settings_of",
+]
 
-_OWN_SETTINGS: Final = {
-    "reuse": ("reuse",),
-    "photon": ("photons", "photon_radius"),
-    "radiosity": ("patches", "patch_rays", "radiosity_display"),
-}
-"""Settings that decide the image of one integrator only, by its name."""
-RADIOSITY_DISPLAYS: Final = ("constant", "smooth", "gather")
-"""Each patch evenly bright; interpolated between corners; looked up by paths, some bounces later."""
-_ROULETTES: Final = {
-    "none": layout.ROULETTE_NONE,
-    "throughput": layout.ROULETTE_THROUGHPUT,
-    "absorption": layout.ROULETTE_ABSORPTION,
-}
-_STRATEGIES: Final = {
-    "mis": layout.STRATEGY_BOTH,
-    "light": layout.STRATEGY_LIGHTS,
-    "bsdf": layout.STRATEGY_MATERIALS,
-}
+IMAGE: Final = "image"
+"""Group of settings that decide the image: the request."""
+WORK: Final = "work"
+"""Group of settings that say how work is cut; none changes a bit of the image."""
+STOP: Final = "stop"
+"""Group of settings that say when enough is done."""
+
+PIXEL_LIMIT: Final = 2**30
+_FILM_BYTES: Final = 52
+"""Memory of a pixel's exact sums."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A line of the table.
+
+    Attributes
+    ----------
+    name : str
+        Field of `RenderSettings`, key of the scene file, argument of `clrender.render`.
+    domain : Domain
+        What it may be.
+    default
+        Where nothing is said; None is a value only where it is the default.
+    help : str
+        What it is, with units; for ``--help`` and the schema.
+    unset : str
+        What the default means, where the value itself does not say it.
+    group : str
+        `IMAGE`, `WORK` or `STOP`.
+    section : str or None
+        Table of the scene file that may hold it.
+    integrator : str or None
+        The only one that it concerns; None: all.
+    option : str or None
+        Of ``clrender render``.
+    metavar : str
+        The option's value in the help.
+    """
+
+    name: str
+    domain: Domain
+    default: Any
+    help: str
+    unset: str
+    group: str
+    section: str | None
+    integrator: str | None
+    option: str | None
+    metavar: str
+
+    def accept(self, value: object) -> Any:
+        """The value as Python's own type.
+
+        Raises
+        ------
+        NotAllowed
+        """
+        return None if value is None and self.default is None else self.domain.accept(value)
+
+    @property
+    def default_words(self) -> str:
+        """The default in the help."""
+        return self.unset or str(self.default)
+
+    def schema(self) -> dict[str, Any]:
+        """JSON Schema."""
+        schema = self.domain.schema()
+        if self.default is None:
+            schema = {"anyOf": [schema, {"type": "null"}]}
+        return {**schema, "description": f"{self.help} (default: {self.default_words})"}
+
+
+def _setting(
+    default: Any,
+    domain: Domain,
+    help: str,
+    unset: str = "",
+    group: str = IMAGE,
+    section: str | None = "render",
+    integrator: str | None = None,
+    option: str | None = "",
+    metavar: str = "",
+) -> Any:
+    """A field of `RenderSettings`; its option is named like it unless that is said, or None: there is none."""
+    about = {"domain": domain, "help": help, "unset": unset, "group": group, "section": section}
+    about |= {"integrator": integrator, "option": option, "metavar": metavar or domain.metavar}
+    return dataclasses.field(default=default, metadata=about)
+
+
+def _work(domain: Domain, help: str, default: Any = None, **more: Any) -> Any:
+    unset = "by the device" if default is None else ""
+    return _setting(default, domain, f"{help}; never changes the image", unset, WORK, None, **more)
+
+
+_SIDE: Final = Range(1, 65536, whole=True)
 
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """What is asked for. The first group decides the image, the second only how it is computed.
+    """What a render is asked for; `SETTINGS` says of each field what it means and what it may be.
 
-    Attributes
-    ----------
-    spp, width, height, seed : int
-    integrator : str
-        A name in `clrender.integrators.INTEGRATORS`.
-    shadow_rays, indirect_rays : int
-        To sampled lights at a diffuse hit; from the first diffuse hit.
-    max_depth : int or None
-        Scattering events at most; None: no limit.
-    roulette : str
-        ``throughput``, ``absorption`` or ``none``.
-    absorption : float or None
-        Probability to end a path, for every material; None: each material's own.
-    sampling : str
-        How light from surfaces is found: ``mis`` (both, weighted), ``light`` or ``bsdf`` sampling alone.
-    light_sampler : str
-        How one of many lights is picked: by a ``tree`` of what they can give at the point, by ``power``, each alike
-        (``uniform``), or ``auto``: the tree where there are many.
-    reuse : int
-        Pixels that share their indirect light, for the integrator of that name: 1, 2, 4, 8 or 16.
-    photons : int
-        Emitted for each sample, for the integrator ``photon``.
-    photon_radius : float or None
-        Within which the first sample looks for photons, metres; None: a hundredth of the scene's radius.
-    patches, patch_rays : int
-        Of ``radiosity``: how many patches, about, and rays from each.
-    radiosity_display : str
-        ``constant``, ``smooth`` or ``gather``.
-    tile, samples_per_pass, work_group, lanes, traversal
-        How work is cut; None: by the device.
-    time_limit : float or None
-        Seconds after which to stop.
+    NumPy's numbers become Python's.
+
+    Raises
+    ------
+    UsageError
+        When a value, or a combination of values, is not allowed.
     """
 
-    spp: int = 64
-    width: int = 800
-    height: int = 800
-    seed: int = 0
-    integrator: str = "path"
-    shadow_rays: int = 1
-    indirect_rays: int = 1
-    max_depth: int | None = None
-    roulette: str = "throughput"
-    absorption: float | None = None
-    sampling: str = "mis"
-    light_sampler: str = "auto"
-    reuse: int = 16
-    photons: int = 131072
-    photon_radius: float | None = None
-    patches: int = 8000
-    patch_rays: int = 256
-    radiosity_display: str = "smooth"
-    tile: int = 64
-    samples_per_pass: int | None = None
-    work_group: int | None = None
-    lanes: int | None = None
-    traversal: str | None = None
-    time_limit: float | None = None
+    spp: int = _setting(64, Range(1, 2**20, whole=True), "Samples per pixel", group=STOP)
+    width: int = _setting(800, _SIDE, "Of the image, pixels", section="image", option=None)
+    height: int = _setting(800, _SIDE, "Of the image, pixels", section="image", option=None)
+    seed: int = _setting(0, Range(0, 2**32 - 1, whole=True), "Another seed gives other noise")
+    integrator: str = _setting("path", Choice(tuple(INTEGRATORS)), "How light transport is computed")
+    shadow_rays: int = _setting(1, Range(1, 4096, whole=True), "Shadow rays at a diffuse hit", metavar="M")
+    indirect_rays: int = _setting(
+        1, Range(0, 4096, whole=True), "New rays from the first diffuse hit; 0: direct light only"
+    )
+    max_depth: int | None = _setting(
+        None, Range(0, 2**31 - 1, whole=True), "Scattering events at most; 0: emission seen directly", "no limit"
+    )
+    roulette: str = _setting("throughput", Choice(("throughput", "absorption", "none")), "How paths end")
+    absorption: float | None = _setting(
+        None,
+        Range(0.0, 1.0, below=True),
+        "Of --roulette absorption: probability to end a path at a hit",
+        "each material's own",
+        metavar="A",
+    )
+    sampling: str = _setting("mis", Choice(("mis", "light", "bsdf")), "Which sampling strategies find lights")
+    light_sampler: str = _setting(
+        "auto",
+        Choice(("auto", "bvh", "power", "uniform")),
+        "How a light is picked at a shading point: a light BVH, by power, or all alike",
+        "auto: bvh from 16 lights on",
+    )
+    reuse: int = _setting(
+        16, Choice((1, 2, 4, 8, 16)), "Of integrator reuse: pixels that share their indirect light", integrator="reuse"
+    )
+    photons: int = _setting(
+        131072, Range(1, 2**26, whole=True), "Of integrator photon: photons for each sample", integrator="photon"
+    )
+    photon_radius: float | None = _setting(
+        None,
+        Range(0.0, 1e12, above=True),
+        "Of integrator photon: radius of the first sample's density estimate, metres",
+        "a hundredth of the scene's",
+        integrator="photon",
+        metavar="R",
+    )
+    patches: int = _setting(
+        8000, Range(1, 2**20, whole=True), "Of integrator radiosity: about how many patches", integrator="radiosity"
+    )
+    patch_rays: int = _setting(
+        256, Range(1, 2**16, whole=True), "Of integrator radiosity: rays from each patch", integrator="radiosity"
+    )
+    radiosity_display: str = _setting(
+        "smooth",
+        Choice(("constant", "smooth", "gather")),
+        "Of integrator radiosity: patches of constant radiance, interpolated, or a final gather",
+        integrator="radiosity",
+    )
+    tile: int = _work(_SIDE, "Side of a tile, pixels", 64)
+    samples_per_pass: int | None = _work(Range(1, 2**20, whole=True), "Samples of a pixel in one launch", metavar="K")
+    work_group: int | None = _work(Range(1, 4096, whole=True), "Work-items in a group")
+    lanes: int | None = _work(Choice((1, 4, 8, 16)), "Paths that a work-item carries")
+    traversal: str | None = _work(Choice(("packet", "single")), "How a CPU's rays go through the BVH", option=None)
+    time_limit: float | None = _setting(
+        None,
+        Range(0.0, above=True),
+        "Stop after so many seconds, with the image so far",
+        "no limit",
+        STOP,
+        None,
+        option="time",
+        metavar="S",
+    )
+
+    def __post_init__(self) -> None:
+        for name, setting in SETTINGS.items():
+            try:
+                value = setting.accept(getattr(self, name))
+            except NotAllowed as error:
+                raise UsageError(f"{name} {error}") from None
+            object.__setattr__(self, name, value)
+        if (pixels := self.width * self.height) > PIXEL_LIMIT:
+            raise UsageError(f"an image of {self.width} x {self.height} has {pixels} pixels; at most {PIXEL_LIMIT} fit")
+        for name, allowed in INTEGRATORS[self.integrator].takes.items():
+            if getattr(self, name) not in allowed:
+                raise UsageError(f"{name} {not_taken(name, getattr(self, name), self.integrator)}")
 
     def request(self) -> dict[str, Any]:
         """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
-        names = ("width", "height", "seed", "integrator", "shadow_rays", "indirect_rays", "max_depth", "roulette")
-        own = ("absorption", "sampling", "light_sampler", *_OWN_SETTINGS.get(self.integrator, ()))
-        return {name: getattr(self, name) for name in (*names, *own)}
+        return {
+            name: getattr(self, name)
+            for name, setting in SETTINGS.items()
+            if setting.group == IMAGE and setting.integrator in (None, self.integrator)
+        }
 
     def struct(self, tile: int, fixed: Mapping[str, Any] | None = None) -> npt.NDArray[np.void]:
         """The `Settings` that kernels read, for tiles of this side.
@@ -123,17 +245,25 @@ class RenderSettings:
         -------
         (1,) `Settings`
         """
+        # Here, because whoever only asks for help should not wait for NumPy.
+        import numpy as np
+
+        from clrender import layout
+
         settings = np.zeros(1, layout.dtype("Settings"))
+        indirect = (fixed or {}).get("indirect_rays", self.indirect_rays)
         values: dict[str, int] = {
             "width": self.width,
             "height": self.height,
             "tile": tile,
             "seed": self.seed,
             "shadow_rays": self.shadow_rays,
-            "indirect_rays": self.indirect_rays,
+            "indirect_rays": indirect,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
-            "roulette": _ROULETTES[self.roulette],
-            "strategy": _STRATEGIES[self.sampling],
+            "roulette": getattr(layout, f"ROULETTE_{self.roulette.upper()}"),
+            # Without indirect rays only light samples find light on diffuse surfaces.
+            "light_samples": 0 if self.sampling == "bsdf" and indirect else self.shadow_rays,
+            "bsdf_samples": 0 if self.sampling == "light" else indirect,
             "reuse": self.reuse,
             **(fixed or {}),
         }
@@ -142,53 +272,107 @@ class RenderSettings:
         return settings
 
 
-def settings_for(scene: Scene, size: tuple[int, int] | None, given: Mapping[str, Any]) -> RenderSettings:
+def _line(field: dataclasses.Field[Any]) -> Setting:
+    about = dict(field.metadata)
+    if about["option"] is not None:
+        about["option"] = "--" + (about["option"] or field.name).replace("_", "-")
+    return Setting(field.name, default=field.default, **about)
+
+
+SETTINGS: Final[Mapping[str, Setting]] = {field.name: _line(field) for field in dataclasses.fields(RenderSettings)}
+"""Every setting by name, in the order of the help."""
+
+
+def not_taken(name: str, value: object, integrator: str) -> str:
+    """What is wrong with a value that an integrator does not take; goes on from the setting's name."""
+    words = Choice(tuple(INTEGRATORS[integrator].takes[name])).words  # type: ignore[arg-type]
+    return f"is {shown(value)}, but the integrator {integrator} takes {words} only"
+
+
+def settings_of(integrator: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Of some settings, those that concern an integrator."""
+    return {
+        name: value
+        for name, value in given.items()
+        if name not in SETTINGS or SETTINGS[name].integrator in (None, integrator)
+    }
+
+
+class _Table(Protocol):
+    def model_dump(self) -> dict[str, Any]: ...
+
+
+class _Scene(Protocol):
+    """What is read of a `clrender.Scene`, which stands above this table."""
+
+    @property
+    def render(self) -> _Table: ...
+    @property
+    def image(self) -> _Table: ...
+
+
+def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str, Any]) -> RenderSettings:
     """The settings of a render: those given, else the scene's, else the defaults.
+
+    What is given must have an effect; what the scene says may be for another integrator than the one asked for.
 
     Parameters
     ----------
     scene : Scene
     size : (int, int) or None
-        Width and height.
+        Width and height, pixels.
     given : mapping
         Fields of `RenderSettings`.
 
     Raises
     ------
     UsageError
-        When a name is unknown or a value makes no sense.
+        When a name is unknown, a value is not allowed or has no effect, or the image does not fit into memory.
     """
-    known = {field.name for field in dataclasses.fields(RenderSettings)}
     for name in given:
-        if name not in known:
-            raise UsageError(f"render() has no setting {name!r}; it has {', '.join(sorted(known))}")
-    values = {**scene.render.model_dump(), "width": scene.image.width, "height": scene.image.height}
-    if size is not None:
-        values["width"], values["height"] = size
-    wanted = RenderSettings(**{**values, **given})
-    for name, least, most in (
-        ("spp", 1, 2**20), ("width", 1, 65536), ("height", 1, 65536), ("seed", 0, 2**32 - 1), ("shadow_rays", 1, 4096),
-        ("indirect_rays", 0, 4096), ("tile", 1, 65536), ("photons", 1, 2**26), ("patches", 1, 2**20),
-        ("patch_rays", 1, 2**16),
-    ):  # fmt: skip
-        value = getattr(wanted, name)
-        if not isinstance(value, (int, np.integer)) or not least <= value <= most:
-            raise UsageError(f"{name} is {value!r}; it must be a whole number from {least} to {most}")
-    for name, choices in (
-        ("integrator", integrator_names()),
-        ("roulette", _ROULETTES),
-        ("sampling", _STRATEGIES),
-        ("light_sampler", LIGHT_SAMPLERS),
-        ("radiosity_display", RADIOSITY_DISPLAYS),
-    ):
-        if getattr(wanted, name) not in choices:
-            raise UsageError(f"{name} is {getattr(wanted, name)!r}; it must be one of {', '.join(choices)}")
-    if wanted.reuse not in (1, 2, 4, 8, 16):
-        raise UsageError(f"reuse is {wanted.reuse!r}; it must be 1, 2, 4, 8 or 16")
-    if wanted.photon_radius is not None and not 0.0 < wanted.photon_radius < math.inf:
-        raise UsageError(f"photon_radius is {wanted.photon_radius!r}; it must be above 0 and finite")
-    if wanted.lanes not in (None, 1, 4, 8, 16):
-        raise UsageError(f"lanes is {wanted.lanes!r}; it must be 1, 4, 8 or 16")
-    if wanted.absorption is not None and not 0.0 <= wanted.absorption < 1.0:
-        raise UsageError(f"absorption is {wanted.absorption!r}; it must be at least 0 and below 1")
+        if name not in SETTINGS:
+            near = nearest(name, SETTINGS) or f"; there are {', '.join(SETTINGS)}"
+            raise UsageError(f"there is no setting {shown(name)}{near}")
+    values = {**scene.render.model_dump(), **scene.image.model_dump(), **_sides(size), **given}
+    integrator = values["integrator"]
+    if isinstance(integrator, str) and integrator in INTEGRATORS:
+        for name, allowed in INTEGRATORS[integrator].takes.items():
+            if name not in given and values[name] not in allowed:
+                values[name] = allowed[0]
+    wanted = RenderSettings(**values)
+    _refuse_unused(wanted, given)
+    _check_memory(wanted.width, wanted.height)
     return wanted
+
+
+def _sides(size: Any) -> dict[str, Any]:
+    if size is None:
+        return {}
+    try:
+        width, height = size
+    except (TypeError, ValueError):
+        raise UsageError(f"size is {shown(size)}, but must be two whole numbers, width and height") from None
+    return {"width": width, "height": height}
+
+
+def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
+    """What somebody asks for is not ignored in silence."""
+    for name in given:
+        owner = SETTINGS[name].integrator
+        if owner not in (None, wanted.integrator) and getattr(wanted, name) is not None:
+            raise UsageError(f"{name} has no effect with the integrator {wanted.integrator}; it belongs to {owner}")
+    if "absorption" in given and wanted.absorption is not None and wanted.roulette != "absorption":
+        raise UsageError(f"absorption has no effect with the roulette {wanted.roulette}; it belongs to absorption")
+
+
+def _check_memory(width: int, height: int) -> None:
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # a system that does not tell
+        return
+    wanted = width * height * _FILM_BYTES
+    if wanted > memory:
+        raise UsageError(
+            f"an image of {width} x {height} pixels takes {wanted / 2**30:.1f} GiB of memory and this machine has "
+            f"{memory / 2**30:.1f}; ask for a smaller one"
+        )

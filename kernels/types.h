@@ -17,9 +17,6 @@
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
 #define ROULETTE_ABSORPTION 2u
-#define STRATEGY_BOTH 0u
-#define STRATEGY_LIGHTS 1u
-#define STRATEGY_MATERIALS 2u
 #define FIRST_HIT_ALBEDO 0u
 #define FIRST_HIT_NORMAL 1u
 #define FIRST_HIT_POSITION 2u
@@ -60,12 +57,13 @@ typedef struct {
 } Light;
 
 typedef struct {
-    float4 origin;              // xyz, world space
+    float4 origin;              // xyz, metres
     float4 corner;              // from origin to the top left corner of the image plane at focus distance
     float4 right;               // whole width of that plane, left to right
     float4 down;                // whole height of it, top to bottom
     float4 lens_u;              // aperture radius along image right; 0: pinhole
     float4 lens_v;              // aperture radius along image up
+    float4 world;               // xyz: where the origin of all coordinates on the device lies in world space
 } Camera;
 
 typedef struct {
@@ -77,7 +75,8 @@ typedef struct {
     uint indirect_rays;         // at the first diffuse hit; 0: direct light only
     uint max_depth;             // scattering events at most, or NONE
     uint roulette;              // ROULETTE_*
-    uint strategy;              // STRATEGY_*
+    uint light_samples;         // MIS: samples of lights at a diffuse hit that the weights count; 0: BSDF sampling alone
+    uint bsdf_samples;          // MIS: samples of the BSDF at the first diffuse hit; 0: light sampling alone
     uint light_count;
     uint environment;           // index of the environment light, or NONE
     uint triangle_count;        // primitives below it are triangles, the rest analytic_shapes
@@ -85,6 +84,77 @@ typedef struct {
     uint lights_equal;          // 1: each light of the alias table keeps its own entry
     uint light_levels;          // of the tree of lights; 0: the alias table picks
     uint reuse;                 // pixels that share their indirect light: 1, 2, 4, 8 or 16
+    uint padding_0;
+    uint padding_1;
+    uint padding_2;
 } Settings;
+
+#define PRIMITIVE_ROW_A 0               // triangle: its vertices
+#define PRIMITIVE_ROW_B 3
+#define PRIMITIVE_ROW_C 6
+#define PRIMITIVE_ROW_CENTER 0          // sphere or disk
+#define PRIMITIVE_ROW_RADIUS 3
+#define PRIMITIVE_ROW_NORMAL 4          // disk: unit normal; sphere: 0
+#define PRIMITIVE_ROW_FACING 7          // sphere: +1 front outside, -1 front inside
+#define PRIMITIVE_ROW_COLOR 9           // reflectance
+#define PRIMITIVE_ROW_ABSORPTION 12     // probability that the absorption roulette ends a path here
+#define PRIMITIVE_ROW_IOR 13            // index behind the front over index before it
+#define PRIMITIVE_ROW_LIGHT 14          // bits: index of the light it is, or NONE
+#define PRIMITIVE_ROW_KIND 15           // bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on
+
+#define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
+#define NORMAL_ROW_B 3
+#define NORMAL_ROW_C 6
+
+#define LIGHT_ROW_RADIANCE 0            // or intensity, or irradiance
+#define LIGHT_ROW_KIND 3                // bits: LIGHT_*
+#define LIGHT_ROW_PROBABILITY 4         // with which the alias table picks it
+#define LIGHT_ROW_PLACE 4               // bits: its leaf in the light BVH, where there is one
+#define LIGHT_ROW_PRIMITIVE 5           // bits: the primitive that shines, or NONE
+#define LIGHT_ROW_A 6                   // triangle: vertex A
+#define LIGHT_ROW_AB 9                  // B - A
+#define LIGHT_ROW_AC 12                 // C - A
+#define LIGHT_ROW_INVERSE 15            // one over the length of AB x AC, twice the area
+#define LIGHT_ROW_CENTER 6              // sphere or disk
+#define LIGHT_ROW_RADIUS 9
+#define LIGHT_ROW_FACING 10             // sphere: +1 shines outwards, -1 inwards
+#define LIGHT_ROW_NORMAL 12             // disk
+#define LIGHT_ROW_POSITION 6            // point light
+#define LIGHT_ROW_DIRECTION 6           // directional light: of travel, unit
+
+#define NODE_ROW_CENTER 0               // child of a node of the light BVH: sphere about its lights
+#define NODE_ROW_RADIUS 3               // negative: infinitely far
+#define NODE_ROW_NORMAL 4               // mean of the lights' normals
+#define NODE_ROW_POWER 7
+
+#define ANCHOR_ROW_ORIGIN 0             // path reuse, first row of a record: where rays leave the anchor
+#define ANCHOR_ROW_SIDE 3               // geometric normal on the side seen
+#define ANCHOR_ROW_SHADING 6            // shading normal on that side
+#define ANCHOR_ROW_REFLECTS 9           // throughput times reflectance
+#define ANCHOR_ROW_FROM 12              // bits: Ray.from
+#define ANCHOR_ROW_DEPTH 13             // bits: scattering events before it
+#define ANCHOR_ROW_SURVIVAL 14          // probability that a path leaves it
+#define ANCHOR_ROW_FLAGS 15             // bits: RECORD_*
+
+#define TARGET_ROW_POINT 0              // path reuse, second row of a record: where rays to the target end
+#define TARGET_ROW_SIDE 3               // geometric normal on the side that the path came from
+#define TARGET_ROW_PRIMITIVE 6          // bits
+#define TARGET_ROW_LIGHT 7              // radiance that leaves it, later over the sum of densities
+#define TARGET_ROW_SEEN 10              // bits: which anchors of the group see it
+
+#define ATLAS_ROW_OWN 0                 // final gather: radiance that the primitive's front sends out
+#define ATLAS_ROW_COUNTED 3             // 1 where a gathering ray counts it, because no shadow ray looks for it
+#define ATLAS_ROW_FIRST 4               // bits: its first texel
+#define ATLAS_ROW_ALONG 5               // bits: texels along an edge
+
+#define LOOK_ROW_A 0                    // display of radiosity, of a side: radiance reflected at the corners
+#define LOOK_ROW_B 3
+#define LOOK_ROW_C 6
+#define LOOK_ROW_OWN 9                  // radiance sent out by itself
+
+#define DEPOSIT_ROW_POINT 0             // what a photon leaves
+#define DEPOSIT_ROW_NORMAL 3            // of the surface, on the side that the photon came from
+#define DEPOSIT_ROW_FLUX 6              // watts
+#define DEPOSIT_ROW_EVENTS 9            // scattering events before it; with a minus where all were at deltas: a caustic
 
 #endif

@@ -36,6 +36,7 @@ _EVERYWHERE: Final = (
     (r"(?<![\w.])(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])", "is a double constant; it needs the suffix f"),
     (r"(?<![\w.])\d+[eE][+-]?\d+(?![\w.])", "is a double constant; it needs the suffix f"),
     (r"FP_CONTRACT\s+ON", "lets the compiler round differently"),
+    (r"\b(?:row|look|anchor|target|deposit)\[(?:\d|1[0-5])\]", "is a bare column; use its name in types.h"),
 )
 _INEXACT_CALL: Final = re.compile(rf"\b(?:{'|'.join(_INEXACT)})\s*\(")
 _FAST_MATH: Final = re.compile(

@@ -1,7 +1,13 @@
-# Sourced by scripts/clrender, scripts/test and scripts/check: the environment in .venv and a working OpenCL device.
+# Sourced by scripts/clrender, scripts/test and scripts/check: the environment in .venv, or in CLRENDER_VENV, and a working
+# OpenCL device.
 # Expects `root` to be the checkout. Everything it says goes to stderr.
+#
+# It removes no environment but one it made. Outside of .venv it installs system packages, and Intel's driver, whose licence
+# is not a free one: each is said first, and done as root, where CLRENDER_INSTALL=1 or --yes says so, or where somebody
+# at a terminal agrees. CLRENDER_INSTALL=0 forbids it to root too.
 
-venv=$root/.venv
+venv=${CLRENDER_VENV:-$root/.venv}
+[[ $venv == /* ]] || venv=$PWD/$venv
 
 say() { printf 'clrender set-up: %s\n' "$*" >&2; }
 fail() {
@@ -16,16 +22,35 @@ environment_ready() {
     [[ $stamp -nt $root/setup.cfg && -x $venv/bin/clrender && $(<"$stamp") == "$root" ]]
 }
 
+answer=
+# Whether something outside of .venv may be installed; $1 says what. A terminal is asked once.
+allowed() {
+    case ${CLRENDER_INSTALL:-} in
+        1) return 0 ;;
+        0) return 1 ;;
+    esac
+    [[ $(id -u) != 0 ]] || return 0
+    if [[ -z $answer && -t 0 && -t 2 ]]; then
+        printf 'clrender set-up: install %s? [y/N] ' "$1" >&2
+        read -r answer || true
+    fi
+    [[ $answer == [yY]* ]] && return 0
+    say "not installing $1: as root, or with CLRENDER_INSTALL=1, this would"
+    return 1
+}
+
+# What makes apt-get run as root: nothing, or sudo, which asks for a password only at a terminal.
 as_root=()
-may_install_packages() {
+find_root() {
     command -v apt-get >/dev/null || return 1
-    if [[ $(id -u) == 0 ]]; then as_root=(); return 0; fi
-    command -v sudo >/dev/null && sudo -n true 2>/dev/null && as_root=(sudo -n)
+    [[ $(id -u) != 0 ]] || return 0
+    command -v sudo >/dev/null || return 1
+    if [[ -t 0 ]]; then as_root=(sudo); else as_root=(sudo -n); fi
 }
 
 apt_updated=
 install_packages() {
-    may_install_packages || return 1
+    find_root && allowed "the system packages $*" || return 1
     say "installing the system packages $*"
     if [[ -z $apt_updated ]]; then
         "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq >/dev/null 2>&1 || true
@@ -47,28 +72,49 @@ find_python() {
     return 1
 }
 
+# In an environment that this script made; only such a one is ever removed.
+mark=.made-by-clrender-set-up
+
 make_venv() {
     local python
     python=$(find_python) || fail "Python 3.10 or newer was not found; install it (Debian, Ubuntu: apt-get install python3 python3-venv)"
+    if [[ -e $venv ]]; then
+        [[ -e $venv/$mark ]] || fail "$venv was not made by this script, and has no Python that works here; move it away, or make it anew with \`$python -m venv $venv\`"
+        say "the environment $venv does not work any more; making it anew"
+        rm -rf "$venv"
+    fi
     say "making the Python environment $venv"
-    rm -rf "$venv"
     if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
         install_packages python3-venv \
             || fail "this Python cannot make environments; install its venv package (Debian, Ubuntu: sudo apt-get install python3-venv) and run this again"
     fi
+    mkdir -p "$venv"
+    touch "$venv/$mark"
     "$python" -m venv "$venv" || fail "$python -m venv $venv failed (see above); on Debian and Ubuntu: sudo apt-get install python3-venv"
+}
+
+# Install into the environment, which may have been made without pip, as uv does.
+pip_install() {
+    if "$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$venv/bin/python" -m ensurepip >/dev/null 2>&1; then
+        "$venv/bin/python" -m pip install --retries 1 --disable-pip-version-check "$@"
+    elif command -v uv >/dev/null; then
+        uv pip install --python "$venv/bin/python" "$@"
+    else
+        echo "the environment $venv has neither pip nor ensurepip, and there is no uv"
+        return 1
+    fi
 }
 
 # Make the environment and install the package in place; $1 is the extra, or "plain".
 make_environment() {
-    local what=$root log=$root/.venv/install.log
+    local what=$root log=$venv/install.log
     [[ $1 == plain ]] || what="$root[$1]"
-    if [[ ! -x $venv/bin/python ]] || ! "$venv/bin/python" -m pip --version >/dev/null 2>&1; then make_venv; fi
+    if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then make_venv; fi
     # An environment that was moved still points to where it was made.
     if [[ -e $venv/.ready-plain && $(<"$venv/.ready-plain") != "$root" ]]; then make_venv; fi
-    say "installing clrender and what it needs (once; about a minute)"
-    if ! "$venv/bin/python" -m pip install --retries 1 --disable-pip-version-check --editable "$what" >"$log" 2>&1; then
-        fail "the Python packages could not be installed; is there a network connection? The whole story is in $log"
+    say "installing clrender and what it needs into $venv (once; about a minute)"
+    if ! pip_install --editable "$what" >"$log" 2>&1; then
+        fail "the Python packages could not be installed: $(tail -n 1 "$log"). Is there a network connection? The whole story is in $log"
     fi
     printf '%s' "$root" >"$venv/.ready-plain"
     printf '%s' "$root" >"$venv/.ready-$1"
@@ -90,7 +136,7 @@ import sys
 from clrender.device import select
 from clrender.errors import ClrenderError
 try:
-    select("auto", notify=lambda line: print("clrender set-up:", line, file=sys.stderr), alone=True)
+    select("auto", notify=lambda line: print("clrender set-up:", line, file=sys.stderr))
 except ClrenderError:
     sys.exit(3)
 '
@@ -98,7 +144,7 @@ except ClrenderError:
 
 install_wheels() {
     say "installing $* with pip"
-    "$venv/bin/python" -m pip install --retries 1 --disable-pip-version-check "$@" >>"$venv/install.log" 2>&1 && return 0
+    pip_install "$@" >>"$venv/install.log" 2>&1 && return 0
     say "pip could not install $* (see $venv/install.log)"
     return 1
 }
@@ -115,7 +161,9 @@ ensure_device() {
         # Its compiler does not know processors newer than itself; a device that cannot build only confuses.
         "$venv/bin/python" -m pip uninstall --quiet --yes pocl-binary-distribution >/dev/null 2>&1 || true
     fi
-    say "trying Intel's CPU runtime (650 MB). Its licence: Intel End User License Agreement for Developer Tools"
-    if install_wheels intel-opencl-rt intel-cmplr-lib-rt && device_works; then touch "$stamp"; return 0; fi
+    if allowed "Intel's CPU runtime (650 MB; licence: Intel End User License Agreement for Developer Tools)"; then
+        say "trying Intel's CPU runtime (650 MB). Its licence: Intel End User License Agreement for Developer Tools"
+        if install_wheels intel-opencl-rt intel-cmplr-lib-rt && device_works; then touch "$stamp"; return 0; fi
+    fi
     return 1
 }

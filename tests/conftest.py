@@ -9,6 +9,7 @@ import os
 import shutil
 import signal
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,21 +27,44 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A cache folder that no other session shares: neither verdicts nor compiled kernels of before can hide a fault."""
+    """A cache folder that no other session shares: no verdict or list of before can hide a fault.
+
+    But what compilers made is kept from run to run, by hash of source, options and driver, in the user's own cache:
+    it takes minutes to make. ``CLRENDER_TEST_COLD=1`` compiles all anew.
+    """
     alone, base = "PYTEST_XDIST_WORKER" not in os.environ, tmp_path_factory.getbasetemp()
     folder = (base if alone else base.parent) / "cache"  # one for all workers
     folder.mkdir(exist_ok=True)
-    before = {name: os.environ.get(name) for name in ("XDG_CACHE_HOME", "POCL_CACHE_DIR")}
-    os.environ["XDG_CACHE_HOME"] = str(folder)
-    os.environ.pop("POCL_CACHE_DIR", None)
+    changes = {"XDG_CACHE_HOME": str(folder), "POCL_CACHE_DIR": None, **_kept_kernels(folder)}
+    before = {name: os.environ.get(name) for name in changes}
+    _set(changes)
     yield folder
-    for name, value in before.items():
+    _set(before)
+    if alone:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _kept_kernels(folder: Path) -> dict[str, str | None]:
+    """Link what compilers made for earlier sessions into a cache folder; variables that say the same to drivers."""
+    from clrender.device import cache
+
+    kept = cache.cache_folder()
+    if kept is None or os.environ.get("CLRENDER_TEST_COLD"):
+        return {}
+    for name in ("compiled", "mesa"):
+        (kept / "tests" / name).mkdir(mode=0o700, parents=True, exist_ok=True)
+    (folder / "clrender").mkdir(mode=0o700, exist_ok=True)
+    with suppress(FileExistsError):  # of another worker
+        (folder / "clrender" / "compiled").symlink_to(kept / "tests" / "compiled")
+    return {"MESA_SHADER_CACHE_DIR": os.environ.get("MESA_SHADER_CACHE_DIR", str(kept / "tests" / "mesa"))}
+
+
+def _set(variables: dict[str, str | None]) -> None:
+    for name, value in variables.items():
         if value is None:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
-    if alone:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 @pytest.fixture(scope="session")

@@ -14,9 +14,11 @@ import numpy.typing as npt
 from clrender.agreement.batches import LEVEL, Batches, Pair, compare_batches, tile_means
 from clrender.errors import RenderError, UsageError
 from clrender.integrators import INTEGRATORS
+from clrender.radiosity.patches import check_diffuse
 from clrender.rendered_image import Progress, RenderedImage
 from clrender.scene.wording import quoted, suggestion
 from clrender.session import Session
+from clrender.settings import settings_for, settings_of
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -77,11 +79,22 @@ def compare_integrators(
     wanted = size or _small(scene)
     each = -(-spp // batches)
     seeds = _seeds(seed, len(integrators) * batches)
+
+    def settings_of_one(name: str, own: int) -> dict[str, Any]:
+        """Of an integrator and a batch's seed."""
+        mine = {"radiosity_display": "gather", **settings, "integrator": name, "spp": each, "seed": own}
+        return settings_of(name, mine)
+
+    # Before any of them is rendered
+    for name in dict.fromkeys(integrators):
+        settings_for(scene, wanted, settings_of_one(name, seeds[0]))
+        if name == "radiosity":
+            check_diffuse(scene)
     total = len(integrators) * batches * each * wanted[0] * wanted[1]
     reporter = _Reporter(notify, on_progress, total)
 
     def image(session: Session, name: str, own: int) -> RenderedImage:
-        one = {"radiosity_display": "gather", **settings, "integrator": name, "spp": each, "seed": own}
+        one = settings_of_one(name, own)
         made = session.render(scene, size=wanted, on_progress=reporter.advance, keep_film=False, **one)
         if made.interrupted:
             raise RenderError(f"a render with {name} did not finish, so nothing can be compared")

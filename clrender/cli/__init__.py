@@ -5,18 +5,20 @@ Nothing heavy is imported here, so that `clrender --version` and `--help` answer
 
 from __future__ import annotations
 
-import difflib
 import importlib
-import os
 import sys
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import click
 
 import clrender
+from clrender.cli.interrupt import INTERRUPTED, TERMINATED, Terminated, terminable
+from clrender.cli.streams import ReaderLeft
 from clrender.errors import ClrenderError
+from clrender.limits import nearest
 
 __all__ = ["COMMANDS", "STARTED", "main"]
 
@@ -54,9 +56,8 @@ class _Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0] not in COMMANDS and not args[0].startswith("-"):
-            near = difflib.get_close_matches(args[0], COMMANDS, 1)
-            cure = f"did you mean {near[0]!r}?" if near else f"choose one of {', '.join(COMMANDS)}."
-            raise click.UsageError(f"there is no command {args[0]!r}; {cure}", ctx)
+            cure = nearest(args[0], COMMANDS) or f"; choose one of {', '.join(COMMANDS)}."
+            raise click.UsageError(f"there is no command {args[0]!r}{cure}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -76,26 +77,39 @@ class _Commands(click.Group):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         try:
-            code = super().main(args, prog_name or "clrender", complete_var, standalone_mode=False, **extra)
+            with terminable():
+                code = super().main(args, prog_name or "clrender", complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except ClrenderError as error:
             _fail(str(error), error.exit_code)
         except click.ClickException as error:
             _fail(_sentence(error), 2)
-        except (KeyboardInterrupt, click.Abort):
-            _fail("interrupted.", 130)
+        except (KeyboardInterrupt, click.Abort) as error:
+            ended = isinstance(error, Terminated) or isinstance(error.__cause__, Terminated)
+            _fail("interrupted.", TERMINATED if ended else INTERRUPTED)
         except RuntimeError as error:
             # What Python 3.11 makes of Ctrl-C while a class is being made
             if not isinstance(error.__cause__, KeyboardInterrupt):
                 raise
-            _fail("interrupted.", 130)
+            _fail("interrupted.", TERMINATED if isinstance(error.__cause__, Terminated) else INTERRUPTED)
         except MemoryError:
             _fail("there is not enough memory for this; ask for a smaller image or close other programs.", 1)
-        except BrokenPipeError:
-            # Whoever read the output has left; nothing may be written to it any more, not even at exit.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            sys.exit(1)
+        except FileNotFoundError:
+            # Every name that does not begin with a slash depends on the working folder.
+            if _has_working_folder():
+                raise
+            _fail("the working folder has been deleted; change to one that exists", 2)
+        except ReaderLeft:
+            sys.exit(0)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _has_working_folder() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def _fail(message: str, code: int) -> NoReturn:
@@ -119,9 +133,16 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
         ctx.exit()
 
 
-@click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.command(
+    cls=_Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.option(
     "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print the version."
 )
-def main() -> None:
+@click.pass_context
+def main(ctx: click.Context) -> None:
     """clrender: a physically based renderer that gives the same image, bit for bit, on every OpenCL device."""
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())

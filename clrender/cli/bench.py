@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from clrender.cli.options import LIGHT_SAMPLERS, number, size
+from clrender.cli.options import number, setting_option, size
 
 __all__ = ["bench"]
 
@@ -15,7 +15,7 @@ __all__ = ["bench"]
 @click.command()
 @click.argument("names", metavar="[SCENE]...", nargs=-1)
 @click.option("--size", "wanted", type=size, default="800x800", show_default=True, help="Pixels.")
-@click.option("--spp", type=number(1, 2**24, whole=True), default=16, show_default=True, help="Samples a pixel.")
+@setting_option("spp", 16)
 @click.option(
     "--repeats", type=number(1, 1000, whole=True), default=3, show_default=True, help="Turns; one more does not count."
 )
@@ -23,13 +23,7 @@ __all__ = ["bench"]
 @click.option(
     "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
 )
-@click.option(
-    "--light-sampler",
-    type=click.Choice(LIGHT_SAMPLERS),
-    default="auto",
-    show_default=True,
-    help="Of clrender; Mitsuba picks each light alike.",
-)
+@setting_option("light_sampler", "auto", "Of clrender; Mitsuba samples lights uniformly (auto).")
 @click.option("--errors", is_flag=True, help="Compare with references of 64 times the samples: error and efficiency.")
 @click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
 def bench(

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from clrender import scene as scenes
+from clrender.cli.options import allow_path_option
 from clrender.flatten import flatten
 
 __all__ = ["check"]
@@ -14,16 +15,10 @@ __all__ = ["check"]
 
 @click.command()
 @click.argument("scene")
-@click.option(
-    "--allow-path",
-    "allow_paths",
-    multiple=True,
-    metavar="DIR",
-    help="Also read mesh files from this folder and below. Repeatable.",
-)
-def check(scene: str, allow_paths: tuple[str, ...]) -> None:
+@allow_path_option
+def check(scene: str, allow_paths: tuple[Path, ...]) -> None:
     """Validate SCENE (a file, or a built-in scene's name) and print what it holds."""
-    loaded = scenes.load(scene, allow_paths=[Path(path) for path in allow_paths])
+    loaded = scenes.load(scene, allow_paths=allow_paths)
     flat = flatten(loaded, loaded.image.width, loaded.image.height)
     rows = [
         ("image", f"{loaded.image.width} x {loaded.image.height}"),

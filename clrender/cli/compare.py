@@ -9,7 +9,7 @@ from typing import Any, Final
 import click
 
 from clrender.cli.inputs import read_linear
-from clrender.cli.options import allow_path_option, number
+from clrender.cli.options import allow_path_option, number, setting_option
 from clrender.cli.options import size as parse_size
 
 __all__ = ["compare"]
@@ -29,9 +29,9 @@ _LINES: Final = (
 @click.argument("second", metavar="[B]", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--integrators", metavar="NAME,NAME…", help="Compare integrators on SCENE; the options below go with it.")
-@click.option("--spp", type=number(1, 2**20, whole=True), help="Samples per pixel, over all batches (256).")
+@setting_option("spp", help="Samples per pixel, over all batches (256).")
 @click.option("--size", type=parse_size, metavar="WxH", help="Pixels (the scene's, 160 at most on the longer side).")
-@click.option("--seed", type=number(0, 2**32 - 1, whole=True), help="Another seed, other noise (0).")
+@setting_option("seed")
 @click.option("--batches", type=number(8, 4096, whole=True), help="Independent renders of each integrator (16).")
 @click.option("--tile-size", type=number(1, 65536, whole=True), help="Side of the tiles that are compared (8).")
 @click.option("-d", "--device", "devices", metavar="SPEC", multiple=True, help="As of `clrender render`; repeatable.")

@@ -13,6 +13,7 @@ import click
 
 from clrender.cli.folder import output_folder
 from clrender.cli.interrupt import interruptible
+from clrender.cli.outputs import check_distinct, scene_files
 from clrender.cli.progress import ProgressDisplay
 from clrender.integrators import INTEGRATORS
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["compare_on_scene"]
 
+_NUMBERS: Final = "agreement.json"
 _FULL: Final = 6
 """|z| of full colour in the maps: hardly any tile comes to it by chance."""
 _COLUMNS: Final = ("ratio of means", "95 % interval", "tiles that differ", "largest z")
@@ -55,8 +57,10 @@ def compare_on_scene(
     names = [name.strip() for name in integrators]
     check_integrators(names)
     description = load(scene, allow_paths=allow_paths)
+    if output is not None:
+        check_distinct([output / _NUMBERS], scene_files(scene, description))
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
-    folder = nullcontext() if output is None else output_folder(output, "agreement.json")
+    folder = nullcontext() if output is None else output_folder(output, _NUMBERS)
     with folder, interruptible() as interrupt, ProgressDisplay(quiet=quiet) as display:
 
         def on_progress(progress: Any) -> None:
@@ -64,9 +68,13 @@ def compare_on_scene(
                 raise KeyboardInterrupt
             display(progress)
 
-        made, pairs = compare_integrators(
-            description, names, device=list(devices) or None, on_progress=on_progress, notify=display.say, **given
-        )
+        try:
+            made, pairs = compare_integrators(
+                description, names, device=list(devices) or None, on_progress=on_progress, notify=display.say, **given
+            )
+        except KeyboardInterrupt:
+            click.echo("error: interrupted; nothing was written", err=True)
+            sys.exit(interrupt.exit_code)
     numbers = _numbers(description, given, made, pairs)
     if output is not None:
         _write(output, made, pairs, numbers)
@@ -171,7 +179,7 @@ def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers
     for pair, its in zip(pairs, numbers["pairs"], strict=True):
         name = f"z_{pair.first}-minus-{pair.second}_blue-{_FULL}_white-0_red+{_FULL}.png"
         write_image(folder / name, _map(pair.scores, height, width, made[0].tile_size), its, "linear")
-    with atomic_write(folder / "agreement.json") as file:
+    with atomic_write(folder / _NUMBERS) as file:
         file.write(json.dumps(numbers, indent=2).encode() + b"\n")
 
 

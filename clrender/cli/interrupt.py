@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM during a render: the first asks it to stop and keep its picture, the second ends the program."""
+"""Ctrl-C and SIGTERM: the first asks a render to stop and keep its image, the second ends the program."""
 
 from __future__ import annotations
 
@@ -11,15 +11,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from clrender.cli.last_words import LastWords
 from clrender.files import remove_temporaries
 
-__all__ = ["INTERRUPTED", "Interrupt", "interruptible"]
+__all__ = ["INTERRUPTED", "TERMINATED", "Interrupt", "Terminated", "interruptible", "terminable"]
 
 INTERRUPTED = 130
-"""Exit code of an interrupted program."""
+"""Exit code of a program ended by SIGINT (Ctrl-C)."""
+TERMINATED = 143
+"""Exit code of a program ended by SIGTERM."""
 
 _PATIENCE = 0.6
 """Seconds to wait, before there is a picture to keep, for the program to notice that it should stop."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM came where nothing catches it."""
 
 
 class Interrupt:
@@ -30,20 +37,27 @@ class Interrupt:
     has_picture : threading.Event
         Set by whoever renders once there are samples worth keeping. Before that, a signal ends the program even
         in the middle of a compilation.
+    exit_code : int
+        Of a program that ends because of the first signal.
+    last_words : LastWords
+        Said when a driver takes the whole process with it.
     """
 
     def __init__(self) -> None:
         self.has_picture = threading.Event()
+        self.exit_code = INTERRUPTED
         self._wanted = threading.Event()
+        self.last_words = LastWords()
 
     def wanted(self) -> bool:
         """True from the first signal on."""
         return self._wanted.is_set()
 
-    def take(self) -> None:
-        """Take one signal; called outside the main thread."""
+    def take(self, number: int) -> None:
+        """Take one signal, by its number; called outside the main thread."""
         if self._wanted.is_set():
             self._end("interrupted twice; nothing more was written")
+        self.exit_code = TERMINATED if number == signal.SIGTERM else INTERRUPTED
         self._wanted.set()
         # On a thread of its own: the second signal must not wait for the patience with the first.
         threading.Thread(target=self._watch, daemon=True).start()
@@ -55,9 +69,32 @@ class Interrupt:
     def _end(self, message: str) -> None:
         """Leave at once, whatever the main thread is doing."""
         remove_temporaries()
+        # Not imported here: the main thread may be in the middle of that.
+        leave = getattr(sys.modules.get("clrender.device.compiled"), "leave", None)
+        if leave is not None:
+            leave()
+        self.last_words.cancel()
         sys.stderr.write(f"\nerror: {message}\n")
         sys.stderr.flush()
-        os._exit(INTERRUPTED)
+        os._exit(self.exit_code)
+
+
+@contextmanager
+def terminable() -> Iterator[None]:
+    """Turn SIGTERM into `Terminated` while the block runs, so that what was begun is cleaned up; main thread only."""
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        raise Terminated
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager
@@ -70,7 +107,10 @@ def interruptible() -> Iterator[Interrupt]:
     """
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
-        yield interrupt
+        try:
+            yield interrupt
+        finally:
+            interrupt.last_words.cancel()
         return
     reader, writer = socket.socketpair()
     writer.setblocking(False)
@@ -80,7 +120,7 @@ def interruptible() -> Iterator[Interrupt]:
     def listen() -> None:
         while data := reader.recv(1):
             if data[0] in caught:
-                interrupt.take()
+                interrupt.take(data[0])
 
     def python_handler(_number: int, _frame: FrameType | None) -> None:
         """Signals without a Python handler would not reach the socket."""
@@ -96,6 +136,7 @@ def interruptible() -> Iterator[Interrupt]:
             signal.signal(number, handler)
         signal.set_wakeup_fd(previous_descriptor)
         interrupt.has_picture.set()
+        interrupt.last_words.cancel()
         writer.close()
         listener.join()
         reader.close()

@@ -1,4 +1,4 @@
-"""Option types of the commands, and options that several share: numbers with bounds, sizes, folders to read from."""
+"""Option types of the commands, and options that several share: settings of the table, sizes, folders to read from."""
 
 from __future__ import annotations
 
@@ -9,89 +9,132 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
+from click.shell_completion import CompletionItem
+
+from clrender.limits import Choice, Domain, NotAllowed, Range, shown
+from clrender.settings import PIXEL_LIMIT, SETTINGS
 
 __all__ = [
-    "LIGHT_SAMPLERS",
-    "PIXEL_LIMIT",
-    "SIDE_LIMIT",
     "TONE_MAPS",
     "allow_path_option",
     "number",
+    "setting_option",
+    "setting_options",
     "size",
     "tone_options",
 ]
 
-SIDE_LIMIT: Final = 65536
-PIXEL_LIMIT: Final = 2**30
 TONE_MAPS: Final = ("linear", "sqrt", "srgb", "reinhard", "aces", "agx")
 """The names of `clrender.image.tone_map.TONE_MAPS`, without loading NumPy for `--help`."""
-LIGHT_SAMPLERS: Final = ("auto", "bvh", "power", "uniform")
-"""Of `clrender.scene.lights.LIGHT_SAMPLERS`, likewise."""
+
+
+class _DomainType(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.3
+    """Option type: what a domain allows, with an error that says what that is."""
+
+    def __init__(self, domain: Domain) -> None:
+        self.name = domain.metavar
+        self._domain = domain
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return self._domain.parse(value) if isinstance(value, str) else self._domain.accept(value)
+        except NotAllowed as error:
+            raise click.UsageError(f"{param.opts[-1] if param else 'the value'} {error}", ctx) from None
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        return self._domain.metavar
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        members = self._domain.members if isinstance(self._domain, Choice) else ()
+        return [CompletionItem(str(each)) for each in members if str(each).startswith(incomplete)]
 
 
 def number(
     low: float, high: float = math.inf, *, whole: bool = False, above: bool = False, below: bool = False
-) -> Callable[[Any], int | float]:
-    """Option type: a finite number (or whole number) within bounds, with an error that names them.
+) -> _DomainType:
+    """Option type: a finite number of `clrender.limits.Range`."""
+    return _DomainType(Range(low, high, whole, above, below))
+
+
+def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[Any], Any]:
+    """Decorator: the option of one setting of the table.
 
     Parameters
     ----------
-    low, high : float
-        Smallest and largest value.
-    whole : bool
-        Whether fractions are refused.
-    above : bool
-        Whether `low` itself is refused.
-    below : bool
-        Whether `high` itself is refused.
+    name : str
+        Of the setting, and of the argument; None where the option is not given.
+    default
+        Of this command, where it is not the scene's or the table's.
+    help : str
+        Where this command means something else.
     """
-    bounds = f"above {low:.12g}" if above else f"of at least {low:.12g}"
-    if math.isfinite(high):
-        bounds += f" and {'below' if below else 'at most'} {high:.12g}"
-    wanted = f"{'a whole number' if whole else 'a number'} {bounds}"
+    setting = SETTINGS[name]
+    assert setting.option is not None
+    words = default if default is not None else setting.default_words
+    return click.option(
+        setting.option,
+        name,
+        type=_DomainType(setting.domain),
+        default=default,
+        metavar=setting.metavar,
+        help=help or f"{setting.help} ({words}).",
+    )
 
-    def convert(value: Any) -> int | float:
-        try:
-            # Longer texts are no numbers a person means, and slow to convert.
-            result = int(str(value)[:400]) if whole else float(value)
-        except ValueError:
-            raise click.BadParameter(f"{_shown(value)} is not {wanted}.") from None
-        low_ok = result > low if above else result >= low
-        high_ok = result < high if below else result <= high
-        if not (low_ok and high_ok and result < math.inf):
-            raise click.BadParameter(f"{_shown(value)} is not {wanted}.")
-        return result
 
-    convert.__name__ = "N" if whole else "X"
-    return convert
+def setting_options(command: Any) -> Any:
+    """Decorator: the options of all settings of the table, in its order."""
+    for setting in reversed(list(SETTINGS.values())):
+        if setting.option is not None:
+            command = setting_option(setting.name)(command)
+    return command
 
 
 def size(value: Any) -> tuple[int, int]:
-    """Option type: an image size such as 800x600, as (width, height)."""
+    """Option type: an image size such as 800x600, as (width, height) in pixels."""
     match = re.fullmatch(r"(\d{1,9})[xX×](\d{1,9})", str(value), re.ASCII)
     if match is None:
-        raise click.BadParameter(f"{_shown(value)} is not a size in pixels such as 800x600.")
+        raise click.BadParameter(f"{shown(value)} is not a size in pixels such as 800x600.")
     width, height = int(match[1]), int(match[2])
-    if not (1 <= width <= SIDE_LIMIT and 1 <= height <= SIDE_LIMIT):
-        raise click.BadParameter(f"{_shown(value)} does not have sides of 1 to {SIDE_LIMIT} pixels.")
+    for side, name in ((width, "width"), (height, "height")):
+        try:
+            SETTINGS[name].accept(side)
+        except NotAllowed as error:
+            raise click.BadParameter(f"the {name} of {shown(value)} {error}.") from None
     if width * height > PIXEL_LIMIT:
-        raise click.BadParameter(f"{_shown(value)} is more than {PIXEL_LIMIT} pixels.")
+        raise click.BadParameter(f"{shown(value)} is more than {PIXEL_LIMIT} pixels.")
     return width, height
+
+
+def shard(value: Any) -> tuple[int, int]:
+    """Option type: a part of the samples such as 1/3, as (number, count)."""
+    match = re.fullmatch(r"(\d{1,7})/(\d{1,7})", str(value), re.ASCII)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise click.BadParameter(f"{shown(value)} is no part such as 1/3, from 1/N to N/N.")
+    return int(match[1]), int(match[2])
 
 
 def tone_options(command: Any) -> Any:
     """Decorator: the two options of every command that makes display images."""
     tone_map = click.option(
-        "--tone-map", type=click.Choice(TONE_MAPS), default="srgb", show_default=True, help="For .png and .jpg."
+        "--tone-map",
+        type=_DomainType(Choice(TONE_MAPS)),
+        default="srgb",
+        show_default=True,
+        help="Of .png and .jpg.",
     )
     exposure = click.option(
-        "--exposure", type=number(-128, 128), default=0.0, show_default=True, metavar="EV", help="Stops, for display."
+        "--exposure",
+        type=number(-128, 128),
+        default=0.0,
+        show_default=True,
+        metavar="EV",
+        help="Of .png and .jpg, in stops.",
     )
     return tone_map(exposure(command))
 
 
 def allow_path_option(command: Any) -> Any:
-    """Decorator: where a scene that is rendered may read files from."""
+    """Decorator: where a scene may read files from."""
     return click.option(
         "--allow-path",
         "allow_paths",
@@ -100,8 +143,3 @@ def allow_path_option(command: Any) -> Any:
         multiple=True,
         help="A folder, besides the scene's own, that the scene may read files from. Repeatable.",
     )(command)
-
-
-def _shown(value: object) -> str:
-    text = str(value)
-    return repr(text if len(text) <= 60 else f"{text[:57]}…")

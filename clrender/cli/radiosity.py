@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from clrender.cli.folder import output_folder
-from clrender.cli.options import allow_path_option, number, tone_options
+from clrender.cli.options import allow_path_option, number, setting_option, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
+from clrender.settings import SETTINGS, settings_for
 
 if TYPE_CHECKING:
     from clrender.radiosity.dynamic import DynamicRadiosity
@@ -47,11 +48,11 @@ _vector.__name__ = "X,Y,Z"
 @click.option("--move", "shape", type=number(0, 2**31 - 1, whole=True), required=True, help="Which shape, from 0.")
 @click.option("--by", type=_vector, metavar="X,Y,Z", required=True, help="How far in each frame, metres.")
 @click.option("--frames", "count", type=number(1, 10**6, whole=True), default=24, show_default=True)
-@click.option("--spp", type=number(1, 2**20, whole=True), default=16, show_default=True, help="Samples per pixel.")
+@setting_option("spp", 16)
 @click.option("--size", type=parse_size, metavar="WxH", help="Pixels (from the scene, else 800x800).")
-@click.option("--patches", type=number(1, 2**20, whole=True), default=8000, show_default=True, help="About so many.")
-@click.option("--patch-rays", type=number(1, 2**16, whole=True), default=256, show_default=True, help="From each.")
-@click.option("--radiosity-display", "display", type=click.Choice(("constant", "smooth", "gather")), default="smooth")
+@setting_option("patches", SETTINGS["patches"].default)
+@setting_option("patch_rays", SETTINGS["patch_rays"].default)
+@setting_option("radiosity_display", SETTINGS["radiosity_display"].default)
 @click.option("-d", "--device", metavar="SPEC", help="As for `clrender render`.")
 @tone_options
 @allow_path_option
@@ -66,7 +67,7 @@ def radiosity(
     size: tuple[int, int] | None,
     patches: int,
     patch_rays: int,
-    display: str,
+    radiosity_display: str,
     device: str | None,
     tone_map: str,
     exposure: float,
@@ -83,20 +84,21 @@ def radiosity(
     from clrender.radiosity.dynamic import DynamicRadiosity
     from clrender.radiosity.solution import RadiositySettings
     from clrender.scene import load
-    from clrender.settings import settings_for
 
     description = load(scene, allow_paths=allow_paths)
     if shape >= len(description.shapes):
         raise UsageError(f"--move: there is no shape {shape}; the scene has {len(description.shapes)}, from 0")
-    wanted = settings_for(description, size, {"spp": spp, "integrator": "radiosity"})
+    own = {"patches": patches, "patch_rays": patch_rays, "radiosity_display": radiosity_display}
+    wanted = settings_for(description, size, {"spp": spp, "integrator": "radiosity", **own})
     with output_folder(folder, "frame-0000.png"):
         chosen = select(device)[0]
         struct = wanted.struct(tile_side(wanted.tile, wanted.width, wanted.height))
-        sought = RadiositySettings(patches, patch_rays, tolerance=1e-3, refine=False, seed=wanted.seed)
+        sought = RadiositySettings(wanted.patches, wanted.patch_rays, tolerance=1e-3, refine=False, seed=wanted.seed)
         dynamic = DynamicRadiosity(description, chosen, sought, (wanted.width, wanted.height))
         seconds = []
         try:
-            for index, frame in enumerate(frames(dynamic, chosen, struct, [Motion(shape, by)], count, spp, display)):
+            motions, display = [Motion(shape, by)], wanted.radiosity_display
+            for index, frame in enumerate(frames(dynamic, chosen, struct, motions, count, wanted.spp, display)):
                 path = folder / f"frame-{index:04}.png"
                 write_image(path, frame.linear, {}, tone_map, exposure)
                 did = frame.update

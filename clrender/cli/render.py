@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from clrender.cli import STARTED
-from clrender.cli.interrupt import INTERRUPTED, Interrupt, interruptible
-from clrender.cli.options import LIGHT_SAMPLERS, allow_path_option, number, tone_options
+from clrender.cli.interrupt import Interrupt, interruptible
+from clrender.cli.options import allow_path_option, setting_options, tone_options
+from clrender.cli.options import shard as parse_shard
 from clrender.cli.options import size as parse_size
+from clrender.cli.outputs import check_distinct, check_image_size, scene_files
 from clrender.cli.progress import ProgressDisplay, ProgressLike, duration, quantity
-from clrender.errors import ClrenderError, UsageError
-from clrender.integrators import INTEGRATORS
+from clrender.errors import ClrenderError, RenderError, UsageError
 
 if TYPE_CHECKING:
+    from clrender.job import RenderJob
     from clrender.rendered_image import RenderedImage
-    from clrender.scene import Scene
 
 __all__ = ["render"]
-
-_FILM_BYTES: Final = 52
-"""Memory a pixel takes while it is rendered."""
 
 
 @click.command()
@@ -42,9 +40,7 @@ _FILM_BYTES: Final = 52
     required=True,
     help="Where to: .png .jpg for display, .exr .npy .hdr linear, .film exact sums. Repeatable.",
 )
-@click.option("--spp", type=number(1, 2**20, whole=True), help="Samples per pixel (from the scene, else 64).")
-@click.option("--size", type=parse_size, metavar="WxH", help="Pixels (from the scene, else 800x800).")
-@click.option("--seed", type=number(0, 2**32 - 1, whole=True), help="Another seed, other noise (0).")
+@click.option("--size", type=parse_size, metavar="WxH", help="Of the image, pixels (800x800).")
 @click.option(
     "-d",
     "--device",
@@ -54,93 +50,34 @@ _FILM_BYTES: Final = 52
     help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
     "(CLRENDER_DEVICE, else auto).",
 )
-@click.option("--integrator", type=click.Choice(tuple(INTEGRATORS)), help="How light is followed (path).")
-@click.option("--shadow-rays", type=number(1, 4096, whole=True), help="Rays to lights per diffuse hit (1).")
-@click.option(
-    "--indirect-rays",
-    type=number(0, 4096, whole=True),
-    help="New rays from the first diffuse hit (1); 0: direct light only.",
-)
-@click.option(
-    "--max-depth", type=number(0, 2**31 - 1, whole=True), help="Scattering events at most; 0: emission only (no limit)."
-)
-@click.option(
-    "--light-sampler",
-    type=click.Choice(LIGHT_SAMPLERS),
-    help="How one of many lights is picked: by what each can give there, by power, alike (auto: the tree from 16 on).",
-)
-@click.option("--roulette", type=click.Choice(("throughput", "absorption", "none")), help="How paths end (throughput).")
-@click.option(
-    "--absorption", type=number(0, 1, below=True), metavar="A", help="Probability to end a path at every hit."
-)
-@click.option(
-    "--reuse",
-    type=click.Choice(("1", "2", "4", "8", "16")),
-    help="Pixels that share their indirect light, for --integrator reuse (16).",
-)
-@click.option(
-    "--photons",
-    type=number(1, 2**26, whole=True),
-    metavar="N",
-    help="Photons for each sample, for --integrator photon (131072).",
-)
-@click.option(
-    "--photon-radius",
-    type=number(0, above=True),
-    metavar="R",
-    help="Metres around a point in which the first sample looks for them (a hundredth of the scene's).",
-)
-@click.option("--patches", type=number(1, 2**20, whole=True), help="Of radiosity: how many, about (8000).")
-@click.option("--patch-rays", type=number(1, 2**16, whole=True), metavar="N", help="Of radiosity: from each (256).")
-@click.option(
-    "--radiosity-display",
-    type=click.Choice(("constant", "smooth", "gather")),
-    help="Patches evenly bright, interpolated, or looked up by paths after three bounces (smooth).",
-)
+@setting_options
 @tone_options
+@click.option("--aov", metavar="LIST", help="Layers of an .exr: albedo,normal,depth,position,object,material,samples.")
 @click.option(
-    "--aov",
-    metavar="LIST",
-    default="",
-    help="Layers of an .exr: albedo,normal,depth,position,object,material,samples.",
+    "--shard",
+    type=parse_shard,
+    metavar="I/N",
+    help="The I-th of N disjoint parts of the samples, to a .film for `clrender merge`.",
 )
-@click.option("--denoise", is_flag=True, help="Take the noise off with Open Image Denoise.")
-@click.option("--tile", type=number(1, 65536, whole=True), help="Side of a tile; never changes the image.")
-@click.option(
-    "--samples-per-pass",
-    type=number(1, 2**20, whole=True),
-    metavar="K",
-    help="Samples at once; never changes the image.",
-)
-@click.option("--work-group", type=number(1, 4096, whole=True), help="Work-items; never changes the image.")
-@click.option(
-    "--lanes",
-    type=click.Choice(("1", "4", "8", "16")),
-    help="Paths side by side in a work-item; never changes the image.",
-)
-@click.option(
-    "--time",
-    "time_limit",
-    type=number(0, above=True),
-    metavar="S",
-    help="Stop after S seconds and write what there is.",
-)
+@click.option("--denoise", is_flag=True, help="Remove noise with Open Image Denoise; introduces bias.")
 @click.option(
     "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
 )
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
 @allow_path_option
+@click.pass_context
 def render(
+    ctx: click.Context,
+    /,
     *,
     scene: str,
     outputs: tuple[Path, ...],
     size: tuple[int, int] | None,
     devices: tuple[str, ...],
-    lanes: str | None,
-    reuse: str | None,
     tone_map: str,
     exposure: float,
-    aov: str,
+    aov: str | None,
+    shard: tuple[int, int] | None,
     denoise: bool,
     stats: Path | None,
     quiet: bool,
@@ -149,90 +86,84 @@ def render(
 ) -> None:
     """Render SCENE (a .toml or .json file, or a name of `clrender scenes`) to FILE.
 
-    Ctrl-C stops within a second, writes the image so far and exits with 130.
+    Defaults, in parentheses, hold where neither the command line nor the scene says anything else. Ctrl-C stops within
+    a second, writes the image so far and exits with 130.
     """
-    _check_outputs(outputs, stats)
+    written = [*outputs, *([stats] if stats else [])]
+    _check_outputs(ctx, outputs, stats)
+    check_distinct(written, [Path(scene)])
     layers = _layers(aov, outputs)
     with interruptible() as interrupt:
+        from clrender.job import RenderJob
+        from clrender.rendered_image import IncompleteRender
         from clrender.scene import load
 
         begun = time.perf_counter()
         description = load(scene, allow_paths=allow_paths)
         load_seconds = time.perf_counter() - begun
-        width, height = size or (description.image.width, description.image.height)
-        _check_memory(width, height)
+        check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
-        chosen |= {"width": width, "height": height}
-        chosen |= ({"aov": layers} if layers else {}) | ({"denoise": True} if denoise else {})
-        if lanes is not None:
-            chosen["lanes"] = int(lanes)
-        if reuse is not None:
-            chosen["reuse"] = int(reuse)
+        job = RenderJob.of(description, size=size, aov=layers, denoise=denoise, **chosen)
+        job = job.shard(*shard) if shard else job
+        check_image_size(outputs, job.settings.width, job.settings.height)
         called = time.perf_counter()
         keep_film = any(path.suffix.lower() == ".film" for path in outputs)
-        image = _run(description, devices, interrupt, quiet, keep_film, chosen)
+        failure = None
+        try:
+            image = _run(job, devices, interrupt, quiet, keep_film)
+        except IncompleteRender as error:
+            failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
-            _end_interrupted("interrupted before the first sample; nothing was written")
+            click.echo("error: interrupted before the first sample; nothing was written", err=True)
+            sys.exit(interrupt.exit_code)
         # The renderer counts from its call; the user from the command.
         image.stats["load_seconds"] = image.stats.get("load_seconds", 0.0) + load_seconds
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
         _write(image, outputs, tone_map, exposure, stats)
     click.echo(_result_line(image, outputs))
+    if failure is not None:
+        raise RenderError(f"{failure}; {' '.join(map(str, outputs))} holds what was finished by then")
     if interrupt.wanted():
-        sys.exit(INTERRUPTED)
+        sys.exit(interrupt.exit_code)
 
 
-def _end_interrupted(message: str) -> NoReturn:
-    """End the program as interrupted."""
-    click.echo(f"error: {message}", err=True)
-    sys.exit(INTERRUPTED)
-
-
-def _check_outputs(outputs: Sequence[Path], stats: Path | None) -> None:
+def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | None) -> None:
+    """Every output can be written, and there is one for all that is asked for."""
     from clrender.files import check_writable
-    from clrender.image.files import check_output
+    from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, check_output
 
     for path in outputs:
         check_output(path)
     if stats is not None:
         check_writable(stats)
-    places = [os.path.realpath(path) for path in (*outputs, *([stats] if stats else []))]
-    for place in places:
-        if places.count(place) > 1:
-            raise UsageError(f"{place}: is named twice as an output; give each output a name of its own.")
+    endings = {path.suffix.lower() for path in outputs}
+    for name in ("tone_map", "exposure"):
+        given = ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE
+        if given and not endings.intersection(DISPLAY_ENDINGS):
+            option = name.replace("_", "-")
+            raise UsageError(f"--{option}: only .png and .jpg files are tone-mapped; name one with -o, or leave it out")
+    if ctx.params["shard"] and not endings.issubset(FILM_ENDINGS):
+        other = next(path for path in outputs if path.suffix.lower() not in FILM_ENDINGS)
+        raise UsageError(f"{other}: a shard holds a part of the samples; write it to a .film, for `clrender merge`")
+    if ctx.params["denoise"] and endings.issubset(FILM_ENDINGS):
+        raise UsageError("--denoise: a .film holds the exact sums; name another output with -o, or leave it out")
 
 
-def _layers(aov: str, outputs: Sequence[Path]) -> tuple[str, ...]:
+def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
     """Names in the list of --aov, and a file to hold them."""
-    from clrender.aov import check_aovs
+    if aov is None:
+        return ()
+    from clrender.aov import AOVS, check_aovs
 
     layers = check_aovs(name.strip() for name in aov.split(",") if name.strip())
-    if layers and not any(path.suffix.lower() == ".exr" for path in outputs):
+    if not layers:
+        raise UsageError(f"--aov is {aov!r}, but must be a list of {', '.join(AOVS)}")
+    if not any(path.suffix.lower() == ".exr" for path in outputs):
         raise UsageError("--aov: only .exr files hold layers; name one with -o, such as -o image.exr")
     return layers
 
 
-def _check_memory(width: int, height: int) -> None:
-    try:
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # a system that does not tell
-        return
-    wanted = width * height * _FILM_BYTES
-    if wanted > memory:
-        raise UsageError(
-            f"--size: an image of {width}x{height} pixels takes {wanted / 2**30:.1f} GiB of memory and this machine "
-            f"has {memory / 2**30:.1f}; ask for a smaller one."
-        )
-
-
-def _run(
-    description: Scene,
-    devices: Sequence[str],
-    interrupt: Interrupt,
-    quiet: bool,
-    keep_film: bool,
-    settings: Mapping[str, Any],
-) -> RenderedImage:
+def _run(job: RenderJob, devices: Sequence[str], interrupt: Interrupt, quiet: bool, keep_film: bool) -> RenderedImage:
     from clrender.rendering import render as render_scene
 
     with ProgressDisplay(quiet=quiet) as display:
@@ -243,13 +174,12 @@ def _run(
             display(progress)
 
         return render_scene(
-            description,
+            job,
             device=list(devices) or None,
             on_progress=on_progress,
             should_stop=interrupt.wanted,
             notify=display.say,
             keep_film=keep_film,
-            **settings,
         )
 
 
@@ -285,13 +215,14 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     """What there is now, in one line."""
     numbers = image.stats
     height, width = image.linear.shape[:2]
-    total = width * height * numbers["spp"]
+    wanted = numbers.get("sample_count", numbers["spp"])
+    total = width * height * wanted
     held = image.film.samples
     parts = [f"{' '.join(map(str, outputs))}: {width}x{height}"]
     if image.interrupted:
         parts.append(f"stopped early with {held} of {total} samples ({held / (width * height):.3g} a pixel)")
     else:
-        parts.append(f"{numbers['spp']} samples a pixel")
+        parts.append(f"{wanted} samples a pixel")
     seconds = numbers["render_seconds"]
     speed = quantity(held / seconds) if seconds > 0 else "-"
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))

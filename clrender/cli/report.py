@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from clrender.cli.interrupt import INTERRUPTED, interruptible
+from clrender.cli.interrupt import interruptible
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
 
@@ -41,7 +41,7 @@ def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: st
             files = make_report(size, quick, device, interrupt.wanted, say)
         except Stopped:
             click.echo("error: interrupted; nothing was written", err=True)
-            sys.exit(INTERRUPTED)
+            sys.exit(interrupt.exit_code)
         interrupt.has_picture.set()  # writing takes a moment, and is not cut short
         write_files(folder, files)
     click.echo(f"{folder / 'report.html'}: {sum(map(len, files.values())) / 1e6:.1f} MB in {len(files)} files")

@@ -8,6 +8,7 @@ import click
 
 from clrender.cli.inputs import read_linear
 from clrender.cli.options import tone_options
+from clrender.cli.outputs import check_distinct, check_image_size
 from clrender.errors import UsageError
 
 __all__ = ["tonemap"]
@@ -16,10 +17,17 @@ __all__ = ["tonemap"]
 @click.command()
 @click.argument("image", type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", metavar="FILE", type=click.Path(path_type=Path), required=True, help="Where to: .png or .jpg."
+    "-o",
+    "--output",
+    "outputs",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    required=True,
+    multiple=True,
+    help="Where to: .png or .jpg. Repeatable.",
 )
 @tone_options
-def tonemap(image: Path, output: Path, tone_map: str, exposure: float) -> None:
+def tonemap(image: Path, outputs: tuple[Path, ...], tone_map: str, exposure: float) -> None:
     """Turn a linear IMAGE (.npy .exr .hdr .film) into one for display."""
     from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, LINEAR_ENDINGS, check_output, write_image
 
@@ -28,7 +36,11 @@ def tonemap(image: Path, output: Path, tone_map: str, exposure: float) -> None:
         raise UsageError(
             f"{image}: the ending {image.suffix!r} is not that of a linear image; expected one of {known}."
         )
-    check_output(output, DISPLAY_ENDINGS)
+    for output in outputs:
+        check_output(output, DISPLAY_ENDINGS)
+    check_distinct(outputs, [image])
     linear, provenance = read_linear(image)
-    write_image(output, linear, provenance, tone_map, exposure)
-    click.echo(f"{output}: {linear.shape[1]}x{linear.shape[0]}, {tone_map}, exposure {exposure:g}")
+    check_image_size(outputs, linear.shape[1], linear.shape[0])
+    for output in outputs:
+        write_image(output, linear, provenance, tone_map, exposure)
+        click.echo(f"{output}: {linear.shape[1]}x{linear.shape[0]}, {tone_map}, exposure {exposure:g}")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from clrender.device.device import Buffer, Device, DeviceInfo, Program
+from clrender.device.device import Buffer, Device, Program
+from clrender.device.info import DeviceInfo
 from clrender.device.probe import devices, inventory
 from clrender.device.select import select
 

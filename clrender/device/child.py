@@ -7,11 +7,12 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import json
 import os
 import resource
+import signal
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +20,15 @@ from clrender.device.discover import Driver, load_platforms
 from clrender.device.probe import MARK
 from clrender.errors import ClrenderError, DeviceError
 
-__all__ = ["main"]
+__all__ = ["end_with_the_parent", "main"]
 
 
 def main(argument: str) -> None:
     """Do what the request says and print the answer."""
-    _be_the_first_to_die()
     request = json.loads(argument)
+    if request.get("lifeline"):
+        threading.Thread(target=end_with_the_parent, daemon=True).start()
+    _be_the_first_to_die()
     driver = Driver(**{**request["driver"], "preload": tuple(request["driver"]["preload"])})
     answer = _list(driver) if request["task"] == "list" else _probe(driver, request["ordinal"])
     print(f"\n{MARK}{json.dumps(answer)}", flush=True)
@@ -40,23 +43,21 @@ def _be_the_first_to_die() -> None:
         Path("/proc/self/oom_score_adj").write_text("1000")
 
 
+def end_with_the_parent() -> None:
+    """Wait for the end of stdin, which comes when the parent is gone, however it ended; then end all this started."""
+    while os.read(0, 1):
+        pass
+    if os.getsid(0) == os.getpid():
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
 def _list(driver: Driver) -> dict[str, Any]:
     try:
-        platforms = load_platforms([driver])
+        listed = [_platform(platform) for platform in load_platforms([driver])]
     except DeviceError as error:
-        return {"platforms": [], "fault": _why_not_loaded(driver) or str(error)}
-    listed = [_platform(platform) for platform in platforms]
-    return {"platforms": listed, "fault": "" if listed else _why_not_loaded(driver) or "it offers no platform"}
-
-
-def _why_not_loaded(driver: Driver) -> str:
-    """The dynamic linker's reason, which the loader swallows."""
-    if driver.library:
-        try:
-            ctypes.CDLL(driver.library)
-        except OSError as error:
-            return f"its library cannot be loaded: {error}"
-    return ""
+        return {"platforms": [], "fault": str(error)}
+    return {"platforms": listed, "fault": ""}
 
 
 def _platform(platform: Any) -> dict[str, Any]:
@@ -81,7 +82,8 @@ def _platform(platform: Any) -> dict[str, Any]:
 
 def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
     from clrender.device.arithmetic import check
-    from clrender.device.device import Device, DeviceInfo
+    from clrender.device.device import Device
+    from clrender.device.info import DeviceInfo
     from clrender.device.worker import probe_hash
 
     found = [

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import warnings
 from typing import TYPE_CHECKING, Any
 
-from clrender.device import cache
+from clrender.device.compiled import load_binary, store_binary
 from clrender.device.discover import settings
 from clrender.errors import DeviceError
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
-    from clrender.device.device import DeviceInfo
+    from clrender.device.info import DeviceInfo
     from clrender.device.source import Source
 
-__all__ = ["build", "first_errors", "store"]
+__all__ = ["build", "first_errors", "program_key", "store"]
 
 
 def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str, source: Source) -> cl.Program:
@@ -37,26 +38,53 @@ def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str
     """
     import pyopencl as cl
 
-    # The plain program object: pyopencl's own adds an include folder to the options and a cache of its own.
-    binary = cache.load_binary(_key(info, options, source))
+    binary = load_binary(program_key(info, options, source))
     if binary is not None:
         try:
-            kept = cl._cl._Program(context, [handle], [binary])
-            kept._build(options.encode(), [handle])
-            return cl.Program(kept)
+            return _built(_program(context, [handle], [binary]), options, handle)
         except cl.Error:
             pass  # made by another version than it says; the source is always right
-    built = cl._cl._Program(context, source.text)
+    program = _program(context, source.text)
     try:
-        built._build(options.encode(), [handle])
+        program = _built(program, options, handle)
     except cl.Error as error:
-        log = str(built.get_build_info(handle, cl.program_build_info.LOG) or "")
+        log = str(program.get_build_info(handle, cl.program_build_info.LOG) or "")
         reason = first_errors(log) or str(error)
         raise DeviceError(f"{info.title} cannot build {source.entry}: {reason}; see `clrender doctor`") from error
-    program = cl.Program(built)
     # PoCL compiles every kernel once more when asked for a binary; the probe does that, not a render.
     if "pocl" not in info.version.lower():
         store(info, options, source, program)
+    return program
+
+
+def _program(context: cl.Context, *parts: Any) -> Any:
+    """pyopencl's plain program object where this version has it, else the public one.
+
+    The public one adds an include folder of pyopencl's to the options, which drivers split differently where its path
+    has a blank.
+    """
+    import pyopencl as cl
+
+    return (_plain_program() or cl.Program)(context, *parts)
+
+
+def _plain_program() -> Any:
+    """A class that is no part of pyopencl's interface, and may go with any version."""
+    import pyopencl as cl
+
+    plain = getattr(getattr(cl, "_cl", None), "_Program", None)
+    return plain if hasattr(plain, "_build") else None
+
+
+def _built(program: Any, options: str, handle: cl.Device) -> cl.Program:
+    import pyopencl as cl
+
+    if not isinstance(program, cl.Program):
+        program._build(options.encode(), [handle])
+        return cl.Program(program)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what compilers say of a program that they build is of no use to users
+        program.build(options, [handle])
     return program
 
 
@@ -73,16 +101,17 @@ def store(info: DeviceInfo, options: str, source: Source, program: cl.Program) -
     """
     import pyopencl as cl
 
-    key = _key(info, options, source)
-    if "oclgrind" in info.version.lower() or cache.load_binary(key) is not None:
+    key = program_key(info, options, source)
+    if "oclgrind" in info.version.lower() or load_binary(key) is not None:
         return  # an interpreter has nothing to keep
     with contextlib.suppress(cl.Error):
         binaries: Any = program.get_info(cl.program_info.BINARIES)
         if binaries and binaries[0]:
-            cache.store_binary(key, bytes(binaries[0]))
+            store_binary(key, bytes(binaries[0]))
 
 
-def _key(info: DeviceInfo, options: str, source: Source) -> str:
+def program_key(info: DeviceInfo, options: str, source: Source) -> str:
+    """Name under which a built program is kept: a hash of all that decides what the compiler makes."""
     facts = [info.platform, info.version, info.name, info.driver, info.library, options, source.sha256, *settings()]
     return hashlib.sha256("\0".join(facts).encode()).hexdigest()
 

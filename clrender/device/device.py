@@ -4,76 +4,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.cache import Sentinel
-from clrender.device.compiler import build, store
+from clrender.device.compiled import Sentinel
+from clrender.device.compiler import build, program_key, store
 from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
+from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, RenderError
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
-__all__ = ["Argument", "Buffer", "Device", "DeviceInfo", "Program"]
+__all__ = ["Argument", "Buffer", "Device", "Program"]
 
 _T = TypeVar("_T")
-
-
-@dataclass(frozen=True)
-class DeviceInfo:
-    """What identifies a device to people and to caches.
-
-    Attributes
-    ----------
-    index : int
-        Place in `clrender devices`.
-    name, platform, driver : str
-        As the driver gives them; `driver` is its version.
-    type : str
-        ``cpu``, ``gpu`` or ``accelerator``.
-    compute_units : int
-    memory_bytes : int
-    probe : str
-        ``ok``, ``cannot-build``, ``wrong-result``, ``crashed``, ``timeout``, or ``unknown`` before the probe ran.
-    detail : str
-        What the probe saw when it is not ``ok``.
-    library : str
-        The driver's shared library as its ICD file names it; empty when the loader found the device by itself.
-    ordinal : int
-        Place among the devices of the same library.
-    version : str
-        Version of the platform, which names the compiler inside.
-    """
-
-    index: int
-    name: str
-    platform: str
-    driver: str
-    type: str
-    compute_units: int
-    memory_bytes: int
-    probe: str = "unknown"
-    detail: str = ""
-    library: str = ""
-    ordinal: int = 0
-    version: str = ""
-
-    @property
-    def title(self) -> str:
-        """Name of the device and of its driver, for messages."""
-        return f"{self.name} ({self.platform} {self.driver})"
-
-    def public(self) -> dict[str, Any]:
-        """The keys that `clrender devices --json` promises."""
-        keys = ("index", "name", "platform", "driver", "type", "compute_units", "memory_bytes", "probe")
-        values = asdict(self)
-        return {key: values[key] for key in keys}
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +131,7 @@ class Device:
 
     def _build(self, source: Source) -> Program:
         begin = time.perf_counter()
-        self._sentinel.put()
+        self._sentinel.put(program_key(self.info, self.options, source))
         try:
             handle = build(self._context, self._handle, self.info, self.options, source)
         finally:
@@ -287,13 +237,13 @@ class Device:
         if (kernel, local_size) in program.launched:
             self._call(what, enqueue)
         else:
-            self._call(what, lambda: self._first_launch(enqueue))
+            self._call(what, lambda: self._first_launch(program, enqueue))
             program.launched.add((kernel, local_size))
         self.launches += 1
 
-    def _first_launch(self, enqueue: Callable[[], cl.Event]) -> None:
+    def _first_launch(self, program: Program, enqueue: Callable[[], cl.Event]) -> None:
         """Launch and wait. Drivers compile for a local size when they first need it: all but running is compiling."""
-        self._sentinel.put()
+        self._sentinel.put(program_key(self.info, self.options, program.source))
         self._queue.finish()
         begin = time.perf_counter()
         event = enqueue()

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from clrender.device.device import DeviceInfo
+from clrender.device import cache
 from clrender.device.discover import SYSTEM_FOLDER, Driver
+from clrender.device.info import DeviceInfo
 from clrender.device.probe import DriverReport
 
 __all__ = ["INSTALL_ANY", "Finding", "diagnose", "diagnose_device", "diagnose_driver", "diagnose_machine"]
@@ -75,6 +76,8 @@ def _driver_cure(driver: Driver, fault: str) -> str:
     package = next((cure for mark, cure in _PACKAGES if mark in lower), "")
     if "crashed" in fault or "timeout" in fault:
         return f"update or remove this driver ({package or 'its package: dpkg -S ' + driver.origin})"
+    if "needs a folder" in fault:
+        return "make room, or set XDG_CACHE_HOME or TMPDIR to a folder that has it"
     if "cannot open shared object" in fault and driver.path:
         return f"install the libraries that `ldd {driver.path}` calls not found"
     remove = f"if the driver is no longer wanted: sudo rm {driver.origin}"
@@ -167,6 +170,14 @@ def diagnose_machine(reports: Sequence[DriverReport]) -> list[Finding]:
     if shut:
         cure = "sudo usermod -aG render,video $USER, then log in again"
         found.append(Finding(", ".join(shut), "there is a GPU that your user may not open", cure))
+    why = cache.no_cache_reason()
+    if why:
+        place = cache.cache_folder()
+        cause = (
+            f"{why}, so compiled kernels are kept in {place}" if place else f"{why}, so compiled kernels are not kept"
+        )
+        cure = "mend that, or set XDG_CACHE_HOME to a folder that only you can write"
+        found.append(Finding("the cache folder", cause, cure, harmless=True))
     if not devices:
         own = os.environ.get("OCL_ICD_VENDORS", "")
         cause = f"there is no OpenCL device in what OCL_ICD_VENDORS={own} names" if own else "there is no OpenCL device"

@@ -1,7 +1,8 @@
 """Find the OpenCL drivers of this machine and of the Python environment, and load those that are wanted.
 
-A driver is what an `.icd` file names. The loader inside the pyopencl wheel reads one folder of such files, once in the
-life of a process, so a private folder with exactly the wanted ones is written before it looks.
+A driver is what an `.icd` file names. The OpenCL loader would load all of them, once in the life of a process; here
+each is loaded by itself when it is first wanted, by the extension that loaders use (cl_khr_icd). So a driver that
+crashes harms only who asks for it, and a second one can be loaded later.
 """
 
 from __future__ import annotations
@@ -13,18 +14,16 @@ import os
 import platform
 import site
 import sys
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
-from clrender.device import cache
+from clrender.device import cache, compiled
 from clrender.errors import DeviceError
 
-if TYPE_CHECKING:
-    import pyopencl as cl
-
-__all__ = ["Driver", "drivers", "environment", "fingerprint", "load_platforms", "settings"]
+__all__ = ["Driver", "driver_variables", "drivers", "fingerprint", "load_platforms", "settings"]
 
 SYSTEM_FOLDER: Final = Path("/etc/OpenCL/vendors")
 _LIBRARY_FOLDERS: Final = (
@@ -43,20 +42,49 @@ _DEFAULTS: Final = {
     "RUSTICL_ENABLE": "llvmpipe",  # without it rusticl is a platform with no device
     "CL_CONFIG_CPU_VECTORIZER_MODE": "1",  # Intel's vectoriser miscompiles: measured, a path tracer lost its paths
 }
-# Variables that change which devices there are or what they compute.
-_TELLING: Final = (
+# Variables that change which devices a driver lists or what it computes.
+_STEERING: Final = (
     "RUSTICL_",
     "POCL_",
-    "CL_CONFIG_",
+    "POCLCC_",
+    "CL_",
     "OCL_",
+    "OPENCL_",
     "OCLGRIND_",
     "LIBGL_",
     "MESA_",
     "GALLIUM_",
     "LP_",
+    "ZINK_",
+    "VK_",
+    "RADV_",
+    "AMD_",
+    "HSA_",
+    "ROC_",
+    "ROCR_",
+    "HIP_",
+    "GPU_",
     "CUDA_",
+    "NVIDIA_",
+    "ZE_",
+    "ONEAPI_",
+    "NEO_",
+    "IGC_",
+    "LLVM_",
 )
-_TELLING_NAMES: Final = ("LD_PRELOAD", "LD_LIBRARY_PATH", "ROCR_VISIBLE_DEVICES", "ZE_AFFINITY_MASK")
+_STEERING_NAMES: Final = (
+    "LD_PRELOAD",
+    "LD_LIBRARY_PATH",
+    "DRI_PRIME",
+    "NEOReadDebugKeys",
+    "OverrideDefaultFP64Settings",
+)
+# Where things lie: which drivers there are is asked anew each time, and a driver's path is known by itself.
+_PLACES: Final = ("OCL_ICD_VENDORS", "OCL_ICD_FILENAMES")
+# Where compilers keep what they made, which does not change what they make.
+_CACHES: Final = ("POCL_CACHE_DIR", "MESA_SHADER_CACHE_DIR")
+# What makes the OpenCL loader load no driver by itself, whichever loader it is.
+_NO_DRIVERS: Final = {"OCL_ICD_VENDORS": os.devnull, "OCL_ICD_FILENAMES": ""}
 
 
 @dataclass(frozen=True)
@@ -154,73 +182,164 @@ def _search(library: str) -> list[Path]:
     return [Path(folder) / library for folder in folders if folder]
 
 
-def environment() -> None:
-    """Set the variables drivers need before they load, where the user has not set them."""
-    for name, value in _DEFAULTS.items():
-        os.environ.setdefault(name, value)
-    # PoCL's kernels among ours: then a cache that kills whoever loads it is found and renewed with the rest.
-    os.environ.setdefault("POCL_CACHE_DIR", str(_pocl_folder()))
+def driver_variables() -> dict[str, str]:
+    """Variables that drivers need and the user has not set, with their values."""
+    wanted = dict(_DEFAULTS)
+    folder = _pocl_folder()
+    if folder is not None:
+        # PoCL's kernels among ours: then an entry that kills whoever loads it is found and removed with the rest.
+        wanted["POCL_CACHE_DIR"] = str(folder)
+    return {name: value for name, value in wanted.items() if name not in os.environ}
 
 
-def _pocl_folder() -> Path:
-    folder = cache.compiler_folder() / "pocl"
-    folder.mkdir(exist_ok=True)
-    return folder
+def _pocl_folder() -> Path | None:
+    folder = compiled.compiler_folder()
+    if folder is None:
+        return None
+    try:
+        (folder / "pocl").mkdir(mode=0o700, exist_ok=True)
+    except OSError:
+        return None
+    return folder / "pocl"
 
 
-def load_platforms(wanted: Sequence[Driver]) -> list[cl.Platform]:
-    """Load drivers and give their platforms; a later call in the same process gives the same platforms again.
+_loading = threading.Lock()
+_loaded: Final[dict[str, list[Any]]] = {}
+"""A driver's library -> its platforms, for as long as this process lives: drivers cannot be unloaded."""
+
+
+def load_platforms(wanted: Sequence[Driver]) -> list[Any]:
+    """Load drivers and give their platforms; one that is loaded already gives its platforms again.
 
     Parameters
     ----------
     wanted : sequence of Driver
-        Only these are loaded, should none be loaded yet.
+
+    Returns
+    -------
+    list of pyopencl.Platform
 
     Raises
     ------
     DeviceError
         When pyopencl is not installed or none of the drivers could be loaded.
     """
-    environment()
-    try:
-        import pyopencl as cl
-    except ImportError as error:
-        raise DeviceError(f"pyopencl cannot be imported ({error}); install it with `pip install pyopencl`") from error
-    for library in (library for driver in wanted for library in driver.preload):
-        with contextlib.suppress(OSError):
-            ctypes.CDLL(library, ctypes.RTLD_GLOBAL)
-    with _private_vendors(wanted):
+    cl = _pyopencl()
+    found: list[Any] = []
+    faults: list[str] = []
+    with _loading:
+        for driver in wanted:
+            try:
+                if driver.library not in _loaded:
+                    _loaded[driver.library] = _load(cl, driver)
+                found += _loaded[driver.library]
+            except DeviceError as error:
+                faults.append(str(error))
+    if not found:
+        raise DeviceError("; ".join(faults) or "no OpenCL driver is installed; see `clrender doctor`")
+    return found
+
+
+def _pyopencl() -> Any:
+    """The module, without its own cache: that would keep programs once more, and fail where it cannot write."""
+    with _variables({"PYOPENCL_NO_CACHE": "1"}):
         try:
-            return list(cl.get_platforms())
-        except cl.Error as error:
-            names = ", ".join(driver.library or driver.origin for driver in wanted) or "none is installed"
-            raise DeviceError(f"no OpenCL driver could be loaded ({names}): {error}; see `clrender doctor`") from error
+            import pyopencl
+            import pyopencl.invoker
+        except ImportError as error:
+            raise DeviceError(
+                f"pyopencl cannot be imported ({error}); install it with `pip install pyopencl`"
+            ) from error
+        except OSError as error:
+            # Only where a program imported it before, with its cache on.
+            raise DeviceError(
+                f"pyopencl cannot write its own cache ({error}); set PYOPENCL_NO_CACHE=1 before it is imported"
+            ) from error
+    return pyopencl
+
+
+def _load(cl: Any, driver: Driver) -> list[Any]:
+    """Platforms of a driver that is not loaded yet; their devices are asked for, so that it reads its variables now."""
+    variables = driver_variables()
+    if "pocl" in driver.library.lower() and not {"POCL_CACHE_DIR"} & (variables.keys() | os.environ.keys()):
+        raise DeviceError(
+            f"{driver.library} needs a folder for what it compiles, and {cache.ROOM_BYTES >> 20} MiB are free in none; "
+            "make room in the home folder or in /tmp, or set TMPDIR to a folder that has it"
+        )
+    if "intelocl" in driver.library:
+        # Nobody knows when this driver reads it for the last time, and without it results are wrong.
+        os.environ.update({name: value for name, value in variables.items() if name.startswith("CL_CONFIG_")})
+    try:
+        if not driver.library:
+            with _variables(variables):
+                platforms = list(cl.get_platforms())
+                _device_counts(cl, platforms)
+            return platforms
+        with _variables({**variables, **_NO_DRIVERS}):
+            for library in driver.preload:
+                with contextlib.suppress(OSError):
+                    ctypes.CDLL(library, ctypes.RTLD_GLOBAL)
+            platforms = [cl.Platform.from_int_ptr(pointer) for pointer in _platform_pointers(driver.library)]
+            _device_counts(cl, platforms)
+        return platforms
+    except OSError as error:
+        raise DeviceError(f"its library cannot be loaded: {error}") from error
+    except cl.Error as error:
+        raise DeviceError(f"{driver.library or driver.origin} offers no platform: {error}") from error
+
+
+def _device_counts(cl: Any, platforms: Sequence[Any]) -> None:
+    for platform_ in platforms:
+        with contextlib.suppress(cl.Error):  # a platform without a device is no fault of the program
+            platform_.get_devices()
+
+
+def _platform_pointers(library: str) -> list[int]:
+    """What a driver gives to OpenCL loaders: its ``cl_platform_id``, as numbers (the extension cl_khr_icd).
+
+    Raises
+    ------
+    OSError
+        When the library cannot be loaded.
+    DeviceError
+        When it is no OpenCL driver or offers no platform.
+    """
+    loaded = ctypes.CDLL(library)
+    try:
+        find = loaded.clGetExtensionFunctionAddress
+    except AttributeError as error:
+        raise DeviceError(f"{library} is no OpenCL driver: it lacks clGetExtensionFunctionAddress") from error
+    find.restype, find.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
+    address = find(b"clIcdGetPlatformIDsKHR")
+    if not address:
+        raise DeviceError(f"{library} is no driver for OpenCL loaders: it lacks clIcdGetPlatformIDsKHR")
+    kind = ctypes.CFUNCTYPE(
+        ctypes.c_int32, ctypes.c_uint32, ctypes.POINTER(ctypes.c_void_p), ctypes.POINTER(ctypes.c_uint32)
+    )
+    give, count = kind(address), ctypes.c_uint32(0)
+    code = give(0, None, ctypes.byref(count))
+    if code != 0 or count.value == 0:
+        raise DeviceError(f"{library} offers no platform (its code is {code})")
+    pointers = (ctypes.c_void_p * count.value)()
+    code = give(count.value, pointers, None)
+    if code != 0:
+        raise DeviceError(f"{library} does not give its platforms (its code is {code})")
+    return [int(pointer) for pointer in pointers if pointer]
 
 
 @contextlib.contextmanager
-def _private_vendors(wanted: Sequence[Driver]) -> Iterator[None]:
-    """Point the loader to a folder with exactly the wanted drivers while it looks."""
-    libraries = [driver.library for driver in wanted]
-    if "" in libraries:
-        yield
-        return
-    name = hashlib.sha256("\n".join(libraries).encode()).hexdigest()[:16]
-    folder = cache.cache_folder() / "vendors" / name
-    for number, library in enumerate(libraries):
-        file = folder / f"{number:02}.icd"
-        if not file.is_file() or file.read_text() != library + "\n":
-            cache.write_atomically(file, (library + "\n").encode())
-    folder.mkdir(parents=True, exist_ok=True)
-    before = os.environ.get("OCL_ICD_VENDORS")
-    os.environ["OCL_ICD_VENDORS"] = str(folder)
+def _variables(changes: Mapping[str, str]) -> Iterator[None]:
+    """Set environment variables while a driver or the loader reads them; what the user set is there again after it."""
+    before = {name: os.environ.get(name) for name in changes}
+    os.environ.update(changes)
     try:
         yield
     finally:
-        # Processes started later shall see what the user set, not our folder.
-        if before is None:
-            del os.environ["OCL_ICD_VENDORS"]
-        else:
-            os.environ["OCL_ICD_VENDORS"] = before
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 def fingerprint(driver: Driver) -> str:
@@ -229,14 +348,18 @@ def fingerprint(driver: Driver) -> str:
     if driver.path:
         status = Path(driver.path).stat()
         facts += [os.path.realpath(driver.path), str(status.st_mtime_ns), str(status.st_size)]
-    facts += settings()
+    facts += settings() + _set(_CACHES) + (_set(_PLACES) if not driver.library else [])
     for folder, pattern in (("/dev/dri", "*"), ("/dev", "nvidia*"), ("/dev", "kfd")):
         facts += sorted(str(path) for path in Path(folder).glob(pattern))
     return hashlib.sha256("\n".join(facts).encode()).hexdigest()
 
 
 def settings() -> list[str]:
-    """Variables that steer drivers, with their values, as they are once `environment` was called."""
-    told = {name: value for name, value in os.environ.items() if name.startswith(_TELLING) or name in _TELLING_NAMES}
-    told = {**_DEFAULTS, **told}
-    return [f"{name}={told[name]}" for name in sorted(told) if name not in ("POCL_CACHE_DIR", "OCL_ICD_VENDORS")]
+    """Variables that steer drivers, with their values, ours where the user has set none; not where things lie."""
+    own = {name: os.environ[name] for name in os.environ if name.startswith(_STEERING) or name in _STEERING_NAMES}
+    told = {**_DEFAULTS, **own}
+    return [f"{name}={told[name]}" for name in sorted(told) if name not in (*_PLACES, *_CACHES)]
+
+
+def _set(names: Sequence[str]) -> list[str]:
+    return [f"{name}={os.environ[name]}" for name in names if name in os.environ]

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.device import Buffer, Device, DeviceInfo, Program
+from clrender.device.device import Buffer, Device, Program
+from clrender.device.info import DeviceInfo
 from clrender.errors import DeviceError, RenderError
 
 __all__ = ["FakeDevice", "FakeKernel"]

@@ -1,7 +1,8 @@
 """Know every device and whether it computes rightly, without letting a bad driver harm this process.
 
 Each driver is listed, and each device probed, in a process of its own with a time limit. What came out is kept per
-driver version and kernel hash, so that a warm start asks nobody.
+driver version and kernel hash, so that a warm start asks nobody; but not what says more about the memory or time there
+was than about the driver.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import contextlib
 import hashlib
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -17,11 +19,11 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
-from clrender.device import cache
-from clrender.device.device import DeviceInfo
-from clrender.device.discover import Driver, drivers, environment, fingerprint
+from clrender.device import cache, compiled
+from clrender.device.discover import Driver, driver_variables, drivers, fingerprint
+from clrender.device.info import DeviceInfo
 from clrender.device.source import kernels_sha256
 from clrender.errors import RenderError
 
@@ -48,6 +50,30 @@ PROBE_SECONDS: Final = 240.0
 """For one probe, unless ``CLRENDER_PROBE_SECONDS`` says otherwise. Interpreters and layered drivers are slow."""
 EXPECTED_FILE: Final = Path(__file__).with_name("expected_probe.txt")
 _PACKAGE: Final = Path(__file__).resolve().parents[2]
+# Platforms that have no device on most machines. Any other driver without one is asked again each time.
+_OFTEN_EMPTY: Final = ("Clover",)
+# In what a child said: it lacked memory, room or time, or somebody ended it.
+_SCARCE: Final = (
+    "sigkill",
+    "sigterm",
+    "sigint",
+    "sighup",
+    "sigxcpu",
+    "sigxfsz",
+    "bad_alloc",
+    "out of memory",
+    "out_of_host_memory",
+    "out_of_resources",
+    "mem_object_allocation_failure",
+    "memoryerror",
+    "cannot allocate",
+    "failed to map segment",
+    "no space left",
+    "disk quota exceeded",
+    "too many open files",
+    "temporarily unavailable",
+    "can't start new thread",
+)
 
 
 @dataclass(frozen=True)
@@ -99,15 +125,19 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
     changes : dict, optional
         Environment variables that differ from ours.
     """
-    env = {**os.environ, **(changes or {})}
+    env = {**os.environ, **driver_variables(), **(changes or {})}
     if env.get("OCL_ICD_VENDORS"):
         env["OCL_ICD_VENDORS"] = str(Path(env["OCL_ICD_VENDORS"]).resolve())
+    # The child reads the one end, and finds it closed when this process is gone, however it ended.
+    lifeline, ours = os.pipe()
     # A folder of ours as working directory: `-m` must not import what happens to lie where the user is.
     with (
-        tempfile.TemporaryFile() as errors,
+        os.fdopen(ours, "wb"),
+        os.fdopen(lifeline, "rb") as stdin,
+        _scratch_file() as errors,
         subprocess.Popen(
             command,
-            stdin=subprocess.DEVNULL,
+            stdin=stdin,
             stdout=subprocess.PIPE,
             stderr=errors,
             cwd=_PACKAGE,
@@ -122,7 +152,8 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-            cache.Sentinel.drop(process.pid)
+            if process.returncode is not None:
+                compiled.Sentinel.drop(process.pid)  # what it stands for is judged by its answer
         lines = [line[len(MARK) :] for line in output.splitlines() if line.startswith(MARK)]
         if process.returncode == 0 and lines:
             return Answer(json.loads(lines[-1]))
@@ -133,9 +164,18 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
     return Answer(None, "crashed", f"{how}{': ' + tail if tail else ''}")
 
 
+def _scratch_file() -> IO[bytes]:
+    """A nameless file, in memory where no disk has room for one."""
+    try:
+        return tempfile.TemporaryFile()
+    except OSError:
+        return os.fdopen(os.memfd_create("clrender"), "w+b")
+
+
 def ask_child(request: dict[str, Any], seconds: float, changes: dict[str, str] | None = None) -> Answer:
     """`ask` the module `child` in a new Python process."""
-    return ask([sys.executable, "-m", "clrender.device.child", json.dumps(request)], seconds, changes)
+    argument = json.dumps({**request, "lifeline": True})
+    return ask([sys.executable, "-m", "clrender.device.child", argument], seconds, changes)
 
 
 def survey(*, refresh: bool = False) -> list[DriverReport]:
@@ -146,7 +186,6 @@ def survey(*, refresh: bool = False) -> list[DriverReport]:
     refresh : bool
         Ask the drivers again instead of taking what was kept.
     """
-    environment()
     reports: list[DriverReport] = []
     index = 0
     for driver in drivers():
@@ -172,15 +211,26 @@ def survey(*, refresh: bool = False) -> list[DriverReport]:
 def _listing(driver: Driver, refresh: bool) -> dict[str, Any]:
     if driver.fault:
         return {"platforms": [], "fault": driver.fault}
-    path = cache.cache_folder() / "drivers" / f"{fingerprint(driver)}.json"
-    kept = None if refresh else cache.read_json(path)
+    name = f"drivers/{fingerprint(driver)}.json"
+    kept = None if refresh else cache.read_json(name)
     if isinstance(kept, dict) and "platforms" in kept and "fault" in kept:
         return kept
     answer = ask_child({"task": "list", "driver": asdict(driver)}, LIST_SECONDS)
     if answer.value is None:
         return {"platforms": [], "fault": f"listing its devices failed ({answer.failure}: {answer.detail})"}
-    cache.write_json(path, answer.value)
+    telling = any(each["devices"] or each["name"] in _OFTEN_EMPTY for each in answer.value["platforms"])
+    if telling and not answer.value["fault"] and not _limited():
+        cache.write_json(name, answer.value)
     return answer.value
+
+
+def _limited() -> bool:
+    """Whether this process may use less than the machine has: what a driver fails at then, it may do otherwise."""
+    kinds = (resource.RLIMIT_AS, resource.RLIMIT_DATA, resource.RLIMIT_CPU, resource.RLIMIT_FSIZE)
+    if any(resource.getrlimit(kind)[0] != resource.RLIM_INFINITY for kind in kinds):
+        return True
+    files, stack = (resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_NOFILE, resource.RLIMIT_STACK))
+    return 0 <= files < 256 or 0 <= stack < 4 << 20
 
 
 def examine(notify: Callable[[str], None] | None = None) -> list[DriverReport]:
@@ -234,14 +284,14 @@ def _kept_hash() -> str:
         return ""
 
 
-def _verdict_path(info: DeviceInfo, driver: Driver) -> Path:
+def _verdict_name(info: DeviceInfo, driver: Driver) -> str:
     facts = [info.name, info.driver, info.platform, info.version, str(info.ordinal)]
     facts += [fingerprint(driver), kernels_sha256(), _kept_hash()]
-    return cache.cache_folder() / "verdicts" / f"{hashlib.sha256(chr(0).join(facts).encode()).hexdigest()}.json"
+    return f"verdicts/{hashlib.sha256(chr(0).join(facts).encode()).hexdigest()}.json"
 
 
 def _with_verdict(info: DeviceInfo, driver: Driver) -> DeviceInfo:
-    kept = cache.read_json(_verdict_path(info, driver))
+    kept = cache.read_json(_verdict_name(info, driver))
     if isinstance(kept, dict) and {"probe", "detail"} <= kept.keys():
         return replace(info, probe=str(kept["probe"]), detail=str(kept["detail"]))
     return info
@@ -265,18 +315,32 @@ def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None
         notify(f"probing {info.title}{'' if again else ': first use of this driver with these kernels'}")
     request = {"task": "probe", "driver": asdict(driver), "ordinal": info.ordinal}
     verdict, detail = judge(ask_child(request, _probe_seconds()), expected_hash())
-    if verdict == "crashed" and not any(mark in detail for mark in ("SIGKILL", "bad_alloc", "out of memory")):
-        # A driver also crashes on an entry of its own cache that went bad. With an empty cache it shows which it is.
-        with tempfile.TemporaryDirectory(prefix="clrender-") as empty:
-            changes = {"XDG_CACHE_HOME": empty, "POCL_CACHE_DIR": str(Path(empty) / "pocl")}
-            Path(changes["POCL_CACHE_DIR"]).mkdir()
-            second = judge(ask_child(request, _probe_seconds(), changes), expected_hash())
-        if second[0] != "crashed":
-            cache.renew_compiler_folder()
-            verdict, detail = second
-    cache.limit_compiler_folder()  # here because few processes probe
-    cache.write_json(_verdict_path(info, driver), {"probe": verdict, "detail": detail, "device": info.title})
+    if verdict == "crashed" and not _scarce(detail):
+        verdict, detail = _without_cache(request, verdict, detail)
+    compiled.limit_compiler_folder()  # here because few processes probe
+    if verdict == "ok" or not (verdict == "timeout" or _scarce(detail) or _limited()):
+        cache.write_json(_verdict_name(info, driver), {"probe": verdict, "detail": detail, "device": info.title})
     return replace(info, probe=verdict, detail=detail)
+
+
+def _scarce(detail: str) -> bool:
+    """Whether a child failed for want of memory, room or time: another may succeed."""
+    return any(mark in detail.lower() for mark in _SCARCE)
+
+
+def _without_cache(request: dict[str, Any], verdict: str, detail: str) -> tuple[str, str]:
+    """Probe again with an empty cache: a driver also crashes on an entry of its own that went bad."""
+    try:
+        with cache.temporary_folder() as empty:
+            changes = {"XDG_CACHE_HOME": str(empty), "POCL_CACHE_DIR": str(empty / "pocl")}
+            (empty / "pocl").mkdir()
+            second = judge(ask_child(request, _probe_seconds(), changes), expected_hash())
+    except OSError:
+        return verdict, detail
+    if second[0] == "crashed":
+        return verdict, detail
+    compiled.renew_compiler_folder()
+    return second
 
 
 def _probe_seconds() -> float:

@@ -79,7 +79,9 @@ class SceneArrays:
         rows = self.buffers["primitive_rows"]
         self._rows("primitives", primitives, [*geometry, shape_of, shapes, arrays["materials"], offset, count, rows])
         if smooth:
-            self._rows("normals", triangles, [arrays["normals"], corners, offset, self.buffers["normal_rows"]])
+            self._rows(
+                "normals", triangles, [arrays["normals"], vertices, corners, offset, self.buffers["normal_rows"]]
+            )
         lights = len(scene.arrays["lights"])
         light_rows = [self.buffers["light_rows"], self.buffers["light_alias"]]
         self._rows("lights", lights, [arrays["lights"], *geometry, offset, np.uint32(lights), *light_rows])

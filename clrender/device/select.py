@@ -9,8 +9,9 @@ from dataclasses import replace
 from typing import Any
 
 from clrender.device import discover
-from clrender.device.device import Device, DeviceInfo
-from clrender.device.probe import inventory, probe
+from clrender.device.device import Device
+from clrender.device.info import DeviceInfo
+from clrender.device.probe import DriverReport, probe, survey
 from clrender.errors import DeviceError, UsageError
 
 __all__ = ["choose", "open_devices", "select"]
@@ -19,10 +20,8 @@ Notify = Callable[[str], None]
 Probe = Callable[[DeviceInfo], DeviceInfo]
 
 
-def select(
-    spec: str | int | Sequence[str | int] | None = None, *, notify: Notify | None = None, alone: bool = False
-) -> list[Device]:
-    """Open the devices that a `--device` specification means.
+def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify | None = None) -> list[Device]:
+    """Open the devices that a `--device` specification means. Only their drivers are loaded into this process.
 
     Parameters
     ----------
@@ -31,8 +30,6 @@ def select(
         `clrender devices`, or a part of a name (the best of those it fits). None: ``CLRENDER_DEVICE``, else ``auto``.
     notify : callable, optional
         Told, one line each: which device was chosen, warnings, and when a probe begins.
-    alone : bool
-        Load only the drivers of these devices. Quicker to start, but the process can open no others later.
 
     Returns
     -------
@@ -49,10 +46,15 @@ def select(
     tell = notify or (lambda line: None)
     specs = _normalise(spec)
     for refresh in (False, True):
-        known = inventory(refresh=refresh)
+        reports = survey(refresh=refresh)
+        known = [info for report in reports for info in report.devices]
+        if not known:
+            raise _nothing_found(reports)
+        for line in _unusable(reports):
+            tell(f"warning: {line}; see `clrender doctor`")
         chosen = choose(specs, known, lambda info: probe(info, notify=tell), tell)
         try:
-            opened = open_devices(chosen, None if alone else known)
+            opened = open_devices(chosen, known)
         except DeviceError:
             # What was kept about the drivers no longer holds; ask them once more.
             if refresh:
@@ -62,6 +64,27 @@ def select(
             tell(f"device: {info.title}")
         return opened
     raise AssertionError("the second round returns or raises")
+
+
+def _unusable(reports: Sequence[DriverReport]) -> list[str]:
+    """Drivers that are installed and fail, so that nobody wonders where a device went."""
+    lines = [
+        f"{report.driver.library} cannot be used: {report.fault}"
+        for report in reports
+        if report.fault and not report.driver.fault  # an .icd file without its library is of no concern to a render
+    ]
+    for report in reports:
+        if any("portable computing" in name.lower() and not count for name, _, count in report.platforms):
+            where = f" with POCL_CACHE_DIR={os.environ['POCL_CACHE_DIR']}" if "POCL_CACHE_DIR" in os.environ else ""
+            lines.append(f"{report.driver.library} offers no device{where}")
+    return lines
+
+
+def _nothing_found(reports: Sequence[DriverReport]) -> DeviceError:
+    why = "; ".join(_unusable(reports))
+    return DeviceError(
+        f"no OpenCL device was found{f' ({why})' if why else ''}; see `clrender doctor` for how to install a driver"
+    )
 
 
 def _normalise(spec: str | int | Sequence[str | int] | None) -> list[str]:
@@ -88,8 +111,6 @@ def choose(specs: Sequence[str], known: Sequence[DeviceInfo], probe_one: Probe, 
     UsageError, DeviceError
         As `select`.
     """
-    if not known:
-        raise DeviceError("no OpenCL device was found; see `clrender doctor` for how to install a driver")
     chosen: dict[int, DeviceInfo] = {}
     for spec in specs:
         for info in _one(spec, known, probe_one, notify):
@@ -162,14 +183,14 @@ def _rank(info: DeviceInfo) -> tuple[int, int, int, int, int]:
     return (kind, driver, native if kind else 0, -info.compute_units, info.index)
 
 
-def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo] | None = None) -> list[Device]:
-    """Open devices in this process.
+def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo]) -> list[Device]:
+    """Open devices in this process, and load the drivers of these alone.
 
     Parameters
     ----------
     chosen : sequence of DeviceInfo
-    known : sequence of DeviceInfo, optional
-        Devices whose drivers are loaded too, so that they can be opened later; those that crash are left out.
+    known : sequence of DeviceInfo
+        All there are.
 
     Raises
     ------
@@ -177,10 +198,10 @@ def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo] | Non
         When a driver no longer offers a device, or cannot open it.
     """
     libraries = {info.library for info in chosen}
-    libraries |= {info.library for info in known or () if info.probe not in ("crashed", "timeout")}
     wanted = [driver for driver in discover.drivers() if driver.library in libraries]
     platforms = discover.load_platforms(wanted)
-    return [Device(replace(info), _handle(info, platforms, known or chosen)) for info in chosen]
+    loaded = [info for info in known if info.library in libraries]
+    return [Device(replace(info), _handle(info, platforms, loaded)) for info in chosen]
 
 
 def _handle(info: DeviceInfo, platforms: Sequence[Any], known: Sequence[DeviceInfo]) -> Any:

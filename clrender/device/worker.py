@@ -14,9 +14,11 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.device.bvh import STACK
-from clrender.device.pipeline import PATH, Pipeline, Preparation
+from clrender.device.preparation import DevicePreparation
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
+from clrender.integrators.descriptor import Pipeline
+from clrender.integrators.path import INTEGRATOR as PATH
 
 if TYPE_CHECKING:
     from clrender.device.bvh import Bvh
@@ -134,9 +136,9 @@ class DeviceWorker:
         device: Device,
         scene: FlatScene,
         settings: npt.NDArray[np.void],
-        pipeline: Pipeline = PATH,
+        pipeline: Pipeline = PATH.pipeline,
         launch: LaunchConfig | None = None,
-        prepare: Callable[[DeviceWorker], Preparation] | None = None,
+        prepare: Callable[[DeviceWorker], DevicePreparation] | None = None,
         *,
         tree: Bvh | None = None,
         arrays: SceneArrays | None = None,
@@ -208,6 +210,8 @@ class DeviceWorker:
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
+        if self._settings["indirect_rays"][0] > 1:
+            defines["PATH_SPLITS"] = 1
         if self._prefetches:
             defines["PREFETCH"] = 1
             if self._arrays.tree.nbytes > _NEAR_BYTES:
@@ -396,7 +400,7 @@ def probe_hash(device: Device) -> str:
     settings = np.zeros(1, layout.dtype("Settings"))
     for name, value in {
         "width": size, "height": size, "tile": size, "shadow_rays": 1, "indirect_rays": 1, "max_depth": layout.NONE,
-        "roulette": layout.ROULETTE_THROUGHPUT,
+        "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": 1, "bsdf_samples": 1,
     }.items():  # fmt: skip
         settings[name] = value
     worker = DeviceWorker(device, flatten(load("room"), size, size), settings)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
-import importlib
-import io
 import json
-from collections.abc import Mapping, Sequence
+import math
+import os
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from clrender.errors import UsageError
+from clrender.errors import ClrenderError, UsageError
 from clrender.files import atomic_write, check_writable, open_input
+from clrender.image.display import check_size, jpeg_bytes, png_note, read_display
+from clrender.image.display import png_bytes as display_png
 from clrender.image.tone_map import to_display
 
 __all__ = [
@@ -36,8 +41,9 @@ FILM_ENDINGS: Final = (".film",)
 OUTPUT_ENDINGS: Final = (*DISPLAY_ENDINGS, *LINEAR_ENDINGS, *FILM_ENDINGS)
 """What a render can be written to."""
 
-_PNG_KEY: Final = "clrender"
-_PIXEL_LIMIT: Final = 1 << 30
+_NOTE: Final = "clrender"
+"""Name under which provenance is kept."""
+_NPY_HEADER_LIMIT: Final = 10_000
 _Image = npt.NDArray[np.float32]
 
 
@@ -100,9 +106,12 @@ def write_image(
         if ending == ".png":
             file.write(png_bytes(image, provenance, tone_map, exposure))
         elif ending in (".jpg", ".jpeg"):
-            file.write(_jpeg_bytes(image, tone_map, exposure))
+            file.write(jpeg_bytes(to_display(image, tone_map, exposure)))
         elif ending == ".exr":
-            _write_exr(file, image, provenance, channels or {})
+            from clrender.image.exr import write_exr
+
+            notes = {} if provenance is None else {_NOTE: json.dumps(provenance, sort_keys=True)}
+            write_exr(file, image, notes, channels or {})
         elif ending == ".npy":
             description = {"descr": "<f4", "fortran_order": False, "shape": image.shape}
             np.lib.format.write_array_header_1_0(file, description)
@@ -121,6 +130,9 @@ def write_image(
 def read_image(path: str | Path) -> _Image:
     """Linear image from `.exr`, `.npy` or `.hdr`, or a display image as its sRGB-decoded values.
 
+    A file never takes more memory than the image that it can hold by its size and the limits of its format, and that
+    image is of at most 2^30 pixels, 12 bytes each.
+
     Returns
     -------
     (H, W, 3) float32
@@ -132,20 +144,16 @@ def read_image(path: str | Path) -> _Image:
         No such file, an unknown ending, or a file that is not what its ending says.
     """
     path = Path(path)
-    readers = {".exr": _read_exr, ".npy": _read_npy, ".hdr": _read_hdr}
     ending = path.suffix.lower()
-    reader = _read_display if ending in DISPLAY_ENDINGS else readers.get(ending)
+    reader = read_display if ending in DISPLAY_ENDINGS else _READERS.get(ending)
     if reader is None:
         raise UsageError(
             f"{path}: the ending {path.suffix!r} is unknown; expected one of "
             f"{', '.join(DISPLAY_ENDINGS + LINEAR_ENDINGS)}."
         )
-    with open_input(path) as file:
-        try:
-            return reader(file)
-        except (ValueError, TypeError, KeyError, EOFError, RuntimeError, SyntaxError, MemoryError) as error:
-            reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-            raise UsageError(f"{path}: not a readable {ending} image ({reason}).") from None
+    with open_input(path) as file, _whatever_a_library_trips_over(f"{path}: not a readable {ending} image"):
+        return reader(file)
+    raise AssertionError("unreachable")
 
 
 def read_provenance(path: str | Path) -> dict[str, Any] | None:
@@ -157,20 +165,32 @@ def read_provenance(path: str | Path) -> dict[str, Any] | None:
         The file cannot be read.
     """
     path = Path(path)
-    with open_input(path) as file:
-        try:
-            if path.suffix.lower() == ".exr":
-                text = _openexr().File(file, header_only=True).header().get("clrender")
-            elif path.suffix.lower() == ".png":
-                from PIL import Image
+    with open_input(path) as file, _whatever_a_library_trips_over(f"{path}: its provenance cannot be read"):
+        text: str | None = None
+        if path.suffix.lower() == ".exr":
+            from clrender.image.exr import exr_attribute
 
-                with Image.open(file, formats=("PNG",)) as picture:
-                    text = picture.info.get(_PNG_KEY)
-            else:
-                return None
-            return None if text is None else dict(json.loads(str(text)))
-        except (ValueError, TypeError, RuntimeError, SyntaxError) as error:
-            raise UsageError(f"{path}: its provenance cannot be read ({error}).") from None
+            text = exr_attribute(file, _NOTE)
+        elif path.suffix.lower() == ".png":
+            text = png_note(file, _NOTE)
+        return None if text is None else dict(json.loads(text))
+    raise AssertionError("unreachable")
+
+
+@contextmanager
+def _whatever_a_library_trips_over(problem: str) -> Iterator[None]:
+    """One sentence for every exception: image libraries raise nearly all there are for damaged files."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # they mend what they warn of
+            yield
+    except (ClrenderError, NameError):
+        raise
+    except MemoryError:
+        raise UsageError(f"{problem} (it is too large for the memory of this machine).") from None
+    except Exception as error:
+        words = str(error).strip().splitlines()
+        raise UsageError(f"{problem} ({words[0][:300] if words else type(error).__name__}).") from None
 
 
 def png_bytes(
@@ -180,73 +200,41 @@ def png_bytes(
     exposure: float = 0.0,
 ) -> bytes:
     """PNG file of a linear image, toned for display; parameters as of `write_image`."""
-    from PIL import Image
-    from PIL.PngImagePlugin import PngInfo
-
-    notes = PngInfo()
-    if provenance is not None:
-        notes.add_itxt(_PNG_KEY, json.dumps(provenance, sort_keys=True))
-    data = io.BytesIO()
-    Image.fromarray(to_display(_as_image(linear), tone_map, exposure)).save(data, "PNG", pnginfo=notes)
-    return data.getvalue()
-
-
-def _jpeg_bytes(image: _Image, tone_map: str, exposure: float) -> bytes:
-    from PIL import Image
-
-    if max(image.shape) > 65500:
-        raise UsageError(
-            f"a .jpg holds at most 65500 pixels a side, not {image.shape[1]} x {image.shape[0]}; use .png."
-        )
-    data = io.BytesIO()
-    Image.fromarray(to_display(image, tone_map, exposure)).save(data, "JPEG", quality=95, subsampling=0)
-    return data.getvalue()
-
-
-def _openexr() -> Any:
-    """The OpenEXR library, which has no types and is only loaded for `.exr` files."""
-    return importlib.import_module("OpenEXR")
-
-
-def _write_exr(
-    file: IO[bytes], image: _Image, provenance: Mapping[str, Any] | None, channels: Mapping[str, _Image]
-) -> None:
-    library = _openexr()
-    header: dict[str, Any] = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage}
-    if provenance is not None:
-        header["clrender"] = json.dumps(provenance, sort_keys=True)
-    # Through memory: the library's own words for a full disk are not an OSError.
-    data = io.BytesIO()
-    with library.File(header, {"RGB": image, **channels}) as picture:
-        picture.write(data)
-    file.write(data.getbuffer())
+    notes = {} if provenance is None else {_NOTE: json.dumps(provenance, sort_keys=True)}
+    return display_png(to_display(_as_image(linear), tone_map, exposure), notes)
 
 
 def _read_exr(file: IO[bytes]) -> _Image:
-    library = _openexr()
-    header = library.File(file, header_only=True).header()
-    low, high = header["dataWindow"]
-    _check_size(int(high[0]) - int(low[0]) + 1, int(high[1]) - int(low[1]) + 1)
-    file.seek(0)
-    with library.File(file) as picture:
-        channels = picture.channels()
-        for name in ("RGB", "RGBA"):
-            if name in channels:
-                return np.array(channels[name].pixels[..., :3], np.float32)
-        raise ValueError(f"its channels are {', '.join(sorted(channels))}, not R, G, B")
+    from clrender.image.exr import read_exr
+
+    return read_exr(file)
 
 
 def _read_npy(file: IO[bytes]) -> _Image:
-    major = np.lib.format.read_magic(file)
-    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    if major not in readers:
-        raise ValueError(f"NumPy's format {major} is not known")
-    shape, _, kind = readers[major](file)
-    if len(shape) != 3 or shape[2] != 3 or kind.kind != "f":
-        raise ValueError(f"it holds {kind} {shape}, not float32 (height, width, 3)")
-    _check_size(shape[1], shape[0])
-    file.seek(0)
-    return _as_image(np.load(file, allow_pickle=False))
+    """NumPy's format, "NEP 1: a simple file format for NumPy arrays"; its own reader evaluates and warns too much."""
+    start = file.read(8)
+    if len(start) < 8 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
+        raise ValueError("it does not begin as NumPy's files do")
+    width = 2 if start[6] == 1 else 4
+    length = int.from_bytes(file.read(width), "little")
+    if length > _NPY_HEADER_LIMIT:
+        raise ValueError(f"its header is longer than {_NPY_HEADER_LIMIT} bytes")
+    try:
+        header = ast.literal_eval(file.read(length).decode("latin-1").strip())
+        kind, shape, fortran = np.dtype(str(header["descr"])), tuple(header["shape"]), bool(header["fortran_order"])
+    except Exception:
+        raise ValueError("its header cannot be read") from None
+    integers = all(type(size) is int for size in shape)
+    if not integers or len(shape) != 3 or shape[2] != 3 or kind.kind != "f" or kind.itemsize > 8:
+        raise ValueError(f"it holds {str(kind)[:20]} {str(shape)[:60]}, not float32 (height, width, 3)")
+    check_size(shape[1], shape[0])
+    size = math.prod(shape) * kind.itemsize
+    held = os.fstat(file.fileno()).st_size - 8 - width - length
+    if held != size:
+        raise ValueError(f"it has {max(held, 0)} bytes of pixels, but its header promises {size}")
+    pixels = np.frombuffer(file.read(size), kind).reshape(shape, order="F" if fortran else "C")
+    with np.errstate(over="ignore"):
+        return _as_image(pixels)
 
 
 def _read_hdr(file: IO[bytes]) -> _Image:
@@ -255,23 +243,7 @@ def _read_hdr(file: IO[bytes]) -> _Image:
     return read_hdr(file)
 
 
-def _read_display(file: IO[bytes]) -> _Image:
-    from PIL import Image
-
-    from clrender.image.tone_map import srgb_decode
-
-    try:
-        with Image.open(file, formats=("PNG", "JPEG")) as picture:
-            _check_size(*picture.size)
-            pixels = np.asarray(picture.convert("RGB"))
-    except OSError as error:  # Pillow's word for a damaged file
-        raise ValueError(str(error)) from None
-    return srgb_decode(pixels.astype(np.float64) / 255.0).astype(np.float32)
-
-
-def _check_size(width: int, height: int) -> None:
-    if width < 1 or height < 1 or width * height > _PIXEL_LIMIT:
-        raise ValueError(f"{width} x {height} pixels are not between 1 and {_PIXEL_LIMIT}")
+_READERS: Final[Mapping[str, Callable[[IO[bytes]], _Image]]] = {".exr": _read_exr, ".npy": _read_npy, ".hdr": _read_hdr}
 
 
 def _as_image(linear: npt.ArrayLike) -> _Image:

@@ -1,6 +1,6 @@
 """Radiance `.hdr` pictures (RGBE): three 8-bit mantissas that share an exponent.
 
-Format: G. Ward, "Real Pixels", Graphics Gems II (1991), and the Radiance reference manual.
+Format: G. Ward, "Real Pixels", Graphics Gems II (1991), and "The RADIANCE Picture File Format" of the Radiance manual.
 """
 
 from __future__ import annotations
@@ -11,10 +11,12 @@ from typing import IO, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.image.colorimetry import rec_709_matrix
+from clrender.image.display import check_size
+
 __all__ = ["read_hdr", "write_hdr"]
 
 _HEADER_LIMIT: Final = 1 << 16
-_SIDE_LIMIT: Final = 1 << 16
 _ROWS: Final = 64  # written at a time
 
 
@@ -36,39 +38,70 @@ def write_hdr(file: IO[bytes], image: npt.NDArray[np.float32]) -> None:
 
 
 def read_hdr(file: IO[bytes]) -> npt.NDArray[np.float32]:
-    """Read a picture, flat or run-length encoded, rows from top to bottom.
+    """Read a picture, flat or run-length encoded, in any of the format's eight orders of pixels.
 
     Returns
     -------
     (H, W, 3) float32
-        Each channel is (mantissa + 1/2) 2^(exponent - 136), or 0 where the exponent is 0.
+        Linear Rec. 709, as radiance: each channel is (mantissa + 1/2) 2^(exponent - 136), or 0 where the exponent is 0,
+        divided by all that `EXPOSURE` and `COLORCORR` say it was multiplied by; other `PRIMARIES` are converted.
 
     Raises
     ------
     ValueError, EOFError
         Not such a picture, or only a part of one.
     """
-    magic = file.readline(_HEADER_LIMIT)
-    if not magic.startswith(b"#?"):
+    if not file.readline(_HEADER_LIMIT).startswith(b"#?"):
         raise ValueError("it does not begin with #?RADIANCE")
-    taken = len(magic)
+    scale, matrix = _read_header(file)
+    size = re.fullmatch(rb"([-+][XY]) (\d{1,9}) ([-+][XY]) (\d{1,9})\s*", file.readline(_HEADER_LIMIT))
+    if size is None or size[1][1:] == size[3][1:]:
+        raise ValueError("its size is not given as -Y height +X width")
+    lines, length = int(size[2]), int(size[4])
+    check_size(length, lines)
+    data = file.read(8 * lines * length + _HEADER_LIMIT)  # no sound file is longer
+    # Lines are gathered as they come: a short file cannot ask for a large picture's memory.
+    encoded, at = [], 0
+    for _ in range(lines):
+        line, at = _read_line(data, at, length)
+        encoded.append(line)
+    return _oriented(_decoded(encoded, length, scale, matrix), size[1].decode(), size[3].decode())
+
+
+def _read_header(file: IO[bytes]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:
+    """What R, G and B are to be multiplied by, and then the matrix to Rec. 709, if any."""
+    divisor = np.ones(3)
+    matrix = None
+    taken = 0
     for line in iter(lambda: file.readline(_HEADER_LIMIT), b""):
         taken += len(line)
         if taken > _HEADER_LIMIT:
             raise ValueError("its header does not end")
         if not line.strip():
             break
-        if line.startswith(b"FORMAT=") and line.strip() != b"FORMAT=32-bit_rle_rgbe":
-            raise ValueError(f"its format is {line.strip()[7:].decode(errors='replace')}, not 32-bit_rle_rgbe")
-    size = re.fullmatch(rb"-Y (\d{1,9}) \+X (\d{1,9})\s*", file.readline(_HEADER_LIMIT))
-    if size is None:
-        raise ValueError("its size is not given as -Y height +X width")
-    height, width = int(size[1]), int(size[2])
-    if not (0 < height <= _SIDE_LIMIT and 0 < width <= _SIDE_LIMIT):
-        raise ValueError(f"{width} x {height} pixels are not between 1 and {_SIDE_LIMIT} a side")
-    # Rows are gathered as they come: a short file cannot ask for a large picture's memory.
-    rows = [_decode(_read_row(file, width)) for _ in range(height)]
-    return np.stack(rows)
+        # Lines that begin with a blank tell of pictures that this one was made of.
+        name, _, value = line.decode("latin-1").partition("=")
+        if name == "FORMAT" and value.strip() != "32-bit_rle_rgbe":
+            raise ValueError(f"its format is {value.strip()[:40]}, not 32-bit_rle_rgbe; convert it to RGB")
+        if name in ("EXPOSURE", "COLORCORR"):
+            divisor = divisor * _numbers(name, value, 1 if name == "EXPOSURE" else 3)
+            if not ((divisor > 1e-30) & (divisor < 1e30)).all():
+                raise ValueError(f"its {name} is {value.strip()[:40]}, by which no radiance was ever multiplied")
+        elif name == "PRIMARIES":
+            primaries = _numbers(name, value, 8)
+            matrix = rec_709_matrix(primaries.tolist()) if primaries.any() else None
+    return 1.0 / divisor, matrix
+
+
+def _numbers(name: str, value: str, count: int) -> npt.NDArray[np.float64]:
+    words = value.split()
+    try:
+        numbers = np.array([float(word) for word in words])
+    except ValueError:
+        numbers = np.empty(0)
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        raise ValueError(f"its {name} is {value.strip()[:40]!r}, not {count} number{'s' if count > 1 else ''}")
+    return numbers
 
 
 def _encode(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
@@ -78,42 +111,86 @@ def _encode(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     exponent = np.frexp(largest)[1]
     exponent = np.where(largest >= 2.0**-128, exponent, -128)
     rgbe = np.empty((*values.shape[:-1], 4), np.uint8)
-    # LaunchConfig off, not rounded: a reader adds one half.
+    # Cut off, not rounded: a reader adds one half.
     rgbe[..., :3] = np.floor(np.ldexp(positive, (8 - exponent)[..., None])) * (exponent > -128)[..., None]
     rgbe[..., 3] = exponent + 128
     return rgbe
 
 
-def _decode(rgbe: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    exponent = rgbe[..., 3:].astype(np.int32)
-    values = np.ldexp(rgbe[..., :3] + 0.5, exponent - 136)
-    return np.where(exponent > 0, values, 0.0).astype(np.float32)
+def _decoded(
+    lines: list[npt.NDArray[np.uint8]],
+    length: int,
+    scale: npt.NDArray[np.float64],
+    matrix: npt.NDArray[np.float64] | None,
+) -> npt.NDArray[np.float32]:
+    """Lines of (length, 4) uint8 as values; each line is given up as it is decoded."""
+    image = np.empty((len(lines), length, 3), np.float32)
+    lines.reverse()
+    for row in image:
+        rgbe = lines.pop()
+        exponent = rgbe[:, 3:].astype(np.int32)
+        values = np.where(exponent > 0, np.ldexp(rgbe[:, :3] + 0.5, exponent - 136), 0.0) * scale
+        with np.errstate(over="ignore"):
+            row[:] = values if matrix is None else values @ matrix.T
+    return image
 
 
-def _read_row(file: IO[bytes], width: int) -> npt.NDArray[np.uint8]:
-    start = _take(file, 4)
-    if not (8 <= width < 32768 and start[0] == 2 and start[1] == 2 and start[2] < 128):
-        if start[:3] == b"\1\1\1":
-            raise ValueError("it uses the run-length code of before 1991, which is not read")
-        return np.frombuffer(start + _take(file, 4 * (width - 1)), np.uint8).reshape(width, 4)
-    if start[2] << 8 | start[3] != width:
-        raise ValueError("a row is not as wide as the picture")
-    planes: npt.NDArray[np.uint8] = np.empty((4, width), np.uint8)
+def _oriented(image: npt.NDArray[np.float32], outer: str, inner: str) -> npt.NDArray[np.float32]:
+    """Lines as the file has them, as rows from top to bottom; a file may begin in any corner and go along any side."""
+    image = image[::-1] if outer in ("+Y", "-X") else image
+    image = image[:, ::-1] if inner in ("+Y", "-X") else image
+    return np.ascontiguousarray(image if outer[1] == "Y" else image.transpose(1, 0, 2))
+
+
+def _read_line(data: bytes, at: int, length: int) -> tuple[npt.NDArray[np.uint8], int]:
+    """One line, and where the next begins."""
+    start = data[at : at + 4]
+    if not (8 <= length < 32768 and start[:2] == b"\2\2" and start[2:3] < b"\x80"):
+        return _read_flat_line(data, at, length)
+    if len(start) < 4 or start[2] << 8 | start[3] != length:
+        raise ValueError("a line is not as long as the picture's")
+    at += 4
+    planes = np.empty((4, length), np.uint8)
     for plane in planes:
         x = 0
-        while x < width:
-            count = _take(file, 1)[0]
-            run = count > 128
-            count -= 128 if run else 0
-            if count == 0 or x + count > width:
-                raise ValueError("a run is longer than its row")
-            plane[x : x + count] = np.frombuffer(_take(file, 1 if run else count), np.uint8)
+        while x < length:
+            if at >= len(data):
+                raise EOFError("the file ends too early")
+            count = data[at]
+            if count > 128:
+                count -= 128
+                some, at = data[at + 1 : at + 2] * count, at + 2
+            else:
+                some, at = data[at + 1 : at + 1 + count], at + 1 + count
+            if count == 0 or x + count > length:
+                raise ValueError("a run is longer than its line")
+            if len(some) != count:
+                raise EOFError("the file ends too early")
+            plane[x : x + count] = np.frombuffer(some, np.uint8)
             x += count
-    return np.stack(list(planes), axis=-1)
+    return np.ascontiguousarray(planes.T), at
 
 
-def _take(file: IO[bytes], count: int) -> bytes:
-    data = file.read(count)
-    if len(data) != count:
-        raise EOFError("the file ends too early")
-    return data
+def _read_flat_line(data: bytes, at: int, length: int) -> tuple[npt.NDArray[np.uint8], int]:
+    """A line of whole pixels; in the code of before 1991 a pixel 1, 1, 1, n repeats the one before it n times."""
+    some = np.frombuffer(data[at : at + 4 * length], np.uint8)
+    some = some[: len(some) // 4 * 4].reshape(-1, 4)
+    if len(some) == length and not (some[:, :3] == 1).all(axis=1).any():
+        return some, at + 4 * length
+    line = np.empty((length, 4), np.uint8)
+    x = shift = 0
+    while x < length:
+        pixel = data[at : at + 4]
+        if len(pixel) < 4:
+            raise EOFError("the file ends too early")
+        at += 4
+        if pixel[:3] == b"\1\1\1":
+            count = pixel[3] << shift
+            if x == 0 or x + count > length:
+                raise ValueError("a run is longer than its line")
+            line[x : x + count] = line[x - 1]
+            x, shift = x + count, min(shift + 8, 32)
+        else:
+            line[x] = np.frombuffer(pixel, np.uint8)
+            x, shift = x + 1, 0
+    return line, at

@@ -15,8 +15,7 @@ from clrender.integrators.descriptor import (
     ENVIRONMENT_ON_DIFFUSE,
     SOFT_SHADOWS,
     Integrator,
-    Prepared,
-    Request,
+    Pipeline,
 )
 from clrender.resources import integrator_names
 
@@ -27,8 +26,7 @@ __all__ = [
     "INTEGRATORS",
     "SOFT_SHADOWS",
     "Integrator",
-    "Prepared",
-    "Request",
+    "Pipeline",
 ]
 
 

@@ -1,19 +1,10 @@
-"""What the rest of the host knows of an integrator."""
+"""What the rest of the host knows of an integrator: data, so that help and schema can be made from it at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
-
-from clrender.device.pipeline import Pipeline, Preparation
-
-if TYPE_CHECKING:
-    from clrender.device import Device
-    from clrender.device.worker import DeviceWorker, LaunchConfig
-    from clrender.flatten import FlatScene
-    from clrender.scene import Scene
-    from clrender.settings import RenderSettings
+from typing import Final
 
 __all__ = [
     "BETWEEN_DIFFUSE",
@@ -21,8 +12,7 @@ __all__ = [
     "ENVIRONMENT_ON_DIFFUSE",
     "SOFT_SHADOWS",
     "Integrator",
-    "Prepared",
-    "Request",
+    "Pipeline",
 ]
 
 BETWEEN_DIFFUSE: Final = "light between diffuse surfaces"
@@ -32,52 +22,35 @@ ENVIRONMENT_ON_DIFFUSE: Final = "the environment on diffuse surfaces"
 
 
 @dataclass(frozen=True)
-class Request:
-    """What an integrator may ask about before it renders.
+class Pipeline:
+    """Kernels that are launched one after the other to make samples of pixels.
 
     Attributes
     ----------
-    scene : Scene
-    flat : FlatScene
-        Of the scene.
-    settings : RenderSettings
-    devices : sequence of Device
-    launch : LaunchConfig
-    notify : callable
-        Told, in a line, what the user may want to know.
-    should_stop : callable
+    entry, kernel : str
+        File below the kernels folder, and the kernel in it that makes samples of pixels.
+    then : tuple of str
+        Kernels of the same file that are launched after it, in order, with the same arguments.
+    record_bytes : int
+        Memory that these share, for each sample of a launch.
+    packets : int
+        Packets of paths that its kernel takes turns with where rays part (kernels/core/lane.h).
+    sample_by_sample : bool
+        A launch makes one sample of each pixel, because something is computed first for that sample of all of them;
+        then as much of the image as possible is one unit.
     """
 
-    scene: Scene
-    flat: FlatScene
-    settings: RenderSettings
-    devices: Sequence[Device]
-    launch: LaunchConfig
-    notify: Callable[[str], None]
-    should_stop: Callable[[], bool]
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """What an integrator renders with.
-
-    Attributes
-    ----------
-    flat : FlatScene
-        The request's, or another in its place.
-    pipeline : Pipeline
-    on_device : callable, optional
-        Makes what the pipeline needs on a device, given the worker there.
-    """
-
-    flat: FlatScene
-    pipeline: Pipeline
-    on_device: Callable[[DeviceWorker], Preparation] | None = None
+    entry: str
+    kernel: str
+    then: tuple[str, ...] = ()
+    record_bytes: int = 0
+    packets: int = 1
+    sample_by_sample: bool = False
 
 
 @dataclass(frozen=True)
 class Integrator:
-    """A way to follow light.
+    """A way to compute light transport.
 
     Attributes
     ----------
@@ -89,23 +62,20 @@ class Integrator:
         Of the light it does find: ``unbiased``, ``consistent`` (the error of the mean falls as samples are added) or
         ``discretised`` (it falls with the size of patches).
     takes : mapping of str to tuple
-        Values of settings that it takes, where it does not take all.
-    fixed : mapping of str to object
-        Values of settings that its kernels are given, whatever the user says of other integrators.
+        Settings of which it takes these values only, the first where nothing is asked for.
+    fixed : mapping of str to int
+        Members of the kernels' `Settings` that it gives itself, whatever the settings say.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
-    prepare : callable, optional
-        Computes what it needs before the first sample; without it, that is the scene alone.
+    preparation : str
+        The module whose ``prepare`` computes what it needs before the first sample (`clrender.device.preparation`);
+        empty: that is the scene alone.
     """
 
     pipeline: Pipeline
     leaves_out: tuple[str, ...] = ()
     bias: str = "unbiased"
     takes: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
-    fixed: Mapping[str, object] = field(default_factory=dict)
+    fixed: Mapping[str, int] = field(default_factory=dict)
     auto_light_sampler: str = "auto"
-    prepare: Callable[[Request], Prepared] | None = None
-
-    def prepared(self, request: Request) -> Prepared:
-        """What it renders a request with."""
-        return self.prepare(request) if self.prepare else Prepared(request.flat, self.pipeline)
+    preparation: str = ""

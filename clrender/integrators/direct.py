@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from clrender.device.pipeline import PATH
-from clrender.integrators.descriptor import BETWEEN_DIFFUSE, CAUSTICS, Integrator
+from clrender.integrators.descriptor import BETWEEN_DIFFUSE, CAUSTICS, Integrator, Pipeline
 
 __all__ = ["INTEGRATOR"]
 
-INTEGRATOR: Final = Integrator(PATH, leaves_out=(BETWEEN_DIFFUSE, CAUSTICS), fixed={"indirect_rays": 0})
+INTEGRATOR: Final = Integrator(
+    Pipeline("integrator/path.cl", "integrator_path", packets=8),
+    leaves_out=(BETWEEN_DIFFUSE, CAUSTICS),
+    takes={"indirect_rays": (1, 0)},
+    fixed={"indirect_rays": 0},
+)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from clrender.device.pipeline import PATH
-from clrender.integrators.descriptor import Integrator
+from clrender.integrators.descriptor import Integrator, Pipeline
 
 __all__ = ["INTEGRATOR"]
 
-INTEGRATOR: Final = Integrator(PATH)
+INTEGRATOR: Final = Integrator(Pipeline("integrator/path.cl", "integrator_path", packets=8))

@@ -1,185 +1,19 @@
-"""Progressive photon mapping: a photon map for each sample of the pixels, made on the device before the samples are."""
+"""Progressive photon mapping: a photon map for each sample of the pixels."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-import numpy as np
-import numpy.typing as npt
+from clrender.integrators.descriptor import Integrator, Pipeline
 
-from clrender.device.pipeline import Pipeline
-from clrender.device.radix_sort import launch_each, sort
-from clrender.integrators.descriptor import Integrator, Prepared, Request
-
-if TYPE_CHECKING:
-    from clrender.device.device import Argument, Buffer
-    from clrender.device.worker import DeviceWorker
-    from clrender.flatten import FlatScene
-
-__all__ = ["INTEGRATOR", "PhotonMaps", "radius_of_pass"]
-
-SHRINKING: Final = 2.0 / 3.0
-"""How slowly the radius shrinks: the value that Knaus and Zwicker find best (2011, section 4.1)."""
-RADIUS_SHARE: Final = 0.01
-"""Of the scene's radius: the first photon map's, unless the user says otherwise."""
-
-# kernels/photon/deposit.h; a test compares them.
-DEPOSITS: Final = 8
-DEPOSIT_WORDS: Final = 12
-
-_MAP_WORDS: Final = 10
-_MOST_CELLS: Final = 1 << 22
-
-
-def radius_of_pass(first: float, number: int) -> float:
-    """Radius of a photon map, metres (Knaus and Zwicker 2011, equation 15).
-
-    Parameters
-    ----------
-    first : float
-        Radius of map 0.
-    number : int
-        Of the map, from 0.
-    """
-    squared = first * first
-    for i in range(1, number + 1):
-        squared *= (i + SHRINKING) / (i + 1)
-    return math.sqrt(squared)
-
-
-def photons_per_item(lanes: int) -> int:
-    """Photons that a work-item follows: ``PHOTONS_PER_ITEM`` of ``kernels/photon/photons.cl``."""
-    return 1 if lanes == 1 else 16 * lanes
-
-
-def scene_box(flat: FlatScene) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Lowest and highest coordinates, (3,) float64 each, of all that rays can hit; of nothing, a metre."""
-    if not flat.triangle_count + flat.analytic_count:
-        return np.zeros(3), np.ones(3)
-    vertices = flat.arrays["vertices"].reshape(-1, 3).astype(np.float64)
-    vertices = vertices if flat.triangle_count else vertices[:0]
-    analytic = flat.arrays["analytic_shapes"]["center_radius"].astype(np.float64)[: flat.analytic_count]
-    points = np.concatenate([vertices, analytic[:, :3] - analytic[:, 3:], analytic[:, :3] + analytic[:, 3:]])
-    return points.min(axis=0), points.max(axis=0)
-
-
-class PhotonMaps:
-    """The photon maps of a render on one device; it holds one at a time.
-
-    Map `n` is a function of the scene, the settings and `n`: whoever needs it makes it, and gets the same bits.
-
-    Parameters
-    ----------
-    worker : DeviceWorker
-        Whose scene photons fly through.
-    flat : FlatScene
-        The same scene.
-    photons : int
-        Emitted for each map.
-    radius : float or None
-        Of the first map, metres; None: a hundredth of the scene's.
-    """
-
-    def __init__(self, worker: DeviceWorker, flat: FlatScene, photons: int, radius: float | None) -> None:
-        self._worker = worker
-        self._photons = photons
-        low, high = scene_box(flat)
-        x, y, z = (high - low).tolist()
-        around = max(math.sqrt(x * x + y * y + z * z) / 2.0, 1e-12)
-        self._radius = RADIUS_SHARE * around if radius is None else radius
-        self._bounds = np.array([*((low + high) / 2.0), around * 1.001], np.float32)
-        self._low, self._extent = low, np.maximum(high - low, 1e-3 * around)
-        self._trace = worker.program("photon/photons.cl")
-        self._grid = worker.device.program("photon/grid.cl", {"LANES": 1})
-        self._dark = flat.light_count == 0
-        self._held: list[Buffer] = []
-        self._ready: tuple[int, list[Argument]] | None = None
-        self._rays = 0
-
-    def take_rays(self) -> int:
-        """Rays traced since this was last asked."""
-        rays, self._rays = self._rays, 0
-        return rays
-
-    def arguments(self, sample: int) -> Sequence[Argument]:
-        """The photon map for this sample of every pixel, as ``kernels/integrator/photon.cl`` takes it."""
-        if self._ready is None or self._ready[0] != sample:
-            self.release()
-            self._ready = sample, self._make(sample)
-        return self._ready[1]
-
-    def _make(self, number: int) -> list[Argument]:
-        device, places = self._worker.device, self._photons * DEPOSITS
-        radius = np.float32(radius_of_pass(self._radius, number))
-        low, size = self._cells(float(radius))
-        deposits, counts = self._deposits(number)
-        keys, values = device.empty(8 * places), device.empty(4 * places)
-        arguments: list[Argument] = [deposits, counts, np.uint32(places), low, size, keys, values]
-        launch_each(device, self._grid, "grid_keys", places, arguments)
-        cells = int(size[3])
-        keys, values = sort(device, keys, values, places, cells.bit_length())
-        starts = device.empty(4 * (cells + 1))
-        launch_each(device, self._grid, "grid_starts", places + 1, [keys, np.uint32(places), np.uint32(cells), starts])
-        stride = np.uint32(-(-places // 16) * 16 + 16)
-        photon_map = device.empty(4 * _MAP_WORDS * int(stride))
-        arguments = [deposits, counts, values, starts, np.uint32(cells), stride, photon_map]
-        launch_each(device, self._grid, "grid_place", int(stride), arguments)
-        device.finish()
-        for buffer in (deposits, counts, keys, values):
-            device.release(buffer)
-        self._held = [photon_map, starts]
-        area = math.pi * float(radius) ** 2
-        return [photon_map, starts, stride, low, size, radius, np.float32(1.0 / (self._photons * area))]
-
-    def _deposits(self, number: int) -> tuple[Buffer, Buffer]:
-        """Send the photons out: what they leave, and how many deposits each made."""
-        device, worker = self._worker.device, self._worker
-        deposits = device.empty(4 * DEPOSIT_WORDS * DEPOSITS * self._photons)
-        counts = device.empty(4 * self._photons)
-        device.write(counts, np.zeros(self._photons, np.uint32))
-        if self._dark:
-            return deposits, counts
-        items = worker.padded(-(-self._photons // photons_per_item(worker.lanes)))
-        rays = device.empty(4 * items)
-        arguments: list[Argument] = [self._bounds, np.uint32(number), np.uint32(self._photons), deposits, counts, rays]
-        worker.launch(self._trace, "photon_pass", items, arguments)
-        traced = np.empty(items, np.uint32)
-        device.read(rays, traced)
-        device.release(rays)
-        self._rays += int(traced.sum(dtype=np.uint64))
-        return deposits, counts
-
-    def _cells(self, radius: float) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
-        """The grid: its corner and cells per metre; its cells along each axis and in all."""
-        side = radius
-        along = np.ceil(self._extent / side)
-        while along.prod() > _MOST_CELLS:
-            side *= 1.1
-            along = np.ceil(self._extent / side)
-        return np.array([*self._low, 1.0 / side], np.float32), np.array([*along, along.prod()], np.uint32)
-
-    def release(self) -> None:
-        """Give the device's memory back."""
-        for buffer in self._held:
-            self._worker.device.release(buffer)
-        self._held, self._ready = [], None
-
-
-def _prepare(request: Request) -> Prepared:
-    settings = request.settings
-    maps = partial(PhotonMaps, flat=request.flat, photons=settings.photons, radius=settings.photon_radius)
-    return Prepared(request.flat, INTEGRATOR.pipeline, maps)
-
+__all__ = ["INTEGRATOR"]
 
 INTEGRATOR: Final = Integrator(
     Pipeline("integrator/photon.cl", "integrator_photon", sample_by_sample=True),
     bias="consistent",
-    # Photons start at lights and not at points, for which a light BVH has no answer
-    takes={"light_sampler": ("auto", "power", "uniform"), "indirect_rays": (1,)},
+    # Photons start at lights and not at points, for which a light BVH has no answer.
+    takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
     fixed={"indirect_rays": 0},
     auto_light_sampler="power",
-    prepare=_prepare,
+    preparation="clrender.photon_maps",
 )

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from clrender.device.pipeline import Pipeline
-from clrender.integrators.descriptor import Integrator
+from clrender.integrators.descriptor import Integrator, Pipeline
 
 __all__ = ["INTEGRATOR"]
 

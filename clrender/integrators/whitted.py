@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from clrender.device.pipeline import Pipeline
-from clrender.integrators.descriptor import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, SOFT_SHADOWS, Integrator
+from clrender.integrators.descriptor import (
+    BETWEEN_DIFFUSE,
+    CAUSTICS,
+    ENVIRONMENT_ON_DIFFUSE,
+    SOFT_SHADOWS,
+    Integrator,
+    Pipeline,
+)
 
 __all__ = ["INTEGRATOR"]
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
+from clrender.integrators import INTEGRATORS
 from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.corners import Corners
-from clrender.radiosity.display import DISPLAY, GATHER, Display, Gather, looks_of
+from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity, Update
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool
@@ -22,7 +23,7 @@ from clrender.scheduling.run import run
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
-    from clrender.device.pipeline import Preparation
+    from clrender.device.preparation import DevicePreparation
 
 __all__ = ["Frame", "Motion", "frames", "picture"]
 
@@ -79,7 +80,7 @@ def frames(
     count : int
     spp : int
     display : str
-        One of `clrender.settings.RADIOSITY_DISPLAYS`.
+        A choice of the setting ``radiosity_display``.
 
     Raises
     ------
@@ -108,14 +109,14 @@ def picture(
     """The current scene: (height, width, 3) float32, radiance."""
     width, height, tile = (int(settings[name][0]) for name in ("width", "height", "tile"))
     patches, rows = dynamic.patches, dynamic.rows
-    show: Callable[[DeviceWorker], Preparation]
+    show: Callable[[DeviceWorker], DevicePreparation]
     if display == "gather":
         atlas = atlas_of(patches, rows.indirect(patches), dynamic.used, rows.open_share)
         flat = patches.whole(width, height)
         pipeline, show = GATHER, partial(Gather, atlas=atlas)
     else:
         table = looks_of(patches, dynamic.reflected, dynamic.used, corners)
-        flat, pipeline, show = dynamic.flat, DISPLAY, partial(Display, table=table)
+        flat, pipeline, show = dynamic.flat, INTEGRATORS["radiosity"].pipeline, partial(Display, table=table)
     film = Film(width, height)
     with WorkerPool([device], lambda each: DeviceWorker(each, flat, settings, pipeline, None, show)) as pool:
         run(Plan(width, height, 0, spp, tile), pool.candidates, film).raise_failure()

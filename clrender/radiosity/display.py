@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.device.pipeline import Pipeline
+from clrender.integrators.descriptor import Pipeline
 from clrender.radiosity.corners import Corners
 from clrender.radiosity.sides import own_radiance
 from clrender.radiosity.solution import Solution
@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from clrender.radiosity.atlas import Atlas
     from clrender.radiosity.patches import Patches
 
-__all__ = ["DISPLAY", "GATHER", "Display", "Gather", "looks", "looks_of"]
+__all__ = ["GATHER", "Display", "Gather", "looks", "looks_of"]
 
-DISPLAY: Final = Pipeline("radiosity/display.cl", "integrator_radiosity")
-"""Of the scene cut into patches."""
 GATHER: Final = Pipeline("radiosity/gather.cl", "radiosity_gather")
 """Of the scene before it was cut into patches."""
 _ROW: Final = 16

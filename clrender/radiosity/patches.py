@@ -13,11 +13,11 @@ from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.scene.description import Dielectric, EnvironmentLight, Lambert, Light, Scene
-from clrender.scene.mesh_io import MeshData
+from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
 
-__all__ = ["Patches", "cut_into_patches"]
+__all__ = ["Patches", "check_diffuse", "cut_into_patches"]
 
 _SLACK: Final = 1.5
 """A patch may be larger than wanted by this factor."""
@@ -26,6 +26,9 @@ _LIGHTS_SHARE: Final = 0.25
 """Where more than this fraction of all area emits, form factors estimate its light better than shadow rays."""
 _CARRIED: Final = ("areas", "normals", "reflectance", "emission", "shadow_rays_find_emission")
 """Cached properties that stay valid when a shape moves."""
+"""What a shape keeps as it moves."""
+_ORIGIN: Final = (0.0, 0.0, 0.0)
+"""Patches are in world space, and what moves among them too."""
 
 _Floats = NDArray[np.float64]
 
@@ -131,7 +134,7 @@ class Patches:
             When a patch is too small for single precision.
         """
         scene = self.scene.remeshed(self._meshes(), self._lights, self.shadow_rays_find_emission)
-        flat = flatten(scene, width, height, light_sampler)
+        flat = flatten(scene, width, height, light_sampler, _ORIGIN)
         if flat.triangle_count != len(self):
             lost = len(self) - flat.triangle_count
             raise SceneError(
@@ -146,7 +149,7 @@ class Patches:
         if not self.shadow_rays_find_emission:
             shapes = tuple(shape.model_copy(update={"emission": None}) for shape in shapes)
         scene = self.scene.model_copy(update={"shapes": shapes, "lights": self._lights})
-        return flatten(scene, width, height, light_sampler)
+        return flatten(scene, width, height, light_sampler, _ORIGIN)
 
     @property
     def _lights(self) -> tuple[Light, ...]:
@@ -229,7 +232,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
     SceneError
         When a shape is a mirror or of glass, or there is nothing in the scene.
     """
-    _refuse_what_is_not_diffuse(scene)
+    check_diffuse(scene)
     whole, is_round = _coarse(scene, np.inf)
     if not len(whole):
         raise SceneError(f"{scene.source}: has no shapes, and radiosity needs surfaces; use --integrator path")
@@ -277,7 +280,13 @@ def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
     return Patches(scene, every, np.repeat(np.arange(len(parts)), lengths), of), is_round
 
 
-def _refuse_what_is_not_diffuse(scene: Scene) -> None:
+def check_diffuse(scene: Scene) -> None:
+    """Make sure that radiosity knows the materials of all shapes.
+
+    Raises
+    ------
+    SceneError
+    """
     for index, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material] if shape.material is not None else None
         if material is None or isinstance(material, Lambert):

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.device.pipeline import Pipeline
 from clrender.device.radix_sort import launch_each, scan
 from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.errors import UsageError
+from clrender.integrators.descriptor import Pipeline
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer, Device

@@ -18,7 +18,7 @@ from clrender.scene.description import (
     Scene,
 )
 from clrender.scene.load import builtin_names, load
-from clrender.scene.mesh_io import MeshData
+from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
 
 __all__ = [

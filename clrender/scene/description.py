@@ -11,31 +11,33 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
+from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
 
-from clrender.scene.mesh_io import MeshData, inline_mesh, read_mesh
+from clrender.integrators import INTEGRATORS
+from clrender.scene.mesh_data import MeshData, inline_mesh
+from clrender.scene.mesh_io import read_mesh
 from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.values import (
     COORDINATE_LIMIT,
-    PIXEL_LIMIT,
     SHAPE_LIMIT,
     Absorption,
     Color,
-    Count,
     Finite,
     Index,
     Length,
     Name,
     Part,
     Reflectance,
+    SettingValue,
     Vector,
     cross,
     fault,
     length,
 )
 from clrender.scene.wording import quoted, suggestion
+from clrender.settings import PIXEL_LIMIT, SETTINGS, not_taken
 
 __all__ = [
     "LIGHT_TYPES",
@@ -82,31 +84,53 @@ class Camera(Part):
         return self
 
 
-class Image(Part):
-    """Size of the picture in pixels."""
+def _keys(section: str) -> dict[str, Any]:
+    """What a table of the scene file may hold, of the table of settings."""
+    of_it = [setting for setting in SETTINGS.values() if setting.section == section]
+    return {setting.name: (Annotated[Any, SettingValue(setting)], setting.default) for setting in of_it}
 
-    width: Annotated[Count, Field(ge=1, le=65536)] = 800
-    height: Annotated[Count, Field(ge=1, le=65536)] = 800
 
+class _Size(Part):
     @model_validator(mode="after")
-    def _fits(self) -> Image:
+    def _fits(self) -> _Size:
+        assert isinstance(self, Image)
         if self.width * self.height > PIXEL_LIMIT:
             size = f"{self.width} x {self.height} is {self.width * self.height} pixels"
             raise fault("image", f"is too large: {size}, but {PIXEL_LIMIT} is the most")
         return self
 
 
-class Render(Part):
-    """Defaults of the render's settings; the command line wins."""
+class _Defaults(Part):
+    @model_validator(mode="after")
+    def _go_together(self) -> _Defaults:
+        values = self.model_dump()
+        for name, allowed in INTEGRATORS[values["integrator"]].takes.items():
+            if values[name] not in allowed:
+                raise fault("setting", not_taken(name, values[name], values["integrator"]), name)
+        return self
 
-    integrator: Literal["path", "direct", "whitted", "reuse", "photon", "radiosity"] = "path"
-    spp: Annotated[Count, Field(ge=1, le=2**20)] = Field(64, description="samples per pixel")
-    seed: Annotated[Count, Field(ge=0, lt=2**32)] = 0
-    shadow_rays: Annotated[Count, Field(ge=1, le=4096)] = 1
-    indirect_rays: Annotated[Count, Field(ge=0, le=4096)] = 1
-    max_depth: Annotated[Count, Field(ge=0, le=2**31 - 1)] | None = None
-    roulette: Literal["throughput", "absorption", "none"] = "throughput"
-    absorption: Absorption = None
+
+if TYPE_CHECKING:
+
+    class Image(_Size):
+        """Size of the image."""
+
+        width: int = 800
+        height: int = 800
+
+    class Render(_Defaults):
+        """Defaults of a render's settings; the command line wins."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    Image = create_model("Image", __base__=_Size, __doc__="Size of the image.", **_keys("image"))
+    Render = create_model(
+        "Render",
+        __base__=_Defaults,
+        __doc__="Defaults of a render's settings; the command line wins.",
+        **_keys("render"),
+    )
 
 
 # --- materials -------------------------------------------------------------------------------------------------------
@@ -184,6 +208,13 @@ Light: TypeAlias = Annotated[PointLight | DirectionalLight | EnvironmentLight, F
 # --- the whole -------------------------------------------------------------------------------------------------------
 
 
+def _working_folder() -> Path:
+    try:
+        return Path.cwd()
+    except FileNotFoundError:  # deleted under our feet; only a scene that names files has to know
+        return Path()
+
+
 class Scene(Part):
     """A scene: what a scene file says, validated.
 
@@ -199,7 +230,7 @@ class Scene(Part):
     shapes: Annotated[tuple[Shape, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
     lights: Annotated[tuple[Light, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
 
-    _base_folder: Path = PrivateAttr(default_factory=Path.cwd)
+    _base_folder: Path = PrivateAttr(default_factory=_working_folder)
     _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
     _source: str = PrivateAttr(default="Scene")
     _meshes: dict[str, MeshData] = PrivateAttr(default_factory=dict)
@@ -287,14 +318,16 @@ class Scene(Part):
         return self._meshes[shape.file]
 
     def sha256(self) -> str:
-        """Hash of what the scene holds, wherever it lies and however it was written; the title does not count.
+        """Hash of what the scene holds, wherever it lies and however it was written.
+
+        Its title and its defaults for a render's settings do not count; which settings made an image is said beside it.
 
         Returns
         -------
         str
             64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, not by its name.
         """
-        return self._hash_without({"title"})
+        return self._hash_without({"title", "render"})
 
     def content_sha256(self) -> str:
         """The same of shapes, materials and lights alone: whoever looks at them, and however."""

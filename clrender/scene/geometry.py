@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.scene.angles import sin_cos_degrees
-from clrender.scene.mesh_io import MeshData
+from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Quad, Tetrahedron, Transform, Triangle
 from clrender.scene.values import Vector, cross, length
 

@@ -17,12 +17,10 @@ from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
 from clrender.scene.values import Color, length
 
-__all__ = ["LIGHT_SAMPLERS", "flat_lights"]
+__all__ = ["flat_lights"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
-LIGHT_SAMPLERS: Final = ("auto", "bvh", "power", "uniform")
-"""How one of many lights is picked: by what it can give at the point, by its power, or each alike."""
 _TREE_FROM: Final = 16
 """So many lights are worth a walk down a tree at every point."""
 
@@ -36,7 +34,7 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> t
     surfaces : FlatSurfaces
         Of this scene; `first_light` of its shapes is written.
     choice : str
-        One of `LIGHT_SAMPLERS`.
+        A light sampler of `clrender.settings`.
 
     Returns
     -------
@@ -75,7 +73,7 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> t
         row["primitive"] = layout.NONE
         if isinstance(light, PointLight):
             color, factor, kind = light.intensity, 4.0 * math.pi, layout.LIGHT_POINT
-            row["position"][0, :3] = light.position
+            row["position"][0, :3] = [x - o for x, o in zip(light.position, surfaces.origin, strict=True)]
         elif isinstance(light, DirectionalLight):
             color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
             size = length(light.direction)

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.resources import scenes_folder
 from clrender.scene.description import Scene
-from clrender.scene.mesh_io import open_regular
+from clrender.scene.mesh_io import open_scene_file
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
 from clrender.scene.wording import quoted, suggestion
@@ -110,7 +110,7 @@ def _located(path_or_name: str | Path) -> Path:
 
 def _parsed(path: Path, source: str) -> Any:
     """What the file holds, as Python's own types."""
-    file, size = open_regular(path, f"{source}: the scene file", SCENE_FILE_LIMIT)
+    file, size = open_scene_file(path, f"{source}: the scene file", SCENE_FILE_LIMIT)
     with file:
         data = file.read(size)
     try:

@@ -2,68 +2,28 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import stat
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import BinaryIO, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.files import UnreadableFile, open_regular
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_obj import read_obj
+from clrender.scene.mesh_ply import read_ply
 from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.wording import quoted
 
-__all__ = ["FILE_LIMIT", "TRIANGLE_LIMIT", "MeshData", "inline_mesh", "open_regular", "read_mesh"]
+__all__ = ["FILE_LIMIT", "open_scene_file", "read_mesh"]
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
-TRIANGLE_LIMIT: Final = 2**27
-"""Most vertices, and most triangles, of a mesh and of a scene."""
 
 
-@dataclass(frozen=True)
-class MeshData:
-    """Triangles as a file holds them, before any transform.
-
-    Attributes
-    ----------
-    vertices : (V, 3) float32 or float64
-        Finite, object space.
-    triangles : (T, 3) uint32
-        Indices below V.
-    normals : (V, 3) float32 or float64, or None
-        Finite, of any length; zero where the file has none.
-    """
-
-    vertices: NDArray[np.floating]
-    triangles: NDArray[np.uint32]
-    normals: NDArray[np.floating] | None = None
-
-    def sha256(self) -> str:
-        """Hash of the three arrays (in float64, so that the width in the file does not count)."""
-        return self._sha256
-
-    @cached_property
-    def _sha256(self) -> str:
-        digest = hashlib.sha256(f"{self.vertices.shape} {self.triangles.shape} {self.normals is None}".encode())
-        for array, kind in ((self.vertices, "<f8"), (self.normals, "<f8"), (self.triangles, "<u4")):
-            for start in range(0, 0 if array is None else len(array), 2**18):
-                assert array is not None
-                digest.update(np.ascontiguousarray(array[start : start + 2**18], dtype=kind).tobytes())
-        return digest.hexdigest()
-
-
-def inline_mesh(vertices: Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> MeshData:
-    """A mesh written into the scene file; its indices have been checked by the model."""
-    return MeshData(np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.uint32))
-
-
-def open_regular(path: Path, label: str, limit: int) -> tuple[BinaryIO, int]:
+def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = None) -> tuple[BinaryIO, int]:
     """Open a file for reading if it is a regular one of sane size.
 
     Parameters
@@ -73,39 +33,27 @@ def open_regular(path: Path, label: str, limit: int) -> tuple[BinaryIO, int]:
         Start of the error message.
     limit : int
         Largest size, bytes.
+    beneath : pathlib.Path, optional
+        As of `clrender.files.open_regular`.
 
     Returns
     -------
     file, size
-        Positioned at its start; size in bytes.
 
     Raises
     ------
     SceneError
-        If it is missing, unreadable, a folder, a device, a pipe, or too large.
+        If it cannot be opened, or is a folder, a device, a pipe, a socket or too large.
     """
     try:
-        # Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    except FileNotFoundError:
-        raise SceneError(f"{label} does not exist; check its name and folder") from None
-    except IsADirectoryError:
-        raise SceneError(f"{label} is a folder; name a file in it") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or "the name is not a valid path"
-        raise SceneError(f"{label} cannot be opened: {reason}") from None
-    try:
-        status = os.fstat(descriptor)
-        if stat.S_ISDIR(status.st_mode):
-            raise SceneError(f"{label} is a folder; name a file in it")
-        if not stat.S_ISREG(status.st_mode):
-            raise SceneError(f"{label} is a device or a pipe; only regular files are read")
-        if status.st_size > limit:
-            raise SceneError(f"{label} has {status.st_size} bytes, but at most {limit} are read")
-        return os.fdopen(descriptor, "rb"), status.st_size
-    except BaseException:
-        os.close(descriptor)
-        raise
+        file = open_regular(path, beneath)
+    except UnreadableFile as error:
+        raise SceneError(f"{label} {error}") from None
+    size = os.fstat(file.fileno()).st_size
+    if size > limit:
+        file.close()
+        raise SceneError(f"{label} has {size} bytes, but at most {limit} are read")
+    return file, size
 
 
 def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
@@ -127,43 +75,38 @@ def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
         If it may not be read or is not a sound mesh.
     """
     label = f"{place}: {quoted(name)}"
-    path = _allowed(name, base_folder, allow_paths, label)
+    folder, path = _allowed(name, base_folder, allow_paths, label)
     ending = Path(name).suffix.lower()
     if ending not in (".ply", ".obj"):
         raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply or .obj")
-    file, size = open_regular(path, label, FILE_LIMIT)
+    file, size = open_scene_file(path, label, FILE_LIMIT, folder)
     with file:
         if size == 0:
             raise SceneError(f"{label} is empty; it must hold a mesh")
         try:
-            # Imported here: the library behind it takes half a second, and most scenes name no file.
-            from clrender.scene.mesh_files import read_obj, read_ply
-
             mesh = (read_ply if ending == ".ply" else read_obj)(file, size, label)
         except MemoryError:
             raise SceneError(f"{label} is too large for the memory of this machine") from None
+        except OSError as error:
+            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
     return _checked(mesh, label)
 
 
-def _allowed(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str) -> Path:
-    """The file behind a name with all links followed, if it lies where files may be read."""
+def _allowed(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str) -> tuple[Path, Path]:
+    """The folder in which a file may be read, and the way from there with all links followed."""
     try:
-        path = (base_folder / name).resolve(strict=True)
         folders = [folder.resolve() for folder in (base_folder, *allow_paths)]
-    except FileNotFoundError:
-        # A message must not tell which files exist outside, so a missing one there reads like any other there.
         path = (base_folder / name).resolve()
-        if not any(path.is_relative_to(folder.resolve()) for folder in (base_folder, *allow_paths)):
-            raise SceneError(_outside(label)) from None
-        raise SceneError(f"{label} does not exist; check its name and folder") from None
     except (OSError, RuntimeError, ValueError) as error:
         reason = getattr(error, "strerror", None)
         if isinstance(error, RuntimeError):
             reason = "its links go round in a circle"
         raise SceneError(f"{label} cannot be opened: {reason or 'the name is not a valid path'}") from None
-    if not any(path.is_relative_to(folder) for folder in folders):
+    folder = next((folder for folder in folders if path.is_relative_to(folder)), None)
+    if folder is None:
+        # Whether such a file exists outside is not told.
         raise SceneError(_outside(label))
-    return path
+    return folder, path.relative_to(folder)
 
 
 def _outside(label: str) -> str:

@@ -8,47 +8,94 @@ from typing import BinaryIO, Final
 from clrender.errors import SceneError
 from clrender.scene.wording import quoted
 
-__all__ = ["Element", "PlyHeader", "read_header"]
+__all__ = ["Element", "PlyHeader", "Property", "read_header"]
 
 _HEADER_LIMIT: Final = 2**16
 _ELEMENT_LIMIT: Final = 2**27
-_SIZES: Final = {
-    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
-    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
-    **dict.fromkeys(("int", "uint", "int32", "uint32", "float", "float32"), 4),
-    **dict.fromkeys(("double", "float64"), 8),
+_KINDS: Final = {
+    "char": "i1",
+    "uchar": "u1",
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "float": "f4",
+    "double": "f8",
+    "float32": "f4",
+    "float64": "f8",
 }
-_FLOATS: Final = ("float", "float32", "double", "float64")
+"""NumPy's names of PLY's types."""
+
+
+@dataclass(frozen=True)
+class Property:
+    """One number of a record, or one list of numbers.
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        Type of the number, or of the entries of the list, as NumPy calls it: a letter of "iuf", and bytes.
+    count_kind : str
+        Type of the number of entries; empty for what is no list.
+    """
+
+    name: str
+    kind: str
+    count_kind: str = ""
+
+    @property
+    def entry_bytes(self) -> int:
+        """Bytes of a number in a binary file."""
+        return int(self.kind[1])
+
+    @property
+    def count_bytes(self) -> int:
+        """Bytes of the number of entries, of a list in a binary file."""
+        return int(self.count_kind[1])
 
 
 @dataclass
 class Element:
-    """One kind of record: its number, and its properties as (name, type) or, for a list, (name, count type, type)."""
+    """One kind of record, and how many of it follow the header."""
 
     name: str
     count: int
-    properties: list[tuple[str, ...]] = field(default_factory=list)
+    properties: list[Property] = field(default_factory=list)
 
     @property
     def least_bytes(self) -> int:
         """Bytes of all records in a binary file, if every list were empty."""
-        return self.count * sum(_SIZES[entry[1]] for entry in self.properties)
+        return self.count * sum(p.count_bytes if p.count_kind else p.entry_bytes for p in self.properties)
 
     @property
-    def index_list(self) -> str | None:
-        """Name of the list of vertex indices, in the element of faces."""
-        lists = [entry[0] for entry in self.properties if len(entry) == 3]
-        return next((name for name in lists if name in ("vertex_indices", "vertex_index")), None)
+    def lists(self) -> list[Property]:
+        """Properties that are lists."""
+        return [entry for entry in self.properties if entry.count_kind]
+
+    @property
+    def index_list(self) -> Property | None:
+        """The list of vertex indices, in the element of faces."""
+        return next((entry for entry in self.lists if entry.name in ("vertex_indices", "vertex_index")), None)
 
 
 @dataclass
 class PlyHeader:
     """What a header promises."""
 
-    is_ascii: bool
+    encoding: str
+    """One of `ascii`, `binary_little_endian`, `binary_big_endian`."""
     elements: list[Element]
     size: int
     """Bytes of the header itself."""
+    lines: int
+    """Lines of the header itself."""
 
     def element(self, name: str) -> Element | None:
         """The element of that name."""
@@ -65,29 +112,30 @@ def read_header(file: BinaryIO, label: str) -> PlyHeader:
     """
     if file.readline(16).rstrip(b"\r\n") != b"ply":
         raise SceneError(f'{label} is no PLY file: its first line is not "ply"')
-    encoding = ""
+    encoding, lines = "", 1
     elements: list[Element] = []
     while True:
+        lines += 1
         line = file.readline(_HEADER_LIMIT)
         if not line.endswith(b"\n") or file.tell() > _HEADER_LIMIT:
             raise SceneError(f"{label} has no complete header; the file is truncated or no PLY file")
         words = line.decode("latin-1").split()
         if words == ["end_header"]:
             break
-        if not words or words[0] in ("comment", "obj_info"):
-            if not words or "end_header" in words:
-                raise SceneError(f"{label} has a header line that cannot be read: {quoted(' '.join(words))}")
-        elif words[0] == "format" and len(words) == 3:
+        keyword = words[0] if words else ""
+        if keyword in ("comment", "obj_info"):
+            continue
+        if keyword == "format" and len(words) == 3:
             encoding = words[1]
-        elif words[0] == "element" and len(words) == 3:
+        elif keyword == "element" and len(words) == 3:
             elements.append(_element(words, label))
-        elif words[0] == "property" and elements:
+        elif keyword == "property" and elements:
             _add_property(elements, words, label)
         else:
             raise SceneError(f"{label} has a header line that cannot be read: {quoted(' '.join(words))}")
     if encoding not in ("ascii", "binary_little_endian", "binary_big_endian"):
         raise SceneError(f"{label} has the format {quoted(encoding)}, which is none of PLY's")
-    header = PlyHeader(encoding == "ascii", elements, file.tell())
+    header = PlyHeader(encoding, elements, file.tell(), lines)
     _check_mesh(header, label)
     return header
 
@@ -105,13 +153,14 @@ def _add_property(elements: list[Element], words: list[str], label: str) -> None
     is_list = len(words) == 5 and words[1] == "list"
     if not is_list and len(words) != 3:
         raise SceneError(f"{label} has a property that is not PLY's: {quoted(' '.join(words))}")
-    entry = (words[4], words[2], words[3]) if is_list else (words[2], words[1])
-    if any(kind not in _SIZES for kind in entry[1:]):
+    name, kind, count_kind = (words[4], words[3], words[2]) if is_list else (words[2], words[1], "uchar")
+    if kind not in _KINDS or count_kind not in _KINDS:
         raise SceneError(f"{label} has a property that is not PLY's: {quoted(' '.join(words))}")
-    if is_list and entry[1] in _FLOATS:
-        raise SceneError(f"{label} counts the entries of {quoted(entry[0])} in floats; integers would be right")
-    if any(entry[0] == other[0] for other in elements[-1].properties):
-        raise SceneError(f"{label} has the property {quoted(entry[0])} twice")
+    entry = Property(name, _KINDS[kind], _KINDS[count_kind] if is_list else "")
+    if entry.count_kind.startswith("f"):
+        raise SceneError(f"{label} counts the entries of {quoted(name)} in floats; integers would be right")
+    if any(name == other.name for other in elements[-1].properties):
+        raise SceneError(f"{label} has the property {quoted(name)} twice")
     elements[-1].properties.append(entry)
 
 
@@ -124,11 +173,13 @@ def _check_mesh(header: PlyHeader, label: str) -> None:
         if names.count(name) > 1:
             raise SceneError(f"{label} has two elements {quoted(name)}")
         if name == "vertex":
-            scalars = [entry[0] for entry in element.properties if len(entry) == 2]
+            if element.lists:
+                raise SceneError(f"{label} has vertices with lists, which are not read; export it without them")
+            scalars = [entry.name for entry in element.properties]
             missing = [axis for axis in "xyz" if axis not in scalars]
             if missing:
                 raise SceneError(f"{label} has vertices without the property {quoted(missing[0])}")
         elif element.index_list is None:
             raise SceneError(f"{label} has faces without a list `vertex_indices`")
-        elif next(entry[2] for entry in element.properties if entry[0] == element.index_list) in _FLOATS:
+        elif element.index_list.kind.startswith("f"):
             raise SceneError(f"{label} has vertex indices in floats; a whole-number type would be right")

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
-from clrender.scene.mesh_io import MeshData
+from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
 

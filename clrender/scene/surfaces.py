@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.scene.description import Scene
+from clrender.scene.description import Dielectric, Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
-from clrender.scene.mesh_io import TRIANGLE_LIMIT, MeshData
-from clrender.scene.shapes import Disk, Mesh, Sphere
-from clrender.scene.values import COORDINATE_LIMIT
+from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
+from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
+from clrender.scene.values import COORDINATE_LIMIT, Vector
 
 __all__ = ["SMALLEST", "FlatSurfaces", "flat_surfaces", "triangle_areas"]
 
@@ -32,6 +32,8 @@ class FlatSurfaces:
     ----------
     first, count : (S,) int64
         Primitives of each shape.
+    origin : (3,) float
+        World space, metres: what all coordinates are relative to.
     """
 
     vertices: NDArray[np.float32]
@@ -43,10 +45,20 @@ class FlatSurfaces:
     first: NDArray[np.int64]
     count: NDArray[np.int64]
     warnings: tuple[str, ...]
+    origin: Vector
 
 
-def flat_surfaces(scene: Scene) -> FlatSurfaces:
+def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurfaces:
     """All shapes of a scene, triangles first.
+
+    A dielectric with the same index on both sides is no boundary: shapes of it that do not shine have no primitives, so
+    that light passes however it is looked for.
+
+    Parameters
+    ----------
+    scene : Scene
+    origin : (3,) float
+        World space, metres: all coordinates are relative to it, subtracted before they are rounded.
 
     Raises
     ------
@@ -55,6 +67,8 @@ def flat_surfaces(scene: Scene) -> FlatSurfaces:
     """
     meshes: dict[int, MeshData] = {}
     for index, shape in enumerate(scene.shapes):
+        if _is_no_boundary(scene, shape):
+            continue
         if isinstance(shape, Mesh):
             meshes[index] = scene.mesh(index)
         elif not isinstance(shape, Sphere | Disk):
@@ -80,17 +94,22 @@ def flat_surfaces(scene: Scene) -> FlatSurfaces:
         place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]
         here = vertices[v : v + len(mesh.vertices)]
         there = triangles[t : t + len(mesh.triangles)]
-        transform = affine(shape.transform)
+        transform = _relative(affine(shape.transform), origin)
         _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
         kept = _kept(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
         if mesh.normals is not None:
             shapes["flags"][index] = layout.SHAPE_SMOOTH
             some = normals[v : v + len(here)]
             _place_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
+            if turned := _turned_away(here, there[:kept], some):
+                text = (
+                    f"{place}: the normals of {turned} of {kept} triangles point to their backs and were turned round"
+                )
+                warnings.append(f"{text}: seen from its front, the vertices of a triangle run anticlockwise")
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
-    analytic_shapes = _analytic_rows(scene, first, count, t)
+    analytic_shapes = _analytic_rows(scene, origin, first, count, t)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     return FlatSurfaces(
@@ -103,7 +122,21 @@ def flat_surfaces(scene: Scene) -> FlatSurfaces:
         first=first,
         count=count,
         warnings=tuple(warnings),
+        origin=origin,
     )
+
+
+def _is_no_boundary(scene: Scene, shape: Shape) -> bool:
+    """Whether light passes a shape as if there were none, and it does not shine."""
+    material = None if shape.material is None else scene.materials[shape.material]
+    same = isinstance(material, Dielectric) and material.ior == material.exterior_ior
+    return same and not (shape.emission and any(shape.emission))
+
+
+def _relative(transform: Affine, origin: Vector) -> Affine:
+    """The same transform to coordinates relative to `origin`."""
+    x, y, z = (o - p for o, p in zip(transform.offset, origin, strict=True))
+    return Affine(transform.linear, (x, y, z))
 
 
 def triangle_areas(vertices: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
@@ -215,14 +248,27 @@ def _place_normals(
     normals[blank] = (total / size[:, None])[blank]
 
 
-def _analytic_rows(scene: Scene, first: NDArray[np.int64], count: NDArray[np.int64], offset: int) -> _Rows:
+def _turned_away(vertices: NDArray[np.float32], triangles: NDArray[np.uint32], normals: NDArray[np.float32]) -> int:
+    """How many triangles have vertex normals that point to their back; kernels/geometry/rows.cl turns these round."""
+    total = 0
+    for start in range(0, len(triangles), _CHUNK):
+        some = triangles[start : start + _CHUNK]
+        x, y, z = (_normals_of(vertices, some, np.float32) * normals[some].sum(axis=1)).T
+        total += int(np.count_nonzero(x + y + z < 0.0))
+    return total
+
+
+def _analytic_rows(
+    scene: Scene, origin: Vector, first: NDArray[np.int64], count: NDArray[np.int64], offset: int
+) -> _Rows:
     """Rows of spheres and disks; notes their primitive numbers, which start at `offset`."""
-    indices = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
+    round_ = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
+    indices = [i for i in round_ if not _is_no_boundary(scene, scene.shapes[i])]
     rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
     for number, index in enumerate(indices):
         shape, place = scene.shapes[index], f"{scene.source}: shapes[{index}]"
         assert isinstance(shape, Sphere | Disk)
-        transform = affine(shape.transform)
+        transform = _relative(affine(shape.transform), origin)
         center, radius = transform.point(shape.center), shape.radius * transform.scale
         _in_range(max(abs(x) for x in center) + radius, place)
         if radius < SMALLEST:

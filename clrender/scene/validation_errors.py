@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, Literal, get_args, get_origin
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from clrender.errors import SceneError
-from clrender.scene.description import LIGHT_TYPES, MATERIAL_TYPES, Camera, Image, Render, Scene
-from clrender.scene.shapes import SHAPE_TYPES, Transform
-from clrender.scene.values import Part
 from clrender.scene.wording import place, quoted, shown, suggestion
 
 __all__ = ["scene_error"]
 
 _Location = tuple[int | str, ...]
 
-_TAGGED: Final[Mapping[str, Mapping[str, type[Part]]]] = {
-    "shapes": SHAPE_TYPES,
-    "lights": LIGHT_TYPES,
-    "materials": MATERIAL_TYPES,
-}
-_TABLES: Final[Mapping[str, type[Part]]] = {
-    "camera": Camera,
-    "image": Image,
-    "render": Render,
-    "transform": Transform,
-}
 _EXPECTED: Final[Mapping[str, str]] = {
     "float_type": "a number",
     "float_parsing": "a number",
@@ -56,7 +42,7 @@ _BOUNDS: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
-def scene_error(error: ValidationError, root: type[Part], source: str) -> SceneError:
+def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> SceneError:
     """The error a user sees for what pydantic found.
 
     Parameters
@@ -82,10 +68,10 @@ def scene_error(error: ValidationError, root: type[Part], source: str) -> SceneE
     return SceneError(f"{source}: {where} {sentence}{others}")
 
 
-def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[Part]) -> tuple[_Location, str]:
+def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseModel]) -> tuple[_Location, str]:
     """Location without the tags pydantic adds, and the sentence."""
     kind, context, value = item["type"], item.get("ctx", {}), item["input"]
-    location, table = _resolved(item["loc"], root)
+    location, table, kinds = _resolved(item["loc"], root)
     if "sentence" in context:
         return location + tuple(context["below"]), str(context["sentence"])
     if kind != "extra_forbidden" and len(location) == 3 and location[2] == "[key]":
@@ -99,7 +85,7 @@ def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[Part]
             return location[:-1], f"has only {_entries(location[-1])}, but must have {needed}"
         return location[:-1], f"the key `{location[-1]}` is missing; add it" + _meaning(table, location[-1])
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        return _tag_problem(kind, location, value)
+        return _tag_problem(kind, location, value, kinds)
     if kind == "literal_error":
         return location, _literal_problem(table, location, value, str(context.get("expected", "")))
     if kind in _BOUNDS:
@@ -116,18 +102,40 @@ def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[Part]
     return location, f"is wrong: {item['msg'].lower()}"
 
 
-def _resolved(location: _Location, root: type[Part]) -> tuple[_Location, type[Part] | None]:
-    """The location without the names of union members, and the table that holds its last step."""
-    if root is not Scene or not location:
-        return location, root
-    table: type[Part] | None = root
-    if location[0] in _TAGGED and len(location) > 2:
-        table = _TAGGED[str(location[0])].get(str(location[2]))
-        if table is not None:
-            location = location[:2] + location[3:]
-    for step in location[:-1]:
-        table = _TABLES.get(str(step), table)
-    return location, table
+def _resolved(
+    location: _Location, root: type[BaseModel]
+) -> tuple[_Location, type[BaseModel] | None, Mapping[str, type[BaseModel]]]:
+    """The location without the names of union members; the table of its last step; what kinds that could be."""
+    table: type[BaseModel] | None = root
+    kinds: Mapping[str, type[BaseModel]] = {}
+    kept: list[int | str] = []
+    for number, step in enumerate(location):
+        if kinds and step in kinds and len(kept) >= 2:
+            table, kinds = kinds[str(step)], {}
+            continue
+        kept.append(step)
+        if table is not None and step in table.model_fields:
+            tables = list(_tables(table.model_fields[str(step)].annotation))
+            tagged = {tag: each for each in tables for tag in _tags(each)}
+            kinds = tagged if len(tables) > 1 else {}
+            if number < len(location) - 1:
+                table = None if kinds else (tables[0] if tables else table)
+    return tuple(kept), table, kinds
+
+
+def _tables(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The tables that a field may hold, itself or in a list or table of them."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    elif get_origin(annotation) is not Literal:
+        for inner in get_args(annotation):
+            yield from _tables(inner)
+
+
+def _tags(table: type[BaseModel]) -> tuple[str, ...]:
+    """Values of the key `type` that choose this table."""
+    field = table.model_fields.get("type")
+    return get_args(field.annotation) if field is not None else ()
 
 
 def _entries(count: int) -> str:
@@ -139,14 +147,15 @@ def _plain(bound: float) -> str:
     return str(int(bound)) if bound == int(bound) and abs(bound) < 1e10 else f"{bound:g}"
 
 
-def _meaning(table: type[Part] | None, key: str) -> str:
+def _meaning(table: type[BaseModel] | None, key: str) -> str:
     """What a missing key would hold."""
     field = table.model_fields.get(key) if table else None
     return f" ({field.description})" if field and field.description else ""
 
 
-def _tag_problem(kind: str, location: _Location, value: Any) -> tuple[_Location, str]:
-    known = _TAGGED.get(str(location[0]) if location else "", {})
+def _tag_problem(
+    kind: str, location: _Location, value: Any, known: Mapping[str, type[BaseModel]]
+) -> tuple[_Location, str]:
     if kind == "union_tag_not_found":
         return location, f"the key `type` is missing; add one of {', '.join(known)}"
     given = value.get("type") if isinstance(value, Mapping) else None
@@ -157,7 +166,7 @@ def _tag_problem(kind: str, location: _Location, value: Any) -> tuple[_Location,
     ), f"is {quoted(given) if isinstance(given, str) else shown(given)}, which is not known{near}"
 
 
-def _literal_problem(table: type[Part] | None, location: _Location, value: Any, expected: str) -> str:
+def _literal_problem(table: type[BaseModel] | None, location: _Location, value: Any, expected: str) -> str:
     names = [name for name in expected.replace(" or ", ", ").replace("'", "").split(", ") if name]
     if isinstance(value, str):
         return f"is {quoted(value)}, which is not known" + suggestion(value, names)

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from clrender.limits import NotAllowed
+from clrender.scene.validation_errors import scene_error
+from clrender.settings import Setting
 
 __all__ = [
     "COORDINATE_LIMIT",
     "INLINE_LIMIT",
-    "PIXEL_LIMIT",
     "POWER_LIMIT",
     "SHAPE_LIMIT",
     "Absorption",
     "Color",
-    "Count",
     "Finite",
     "Flag",
     "Index",
@@ -26,6 +28,7 @@ __all__ = [
     "Name",
     "Part",
     "Reflectance",
+    "SettingValue",
     "Vector",
     "cross",
     "fault",
@@ -34,9 +37,8 @@ __all__ = [
 
 COORDINATE_LIMIT: Final = 1e12
 """Largest magnitude of a coordinate, metres: its cube, which a triangle's distance needs, fits single precision."""
-POWER_LIMIT: Final = 1e15
-"""Largest magnitude of a radiometric quantity: its square fits single precision."""
-PIXEL_LIMIT: Final = 2**30
+POWER_LIMIT: Final = 1e12
+"""Largest magnitude of a radiometric quantity: seen directly, it is a sample that the film takes (below 2^43)."""
 SHAPE_LIMIT: Final = 2**20
 """Most shapes, and most lights, of one scene."""
 INLINE_LIMIT: Final = 2**22
@@ -48,7 +50,6 @@ Length = Annotated[Finite, Field(gt=0.0, le=COORDINATE_LIMIT)]
 Power = Annotated[Finite, Field(ge=0.0, le=POWER_LIMIT)]
 Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 Index = Annotated[Finite, Field(gt=0.0, le=1000.0)]
-Count = Annotated[int, Strict()]
 Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=200)]
 Flag = Annotated[bool, Strict()]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
@@ -60,35 +61,49 @@ _Row: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 Matrix: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 
 
-if TYPE_CHECKING:
-    from pydantic._internal._model_construction import ModelMetaclass as _Metaclass
-else:
-    _Metaclass = type(BaseModel)  # it has no public name
-
-
-class _Table(_Metaclass):
-    """Makes a table built in code fail like a table read from a file: with a `SceneError` of one sentence."""
-
-    def __call__(cls: Any, *args: Any, **keys: Any) -> Any:
-        try:
-            return type(BaseModel).__call__(cls, *args, **keys)
-        except ValidationError as error:
-            from clrender.scene.validation_errors import (
-                scene_error,  # problems.py words errors of all tables, so imports them
-            )
-
-            raise scene_error(error, cls, cls.__name__) from None
-
-
-class Part(BaseModel, metaclass=_Table):
+class Part(BaseModel):
     """Base of every table of a scene file: frozen, unknown keys forbidden."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def __init__(self, **values: Any) -> None:
+        # A table built in code fails like one read from a file: with a `SceneError` of one sentence.
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise scene_error(error, type(self), type(self).__name__) from None
+
+    # Tables inside of tables are not to be made by this constructor, which would lose their places.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 def fault(kind: str, message: str, *place: str | int) -> PydanticCustomError:
     """A validation error worded here: the message goes on from the name of its `place` below the table at hand."""
     return PydanticCustomError(kind, "{sentence}", {"sentence": message, "below": place})
+
+
+class SettingValue:
+    """Annotation of a key of the scene file that holds a render's setting: allowed is what the table of settings says.
+
+    Parameters
+    ----------
+    setting : Setting
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+
+    def _checked(self, value: Any) -> Any:
+        try:
+            return self._setting.accept(value)
+        except NotAllowed as error:
+            raise fault("setting", str(error)) from None
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._checked)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: Any) -> dict[str, Any]:
+        return self._setting.schema()
 
 
 def length(vector: Vector) -> float:

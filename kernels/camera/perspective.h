@@ -18,13 +18,7 @@ static Ray perspective_ray(const Scene* scene, vfloat film_x, vfloat film_y, Sam
         on_lens = along(scale(vec3_from(camera.lens_u), x), vec3_from(camera.lens_v), y);
     }
     const vec3 in_focus = along(along(vec3_from(camera.corner), vec3_from(camera.right), film_x), vec3_from(camera.down), film_y);
-    Ray ray;
-    ray.origin = add(vec3_from(camera.origin), on_lens);
-    ray.direction = unit(sub(in_focus, on_lens));
-    ray.limit = splat(FAR);
-    ray.from = splat_uint(NONE);
-    ray.to = splat_uint(NONE);
-    return ray;
+    return ray_make(add(vec3_from(camera.origin), on_lens), unit(sub(in_focus, on_lens)));
 }
 
 #endif

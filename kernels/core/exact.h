@@ -22,6 +22,9 @@ static vec3 vec3_of(vfloat x, vfloat y, vfloat z) {
 }
 static vec3 vec3_all(float s) { return vec3_of(splat(s), splat(s), splat(s)); }
 static vec3 vec3_from(float4 v) { return vec3_of(splat(v.x), splat(v.y), splat(v.z)); }
+// Three numbers of a row of a table, from a column of types.h on.
+static vec3 vec3_row(const vfloat* row, int column) { return vec3_of(row[column], row[column + 1], row[column + 2]); }
+static void vec3_row_put(vfloat* row, int column, vec3 v) { row[column] = v.x, row[column + 1] = v.y, row[column + 2] = v.z; }
 static vec3 add(vec3 a, vec3 b) { return vec3_of(a.x + b.x, a.y + b.y, a.z + b.z); }
 static vec3 sub(vec3 a, vec3 b) { return vec3_of(a.x - b.x, a.y - b.y, a.z - b.z); }
 static vec3 mul(vec3 a, vec3 b) { return vec3_of(a.x * b.x, a.y * b.y, a.z * b.z); }
@@ -57,7 +60,11 @@ static vfloat largest(vec3 a) { return greater(a.x, greater(a.y, a.z)); }
 static vfloat largest_size(vec3 a) { return greater(absolute(a.x), greater(absolute(a.y), absolute(a.z))); }
 static vfloat magnitude(vec3 a) { return sqrt(inner(a, a)); }
 
-static vfloat inverse_or_one(vfloat a) { return splat(1.0f) / (a > 0.0f ? a : splat(1.0f)); }
+// 1/a; of what is not above zero, 1. Drivers do not agree about numbers below the smallest normal one, 2^-126: such an `a` counts as
+// zero, and no result is that small.
+static vfloat inverse_or_one(vfloat a) {
+    return splat(1.0f) / (a >= 1.17549435e-38f ? lesser(a, splat(8.5070592e37f)) : splat(1.0f));
+}
 
 // Unit vector along a, whose length is neither tiny nor huge; zero stays zero.
 static vec3 direction_of(vec3 a) { return scale(a, inverse_or_one(magnitude(a))); }

@@ -45,6 +45,10 @@ typedef LANE_N(int) vmask;
 #define splat(x) ((vfloat)(x))
 #define splat_uint(x) ((vuint)(x))
 
+// In no lane, and in all.
+static vmask mask_none(void) { return (vmask)(0); }
+static vmask mask_all(void) { return !mask_none(); }
+
 // fmin and fmax of vectors are slow on some CPU drivers and differ in the sign of zero: comparisons do neither.
 static vfloat lesser(vfloat a, vfloat b) { return a < b ? a : b; }
 static vfloat greater(vfloat a, vfloat b) { return a > b ? a : b; }

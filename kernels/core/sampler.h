@@ -13,13 +13,19 @@ typedef struct {
     vuint index;     // number of the sample in the pixel's sequence
 } Sampler;
 
-// The sets of dimensions. Those of a path's vertices repeat, SETS_PER_BOUNCE apart.
-#define SET_PIXEL 0u
-#define SET_LENS 1u
-#define SET_LIGHT 2u
-#define SET_MATERIAL 3u
-#define SET_ROULETTE 4u
-#define SETS_PER_BOUNCE 3u
+// The sets of dimensions: eight for a path's start at the camera, or a photon's at a light, then eight for each of its vertices. Those
+// that are not named are kept free, so that what is built later changes no image.
+#define SETS_PER_BOUNCE 8u
+#define SET_PIXEL 0u                       // of the start at the camera: place in the pixel
+#define SET_LENS 1u                        // place on the lens
+#define SET_LIGHT 0u                       // of a vertex, and of the start at a light: which light, and where on it
+#define SET_LIGHT_DIGITS 1u                // more digits for the choice of the light
+#define SET_BSDF 2u                        // direction
+#define SET_LOBE 3u                        // free: which lobe of the BSDF
+#define SET_ROULETTE 4u                    // Russian roulette
+#define SET_MEDIUM 5u                      // free: distance and phase function
+#define SET_TEXTURE 6u                     // free: texel, opacity
+#define SET_SPARE 7u
 
 // Wellons' low-bias mixer of 32 bits (hash-prospector, 2018).
 static vuint hash(vuint x) {
@@ -85,16 +91,24 @@ static void sampler_get(Sampler s, uint set, vfloat* a, vfloat* b) {
     *a = unit_interval(x);
     *b = unit_interval(y);
 }
-// The same for a set of the path's vertex at `bounce`, as bits.
-static void sampler_bounce_bits(Sampler s, uint set, vuint bounce, vuint* a, vuint* b) {
-    sampler_bits(s, bounce * SETS_PER_BOUNCE + set, a, b);
+// A set of the path's vertex at `bounce`.
+static vuint sampler_set(vuint bounce, uint set) { return (bounce + 1u) * SETS_PER_BOUNCE + set; }
+
+// Number m of the n samplers that one sample is split into. They are the points n index + m of one sequence; beyond 2^32, where its
+// points would repeat, of another.
+static Sampler sampler_split(Sampler s, uint n, vuint m) {
+    if (n == 1u) return s;
+    const vuint first = s.index * n, index = first + m, carry = index < first ? splat_uint(1u) : splat_uint(0u);
+    s.seed ^= (mul_hi(s.index, splat_uint(n)) + carry) * 0x9e3779b9u;
+    s.index = index;
+    return s;
 }
 
-// Choose among n by a number of 32 random bits: the choice, and what is left of the number as new bits.
-static vuint sampler_pick(vuint bits, uint n, vuint* rest) {
-    const vuint choice = mul_hi(bits, splat_uint(n));
-    *rest = bits * n;
-    return choice;
+// Choose among n by a number of 32 random bits: the choice, and what is left of the number as new bits. The choice takes log2 n of
+// them away; `digits`, as many random bits again, stand in their place.
+static vuint sampler_pick(vuint bits, uint n, vuint digits, vuint* rest) {
+    *rest = add_sat(bits * n, mul_hi(digits, splat_uint(n)));
+    return mul_hi(bits, splat_uint(n));
 }
 
 #endif

@@ -148,7 +148,7 @@ static void packet_part(const PacketRay* ray, SingleRays* rays, uint packet) {
     lane_store(ray->primitive, rays->primitive + first);
 }
 
-// Push the children that any lane enters, the farthest first. Returns the new top of the stack.
+// Push the children that any lane enters, in the order in which the node has them. Returns the new top of the stack.
 static int packet_children(const PacketRay* ray, __global const float* node, uint* stack, vfloat* stack_near, int top) {
     for (int i = 0; i < 8 && as_uint(node[BVH_CHILD + i]) != BVH_EMPTY; ++i) {
         vfloat near, far;

@@ -18,6 +18,16 @@ typedef struct {
     vuint primitive;     // NONE where nothing was hit
 } Hit;
 
+// A ray without end that leaves no surface and is aimed at none.
+static Ray ray_make(vec3 origin, vec3 direction) {
+    Ray ray;
+    ray.origin = origin;
+    ray.direction = direction;
+    ray.limit = splat(FAR);
+    ray.from = ray.to = splat_uint(NONE);
+    return ray;
+}
+
 // Take the other ray where the statement holds.
 static void ray_replace(Ray* ray, Ray other, vmask m) {
     ray->origin = choose(m, other.origin, ray->origin);

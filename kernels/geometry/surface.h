@@ -12,7 +12,7 @@ typedef struct {
     vec3 point;
     vec3 error;          // bound of its rounding error, by component
     vec3 normal;         // of the geometry, unit, out of the front side
-    vec3 shading;        // interpolated where the shape is smooth, on the same side
+    vec3 shading;        // interpolated where the shape's vertices have normals, on the same side
     vmask front;         // the ray came from the front side
     vuint primitive;
     vuint from;          // what a ray leaving here cannot hit again: Ray.from
@@ -22,11 +22,17 @@ typedef struct {
     vuint kind;          // MATERIAL_*
 } Surface;
 
+// What a row has at A, B and C, nine numbers from its first column on, at the point with these barycentric weights.
+static vec3 surface_blend(const vfloat row[16], vfloat weight_a, vfloat weight_b, vfloat weight_c) {
+    const vec3 a = vec3_row(row, 0), b = vec3_row(row, 3), c = vec3_row(row, 6);
+    return along(along(scale(c, weight_c), b, weight_b), a, weight_a);
+}
+
 // Triangles: the barycentric weights are found again, in all lanes at once, which is cheaper than carrying them along. The point is
 // then on the triangle to within the rounding of its coordinates, however far the ray came.
 static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat row[16], vmask smooth, Surface* s) {
-    const vec3 a = vec3_of(row[0], row[1], row[2]), b = vec3_of(row[3], row[4], row[5]), c = vec3_of(row[6], row[7], row[8]);
-    const vec3 ab = sub(b, a), ac = sub(c, a), normal = outer(ab, ac), across = outer(sub(a, ray->origin), ray->direction);
+    const vec3 a = vec3_row(row, PRIMITIVE_ROW_A), ab = sub(vec3_row(row, PRIMITIVE_ROW_B), a), ac = sub(vec3_row(row, PRIMITIVE_ROW_C), a);
+    const vec3 normal = outer(ab, ac), across = outer(sub(a, ray->origin), ray->direction);
     const vfloat determinant = inner(normal, ray->direction);
     const vfloat inverse = splat(1.0f) / (determinant != 0.0f ? determinant : splat(1.0f));
     const vfloat weight_b = bounded(inner(across, ac) * inverse, 0.0f, 1.0f);
@@ -44,23 +50,22 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat ro
         vfloat n[16];
         lane_rows(scene->normal_rows, smooth ? s->primitive : splat_uint(0u), n);
         const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
-        const vec3 blend = vec3_of(fma(weight_a, n[0], fma(weight_b, n[3], weight_c * n[6])),
-                                 fma(weight_a, n[1], fma(weight_b, n[4], weight_c * n[7])),
-                                 fma(weight_a, n[2], fma(weight_b, n[5], weight_c * n[8])));
+        const vec3 blend = surface_blend(n, weight_a, weight_b, weight_c);
+        // Where the blend turns away from the triangle all the same, the triangle's own normal stands in
         const vmask usable = smooth & (inner(blend, blend) > 1.0e-12f) & (inner(blend, s->normal) > 0.0f);
         s->shading = choose(usable, unit(blend), s->normal);
     }
 }
 
 static void surface_round(const Ray* ray, vfloat distance, const vfloat row[16], vmask round, Surface* s) {
-    const vec3 center = vec3_of(row[0], row[1], row[2]), disk_normal = vec3_of(row[4], row[5], row[6]);
-    const vfloat radius = row[3];
+    const vec3 center = vec3_row(row, PRIMITIVE_ROW_CENTER), disk_normal = vec3_row(row, PRIMITIVE_ROW_NORMAL);
+    const vfloat radius = row[PRIMITIVE_ROW_RADIUS];
     const vmask disk = round & ((disk_normal.x != 0.0f) | (disk_normal.y != 0.0f) | (disk_normal.z != 0.0f));
     const vec3 from_center = sub(along(ray->origin, ray->direction, distance), center);
     const vec3 outward = unit(from_center);
     const vec3 on_sphere = along(center, outward, radius);
     const vec3 on_disk = add(center, along(from_center, disk_normal, -inner(from_center, disk_normal)));
-    const vec3 normal = choose(disk, disk_normal, scale(outward, row[7]));
+    const vec3 normal = choose(disk, disk_normal, scale(outward, row[PRIMITIVE_ROW_FACING]));
     s->point = choose(round, choose(disk, on_disk, on_sphere), s->point);
     s->error = choose(round,
                       scale(vec3_of(absolute(center.x) + radius, absolute(center.y) + radius, absolute(center.z) + radius),
@@ -85,11 +90,11 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     vfloat row[16];
     s.primitive = active ? hit.primitive : splat_uint(0u);
     lane_rows(scene->primitive_rows, s.primitive, row);
-    s.color = vec3_of(row[9], row[10], row[11]);
-    s.absorption = row[12];
-    s.ior = row[13];
-    s.light = vfloat_bits(row[14]);
-    const vuint kind_and_flags = vfloat_bits(row[15]);
+    s.color = vec3_row(row, PRIMITIVE_ROW_COLOR);
+    s.absorption = row[PRIMITIVE_ROW_ABSORPTION];
+    s.ior = row[PRIMITIVE_ROW_IOR];
+    s.light = vfloat_bits(row[PRIMITIVE_ROW_LIGHT]);
+    const vuint kind_and_flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]);
     s.kind = kind_and_flags & ((1u << ROW_FLAGS) - 1u);
     const vmask round = s.primitive >= scene->settings->triangle_count;
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
@@ -101,8 +106,8 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
 
 // Where the point is on its triangle: the barycentric weights of B and C, as rounding leaves them.
 static void surface_weights(const Surface* s, const vfloat row[16], vfloat* b, vfloat* c) {
-    const vec3 at = vec3_of(row[0], row[1], row[2]), to = sub(s->point, at);
-    const vec3 ab = sub(vec3_of(row[3], row[4], row[5]), at), ac = sub(vec3_of(row[6], row[7], row[8]), at);
+    const vec3 at = vec3_row(row, PRIMITIVE_ROW_A), to = sub(s->point, at);
+    const vec3 ab = sub(vec3_row(row, PRIMITIVE_ROW_B), at), ac = sub(vec3_row(row, PRIMITIVE_ROW_C), at);
     const vec3 normal = outer(ab, ac), scaled = scale(normal, inverse_scale(normal));
     const vfloat inverse = inverse_or_one(inner(normal, scaled));
     *b = inner(outer(to, ac), scaled) * inverse;
@@ -111,12 +116,8 @@ static void surface_weights(const Surface* s, const vfloat row[16], vfloat* b, v
 
 // A ray that leaves the surface on the side its direction points to.
 static Ray surface_leave(const Surface* s, vec3 direction) {
-    Ray ray;
-    ray.origin = ray_leave(s->point, s->normal, s->error, inner(direction, s->normal) < 0.0f);
-    ray.direction = direction;
-    ray.limit = splat(FAR);
+    Ray ray = ray_make(ray_leave(s->point, s->normal, s->error, inner(direction, s->normal) < 0.0f), direction);
     ray.from = s->from;
-    ray.to = splat_uint(NONE);
     return ray;
 }
 

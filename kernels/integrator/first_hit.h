@@ -21,7 +21,7 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surf
     if (wanted == FIRST_HIT_ALBEDO)
         return vec3_of(lesser(albedo.x, splat(1.0f)), lesser(albedo.y, splat(1.0f)), lesser(albedo.z, splat(1.0f)));
     if (wanted == FIRST_HIT_NORMAL) return choose(found, bsdf->frame.normal, vec3_all(0.0f));
-    if (wanted == FIRST_HIT_POSITION) return choose(found, surface->point, nowhere);
+    if (wanted == FIRST_HIT_POSITION) return choose(found, add(surface->point, vec3_from(scene->camera->world)), nowhere);
     if (wanted == FIRST_HIT_DEPTH) {
         const vfloat depth = magnitude(sub(surface->point, vec3_from(scene->camera->origin)));
         return choose(found, vec3_of(depth, depth, depth), nowhere);
@@ -44,18 +44,17 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
         const Surface surface = surface_at(scene, &path.ray, hit, found);
-        vfloat pdf;
-        const vec3 outside = light_environment(scene, path.ray.origin, path.ray.direction, &pdf);
-        const vec3 shining = light_emitted(scene, &surface, path.ray.origin, path.ray.direction, &pdf);
-        path.radiance = choose(path.alive, add(path.radiance, mul(path.throughput, choose(found, shining, outside))), path.radiance);
+        const vec3 outside = lane_any(path.alive & !found) ? environment_emitted(scene) : vec3_all(0.0f);
+        const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
+        path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
         // Look through mirrors and glass, in the direction that the image's path takes there. Their colour counts; that radiance is
         // squeezed together in glass does not, for it says nothing about colour
         const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
         vuint bits_u, bits_v;
-        sampler_bounce_bits(path.sample.sampler, SET_MATERIAL, path.depth, &bits_u, &bits_v);
+        sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
         const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
-        const vmask goes_on = found & !bsdf.smooth & (path.depth < followed) & (largest(next.weight) > 0.0f);
+        const vmask goes_on = found & bsdf.specular & (path.depth < followed) & (largest(next.weight) > 0.0f);
         const vmask ended = path.alive & !goes_on;
         path.throughput = choose(found, mul(path.throughput, surface.color), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);

@@ -4,6 +4,7 @@
 
 #include "camera/perspective.h"
 #include "film/pool.h"
+#include "integrator/split.h"
 
 // Rays of the camera, for LANES pixels of the pool at once: most of the time only a lane or two ask for one.
 typedef struct {
@@ -21,22 +22,23 @@ typedef struct {
     vec3 throughput;         // what the camera gets of the radiance arriving along it
     vec3 radiance;           // found so far
     vuint depth;             // scattering events so far
-    vec3 normal;             // of the last surface, on the side that the ray left from
-    vfloat material_pdf;     // density of the ray's direction times the number of such rays; 0 from the camera or a delta
-    vmask diffused;          // it has met a surface that is not a delta
+    vec3 normal;             // of the last vertex, for which lights were chosen there (bsdf_receives)
+    vmask specular;          // the ray comes from the camera or a delta: no light sample could have gone its way
+    vfloat bsdf_samples;     // else: such rays that left the last vertex, as the MIS weights count them
+    vfloat bsdf_pdf;         // and the density of the ray's direction, per steradian
+    vmask ended;             // it ends where it is, and has to be delivered
+    Split split;
 } Path;
 
 // No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
 static Path path_none(void) {
     Path path;
-    path.alive = path.diffused = splat_uint(0u) != splat_uint(0u);
+    path.alive = path.specular = path.ended = mask_none();
     path.depth = splat_uint(0u);
-    path.material_pdf = splat(0.0f);
+    path.bsdf_samples = path.bsdf_pdf = splat(0.0f);
     path.throughput = path.radiance = path.normal = vec3_all(0.0f);
-    path.ray.origin = vec3_all(0.0f);
-    path.ray.direction = vec3_all(1.0f);
-    path.ray.limit = splat(FAR);
-    path.ray.from = path.ray.to = splat_uint(NONE);
+    path.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
+    path.split = split_none();
     path.sample.slot = path.sample.number = path.sample.sampler.seed = path.sample.sampler.index = splat_uint(0u);
     return path;
 }
@@ -69,12 +71,9 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
 static void path_start(const Pool* pool, CameraRays* rays, Path* path, vmask lane) {
     const uint i = LANES - rays->left--;
     if (!rays->inside[i]) return;
-    Ray ray;
-    ray.origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
-    ray.direction = vec3_of(splat(rays->direction[0][i]), splat(rays->direction[1][i]), splat(rays->direction[2][i]));
-    ray.limit = splat(FAR);
-    ray.from = ray.to = splat_uint(NONE);
-    ray_replace(&path->ray, ray, lane);
+    const vec3 origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
+    const vec3 direction = vec3_of(splat(rays->direction[0][i]), splat(rays->direction[1][i]), splat(rays->direction[2][i]));
+    ray_replace(&path->ray, ray_make(origin, direction), lane);
     PoolSample* sample = &path->sample;
     sample->slot = lane ? splat_uint(rays->base + i) : sample->slot;
     sample->number = lane ? splat_uint(rays->number) : sample->number;
@@ -83,8 +82,8 @@ static void path_start(const Pool* pool, CameraRays* rays, Path* path, vmask lan
     path->throughput = choose(lane, vec3_all(1.0f), path->throughput);
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
-    path->material_pdf = lane ? splat(0.0f) : path->material_pdf;
-    path->diffused = path->diffused & !lane;
+    path->specular = path->specular | lane;
+    split_start(&path->split, lane);
     path->alive = path->alive | lane;
 }
 

@@ -34,7 +34,8 @@ static float photon_sum(float8 x) {
 
 // On the side of `side`, from photons with at most `depth` scattering events, eight at a time.
 static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 side, float depth) {
-    const float r = m->radius, r2 = r * r, off = r * DISK_OFF_PLANE, caustic_r2 = r2 * (CAUSTIC_RADIUS * CAUSTIC_RADIUS);
+    const float r = m->radius, r2 = r * r, caustic_r2 = r2 * (CAUSTIC_RADIUS * CAUSTIC_RADIUS);
+    const float off = disk_off_plane(r), caustic_off = disk_off_plane(r * CAUSTIC_RADIUS);
     const float4 low = m->grid.low;
     const uint4 size = m->grid.size;
     const uint x0 = grid_along(point.x - r, low.x, low.w, size.x), x1 = grid_along(point.x + r, low.x, low.w, size.x);
@@ -53,13 +54,16 @@ static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 sid
                 const float8 dx = vload8(0, at) - point.x, dy = vload8(0, at + n) - point.y, dz = vload8(0, at + 2 * n) - point.z;
                 const float8 distance2 = fma(dx, dx, fma(dy, dy, dz * dz));
                 const float8 above = fma(dx, (float8)(side.x), fma(dy, (float8)(side.y), dz * side.z));
-                const float8 cosine = fma(vload8(0, at + 3 * n), (float8)(side.x),
-                                          fma(vload8(0, at + 4 * n), (float8)(side.y), vload8(0, at + 5 * n) * side.z));
-                const float8 events = vload8(0, at + 9 * n), within = events < 0.0f ? (float8)(caustic_r2) : (float8)(r2);
-                const int8 near = (distance2 <= within) & (above <= off) & (above >= -off) & (cosine > 0.0f) &
+                const float8 cosine = fma(vload8(0, at + DEPOSIT_ROW_NORMAL * n), (float8)(side.x),
+                                          fma(vload8(0, at + (DEPOSIT_ROW_NORMAL + 1) * n), (float8)(side.y),
+                                              vload8(0, at + (DEPOSIT_ROW_NORMAL + 2) * n) * side.z));
+                const float8 events = vload8(0, at + DEPOSIT_ROW_EVENTS * n), within = events < 0.0f ? (float8)(caustic_r2) : (float8)(r2);
+                const float8 beside = events < 0.0f ? (float8)(caustic_off) : (float8)(off);
+                const int8 near = (distance2 <= within) & (above <= beside) & (above >= -beside) & (cosine > 0.0f) &
                                   (events <= depth) & (events >= -depth) & (i + step < end);
                 const int8 other = near & (events >= 0.0f), caustic = near & (events < 0.0f);
-                const float8 r8 = vload8(0, at + 6 * n), g8 = vload8(0, at + 7 * n), b8 = vload8(0, at + 8 * n);
+                const float8 r8 = vload8(0, at + DEPOSIT_ROW_FLUX * n), g8 = vload8(0, at + (DEPOSIT_ROW_FLUX + 1) * n);
+                const float8 b8 = vload8(0, at + (DEPOSIT_ROW_FLUX + 2) * n);
                 red += other ? r8 * cosine : none;
                 green += other ? g8 * cosine : none;
                 blue += other ? b8 * cosine : none;
@@ -128,11 +132,12 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
 static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
+    Vertex vertex[PACKETS];
 
     while (path_next(scene, pool, &waiting, path)) {
         // Find the nearest surface, and add the light the ray ran into
-        const Hit hit = traverse_nearest(&scene->bvh, &path->ray, path->alive);
-        const Vertex vertex[PACKETS] = {path_arrive(scene, path, hit, path->alive, stats)};
+        path_find(scene, path, vertex, stats);
+        path_add_emission(scene, path, vertex);
 
         // On a diffuse surface add light straight from the lights, and what the photons brought
         path_add_direct(scene, path, vertex, stats);
@@ -143,10 +148,8 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         }
 
         // Follow mirrors and glass: settings have no indirect rays, so that a path ends at a diffuse surface
-        const vmask goes_on = path_scatter(scene, path, vertex);
-        const vmask done = path->alive & !goes_on;
-        if (lane_any(done)) pool_deliver(pool, &path->sample, path->radiance, done);
-        path->alive = path->alive & !done;
+        path_scatter(scene, path, vertex);
+        path_deliver(pool, path);
     }
 }
 

@@ -38,7 +38,7 @@ typedef struct {
 
 static Reuse reuse_none(void) {
     Reuse r;
-    r.anchored = r.leaves = r.shared = splat_uint(0u) != splat_uint(0u);
+    r.anchored = r.leaves = r.shared = mask_none();
     r.origin = r.side = r.shading = r.reflects = r.target = r.target_side = r.own = vec3_all(0.0f);
     r.from = r.primitive = splat_uint(NONE);
     r.depth = splat_uint(0u);
@@ -54,7 +54,8 @@ static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const V
     const vec3 reflects = mul(path->throughput, bsdf->color);
     // From a black surface no path goes on
     const vmask dark = !(largest(reflects) > 0.0f);
-    const vfloat survival = dark ? splat(0.0f) : path_survival(scene, reflects, path->depth + 1u, surface);
+    const vfloat going_on = roulette_survival(scene->settings->roulette, reflects, path->depth + 1u, surface->absorption);
+    const vfloat survival = dark ? splat(0.0f) : going_on;
     r->origin = choose(anchors, origin, r->origin);
     r->side = choose(anchors, bsdf->side, r->side);
     r->shading = choose(anchors, bsdf->frame.normal, r->shading);
@@ -81,15 +82,29 @@ static void reuse_share(Reuse* r, Path* path, const Vertex* vertex, vmask shares
 #define RECORD_ANCHORED 1u
 #define RECORD_SHARED 2u
 
+// The numbers of a record, as ANCHOR_ROW_* and TARGET_ROW_* of types.h name them: two rows.
+static void reuse_words(const Reuse* r, vec3 light, vfloat words[RECORD_WORDS]) {
+    const vuint flags = (r->anchored ? splat_uint(RECORD_ANCHORED) : splat_uint(0u)) | (r->shared ? splat_uint(RECORD_SHARED) : splat_uint(0u));
+    vfloat* target = words + 16;
+    for (int k = 0; k < RECORD_WORDS; ++k) words[k] = splat(0.0f);
+    vec3_row_put(words, ANCHOR_ROW_ORIGIN, r->origin);
+    vec3_row_put(words, ANCHOR_ROW_SIDE, r->side);
+    vec3_row_put(words, ANCHOR_ROW_SHADING, r->shading);
+    vec3_row_put(words, ANCHOR_ROW_REFLECTS, r->reflects);
+    words[ANCHOR_ROW_FROM] = vfloat_from_bits(r->from);
+    words[ANCHOR_ROW_DEPTH] = vfloat_from_bits(r->depth);
+    words[ANCHOR_ROW_SURVIVAL] = r->survival;
+    words[ANCHOR_ROW_FLAGS] = vfloat_from_bits(flags);
+    vec3_row_put(target, TARGET_ROW_POINT, r->target);
+    vec3_row_put(target, TARGET_ROW_SIDE, r->target_side);
+    target[TARGET_ROW_PRIMITIVE] = vfloat_from_bits(r->primitive);
+    vec3_row_put(target, TARGET_ROW_LIGHT, light);
+}
+
 // Write the records of paths that ended, and their own radiance to the film.
 static void reuse_deliver(const Pool* pool, __global float* records, const PoolSample* sample, const Reuse* r, vec3 radiance, vmask done) {
-    const vuint flags = (r->anchored ? splat_uint(RECORD_ANCHORED) : splat_uint(0u)) | (r->shared ? splat_uint(RECORD_SHARED) : splat_uint(0u));
-    const vfloat words[RECORD_WORDS] = {
-        r->origin.x, r->origin.y, r->origin.z, r->side.x, r->side.y, r->side.z, r->shading.x, r->shading.y, r->shading.z,
-        r->reflects.x, r->reflects.y, r->reflects.z, vfloat_from_bits(r->from), vfloat_from_bits(r->depth), r->survival,
-        vfloat_from_bits(flags),
-        r->target.x, r->target.y, r->target.z, r->target_side.x, r->target_side.y, r->target_side.z, vfloat_from_bits(r->primitive),
-        radiance.x, radiance.y, radiance.z, splat(0.0f), splat(0.0f), splat(0.0f), splat(0.0f), splat(0.0f), splat(0.0f)};
+    vfloat words[RECORD_WORDS];
+    reuse_words(r, radiance, words);
     int is_done[LANES];
     uint slot[LANES], number[LANES];
     float word[LANES];
@@ -118,17 +133,18 @@ static void reuse_store(__global float* records, vuint record, vmask shared, vec
     for (int lane = 0; lane < LANES; ++lane) {
         if (!is_shared[lane]) continue;
         __global float* target = records + (size_t)at[lane] * RECORD_WORDS + 16;
-        target[7] = x[lane];
-        target[8] = y[lane];
-        target[9] = z[lane];
-        target[10] = as_float(seen_by[lane]);
+        target[TARGET_ROW_LIGHT] = x[lane];
+        target[TARGET_ROW_LIGHT + 1] = y[lane];
+        target[TARGET_ROW_LIGHT + 2] = z[lane];
+        target[TARGET_ROW_SEEN] = as_float(seen_by[lane]);
     }
 }
 
-// As path_trace, without the branch: every pixel has one ray from its first diffuse surface, which is what it shares.
+// As path_trace; every pixel has one ray from its first diffuse surface, which is what it shares.
 static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
+    Vertex vertex[PACKETS];
     Reuse reuse = reuse_none();
 
     while (path_next(scene, pool, &waiting, path)) {
@@ -138,8 +154,8 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         reuse.shared = reuse.shared & goes;
 
         // Find the nearest surface along each ray, and add the light the ray ran into
-        const Hit hit = traverse_nearest(&scene->bvh, &path->ray, path->alive);
-        const Vertex vertex[PACKETS] = {path_arrive(scene, path, hit, path->alive, stats)};
+        path_find(scene, path, vertex, stats);
+        path_add_emission(scene, path, vertex);
 
         // The first diffuse surface anchors the path; a diffuse one right after it sends its light to the whole group
         const vmask anchors = vertex->diffuse & !reuse.anchored, shares = vertex->diffuse & reuse.leaves;
@@ -149,11 +165,10 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
 
         // Add light that comes straight from the lights, and go on in a sampled direction
         path_add_direct(scene, path, vertex, stats);
-        const vmask goes_on = path_scatter(scene, path, vertex);
+        path_scatter(scene, path, vertex);
 
-        const vmask done = path->alive & !goes_on;
-        if (lane_any(done)) reuse_deliver(pool, records, &path->sample, &reuse, path->radiance, done);
-        path->alive = path->alive & !done;
+        if (lane_any(path->ended)) reuse_deliver(pool, records, &path->sample, &reuse, path->radiance, path->ended);
+        path->alive = path->alive & !path->ended;
     }
 }
 
@@ -208,9 +223,9 @@ static vmask reuse_flag(vfloat flags, uint flag) { return (vfloat_bits(flags) & 
 static void reuse_row(__global const float* records, vuint record, uint row, vfloat words[16]) { lane_rows(records, record * 2u + row, words); }
 
 static ReuseLink reuse_link_rows(const vfloat anchor[16], const vfloat target[16], vmask exists) {
-    return reuse_link(vec3_of(anchor[0], anchor[1], anchor[2]), vec3_of(anchor[3], anchor[4], anchor[5]),
-                      vec3_of(anchor[6], anchor[7], anchor[8]), vec3_of(target[0], target[1], target[2]),
-                      vec3_of(target[3], target[4], target[5]), exists & reuse_flag(anchor[15], RECORD_ANCHORED));
+    return reuse_link(vec3_row(anchor, ANCHOR_ROW_ORIGIN), vec3_row(anchor, ANCHOR_ROW_SIDE), vec3_row(anchor, ANCHOR_ROW_SHADING),
+                      vec3_row(target, TARGET_ROW_POINT), vec3_row(target, TARGET_ROW_SIDE),
+                      exists & reuse_flag(anchor[ANCHOR_ROW_FLAGS], RECORD_ANCHORED));
 }
 
 // Divide the light of each lane's target by the sum of the densities with which the group's anchors, those that see it, find it; and
@@ -224,24 +239,22 @@ static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global fl
     vfloat target[16], anchor[16];
     reuse_row(records, own, 0u, anchor);
     reuse_row(records, own, 1u, target);
-    const vmask shared = exists & reuse_flag(anchor[15], RECORD_SHARED);
-    const vuint depth = vfloat_bits(anchor[13]), primitive = vfloat_bits(target[6]);
+    const vmask shared = exists & reuse_flag(anchor[ANCHOR_ROW_FLAGS], RECORD_SHARED);
+    const vuint depth = vfloat_bits(anchor[ANCHOR_ROW_DEPTH]), primitive = vfloat_bits(target[TARGET_ROW_PRIMITIVE]);
     if (!lane_any(shared)) return;
     vfloat density = splat(0.0f);
     vuint seen = splat_uint(0u);
     for (uint m = 0; m < settings->reuse; ++m) {
         reuse_row(records, reuse_partners(settings, pool, number, partners[m], &exists), 0u, anchor);
         // With a limited depth, light may go on for more vertices from one anchor than from another: they cannot share
-        const vmask alike = settings->max_depth == NONE ? shared : shared & (vfloat_bits(anchor[13]) == depth);
+        const vmask alike = settings->max_depth == NONE ? shared : shared & (vfloat_bits(anchor[ANCHOR_ROW_DEPTH]) == depth);
         const ReuseLink link = reuse_link_rows(anchor, target, alike & exists);
-        const vfloat pdf = warp_cosine_hemisphere_pdf(link.cosine) * link.facing * anchor[14];
+        const vfloat pdf = warp_cosine_hemisphere_pdf(link.cosine) * link.facing * anchor[ANCHOR_ROW_SURVIVAL];
         vmask open = pdf > 0.0f;
         if (m > 0 && lane_any(open)) {       // its own anchor sees it: the path went there
-            Ray ray;
-            ray.origin = vec3_of(anchor[0], anchor[1], anchor[2]);
-            ray.direction = link.to;
+            Ray ray = ray_make(vec3_row(anchor, ANCHOR_ROW_ORIGIN), link.to);
             ray.limit = splat(SHADOW_LIMIT);
-            ray.from = vfloat_bits(anchor[12]);
+            ray.from = vfloat_bits(anchor[ANCHOR_ROW_FROM]);
             ray.to = primitive;
             stats->shadow_rays += lane_count(open);
             open = open & !traverse_occluded(&scene->bvh, &ray, open);
@@ -254,7 +267,7 @@ static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global fl
         seen = open ? seen | (1u << m) : seen;
     }
     const vfloat inverse = density > 0.0f ? splat(1.0f) / (density > 0.0f ? density : splat(1.0f)) : splat(0.0f);
-    const vec3 light = scale(vec3_of(target[7], target[8], target[9]), inverse);
+    const vec3 light = scale(vec3_row(target, TARGET_ROW_LIGHT), inverse);
     reuse_store(records, own, shared, light, seen);
 }
 
@@ -271,12 +284,12 @@ static void reuse_gather_sample(const Scene* scene, const Pool* pool, __global c
         const vuint partner = reuse_partners(settings, pool, number, partners[m], &exists);
         reuse_row(records, partner, 0u, flags);
         reuse_row(records, partner, 1u, target);
-        const vmask sees = exists & reuse_flag(flags[15], RECORD_SHARED) & ((vfloat_bits(target[10]) & (1u << m)) != 0u);
+        const vmask sees = exists & reuse_flag(flags[ANCHOR_ROW_FLAGS], RECORD_SHARED) & ((vfloat_bits(target[TARGET_ROW_SEEN]) & (1u << m)) != 0u);
         const ReuseLink link = reuse_link_rows(anchor, target, sees & inside);
         const vfloat term = link.cosine * link.facing * INV_PI;
-        radiance = choose(sees, along(radiance, vec3_of(target[7], target[8], target[9]), term), radiance);
+        radiance = choose(sees, along(radiance, vec3_row(target, TARGET_ROW_LIGHT), term), radiance);
     }
-    pool_add(pool, number, mul(radiance, vec3_of(anchor[9], anchor[10], anchor[11])), inside);
+    pool_add(pool, number, mul(radiance, vec3_row(anchor, ANCHOR_ROW_REFLECTS)), inside);
 }
 
 #endif

@@ -5,6 +5,7 @@
 
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
+#include "integrator/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
 
@@ -20,20 +21,19 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
         const Surface surface = surface_at(scene, &path.ray, hit, found);
-        vfloat pdf;
-        const vec3 outside = light_environment(scene, path.ray.origin, path.ray.direction, &pdf);
-        const vec3 shining = light_emitted(scene, &surface, path.ray.origin, path.ray.direction, &pdf);
-        const vec3 seen = mul(path.throughput, choose(found, shining, outside));
+        const vec3 outside = lane_any(path.alive & !found) ? environment_emitted(scene) : vec3_all(0.0f);
+        const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
         // Light a diffuse surface from the centre of every light that nothing hides
         const Bsdf bsdf = bsdf_at(&surface, path.ray.direction);
         const vmask may_scatter = found & (path.depth < settings->max_depth);
-        const vmask lit = may_scatter & bsdf.smooth;
+        const vmask lit = may_scatter & !bsdf.specular;
         if (lane_any(lit)) {
+            vfloat unused;
             for (uint number = 0; number < settings->light_count; ++number) {
-                const LightSample light = light_from_center(scene, surface.point, splat_uint(number));
-                const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &pdf), light.radiance);
+                const LightSample light = light_from_center(scene, surface.point, surface.primitive, splat_uint(number));
+                const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &unused), light.radiance);
                 const vmask asked = lit & (light.pdf > 0.0f) & (largest(direct) > 0.0f);
                 const Ray shadow_ray = light_shadow_ray(&surface, &light);
                 const vmask blocked = traverse_occluded(&scene->bvh, &shadow_ray, asked);
@@ -43,14 +43,22 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
             }
         }
 
-        // Follow mirrors and glass
+        // Follow mirrors and glass, but not for ever
         vuint bits_u, bits_v;
-        sampler_bounce_bits(path.sample.sampler, SET_MATERIAL, path.depth, &bits_u, &bits_v);
+        sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
         const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
         path.throughput = mul(path.throughput, next.weight);
-        path.depth = path.depth + 1u;
         path.ray = surface_leave(&surface, next.direction);
-        const vmask ended = path.alive & !(may_scatter & !bsdf.smooth & (largest(path.throughput) > 0.0f));
+        vmask goes_on = may_scatter & bsdf.specular & (largest(path.throughput) > 0.0f);
+        const vuint event = path.depth;
+        path.depth = event + 1u;
+        if (roulette_matters(ROULETTE_NONE, path.depth)) {
+            const vfloat survival = roulette_survival(ROULETTE_NONE, path.throughput, path.depth, surface.absorption);
+            sampler_hash_bits(path.sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
+            goes_on = goes_on & (unit_interval(bits_u) < survival);
+            path.throughput = scale(path.throughput, inverse_or_one(survival));
+        }
+        const vmask ended = path.alive & !goes_on;
         if (lane_any(ended)) pool_deliver(pool, &path.sample, path.radiance, ended);
         path.alive = path.alive & !ended;
     }

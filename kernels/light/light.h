@@ -1,4 +1,4 @@
-// Every light behind one pair: light_sample, and light_pdf for a direction that was found in another way.
+// Every light behind one pair: light_sample, and light_pdf for a point of a light that was found in another way.
 #ifndef LIGHT_LIGHT_H
 #define LIGHT_LIGHT_H
 
@@ -19,90 +19,101 @@ typedef struct {
     vmask infinite;
 } LightSample;
 
+// A light's row (types.h, LIGHT_ROW_*), and what every kind of light has in it.
 typedef struct {
     vfloat row[16];
     vec3 radiance;
     vuint kind, primitive;
-    vfloat probability;  // with which the alias table picks it
-    vuint place;         // or where it is in the tree of lights
-} Light_;
+} LightRow;
 
-static Light_ light_at(const Scene* scene, vuint light) {
-    Light_ l;
+static LightRow light_at(const Scene* scene, vuint light) {
+    LightRow l;
     lane_rows(scene->light_rows, light, l.row);
-    l.radiance = vec3_of(l.row[0], l.row[1], l.row[2]);
-    l.kind = vfloat_bits(l.row[3]);
-    l.probability = l.row[4];
-    l.place = vfloat_bits(l.row[4]);
-    l.primitive = vfloat_bits(l.row[5]);
+    l.radiance = vec3_row(l.row, LIGHT_ROW_RADIANCE);
+    l.kind = vfloat_bits(l.row[LIGHT_ROW_KIND]);
+    l.primitive = vfloat_bits(l.row[LIGHT_ROW_PRIMITIVE]);
     return l;
 }
 
-// A light by its share of the power (Vose's alias table); what is left of the number is as random as new.
-static vuint light_by_power(const Scene* scene, vuint bits, vuint* rest) {
+// Of so many lights a choice takes digits that the point on the light would lack.
+#define LIGHT_FEW 256u
+
+// A light by its share of the power (Vose's alias table), by a number of 32 random bits; `rest`: what is left of it, as random as new.
+// `set`: of random numbers, SET_LIGHT_DIGITS of the vertex.
+static vuint light_by_power(const Scene* scene, vuint bits, Sampler sampler, vuint set, vuint* rest) {
     const uint count = scene->settings->light_count;
-    vuint left;
-    const vuint entry = sampler_pick(bits, count, &left);
-    if (scene->settings->lights_equal) {
-        *rest = left;
-        return entry;
-    }
+    vuint threshold_bits = splat_uint(0u), digits = splat_uint(0u);
+    if (!scene->settings->lights_equal || count > LIGHT_FEW) sampler_bits(sampler, set, &threshold_bits, &digits);
+    const vuint entry = sampler_pick(bits, count, digits, rest);
+    if (scene->settings->lights_equal) return entry;
     const vfloat threshold = lane_gather(scene->light_alias, entry * 2u);
     const vuint alias = vfloat_bits(lane_gather(scene->light_alias, entry * 2u + 1u));
-    const vfloat u = unit_interval(left);
-    const vmask keep = u < threshold;
-    const vfloat width = keep ? threshold : splat(1.0f) - threshold;
-    const vfloat stretched = (keep ? u : u - threshold) / (width > 0.0f ? width : splat(1.0f));
-    *rest = vuint_of(bounded(stretched, 0.0f, 0.99999994f) * 16777216.0f) << 8;
-    return keep ? entry : alias;
+    return unit_interval(threshold_bits) < threshold ? entry : alias;
 }
 
 // Which light is sampled for a point, and where on it.
 typedef struct {
+    vuint bits;              // random, to choose it by
     vuint light;
-    vuint bits_u, bits_v;    // random numbers, as random as new
-    vfloat probability;      // of the light; counts only where there is a tree of lights
+    vfloat probability;      // of the light; counts only where there is a light BVH
+    vfloat u, v;             // random numbers in [0, 1), as random as new
 } LightChoice;
 
-// The choice at the end of a walk down the tree of lights, or by power where there is none.
-static void light_choose(const Scene* scene, const TreeWalk* walk, LightChoice* choice) {
+// The beginning of a choice for a point with this normal, or with zero where light from either side counts: `set` is SET_LIGHT of a
+// vertex. Between this and light_choose the walk takes `light_levels` steps down the light BVH.
+static TreeWalk light_begin(const Scene* scene, vec3 origin, vec3 normal, Sampler sampler, vuint set, LightChoice* choice) {
+    vuint bits_v, unused, digits = splat_uint(0u);
+    sampler_bits(sampler, set, &choice->bits, &bits_v);
+    if (scene->settings->light_levels > 0) sampler_hash_bits(sampler, set + (SET_LIGHT_DIGITS - SET_LIGHT), &digits, &unused);
+    choice->v = unit_interval(bits_v);
+    return tree_begin(origin, normal, choice->bits, digits);
+}
+static void light_choose(const Scene* scene, const TreeWalk* walk, Sampler sampler, vuint set, LightChoice* choice) {
     choice->probability = walk->chance;
-    choice->light = scene->settings->light_levels > 0 ? tree_end(scene, walk, &choice->bits_u) : light_by_power(scene, walk->bits, &choice->bits_u);
+    if (scene->settings->light_levels > 0) {
+        choice->light = tree_end(scene, walk);
+        choice->u = walk->u;
+    } else {
+        vuint rest;
+        choice->light = light_by_power(scene, choice->bits, sampler, set + (SET_LIGHT_DIGITS - SET_LIGHT), &rest);
+        choice->u = unit_interval(rest);
+    }
 }
 
 // The probability with which it is chosen there.
-static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, const Light_* light) {
-    return scene->settings->light_levels > 0 ? tree_probability(scene, origin, normal, light->place) : light->probability;
+static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, const LightRow* light) {
+    if (scene->settings->light_levels == 0) return light->row[LIGHT_ROW_PROBABILITY];
+    return tree_probability(scene, origin, normal, vfloat_bits(light->row[LIGHT_ROW_PLACE]));
 }
 
-static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, const Light_* light, vfloat probability, vfloat u,
-                                    vfloat v) {
-    const Light_ l = *light;
-    const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
-    const vec3 b = vec3_of(l.row[9], l.row[10], l.row[11]);
-    const vec3 c = vec3_of(l.row[12], l.row[13], l.row[14]);
-    const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
-    const vmask point = l.kind == LIGHT_POINT, directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
-    AreaSample area = triangle_sample(origin, a, b, c, l.row[15], u, v);
-    if (lane_any(sphere)) area = area_sample_choose(sphere, sphere_sample(origin, a, b.x, b.y, u, v), area);
-    if (lane_any(disk)) area = area_sample_choose(disk, disk_sample(origin, a, b.x, c, u, v), area);
+// A point of the light for the point `origin` of the primitive `own`. Only from inside a sphere does a surface see itself; what else it
+// would send to itself is made of rounding errors.
+static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, const LightRow* l, vfloat probability, vfloat u, vfloat v) {
+    const vmask triangle = l->kind == LIGHT_AREA_TRIANGLE, sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
+    const vmask point = l->kind == LIGHT_POINT, directional = l->kind == LIGHT_DIRECTIONAL, environment = l->kind == LIGHT_ENVIRONMENT;
+    const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER);        // of a triangle A, of a point its position, or a direction
+    const vfloat radius = l->row[LIGHT_ROW_RADIUS], facing = l->row[LIGHT_ROW_FACING];
+    AreaSample area = triangle_sample(origin, vec3_row(l->row, LIGHT_ROW_A), vec3_row(l->row, LIGHT_ROW_AB), vec3_row(l->row, LIGHT_ROW_AC),
+                                      l->row[LIGHT_ROW_INVERSE], u, v);
+    if (lane_any(sphere)) area = area_sample_choose(sphere, sphere_sample(origin, center, radius, facing, u, v), area);
+    if (lane_any(disk)) area = area_sample_choose(disk, disk_sample(origin, center, radius, vec3_row(l->row, LIGHT_ROW_NORMAL), u, v), area);
 
     // The shadow ray ends in front of the light's surface, as far as rounding could have moved it.
     const vec3 clear = ray_leave(area.point, area.normal, area.error, inner(sub(area.point, origin), area.normal) > 0.0f);
-    const vec3 on_light = choose(point, a, area.point);
+    const vec3 on_light = choose(point, center, area.point);
     const vec3 to = sub(on_light, origin);
     const vfloat distance2 = inner(to, to);
     LightSample s;
     s.direction = direction_of(to);
-    s.target = choose(point, a, clear);
-    s.radiance = choose(point, scale(l.radiance, inverse_or_one(distance2)), l.radiance);
+    s.target = choose(point, center, clear);
+    s.radiance = choose(point, scale(l->radiance, inverse_or_one(distance2)), l->radiance);
     s.pdf = (point | directional) ? probability : area.pdf * probability;
-    s.pdf = (l.primitive == own) & !(sphere & (b.y < 0.0f)) ? splat(0.0f) : s.pdf;
-    s.primitive = (triangle | sphere | disk) ? l.primitive : splat_uint(NONE);
-    s.delta = (point | directional) & (probability > 0.0f);
+    s.pdf = (l->primitive == own) & !(sphere & (facing < 0.0f)) ? splat(0.0f) : s.pdf;
+    s.primitive = (triangle | sphere | disk) ? l->primitive : splat_uint(NONE);
+    s.delta = point | directional;
     s.infinite = directional | environment;
     if (lane_any(s.infinite)) {
-        const vec3 to_infinity = choose(environment, warp_sphere(u, v), negate(a));
+        const vec3 to_infinity = choose(environment, warp_sphere(u, v), negate(center));
         s.direction = choose(s.infinite, to_infinity, s.direction);
         s.target = choose(s.infinite, to_infinity, s.target);
         s.pdf = environment ? probability * WARP_SPHERE_PDF : s.pdf;
@@ -110,78 +121,84 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     return s;
 }
 
-// A point of the chosen light for the point `origin` of the primitive `own`. Only from inside a sphere does a surface see itself; what
-// else it would send to itself is made of rounding errors.
 static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice) {
-    const Light_ light = light_at(scene, choice->light);
-    const vfloat probability = scene->settings->light_levels > 0 ? choice->probability : light.probability;
-    return light_sample_one(scene, origin, own, &light, probability, unit_interval(choice->bits_u), unit_interval(choice->bits_v));
+    const LightRow light = light_at(scene, choice->light);
+    const vfloat probability = scene->settings->light_levels > 0 ? choice->probability : light.row[LIGHT_ROW_PROBABILITY];
+    return light_sample_one(scene, origin, own, &light, probability, choice->u, choice->v);
 }
 
 // The same with the choice, for a point with this normal.
-static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vuint own, vuint bits_u, vuint bits_v) {
-    TreeWalk walk = tree_begin(origin, normal, bits_u);
+static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vuint own, Sampler sampler, vuint set) {
     LightChoice choice;
-    choice.bits_v = bits_v;
+    TreeWalk walk = light_begin(scene, origin, normal, sampler, set, &choice);
     tree_descend(scene, &walk);
-    light_choose(scene, &walk, &choice);
+    light_choose(scene, &walk, sampler, set, &choice);
     return light_sample_chosen(scene, origin, own, &choice);
 }
 
-// Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance. An environment has no centre and
-// gives nothing. `radiance` stands for what a delta light's does, so `pdf` is 1.
-static LightSample light_from_center(const Scene* scene, vec3 origin, vuint light) {
-    const Light_ l = light_at(scene, light);
-    const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
-    const vec3 b = vec3_of(l.row[9], l.row[10], l.row[11]);
-    const vec3 c = vec3_of(l.row[12], l.row[13], l.row[14]);
+// Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance, for the point `origin` of the primitive
+// `own`. An environment has no centre and gives nothing; nor does a surface that turns its dark side to the point. `radiance` stands for
+// what a delta light's does, so `pdf` is 1 where there is light.
+static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own, vuint light) {
+    const LightRow l = light_at(scene, light);
+    const vec3 a = vec3_row(l.row, LIGHT_ROW_A), b = vec3_row(l.row, LIGHT_ROW_AB), c = vec3_row(l.row, LIGHT_ROW_AC);
+    const vfloat radius = l.row[LIGHT_ROW_RADIUS], facing = l.row[LIGHT_ROW_FACING], inverse = l.row[LIGHT_ROW_INVERSE];
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
-    const vmask directional = l.kind == LIGHT_DIRECTIONAL;
+    const vmask directional = l.kind == LIGHT_DIRECTIONAL, flat = triangle | disk;
     const vec3 center = choose(triangle, along(a, add(b, c), splat(1.0f / 3.0f)), a);
     const vec3 to = sub(center, origin);
-    const vfloat distance2 = inner(to, to);
     LightSample s;
     s.direction = choose(directional, negate(a), unit(to));
     s.target = choose(directional, negate(a), center);
-    const vec3 normal = choose(triangle, scale(outer(b, c), l.row[15]), c);
-    const vfloat facing = greater(-inner(s.direction, normal), splat(0.0f));
-    const vfloat disk_area = b.x * b.x * PI;
-    const vfloat size = triangle ? inverse_or_one(l.row[15]) * 0.5f * facing : (disk ? disk_area * facing : (sphere ? disk_area : splat(1.0f)));
-    const vfloat spread = directional ? splat(1.0f) : size * inverse_or_one(distance2);
-    s.radiance = scale(l.radiance, spread);
-    s.pdf = l.kind == LIGHT_ENVIRONMENT ? splat(0.0f) : splat(1.0f);
-    s.primitive = (triangle | sphere | disk) ? l.primitive : splat_uint(NONE);
-    s.delta = s.pdf > 0.0f;
+    const vec3 normal = choose(triangle, scale(outer(b, c), inverse), vec3_row(l.row, LIGHT_ROW_NORMAL));
+    const vfloat cosine = greater(-inner(s.direction, normal), splat(0.0f)), disk_area = radius * radius * PI;
+    const vfloat area = triangle ? inverse_or_one(inverse) * 0.5f : disk_area;
+    const vfloat size = flat ? area * cosine : (sphere ? disk_area : splat(1.0f));
+    s.radiance = scale(l.radiance, directional ? splat(1.0f) : size * inverse_or_one(inner(to, to)));
+    const vmask dark = (l.kind == LIGHT_ENVIRONMENT) | (flat & ((l.primitive == own) | (cosine == 0.0f))) |
+                       (sphere & !sphere_shines_on(origin, a, radius, facing));
+    s.pdf = dark ? splat(0.0f) : splat(1.0f);
+    s.primitive = (flat | sphere) ? l.primitive : splat_uint(NONE);
+    s.delta = !dark;
     s.infinite = directional;
     return s;
 }
 
-// Radiance from a surface that shines, towards where the ray came from; black from behind. `pdf` is the density, per steradian,
-// with which light_sample would have chosen it from `origin`, with this normal.
-static vec3 light_emitted(const Scene* scene, const Surface* s, vec3 origin, vec3 normal, vfloat* pdf) {
-    const vmask shines = (s->light != NONE) & s->front;
-    const Light_ l = light_at(scene, shines ? s->light : splat_uint(0u));
-    const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]);
-    const vfloat radius = l.row[9], facing = l.row[10];
-    const vmask sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
-    vfloat inverse_area = l.row[15] * 2.0f;
-    if (lane_any(disk)) inverse_area = disk ? inverse_or_one(radius * radius * PI) : inverse_area;
-    vfloat density = area_pdf(sub(s->point, origin), s->normal, inverse_area);
-    if (lane_any(sphere)) density = sphere ? sphere_pdf(origin, a, radius, facing, s->point, s->normal) : density;
-    *pdf = shines ? density * light_probability(scene, origin, normal, &l) : splat(0.0f);
-    return choose(shines, l.radiance, vec3_all(0.0f));
+// Whether a surface shines towards where the ray came from: not from behind.
+static vmask light_shines(const Surface* s) { return (s->light != NONE) & s->front; }
+
+// Its light, where it does.
+static LightRow light_of(const Scene* scene, const Surface* s, vmask shines) { return light_at(scene, shines ? s->light : splat_uint(0u)); }
+
+// The radiance that it sends there.
+static vec3 light_emitted(const Scene* scene, const Surface* s, vmask found) {
+    const vmask shines = found & light_shines(s);
+    return lane_any(shines) ? choose(shines, light_of(scene, s, shines).radiance, vec3_all(0.0f)) : vec3_all(0.0f);
 }
 
-// The same for a ray that leaves the scene.
-static vec3 light_environment(const Scene* scene, vec3 origin, vec3 normal, vfloat* pdf) {
-    const uint environment = scene->settings->environment;
-    if (environment == NONE) {
-        *pdf = splat(0.0f);
-        return vec3_all(0.0f);
+// The density, per steradian, with which light_sample chooses that point of its light from `origin`, with this normal.
+static vfloat light_pdf(const Scene* scene, const LightRow* l, const Surface* s, vec3 origin, vec3 normal) {
+    const vfloat radius = l->row[LIGHT_ROW_RADIUS];
+    const vmask sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
+    vfloat inverse_area = l->row[LIGHT_ROW_INVERSE] * 2.0f;
+    if (lane_any(disk)) inverse_area = disk ? inverse_or_one(radius * radius * PI) : inverse_area;
+    vfloat density = area_pdf(sub(s->point, origin), s->normal, inverse_area);
+    if (lane_any(sphere)) {
+        const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER);
+        density = sphere ? sphere_pdf(origin, center, radius, l->row[LIGHT_ROW_FACING], s->point, s->normal) : density;
     }
-    const Light_ l = light_at(scene, splat_uint(environment));
-    *pdf = light_probability(scene, origin, normal, &l) * WARP_SPHERE_PDF;
-    return l.radiance;
+    return density * light_probability(scene, origin, normal, l);
+}
+
+// The same two of the environment, for a ray that leaves the scene.
+static vec3 environment_emitted(const Scene* scene) {
+    if (scene->settings->environment == NONE) return vec3_all(0.0f);
+    return light_at(scene, splat_uint(scene->settings->environment)).radiance;
+}
+static vfloat environment_pdf(const Scene* scene, vec3 origin, vec3 normal) {
+    if (scene->settings->environment == NONE) return splat(0.0f);
+    const LightRow l = light_at(scene, splat_uint(scene->settings->environment));
+    return light_probability(scene, origin, normal, &l) * WARP_SPHERE_PDF;
 }
 
 // The ray that has to be free for the sample to arrive. The limit leaves out a few roundings before the light.

@@ -15,21 +15,22 @@ static vfloat tree_positive(vfloat mean, vfloat deviation2) { return mean + sqrt
 
 // About what the lights below a child send to a surface with this normal: their power over the distance's square, times how far they
 // face the point, and the surface them. The cosines are left as they are, times the distance: so it is `weight` over the square of
-// `distance2`, and takes no division.
+// `distance2`, and takes no division. A normal of zero stands for a surface that scatters light from either side, whose cosine
+// counts as 1.
 typedef struct {
     vfloat weight, distance2;
 } TreeImportance;
 
-// `child` is its eight words: centre and radius, mean normal, power.
-static TreeImportance tree_importance(const vfloat child[8], vec3 origin, vec3 normal) {
-    const vec3 to = sub(vec3_of(child[0], child[1], child[2]), origin), mean = vec3_of(child[4], child[5], child[6]);
-    const vfloat radius2 = child[3] * child[3], power = child[7], spread2 = radius2 * 0.1f;
+// `child` is its eight words, NODE_ROW_*; `either` is 1 for such a surface, else 0.
+static TreeImportance tree_importance(const vfloat child[8], vec3 origin, vec3 normal, vfloat either) {
+    const vec3 to = sub(vec3_row(child, NODE_ROW_CENTER), origin), mean = vec3_row(child, NODE_ROW_NORMAL);
+    const vfloat radius = child[NODE_ROW_RADIUS], radius2 = radius * radius, power = child[NODE_ROW_POWER], spread2 = radius2 * 0.1f;
     const vfloat distance2 = fma(radius2, splat(0.25f), inner(to, to));
     // A mean of unit length may be longer by a rounding
     const vfloat differ2 = greater(fma(inner(mean, mean), splat(-0.25f), splat(0.25f)), splat(0.0f));
     const vfloat facing = tree_positive(-inner(mean, to), fma(differ2, distance2, spread2));
-    const vfloat receiving = tree_positive(inner(normal, to), spread2);
-    const vmask infinite = child[3] < 0.0f;
+    const vfloat receiving = tree_positive(inner(normal, to), fma(either, distance2, spread2));
+    const vmask infinite = radius < 0.0f;
     TreeImportance i;
     i.weight = infinite ? power : power * facing * receiving * 0.25f;
     i.distance2 = infinite ? splat(1.0f) : distance2;
@@ -40,7 +41,9 @@ static TreeImportance tree_importance(const vfloat child[8], vec3 origin, vec3 n
 __attribute__((always_inline)) static vfloat tree_first_probability(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
     vfloat row[16];
     lane_rows(scene->light_nodes, node, row);
-    const TreeImportance a = tree_importance(row, origin, normal), b = tree_importance(row + 8, origin, normal);
+    const vmask two_sided = (normal.x == 0.0f) & (normal.y == 0.0f) & (normal.z == 0.0f);
+    const vfloat either = two_sided ? splat(1.0f) : splat(0.0f);
+    const TreeImportance a = tree_importance(row, origin, normal, either), b = tree_importance(row + 8, origin, normal, either);
     // The farther one near 1 and the other not too far below it, so that no product is lost
     const vfloat most = greater(a.distance2, b.distance2), near_one = inverse_scale(vec3_of(most, most, most));
     const vfloat distance_a = greater(a.distance2 * near_one, splat(1.0e-12f));
@@ -53,16 +56,16 @@ __attribute__((always_inline)) static vfloat tree_first_probability(const Scene*
 // The way down to a light, for the surface point `origin` with this normal.
 typedef struct {
     vec3 origin, normal;
-    vuint bits;          // the random number
-    vuint node;          // so far; and what is left of the number, and the probability to come here, 0 where no light gives anything
+    vuint digits;        // random bits, from which each step draws the digits that its choice used up
+    vuint node;          // so far; and what is left of the random number, and the probability to come here, 0 where no light gives anything
     vfloat u, chance;
 } TreeWalk;
 
-static TreeWalk tree_begin(vec3 origin, vec3 normal, vuint bits) {
+static TreeWalk tree_begin(vec3 origin, vec3 normal, vuint bits, vuint digits) {
     TreeWalk walk;
     walk.origin = origin;
     walk.normal = normal;
-    walk.bits = bits;
+    walk.digits = digits;
     walk.node = splat_uint(1u);
     walk.u = unit_interval(bits);
     walk.chance = splat(1.0f);
@@ -73,7 +76,10 @@ static void tree_step(const Scene* scene, TreeWalk* walk) {
     const vfloat first = tree_first_probability(scene, walk->node, walk->origin, walk->normal);
     const vmask to_first = walk->u < first;
     const vfloat share = to_first ? first : splat(1.0f) - first;
-    walk->u = bounded((to_first ? walk->u : walk->u - first) / greater(share, splat(1.0e-30f)), 0.0f, 0.99999994f);
+    // The number has 24 digits. What is left of it, as wide as the child's share, is stretched and has fewer: new ones go below them
+    walk->digits = walk->digits * 0x2c9277b5u + 0xac564b05u;
+    const vfloat left = fma(unit_interval(hash(walk->digits)), splat(5.9604645e-8f), to_first ? walk->u : walk->u - first);
+    walk->u = bounded(left / greater(share, splat(1.0e-30f)), 0.0f, 0.99999994f);
     walk->chance = first < 0.0f ? splat(0.0f) : walk->chance * share;
     walk->node = walk->node * 2u + (to_first ? splat_uint(0u) : splat_uint(1u));
 }
@@ -82,12 +88,8 @@ static void tree_descend(const Scene* scene, TreeWalk* walk) {
     for (uint level = 0; level < scene->settings->light_levels; ++level) tree_step(scene, walk);
 }
 
-// The light at the end, and what is left of the number, as random as new.
-static vuint tree_end(const Scene* scene, const TreeWalk* walk, vuint* rest) {
-    // The number had 24 digits, of which the choice has used some up: the last ones are drawn anew.
-    const vfloat step = splat(5.9604645e-8f) / greater(walk->chance, splat(5.9604645e-8f));
-    const vfloat u = bounded(fma(unit_interval(hash(walk->bits ^ splat_uint(0x3c6ef372u))), step, walk->u), 0.0f, 0.99999994f);
-    *rest = vuint_of(u * 16777216.0f) << 8;
+// The light at the end; what is left of the number, `u`, is as random as new.
+static vuint tree_end(const Scene* scene, const TreeWalk* walk) {
     return vfloat_bits(lane_gather(scene->light_order, walk->node - (1u << scene->settings->light_levels)));
 }
 

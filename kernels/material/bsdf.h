@@ -16,13 +16,13 @@ typedef struct {
     vec3 color;
     vfloat eta;          // index beyond over index on wo's side
     vuint kind;
-    vmask smooth;        // some of it is not a delta: light sampling makes sense
+    vmask specular;      // all of it is a delta: only sampling it finds where light comes from
 } Bsdf;
 
 typedef struct {
     vec3 direction;      // unit, world
     vec3 weight;         // f |cosθ| / pdf; zero ends the path
-    vfloat pdf;          // per steradian; 0 for a delta
+    vfloat pdf;          // per steradian; 0 where the BSDF is specular (but whether it is, the mask says)
 } BsdfSample;
 
 static Bsdf bsdf_at(const Surface* s, vec3 direction) {
@@ -34,14 +34,17 @@ static Bsdf bsdf_at(const Surface* s, vec3 direction) {
     b.color = s->color;
     b.eta = s->front ? s->ior : splat(1.0f) / s->ior;
     b.kind = s->kind;
-    b.smooth = s->kind == MATERIAL_LAMBERT;
+    b.specular = s->kind != MATERIAL_LAMBERT;
     return b;
 }
+
+// The normal of the side that light has to arrive on to be scattered; zero: on either.
+static vec3 bsdf_receives(const Bsdf* b) { return choose(b->kind == MATERIAL_DIELECTRIC, vec3_all(0.0f), b->side); }
 
 // f in 1/sr times |cosθ|, and the density with which bsdf_sample chooses `direction`.
 static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     const vec3 wi = frame_to_local(b->frame, direction);
-    const vmask seen = b->smooth & (inner(direction, b->side) > 0.0f);
+    const vmask seen = !b->specular & (inner(direction, b->side) > 0.0f);
     *pdf = seen ? lambert_pdf(wi) : splat(0.0f);
     const vec3 f = scale(lambert_eval(b->color, wi), greater(wi.z, splat(0.0f)));
     return choose(seen, f, vec3_all(0.0f));
@@ -53,7 +56,7 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
     vec3 wi;
     s.weight = lambert_sample(b->color, u, v, &wi);
     s.pdf = lambert_pdf(wi);
-    const vmask delta = !b->smooth;
+    const vmask delta = b->specular;
     if (lane_any(delta)) {
         vec3 mirrored, through;
         const vec3 mirror_weight = mirror_sample(b->color, b->wo, &mirrored);

@@ -9,7 +9,7 @@
 // Reflected share of light arriving at `cosine` from the normal; `eta` is the index beyond the surface over the index on this
 // side. `refracted` is the cosine beyond, 0 under total internal reflection. (PBR 4ed, 9.3.5)
 static vfloat dielectric_fresnel(vfloat cosine, vfloat eta, vfloat* refracted) {
-    const vfloat sine2 = root(splat(1.0f) - cosine * cosine) * root(splat(1.0f) - cosine * cosine) / (eta * eta);
+    const vfloat sine2 = greater(splat(1.0f) - cosine * cosine, splat(0.0f)) / (eta * eta);
     const vmask total = sine2 >= 1.0f;
     const vfloat beyond = root(splat(1.0f) - sine2);
     const vfloat parallel = (eta * cosine - beyond) / (eta * cosine + beyond);

@@ -17,17 +17,14 @@
 
 // Of a photon within the radius at most this far above or below the tangent plane, in radii: around a corner lies another surface.
 #define DISK_OFF_PLANE 0.25f
+static float disk_off_plane(float radius) { return radius * DISK_OFF_PLANE; }
 // Slivers of surface may need more points than that: then it looks a little darker.
 #define DISK_MOST_TRIES 64u
 #define DISK_SET 0x10000u        // of the sampler's sets of dimensions the first of these points
 
 // Whether rays meet the back of a surface: they are inside of something.
 static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask asked) {
-    Ray ray;
-    ray.origin = origin;
-    ray.direction = direction;
-    ray.limit = splat(FAR);
-    ray.from = ray.to = splat_uint(NONE);
+    const Ray ray = ray_make(origin, direction);
     const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
     const vmask found = asked & (hit.primitive != NONE);
     const Surface s = surface_at(scene, &ray, hit, found);
@@ -38,12 +35,9 @@ static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask 
 // and from there down. What lies under something closed that stands on the surface is not reached: the first ray meets it from
 // outside, and above the point is its inside.
 static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 side, vec3 to, float radius, vmask asked, PoolStats* stats) {
-    const float off = radius * DISK_OFF_PLANE;
-    Ray ray = surface_leave(surface, side);
-    ray.origin = along(ray.origin, side, splat(off));
-    ray.direction = to;
+    const float off = disk_off_plane(radius);
+    Ray ray = ray_make(along(surface_leave(surface, side).origin, side, splat(off)), to);
     ray.limit = splat(1.0f);
-    ray.from = splat_uint(NONE);
     const vmask blocked = traverse_occluded(&scene->bvh, &ray, asked);
     ray.origin = add(ray.origin, to);
     ray.direction = negate(side);

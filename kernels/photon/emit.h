@@ -15,21 +15,20 @@ typedef struct {
     vfloat area;
 } EmissionPoint;
 
-static EmissionPoint emission_triangle(const Light_* l, vfloat u, vfloat v) {
-    const vec3 a = vec3_of(l->row[6], l->row[7], l->row[8]), ab = vec3_of(l->row[9], l->row[10], l->row[11]);
-    const vec3 ac = vec3_of(l->row[12], l->row[13], l->row[14]);
-    const AreaSample s = triangle_sample(a, a, ab, ac, l->row[15], u, v);
+static EmissionPoint emission_triangle(const LightRow* l, vfloat u, vfloat v) {
+    const vec3 a = vec3_row(l->row, LIGHT_ROW_A), ab = vec3_row(l->row, LIGHT_ROW_AB), ac = vec3_row(l->row, LIGHT_ROW_AC);
+    const AreaSample s = triangle_sample(a, a, ab, ac, l->row[LIGHT_ROW_INVERSE], u, v);
     EmissionPoint e;
     e.point = s.point;
     e.normal = s.normal;
     e.error = s.error;
-    e.area = inverse_or_one(l->row[15]) * 0.5f;
+    e.area = inverse_or_one(l->row[LIGHT_ROW_INVERSE]) * 0.5f;
     return e;
 }
 
-static EmissionPoint emission_round(const Light_* l, vmask sphere, vfloat u, vfloat v) {
-    const vec3 center = vec3_of(l->row[6], l->row[7], l->row[8]), disk_normal = vec3_of(l->row[12], l->row[13], l->row[14]);
-    const vfloat radius = l->row[9], facing = l->row[10];
+static EmissionPoint emission_round(const LightRow* l, vmask sphere, vfloat u, vfloat v) {
+    const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER), disk_normal = vec3_row(l->row, LIGHT_ROW_NORMAL);
+    const vfloat radius = l->row[LIGHT_ROW_RADIUS], facing = l->row[LIGHT_ROW_FACING];
     const vec3 outward = warp_sphere(u, v);
     const AreaSample disk = disk_sample(center, center, radius, disk_normal, u, v);
     EmissionPoint e;
@@ -52,13 +51,13 @@ static vec3 emission_from_outside(float4 bounds, vec3 travel, vfloat u, vfloat v
 static Emission emission_sample(const Scene* scene, Sampler sampler, float4 bounds) {
     vuint bits_choice, bits_v, rest;
     vfloat u2, v2;
-    sampler_bits(sampler, splat_uint(SET_PIXEL), &bits_choice, &bits_v);
-    sampler_get(sampler, SET_LENS, &u2, &v2);
-    const Light_ l = light_at(scene, light_by_power(scene, bits_choice, &rest));
+    sampler_bits(sampler, splat_uint(SET_LIGHT), &bits_choice, &bits_v);
+    sampler_get(sampler, SET_BSDF, &u2, &v2);
+    const LightRow l = light_at(scene, light_by_power(scene, bits_choice, sampler, splat_uint(SET_LIGHT_DIGITS), &rest));
     const vfloat u = unit_interval(rest), v = unit_interval(bits_v);
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
     const vmask directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
-    const vec3 a = vec3_of(l.row[6], l.row[7], l.row[8]), anywhere = warp_sphere(u2, v2);
+    const vec3 a = vec3_row(l.row, LIGHT_ROW_POSITION), anywhere = warp_sphere(u2, v2);      // a direction of a directional light
 
     EmissionPoint from = emission_triangle(&l, u, v);
     if (lane_any(sphere | disk)) {
@@ -71,20 +70,19 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     }
     Emission e;
     const vmask surface = triangle | sphere | disk;
-    e.ray.direction = choose(surface, direction_again(frame_to_world(frame_around(from.normal), warp_cosine_hemisphere(u2, v2))),
-                             choose(directional, a, anywhere));
-    e.ray.origin = choose(surface, ray_leave(from.point, from.normal, from.error, from.area != from.area), a);
+    const vec3 forwards = direction_again(frame_to_world(frame_around(from.normal), warp_cosine_hemisphere(u2, v2)));
+    const vec3 direction = choose(surface, forwards, choose(directional, a, anywhere));
+    vec3 origin = choose(surface, ray_leave(from.point, from.normal, from.error, mask_none()), a);
     if (lane_any(directional | environment))
-        e.ray.origin = choose(directional | environment, emission_from_outside(bounds, e.ray.direction, u, v), e.ray.origin);
-    e.ray.limit = splat(FAR);
+        origin = choose(directional | environment, emission_from_outside(bounds, direction, u, v), origin);
+    e.ray = ray_make(origin, direction);
     e.ray.from = (triangle | disk) ? l.primitive : splat_uint(NONE);
-    e.ray.to = splat_uint(NONE);
 
     // Power: π A L of a surface, 4π I of a point, E times the disk's area of a direction, 4π L times it of an environment
     const float disk_area = bounds.w * bounds.w * PI;
     vfloat factor = surface ? from.area * PI : splat(4.0f * PI);
     factor = directional ? splat(disk_area) : (environment ? splat(4.0f * PI) * disk_area : factor);
-    e.flux = scale(l.radiance, factor * inverse_or_one(l.probability));
+    e.flux = scale(l.radiance, factor * inverse_or_one(l.row[LIGHT_ROW_PROBABILITY]));
     return e;
 }
 

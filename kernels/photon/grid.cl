@@ -1,6 +1,7 @@
 // Deposits become a photon map. Between the kernels the host sorts keys and values.
 #include "photon/deposit.h"
 #include "photon/grid.h"
+#include "types.h"
 
 // The cell of each place for a deposit; those without one come last. keys, values: [photon_count * 8].
 __kernel void grid_keys(__global const float* deposits, __global const uint* deposit_counts, uint count, float4 low, uint4 size,
@@ -10,8 +11,9 @@ __kernel void grid_keys(__global const float* deposits, __global const uint* dep
     __global const float* deposit = deposits + (size_t)i * DEPOSIT_WORDS;
     uint cell = size.w;
     if (i % PHOTON_DEPOSITS < deposit_counts[i / PHOTON_DEPOSITS]) {
-        const uint x = grid_along(deposit[0], low.x, low.w, size.x), y = grid_along(deposit[1], low.y, low.w, size.y);
-        cell = (grid_along(deposit[2], low.z, low.w, size.z) * size.y + y) * size.x + x;
+        __global const float* point = deposit + DEPOSIT_ROW_POINT;
+        const uint x = grid_along(point[0], low.x, low.w, size.x), y = grid_along(point[1], low.y, low.w, size.y);
+        cell = (grid_along(point[2], low.z, low.w, size.z) * size.y + y) * size.x + x;
     }
     keys[i] = cell;
     values[i] = i;
@@ -37,7 +39,7 @@ __kernel void grid_place(__global const float* deposits, __global const uint* de
     __global const float* deposit = deposits + (size_t)values[i] * DEPOSIT_WORDS;
     const uint made = deposit_counts[values[i] / PHOTON_DEPOSITS];
     // A photon of a caustic counts on a smaller disk, and so for more
-    const float density = deposit[9] < 0.0f ? 1.0f / (CAUSTIC_RADIUS * CAUSTIC_RADIUS) : 1.0f;
+    const float density = deposit[DEPOSIT_ROW_EVENTS] < 0.0f ? 1.0f / (CAUSTIC_RADIUS * CAUSTIC_RADIUS) : 1.0f;
     const float share = density * (made > PHOTON_DEPOSITS ? (float)made / PHOTON_DEPOSITS : 1.0f);
-    for (uint k = 0; k < 10u; ++k) map[(size_t)k * stride + i] = k >= 6u && k < 9u ? deposit[k] * share : deposit[k];
+    for (uint k = 0; k < 10u; ++k) map[(size_t)k * stride + i] = k - DEPOSIT_ROW_FLUX < 3u ? deposit[k] * share : deposit[k];
 }

@@ -22,12 +22,10 @@ typedef struct {
 
 static Photon photon_none(void) {
     Photon p;
-    p.alive = p.specular = splat_uint(0u) != splat_uint(0u);
+    p.alive = p.specular = mask_none();
     p.number = p.depth = p.deposits = p.sampler.seed = p.sampler.index = splat_uint(0u);
-    p.ray.origin = p.flux = vec3_all(0.0f);
-    p.ray.direction = vec3_all(1.0f);
-    p.ray.limit = splat(FAR);
-    p.ray.from = p.ray.to = splat_uint(NONE);
+    p.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
+    p.flux = vec3_all(0.0f);
     return p;
 }
 
@@ -56,13 +54,16 @@ static vfloat photon_shading(const Bsdf* bsdf, vec3 direction) {
 // deposit so far is as likely to be there (Vitter 1985).
 static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask where, __global float* deposits) {
     vuint random, unused;
-    sampler_hash_bits(p->sampler, p->depth * SETS_PER_BOUNCE + SET_LIGHT, &random, &unused);
+    sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_LIGHT), &random, &unused);
     const vuint drawn = mul_hi(random, p->deposits + 1u), place = p->deposits < PHOTON_DEPOSITS ? p->deposits : drawn;
     const vmask kept = where & (place < PHOTON_DEPOSITS);
     const vfloat events = vfloat_of(vint_from_uint(p->depth));
     const vec3 side = choose(s->front, s->normal, negate(s->normal));
-    const vfloat words[10] = {s->point.x, s->point.y, s->point.z, side.x, side.y, side.z,
-                              flux.x,     flux.y,     flux.z,     p->specular ? -events : events};
+    vfloat words[10];
+    vec3_row_put(words, DEPOSIT_ROW_POINT, s->point);
+    vec3_row_put(words, DEPOSIT_ROW_NORMAL, side);
+    vec3_row_put(words, DEPOSIT_ROW_FLUX, flux);
+    words[DEPOSIT_ROW_EVENTS] = p->specular ? -events : events;
     int is_kept[LANES];
     uint at[LANES];
     float word[LANES];
@@ -78,7 +79,7 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask w
 // Choose where the photon goes on; it does with the probability of its largest weight, and its flux keeps its size.
 static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surface, const Bsdf* bsdf, vmask found) {
     vuint bits_u, bits_v;
-    sampler_bounce_bits(p->sampler, SET_MATERIAL, p->depth, &bits_u, &bits_v);
+    sampler_bits(p->sampler, sampler_set(p->depth, SET_BSDF), &bits_u, &bits_v);
     const BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     // bsdf_sample weighs radiance, which shrinks by eta² where it crosses glass; flux does not
     const vmask crosses = (bsdf->kind == MATERIAL_DIELECTRIC) & (inner(next.direction, bsdf->side) < 0.0f);
@@ -87,9 +88,9 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     const vec3 weight = scale(next.weight, turned);
     const vfloat most = p->depth >= 16u ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);
     p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
-    p->depth = p->depth + 1u;
     p->ray = surface_leave(surface, next.direction);
-    sampler_hash_bits(p->sampler, p->depth * SETS_PER_BOUNCE + SET_ROULETTE, &bits_u, &bits_v);
+    sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_ROULETTE), &bits_u, &bits_v);
+    p->depth = p->depth + 1u;
     return found & (p->depth < scene->settings->max_depth) & (unit_interval(bits_u) < survival);
 }
 
@@ -114,7 +115,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         const vmask found = photon.alive & (hit.primitive != NONE);
         const Surface surface = surface_at(scene, &photon.ray, hit, found);
         const Bsdf bsdf = bsdf_at(&surface, photon.ray.direction);
-        const vmask arrives = found & bsdf.smooth & (photon.depth > 0u);
+        const vmask arrives = found & !bsdf.specular & (photon.depth > 0u);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
             const vec3 flux = scale(photon.flux, photon_shading(&bsdf, photon.ray.direction));
@@ -123,7 +124,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         }
 
         // Go on, or end and say how many deposits there were
-        photon.specular = photon.specular & !bsdf.smooth;
+        photon.specular = photon.specular & bsdf.specular;
         const vmask goes_on = photon_scatter(scene, &photon, &surface, &bsdf, found);
         const vmask ended = photon.alive & !goes_on;
         if (lane_any(ended)) {

@@ -48,11 +48,9 @@ __kernel void radiosity_direct(SCENE_PARAMETERS MOVING_PARAMETERS __global const
     for (uint sample = 0; sample < samples; ++sample) {
         const Sampler sampler = sampler_start(settings->seed ^ DIRECT_SEED, side, splat_uint(sample));
         vfloat u, v;
-        vuint bits_u, bits_v;
         sampler_get(sampler, SET_PIXEL, &u, &v);
         const Surface s = patch_point(&scene, side, u, v);
-        sampler_bits(sampler, splat_uint(SET_LIGHT), &bits_u, &bits_v);
-        const DirectSample direct = direct_sample(&scene, &s, s.normal, bits_u, bits_v);
+        const DirectSample direct = direct_sample(&scene, &s, s.normal, sampler);
         const vmask asked = active & (largest(direct.irradiance) > 0.0f);
         vmask traced = asked;
         if (lights)

@@ -9,8 +9,8 @@ typedef struct {
     Ray ray;             // that has to be free
 } DirectSample;
 
-static DirectSample direct_sample(const Scene* scene, const Surface* s, vec3 normal, vuint bits_u, vuint bits_v) {
-    const LightSample light = light_sample(scene, s->point, normal, s->primitive, bits_u, bits_v);
+static DirectSample direct_sample(const Scene* scene, const Surface* s, vec3 normal, Sampler sampler) {
+    const LightSample light = light_sample(scene, s->point, normal, s->primitive, sampler, sampler_set(splat_uint(0u), SET_LIGHT));
     const vfloat cosine = inner(light.direction, normal);
     const vmask usable = (light.pdf > 0.0f) & (cosine > 0.0f);
     DirectSample d;

@@ -7,8 +7,7 @@
 #include "geometry/surface.h"
 #include "radiosity/patch.h"
 
-// Of the sixteen numbers for each side, and at the end for what lies outside, twelve are used, radiance W/(sr m²): reflected at the
-// corners A, B, C; sent out by itself.
+// `looks` has a row for each side, and at the end one for what lies outside: LOOK_ROW_* of types.h, radiance W/(sr m²).
 
 static vec3 display_interpolated(const Scene* scene, const Surface* s, const vfloat look[16]) {
     vfloat row[16], b, c;
@@ -16,9 +15,7 @@ static vec3 display_interpolated(const Scene* scene, const Surface* s, const vfl
     surface_weights(s, row, &b, &c);
     const vfloat weight_b = bounded(b, 0.0f, 1.0f), weight_c = lesser(greater(c, splat(0.0f)), splat(1.0f) - weight_b);
     const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
-    return vec3_of(fma(weight_a, look[0], fma(weight_b, look[3], weight_c * look[6])),
-                   fma(weight_a, look[1], fma(weight_b, look[4], weight_c * look[7])),
-                   fma(weight_a, look[2], fma(weight_b, look[5], weight_c * look[8])));
+    return surface_blend(look, weight_a, weight_b, weight_c);
 }
 
 static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __global const float* looks) {
@@ -34,7 +31,7 @@ static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __gl
         const vmask found = start & (hit.primitive != NONE);
         const Surface s = surface_at(scene, &ray, hit, found);
         lane_rows(looks, found ? s.primitive * 2u + (s.front ? splat_uint(0u) : splat_uint(1u)) : patch_outside(scene), look);
-        const vec3 own = vec3_of(look[9], look[10], look[11]);
+        const vec3 own = vec3_row(look, LOOK_ROW_OWN);
         const vec3 reflected = display_interpolated(scene, &s, look);
         pool_deliver(pool, &sample, add(own, choose(found, reflected, vec3_all(0.0f))), start);
         stats->deepest = pool_deepest(stats->deepest, splat_uint(0u), found);

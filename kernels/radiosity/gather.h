@@ -29,10 +29,10 @@ static AtlasRow gather_row(const Scene* scene, const Atlas* atlas, vuint primiti
     vfloat row[16];
     lane_rows(atlas->rows, found ? primitive : splat_uint(scene->settings->primitive_count), row);
     AtlasRow r;
-    r.own = vec3_of(row[0], row[1], row[2]);
-    r.counted = row[3];
-    r.first = vfloat_bits(row[4]);
-    r.along = vfloat_bits(row[5]);
+    r.own = vec3_row(row, ATLAS_ROW_OWN);
+    r.counted = row[ATLAS_ROW_COUNTED];
+    r.first = vfloat_bits(row[ATLAS_ROW_FIRST]);
+    r.along = vfloat_bits(row[ATLAS_ROW_ALONG]);
     return r;
 }
 
@@ -44,10 +44,10 @@ static void gather_place(const Scene* scene, const Surface* s, vfloat* x, vfloat
     const vmask is_round = s->primitive >= scene->settings->triangle_count;
     if (!lane_any(is_round)) return;
     // Spheres: the octahedron about the centre, unfolded. Disks: the two axes that the normal is least along.
-    const vec3 to = sub(s->point, vec3_of(row[0], row[1], row[2]));
-    const vfloat nx = absolute(row[4]), ny = absolute(row[5]), nz = absolute(row[6]);
+    const vec3 to = sub(s->point, vec3_row(row, PRIMITIVE_ROW_CENTER)), normal = vec3_row(row, PRIMITIVE_ROW_NORMAL);
+    const vfloat nx = absolute(normal.x), ny = absolute(normal.y), nz = absolute(normal.z);
     const vmask disk = (nx != 0.0f) | (ny != 0.0f) | (nz != 0.0f), drop_z = (nz >= nx) & (nz >= ny), drop_y = !drop_z & (ny >= nx);
-    const vfloat size = disk ? row[3] : absolute(to.x) + absolute(to.y) + absolute(to.z);
+    const vfloat size = disk ? row[PRIMITIVE_ROW_RADIUS] : absolute(to.x) + absolute(to.y) + absolute(to.z);
     const vec3 at = scale(to, inverse_or_one(size));
     const vmask low = !disk & (at.z < 0.0f);
     const vfloat u = low ? with_sign(splat(1.0f) - absolute(at.y), at.x) : ((!disk | drop_z | drop_y) ? at.x : at.y);
@@ -77,10 +77,9 @@ static vec3 gather_direct(const Scene* scene, const Surface* s, const Bsdf* bsdf
                           PoolStats* stats) {
     const vec3 none = vec3_all(0.0f);
     if (scene->settings->light_count == 0) return none;
-    vuint bits_u, bits_v;
     vfloat unused;
-    sampler_bounce_bits(sampler, SET_LIGHT, splat_uint(bounce), &bits_u, &bits_v);
-    const LightSample light = light_sample(scene, s->point, bsdf->side, s->primitive, bits_u, bits_v);
+    const vuint set = sampler_set(splat_uint(bounce), SET_LIGHT);
+    const LightSample light = light_sample(scene, s->point, bsdf_receives(bsdf), s->primitive, sampler, set);
     const vec3 f = bsdf_eval(bsdf, light.direction, &unused);
     const vec3 direct = choose(light.pdf > 0.0f, scale(mul(f, light.radiance), inverse_or_one(light.pdf)), none);
     const vmask asked = where & (largest(direct) > 0.0f);
@@ -114,7 +113,7 @@ static void gather_trace(const Scene* scene, const Atlas* atlas, Pool* pool, Poo
             radiance = choose(alive, add(radiance, mul(throughput, sent)), radiance);
             stats->deepest = pool_deepest(stats->deepest, splat_uint(bounce), alive);
             vuint bits_u, bits_v;
-            sampler_bounce_bits(sample.sampler, SET_MATERIAL, splat_uint(bounce), &bits_u, &bits_v);
+            sampler_bits(sample.sampler, sampler_set(splat_uint(bounce), SET_BSDF), &bits_u, &bits_v);
             const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
             throughput = mul(throughput, next.weight);
             ray = surface_leave(&s, next.direction);

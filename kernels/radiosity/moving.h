@@ -71,7 +71,7 @@ static PatchBox moving_patch_box(const Scene* scene, vuint side) {
     lane_rows(scene->primitive_rows, side >> 1, row);
     vfloat slack = splat(0.0f);
     for (int axis = 0; axis < 3; ++axis) {
-        const vfloat a = row[axis], b = row[axis + 3], c = row[axis + 6];
+        const vfloat a = row[PRIMITIVE_ROW_A + axis], b = row[PRIMITIVE_ROW_B + axis], c = row[PRIMITIVE_ROW_C + axis];
         box.low[axis] = lesser(lesser(a, b), c);
         box.high[axis] = greater(greater(a, b), c);
         slack = slack + (absolute(box.low[axis]) + absolute(box.high[axis])) * (64.0f * EPSILON);

@@ -14,8 +14,7 @@ static Surface patch_point(const Scene* scene, vuint side, vfloat u, vfloat v) {
     Surface s;
     s.primitive = side >> 1;
     lane_rows(scene->primitive_rows, s.primitive, row);
-    const vec3 a = vec3_of(row[0], row[1], row[2]);
-    const vec3 ab = sub(vec3_of(row[3], row[4], row[5]), a), ac = sub(vec3_of(row[6], row[7], row[8]), a);
+    const vec3 a = vec3_row(row, PRIMITIVE_ROW_A), ab = sub(vec3_row(row, PRIMITIVE_ROW_B), a), ac = sub(vec3_row(row, PRIMITIVE_ROW_C), a);
     warp_triangle(u, v, &weight_b, &weight_c);
     s.point = add(a, add(scale(ab, weight_b), scale(ac, weight_c)));
     s.error = scale(vec3_of(absolute(a.x) + absolute(ab.x) + absolute(ac.x), absolute(a.y) + absolute(ab.y) + absolute(ac.y),
@@ -24,12 +23,12 @@ static Surface patch_point(const Scene* scene, vuint side, vfloat u, vfloat v) {
     const vec3 normal = unit(outer(ab, ac));
     s.normal = choose((side & 1u) != 0u, negate(normal), normal);
     s.shading = s.normal;
-    s.front = side == side;
+    s.front = mask_all();
     s.from = s.primitive;
-    s.light = vfloat_bits(row[14]);
-    s.color = vec3_of(row[9], row[10], row[11]);
-    s.absorption = row[12];
-    s.ior = row[13];
+    s.light = vfloat_bits(row[PRIMITIVE_ROW_LIGHT]);
+    s.color = vec3_row(row, PRIMITIVE_ROW_COLOR);
+    s.absorption = row[PRIMITIVE_ROW_ABSORPTION];
+    s.ior = row[PRIMITIVE_ROW_IOR];
     s.kind = splat_uint(MATERIAL_LAMBERT);
     return s;
 }
@@ -41,7 +40,7 @@ static Ray patch_ray(const Scene* scene, uint seed, vuint side, vuint index) {
     vfloat u, v;
     sampler_get(sampler, SET_PIXEL, &u, &v);
     const Surface s = patch_point(scene, side, u, v);
-    sampler_get(sampler, SET_MATERIAL, &u, &v);
+    sampler_get(sampler, SET_BSDF, &u, &v);
     return surface_leave(&s, direction_again(frame_to_world(frame_around(s.normal), warp_cosine_hemisphere(u, v))));
 }
 
@@ -53,8 +52,8 @@ static vuint patch_met(const Scene* scene, const Ray* ray, Hit hit) {
     const vuint primitive = found ? hit.primitive : splat_uint(0u);
     vfloat row[16];
     lane_rows(scene->primitive_rows, primitive, row);
-    const vec3 a = vec3_of(row[0], row[1], row[2]);
-    const vec3 normal = outer(sub(vec3_of(row[3], row[4], row[5]), a), sub(vec3_of(row[6], row[7], row[8]), a));
+    const vec3 a = vec3_row(row, PRIMITIVE_ROW_A);
+    const vec3 normal = outer(sub(vec3_row(row, PRIMITIVE_ROW_B), a), sub(vec3_row(row, PRIMITIVE_ROW_C), a));
     // Scaled first, so that the sign of a small patch's product is not lost
     const vmask back = inner(scale(normal, inverse_scale(normal)), ray->direction) > 0.0f;
     const vuint side = primitive * 2u + (back ? splat_uint(1u) : splat_uint(0u));

@@ -58,8 +58,8 @@ static vfloat update_distance(const Scene* scene, const Ray* ray, vuint met, vec
     const vmask found = met < patch_outside(scene);
     vfloat row[16];
     lane_rows(scene->primitive_rows, found ? met >> 1 : splat_uint(0u), row);
-    const vec3 a = vec3_of(row[0], row[1], row[2]);
-    const vec3 normal = unit(outer(sub(vec3_of(row[3], row[4], row[5]), a), sub(vec3_of(row[6], row[7], row[8]), a)));
+    const vec3 a = vec3_row(row, PRIMITIVE_ROW_A);
+    const vec3 normal = unit(outer(sub(vec3_row(row, PRIMITIVE_ROW_B), a), sub(vec3_row(row, PRIMITIVE_ROW_C), a)));
     const vfloat slope = inner(ray->direction, normal), height = inner(sub(sub(a, back), ray->origin), normal);
     const vmask sure = found & (absolute(slope) > 1.0e-6f);
     return sure ? height / (sure ? slope : splat(1.0f)) : (found ? splat(-1.0f) : splat(FAR));
@@ -76,7 +76,7 @@ static vuint update_met(const Scene* scene, const Moving* moving, const Ray* ray
     const vfloat way = update_distance(scene, ray, before, back);
     const vmask anew = own | lost | (way < 0.0f);
     Hit hit;
-    vmask found = active & !active, asked = active & (anew | moving_passes_box(ray, moving->place + MOVING_AFTER));
+    vmask found = mask_none(), asked = active & (anew | moving_passes_box(ray, moving->place + MOVING_AFTER));
     *traced = asked;
     Ray other = moving_ray(moving, ray);
     other.limit = anew ? ray->limit : way;

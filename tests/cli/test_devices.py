@@ -55,6 +55,93 @@ def test_python_prints_the_same(device: Device) -> None:
     assert clrender.devices() == json.loads(run("devices", "--json").stdout)
 
 
+def in_python(code: str, **changes: str) -> subprocess.CompletedProcess[str]:
+    """Python in a process of its own, where no driver is loaded yet."""
+    root = str(Path(__file__).resolve().parents[2])
+    env = {**os.environ, "PYTHONPATH": root, **changes}
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=env)
+
+
+RENDERS = """
+import os, sys, clrender
+before = dict(os.environ)
+scene = clrender.load("room")
+for device in sys.argv[1:] or DEVICES:
+    notify = None if device.startswith("-") else print
+    image = clrender.render(scene, size=(16, 16), spp=1, device=device.strip("-"), notify=notify)
+    print("hash", image.stats["image_sha256"])
+assert dict(os.environ) == before, set(os.environ.items()) ^ set(before.items())
+"""
+
+
+@pytest.mark.parametrize("quiet", ["", "-"], ids=["told", "quiet"])
+def test_one_driver_after_another_in_one_process(all_devices: list[Device], quiet: str) -> None:
+    """Whatever else is asked for; and the process keeps its environment."""
+    libraries = {device.info.library: device.info for device in all_devices}
+    if len(libraries) < 2:
+        pytest.skip("one driver only")
+    names = [f"{quiet}{info.index}" for info in libraries.values()]
+    done = in_python(RENDERS.replace("DEVICES", repr([*names, names[0]])))
+    assert done.returncode == 0, done.stderr
+    hashes = [line for line in done.stdout.splitlines() if line.startswith("hash")]
+    assert len(hashes) == len(names) + 1
+    assert len(set(hashes)) == 1
+
+
+def test_another_program_may_have_used_pyopencl_before(device: Device) -> None:
+    code = "import pyopencl; pyopencl.get_platforms()\n" + RENDERS.replace("DEVICES", repr([str(device.info.index)]))
+    done = in_python(code)
+    assert done.returncode == 0, done.stderr
+    assert "hash" in done.stdout
+
+
+def test_only_the_drivers_that_are_wanted_are_loaded(all_devices: list[Device]) -> None:
+    libraries = list({device.info.library: device.info for device in all_devices}.values())
+    if len(libraries) < 2:
+        pytest.skip("one driver only")
+    wanted, other = libraries[0], libraries[-1]
+    code = f"from clrender.device import select; select('{wanted.index}'); print(open('/proc/self/maps').read())"
+    done = in_python(code)
+    assert done.returncode == 0, done.stderr
+    assert Path(wanted.library).name in done.stdout
+    assert Path(other.library).name not in done.stdout
+
+
+def test_a_home_that_cannot_be_written(device: Device, cache_folder: Path, tmp_path: Path) -> None:
+    """Kernels and verdicts then lie in the temporary folder."""
+    own = tmp_path / f"clrender-cache-{os.geteuid()}"
+    own.mkdir(mode=0o700)
+    for name in ("compiled", "drivers", "verdicts"):  # or all would be compiled once more
+        (own / name).symlink_to(cache_folder / "clrender" / name)
+    changes = {"HOME": "/proc", "XDG_CACHE_HOME": "", "TMPDIR": str(tmp_path)}
+    output = str(tmp_path / "a.png")
+    done = run("render", "room", "--size", "16x16", "--spp", "1", "-o", output, "-d", str(device.info.index), **changes)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert Path(output).exists()
+    told = json.loads(run("doctor", "--json", OCL_ICD_VENDORS=str(tmp_path), **changes).stdout)
+    (finding,) = [finding for finding in told["findings"] if finding["subject"] == "the cache folder"]
+    assert finding["cause"] == f"/proc/.cache/clrender cannot be made, so compiled kernels are kept in {own}"
+
+
+def test_a_program_is_built_by_the_public_interface_too(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a pyopencl without the class that is no part of its interface: from source, from a binary, and not at all."""
+    from clrender.device import compiler
+    from clrender.device.source import Source
+    from clrender.errors import DeviceError
+
+    monkeypatch.setattr(compiler, "_plain_program", lambda: None)
+    text = f"kernel void answer(global int* a) {{ a[get_global_id(0)] = {os.getpid()}; }}"
+    good, bad = Source("good.cl", text, f"good-{os.getpid()}"), Source("bad.cl", "kernel void x( {", "bad")
+    context, handle = device._context, device._handle
+    for _ in range(2):
+        program = compiler.build(context, handle, device.info, device.options, good)
+        assert [kernel.function_name for kernel in program.all_kernels()] == ["answer"]
+        compiler.store(device.info, device.options, good, program)
+    with pytest.raises(DeviceError, match=r"cannot build bad.cl: .*error"):
+        compiler.build(context, handle, device.info, device.options, bad)
+
+
 def test_doctor_is_content_with_one_good_driver(only_device: str) -> None:
     done = run("doctor", OCL_ICD_VENDORS=only_device)
     assert done.returncode == 0, done.stdout + done.stderr

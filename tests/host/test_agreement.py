@@ -17,9 +17,9 @@ from clrender.agreement.integrators import check_integrators
 from clrender.agreement.significance import has_outlier, holm, welch
 from clrender.agreement.verdict import AGREE, FAULT, MAY, MUST, light_kinds, verdict
 from clrender.cli import main
-from clrender.device.pipeline import Pipeline
 from clrender.errors import UsageError
 from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
+from clrender.integrators.descriptor import Pipeline
 from clrender.scene import Scene, load
 from clrender.student import critical_value, p_value
 

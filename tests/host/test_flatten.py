@@ -341,3 +341,63 @@ def test_millions_of_triangles_stay_lean(tmp_path: Path) -> None:
     np.testing.assert_array_equal(scene.arrays["vertices"], vertices)
     chunks = 64 * 2**20
     assert peak < 3 * scene.nbytes + vertices.nbytes + faces.nbytes + chunks
+
+
+QUAD_OBJ = """v -1 -1 0
+v 1 -1 0
+v 1 1 0
+v -1 1 0
+vn 0.6 0 0.8
+vn 0 0 1
+vn -0.6 0 0.8
+vn 0 0.6 0.8
+"""
+WINDINGS = {"right": "f 1//1 2//2 3//3\nf 1//1 3//3 4//4\n", "inverted": "f 3//3 2//2 1//1\nf 4//4 3//3 1//1\n",
+            "one of two": "f 1//1 2//2 3//3\nf 4//4 3//3 1//1\n"}  # fmt: skip
+
+
+@pytest.mark.parametrize(("winding", "turned"), [("right", 0), ("inverted", 2), ("one of two", 1)])
+def test_normals_against_the_winding_are_told(tmp_path: Path, winding: str, turned: int) -> None:
+    (tmp_path / "q.obj").write_text(QUAD_OBJ + WINDINGS[winding])
+    shape: dict[str, Any] = {"type": "mesh", "file": "q.obj"}
+    scene = scenes.Scene(camera=CAMERA, shapes=(shape,)).placed("scene", tmp_path)
+    warnings = flatten(scene, 8, 8).warnings
+    assert len(warnings) == (1 if turned else 0)
+    if turned:
+        assert f"shapes[0]: the normals of {turned} of 2 triangles point to their backs and were turned" in warnings[0]
+
+
+GLASS: dict[str, dict[str, Any]] = {
+    "glass": {"type": "dielectric", "ior": 1.5},
+    "same": {"type": "dielectric", "ior": 1.3, "exterior_ior": 1.3},
+}
+POINT: dict[str, Any] = {"type": "point", "position": [0, 2, 0], "intensity": [1, 1, 1]}
+
+
+def test_light_that_glass_keeps_from_most_integrators_is_told() -> None:
+    ball: dict[str, Any] = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
+    (told,) = flat({**ball, "material": "glass"}, lights=(POINT,), materials=GLASS).warnings
+    assert "point lights, through the dielectric 'glass': only the integrator photon finds it" in told
+    assert flat({**ball, "material": "glass"}, materials=GLASS).warnings == ()
+    assert flat(ball, lights=(POINT,), materials=GLASS).warnings == ()
+    assert flat({**ball, "material": "same"}, lights=(POINT,), materials=GLASS).warnings == ()
+
+
+def test_what_does_not_bend_light_is_no_boundary() -> None:
+    shapes: list[dict[str, Any]] = [{"type": "sphere", "center": [0, 0, 0], "radius": 1}, UNIT_CUBE]
+    none = flat(*({**shape, "material": "same"} for shape in shapes), materials=GLASS)
+    assert (none.triangle_count, none.analytic_count) == (0, 0)
+    shining = flat(*({**shape, "material": "same", "emission": [1, 1, 1]} for shape in shapes), materials=GLASS)
+    assert (shining.triangle_count, shining.analytic_count, shining.light_count) == (12, 1, 13)
+    after = flat({**shapes[0], "material": "same"}, {**shapes[0], "material": "glass"}, UNIT_CUBE, materials=GLASS)
+    assert after.arrays["primitive_shape"].tolist() == [2] * 12 + [1]
+    assert after.arrays["shapes"]["first_primitive"][1:].tolist() == [12, 0]
+
+
+def test_the_film_takes_what_a_scene_may_shine_with() -> None:
+    from clrender.film.fixed_point import SAMPLE_LIMIT_BITS
+    from clrender.scene.values import POWER_LIMIT
+
+    assert POWER_LIMIT < 2.0**SAMPLE_LIMIT_BITS
+    with pytest.raises(SceneError, match="emission"):
+        flat({**UNIT_CUBE, "emission": [POWER_LIMIT * 1.01, 0, 0]})

@@ -25,14 +25,15 @@ LAYERS = (
     ("rendered_image", "render_stats"),
     ("job",),
     ("aov",),
-    ("integrators",),
-    ("radiosity",),
+    ("radiosity", "photon_maps"),
     ("scheduling",),
     ("device",),
-    ("settings",),
     ("flatten",),
     ("film",),
     ("scene",),
+    ("settings",),
+    ("integrators",),
+    ("limits",),
     ("image",),
     ("files",),
     ("resources",),
@@ -51,8 +52,8 @@ def layer(path: Path) -> str:
     return relative.parts[0] if len(relative.parts) > 1 else relative.stem
 
 
-def imported(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """(line, layer) of every import of the package, wherever it stands; those for types only are no imports."""
+def imports(tree: ast.AST) -> Iterator[tuple[int, str, tuple[str, ...]]]:
+    """(line, module, names taken from it) of every import, wherever it stands; those for types only are none."""
     typing_only = {
         id(inner)
         for node in ast.walk(tree)
@@ -60,18 +61,59 @@ def imported(tree: ast.AST) -> Iterator[tuple[int, str]]:
         for inner in ast.walk(node)
     }
     for node in ast.walk(tree):
-        names: list[str] = []
         if id(node) in typing_only:
             continue
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            for alias in node.names:
+                yield node.lineno, alias.name, ()
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module] if node.module != "clrender" else [f"clrender.{alias.name}" for alias in node.names]
-        line = getattr(node, "lineno", 0)
-        for name in names:
+            yield node.lineno, node.module, tuple(alias.name for alias in node.names)
+
+
+def imported(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """(line, layer) of every import of the package."""
+    for line, module, taken in imports(tree):
+        for name in [f"clrender.{each}" for each in taken] if module == "clrender" and taken else [module]:
             parts = name.split(".")
             if parts[0] == "clrender":
                 yield line, parts[1] if len(parts) > 1 and parts[1] in RANK else "__init__"
+
+
+def import_graph() -> dict[str, set[str]]:
+    """Which modules of the package each of them imports."""
+    modules = {}
+    for path in MODULES:
+        parts = ("clrender", *path.relative_to(PACKAGE).with_suffix("").parts)
+        modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    graph: dict[str, set[str]] = {name: set() for name in modules}
+    for name, path in modules.items():
+        for _, module, taken in imports(ast.parse(path.read_text())):
+            below = [f"{module}.{each}" for each in taken if f"{module}.{each}" in modules]
+            graph[name] |= {each for each in below or [module] if each in modules}
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> set[frozenset[str]]:
+    """Largest sets of modules that each import all others of theirs, by way of others perhaps."""
+    reached = {}
+    for start in graph:
+        found: set[str] = set()
+        ahead = [start]
+        while ahead:
+            for name in graph[ahead.pop()] - found:
+                found.add(name)
+                ahead.append(name)
+        reached[start] = found
+    return {frozenset(b for b in found if a in reached[b]) for a, found in reached.items() if a in found}
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    assert not circles(import_graph())
+
+
+def test_circles_are_found() -> None:
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set(), "e": {"e"}}
+    assert circles(graph) == {frozenset({"b", "c"}), frozenset({"e"})}
 
 
 @pytest.mark.parametrize("path", MODULES, ids=NAMES)

@@ -53,6 +53,7 @@ def test_the_kernels_keep_their_rules() -> None:
         ("read_imagef(a, b, c);", "filters differently"),
         ("#pragma OPENCL FP_CONTRACT ON", "round differently"),
         ("// harmless\n/* -cl-fast */ int a; -cl-fast-relaxed-math", "round differently"),
+        ("vfloat a = l.row[6];", "is a bare column"),
         ("#include <b.h>", "includes read"),
         ('#include "../b.h"', "includes read"),
     ],

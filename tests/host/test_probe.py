@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from clrender.device import cache, discover
+from clrender.device import cache, compiled, discover
 from clrender.device import probe as probe_module
-from clrender.device.device import DeviceInfo
 from clrender.device.diagnose import diagnose, diagnose_device, diagnose_driver
 from clrender.device.discover import Driver
+from clrender.device.info import DeviceInfo
 from clrender.device.probe import MARK, Answer, DriverReport, ask, examine, inventory, judge, probe, survey
+from clrender.device.select import select
+from clrender.errors import DeviceError
 
 GOOD = "0" * 64
+ROOT = str(Path(cache.__file__).parents[2])
 LISTING: dict[str, Any] = {
     "fault": "",
     "platforms": [
@@ -50,6 +57,12 @@ def _own_cache_and_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(probe_module, "EXPECTED_FILE", expected)
 
 
+def cache_files(name: str) -> list[Path]:
+    folder = cache.cache_folder()
+    assert folder is not None
+    return list((folder / name).iterdir()) if (folder / name).is_dir() else []
+
+
 @pytest.fixture
 def fake_driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     """One driver whose children are scripts; the list holds what the next children are, the last for ever."""
@@ -63,7 +76,7 @@ def fake_driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[st
 
     def ask_script(request: dict[str, Any], seconds: float, changes: dict[str, str] | None = None) -> Answer:
         command = scripts.pop(0) if len(scripts) > 1 else scripts[0]
-        return ask(command, 5.0, changes)
+        return ask(command, min(seconds, 5.0), changes)
 
     monkeypatch.setattr(probe_module, "ask_child", ask_script)
     return scripts
@@ -92,6 +105,17 @@ def test_a_child_that_hangs_is_killed_with_all_it_started() -> None:
     answer = ask(script(before=hang), 1.0)
     assert answer.failure == "timeout"
     assert time.monotonic() - begin < 10
+
+
+def test_a_child_is_heard_where_no_disk_has_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_room() -> None:
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", no_room)
+    assert ask(script({"hash": "x"}), 5.0) == Answer({"hash": "x"})
+    assert (
+        "exit status 7: boom" in ask(script(before="print('boom', file=__import__('sys').stderr); exit(7)"), 5.0).detail
+    )
 
 
 def test_a_child_does_not_import_what_lies_in_the_users_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,12 +160,152 @@ def test_a_verdict_is_kept_until_the_driver_changes(fake_driver: list[list[str]]
     assert [info.probe for info in inventory()] == ["unknown", "unknown"]
 
 
+@pytest.mark.parametrize(
+    "failing",
+    [
+        script(before="import os; os.kill(os.getpid(), 9)"),
+        script(before="import time; time.sleep(60)"),
+        script(before="import sys; print('std::bad_alloc', file=sys.stderr, flush=True); import os; os.abort()"),
+        script({"stage": "render", "refused": False, "error": "clEnqueueNDRangeKernel failed: OUT_OF_RESOURCES"}),
+        script({"stage": "render", "refused": True, "error": "LLVM ERROR: IO failure: No space left on device"}),
+    ],
+    ids=["killed", "time", "memory", "resources", "disk"],
+)
+def test_what_failed_for_want_of_time_or_memory_is_tried_again(
+    fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch, failing: list[str]
+) -> None:
+    monkeypatch.setenv("CLRENDER_PROBE_SECONDS", "1")
+    info = inventory()[0]
+    fake_driver[:] = [failing]
+    assert probe(info).probe != "ok"
+    assert inventory()[0].probe == "unknown"
+    fake_driver[:] = [script({"hash": GOOD, "differences": []})]
+    assert probe(inventory()[0]).probe == "ok"
+    assert inventory()[0].probe == "ok"
+
+
+@pytest.fixture
+def _file_limit() -> Iterator[None]:
+    """A limit that stops nothing here."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 40, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.usefixtures("_file_limit")
+def test_under_a_limit_only_success_is_kept(fake_driver: list[list[str]]) -> None:
+    info = inventory()[0]
+    assert cache_files("drivers") == []
+    fake_driver[:] = [script({"stage": "render", "refused": True, "error": "no such target"})]
+    assert probe(info).probe == "cannot-build"
+    assert cache_files("verdicts") == []
+    fake_driver[:] = [script({"hash": GOOD, "differences": []})]
+    assert probe(info).probe == "ok"
+    assert len(cache_files("verdicts")) == 1
+
+
+@pytest.mark.parametrize(
+    "listing",
+    [
+        {"fault": "its library cannot be loaded", "platforms": []},
+        {"fault": "", "platforms": []},
+        {"fault": "", "platforms": [{"name": "Portable Computing Language", "version": "3", "devices": []}]},
+    ],
+    ids=["fault", "no platform", "no device"],
+)
+def test_a_list_without_a_device_is_not_kept(fake_driver: list[list[str]], listing: dict[str, Any]) -> None:
+    fake_driver[:] = [script(listing), script(LISTING)]
+    assert inventory() == []
+    assert len(inventory()) == 2
+
+
+def test_a_list_without_a_device_is_kept_where_that_is_normal(fake_driver: list[list[str]]) -> None:
+    """Else every start would ask Clover, which nearly nobody has hardware for."""
+    fake_driver[:] = [script({"fault": "", "platforms": [{"name": "Clover", "version": "1", "devices": []}]})]
+    assert inventory() == []
+    assert len(cache_files("drivers")) == 1
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["POCL_CACHE_DIR", "POCL_DEVICES", "RUSTICL_ENABLE", "CL_CONFIG_X", "OCL_X", "OPENCL_LAYERS", "LD_LIBRARY_PATH",
+     "LD_PRELOAD", "MESA_SHADER_CACHE_DIR", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES", "ZE_AFFINITY_MASK"],
+)  # fmt: skip
+def test_variables_that_steer_a_driver_are_part_of_what_is_known_of_it(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = Driver("libx.so", "x.icd")
+    before = discover.fingerprint(driver)
+    monkeypatch.setenv(name, "/elsewhere")
+    assert discover.fingerprint(driver) != before
+
+
+def test_a_driver_that_fails_is_named_when_another_takes_its_place(
+    fake_driver: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "vendors" / "other.icd").write_text(f"{tmp_path / 'libfake.so'}.2\n")
+    (tmp_path / "libfake.so.2").touch()
+    broken = {"fault": "", "platforms": [{"name": "Portable Computing Language", "version": "3", "devices": []}]}
+    fake_driver[:] = [script(LISTING), script(broken), script({"hash": GOOD, "differences": []})]
+    monkeypatch.setenv("POCL_CACHE_DIR", "/nowhere")
+    monkeypatch.setattr(sys.modules["clrender.device.select"], "open_devices", lambda chosen, known: list(chosen))
+    told: list[str] = []
+    select("auto", told.append)
+    assert f"{tmp_path / 'libfake.so.2'} offers no device with POCL_CACHE_DIR=/nowhere" in told[0]
+    monkeypatch.setenv("POCL_CACHE_DIR", "/elsewhere")  # so what was kept of both no longer counts
+    fake_driver[:] = [script(before="import os; os.abort()")]
+    with pytest.raises(DeviceError, match=r"no OpenCL device was found .*SIGABRT"):
+        select("auto", told.append)
+
+
+def test_a_probe_ends_with_whoever_asked_for_it(tmp_path: Path) -> None:
+    """Also where that one is killed, and with all that the probe started."""
+    (tmp_path / "child.py").write_text(
+        "import os, subprocess, sys, threading\n"
+        f"sys.path.insert(0, {ROOT!r})\n"
+        "from clrender.device.child import end_with_the_parent\n"
+        "threading.Thread(target=end_with_the_parent, daemon=True).start()\n"
+        "tool = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
+        f"open({str(tmp_path / 'new')!r}, 'w').write(f'{{os.getpid()}} {{tool.pid}}')\n"
+        f"os.rename({str(tmp_path / 'new')!r}, {str(tmp_path / 'pids')!r})\n"
+        "import time; time.sleep(60)\n"
+    )
+    asking = (
+        f"import sys; sys.path.insert(0, {ROOT!r})\n"
+        "from clrender.device.probe import ask\n"
+        f"ask([sys.executable, {str(tmp_path / 'child.py')!r}], 60.0)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", asking]) as parent:
+        try:
+            wait_until((tmp_path / "pids").exists, 30.0)
+        finally:
+            parent.kill()
+    for pid in map(int, (tmp_path / "pids").read_text().split()):
+        wait_until(lambda pid=pid: not running(pid), 10.0)  # type: ignore[misc]
+
+
+def wait_until(condition: Callable[[], bool], seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.05)
+
+
+def running(pid: int) -> bool:
+    """Whether a process still does anything: one that ended may wait for a parent to hear of it."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b'{"probe": "ok"}', b"\xff\xff"])
 def test_a_damaged_verdict_is_no_verdict(fake_driver: list[list[str]], damage: bytes) -> None:
     info = inventory()[0]
     fake_driver[:] = [script({"hash": GOOD, "differences": []})]
     probe(info)
-    (kept,) = (cache.cache_folder() / "verdicts").iterdir()
+    (kept,) = cache_files("verdicts")
     kept.write_bytes(damage)
     assert inventory()[0].probe == "unknown"
 
@@ -149,25 +313,25 @@ def test_a_damaged_verdict_is_no_verdict(fake_driver: list[list[str]], damage: b
 @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}"])
 def test_a_damaged_listing_is_asked_for_again(fake_driver: list[list[str]], damage: bytes) -> None:
     before = inventory()
-    (kept,) = (cache.cache_folder() / "drivers").iterdir()
+    (kept,) = cache_files("drivers")
     kept.write_bytes(damage)
     assert inventory() == before
 
 
 def test_a_crash_that_an_empty_cache_cures_costs_the_cache_and_no_verdict(fake_driver: list[list[str]]) -> None:
     info = inventory()[0]
-    before = cache.compiler_folder()
+    before = compiled.compiler_folder()
     fake_driver[:] = [script(before="import os; os.abort()"), script({"hash": GOOD, "differences": []})]
     assert probe(info).probe == "ok"
-    assert cache.compiler_folder() != before
+    assert compiled.compiler_folder() != before
 
 
 def test_a_crash_that_stays_is_a_crash(fake_driver: list[list[str]]) -> None:
     info = inventory()[0]
-    before = cache.compiler_folder()
+    before = compiled.compiler_folder()
     fake_driver[:] = [script(before="import os; os.abort()")]
     assert probe(info).probe == "crashed"
-    assert cache.compiler_folder() == before
+    assert compiled.compiler_folder() == before
 
 
 def test_a_driver_that_crashes_when_listed_is_a_fault_with_a_cure(fake_driver: list[list[str]]) -> None:
@@ -228,27 +392,16 @@ def test_the_users_own_vendors_are_the_only_ones(tmp_path: Path, monkeypatch: py
     assert [driver.library for driver in discover.drivers()] == ["libsingle.so"]
 
 
-def test_settings_of_the_user_win(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_of_the_user_win_and_ours_stay_out_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RUSTICL_ENABLE", "iris")
     monkeypatch.delenv("CL_CONFIG_CPU_VECTORIZER_MODE", raising=False)
-    discover.environment()
-    assert os.environ["RUSTICL_ENABLE"] == "iris"
-    assert os.environ["CL_CONFIG_CPU_VECTORIZER_MODE"] == "1"
-
-
-def test_a_process_that_died_in_a_compiler_costs_the_compiled_kernels() -> None:
-    before = cache.compiler_folder()
-    sentinel = cache.Sentinel()
-    sentinel.put()
-    assert cache.compiler_folder() == before, "this process lives"
-    sentinel.take()
-    child = (
-        "import os, sys; sys.path.insert(0, sys.argv[1])\n"
-        "from clrender.device.cache import Sentinel\nSentinel().put()\nos.kill(os.getpid(), 9)"
-    )
-    os.spawnv(os.P_WAIT, sys.executable, [sys.executable, "-c", child, str(Path(cache.__file__).parents[2])])
-    assert cache.compiler_folder() != before
-    assert cache.compiler_folder() == cache.compiler_folder()
+    before = dict(os.environ)
+    ours = discover.driver_variables()
+    assert "RUSTICL_ENABLE" not in ours
+    assert ours["CL_CONFIG_CPU_VECTORIZER_MODE"] == "1"
+    code = f"import os; print({MARK!r} + '{{\"mode\": ' + os.environ['CL_CONFIG_CPU_VECTORIZER_MODE'] + '}}')"
+    assert ask([sys.executable, "-c", code], 5.0) == Answer({"mode": 1})
+    assert dict(os.environ) == before
 
 
 @pytest.mark.parametrize(("most", "renews"), [(93_000, False), (92_000, True)])
@@ -256,34 +409,16 @@ def test_compiled_kernels_do_not_pile_up(
     fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch, most: int, renews: bool
 ) -> None:
     """A probe looks after them. A generation stays for the processes that use it, and goes with the next."""
-    monkeypatch.setattr(cache, "_MOST_BYTES", most)
+    monkeypatch.setattr(compiled, "_MOST_BYTES", most)
     info = inventory()[0]
     fake_driver[:] = [script({"hash": GOOD, "differences": []})]
-    before = cache.compiler_folder()
-    cache.store_binary("key", bytes(92_000))  # and a checksum
+    before = compiled.compiler_folder()
+    compiled.store_binary("key", bytes(92_000))  # and a checksum
     assert probe(info).probe == "ok"
-    assert (cache.compiler_folder() != before) == renews
-    assert before.exists()
-    cache.renew_compiler_folder()
+    assert (compiled.compiler_folder() != before) == renews
+    assert before is not None and before.exists()
+    compiled.renew_compiler_folder()
     assert before.exists() != renews
-
-
-def test_a_kept_binary_with_one_wrong_byte_is_not_used() -> None:
-    cache.store_binary("key", b"binary")
-    assert cache.load_binary("key") == b"binary"
-    (path,) = (cache.compiler_folder() / "programs").iterdir()
-    data = bytearray(path.read_bytes())
-    data[-1] ^= 1
-    path.write_bytes(bytes(data))
-    assert cache.load_binary("key") is None
-    assert cache.load_binary("key") is None
-
-
-def test_a_cache_folder_that_cannot_be_written_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    blocker = tmp_path / "file"
-    blocker.touch()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(blocker))
-    assert os.access(cache.cache_folder(), os.W_OK)
 
 
 def finding(info: DeviceInfo) -> str:

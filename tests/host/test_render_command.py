@@ -23,6 +23,7 @@ from clrender.errors import RenderError
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.image.files import image_sha256, read_image, read_provenance, write_image
+from clrender.settings import SETTINGS
 
 SCENE = """
 title = "nothing"
@@ -32,6 +33,8 @@ target = [0.0, 0.0, 0.0]
 [image]
 width = 6
 height = 4
+[render]
+spp = 4
 [[lights]]
 type = "environment"
 radiance = [1.0, 1.0, 1.0]
@@ -73,17 +76,17 @@ class FakeRenderer:
 
     def render(
         self,
-        scene: Any,
+        job: Any,
         *,
         device: Any = None,
         on_progress: Callable[[Any], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
         notify: Callable[[str], None] | None = None,
         keep_film: bool = True,
-        **settings: Any,
     ) -> FakeImage:
-        self.calls.append({"device": device, **settings})
-        width, height, spp = settings["width"], settings["height"], settings.get("spp", 4)
+        asked = {name: value for name, value in vars(job.settings).items() if value != SETTINGS[name].default}
+        self.calls.append({"device": device, **asked})
+        width, height, spp = job.settings.width, job.settings.height, job.sample_count
         film, side = Film(width, height), tile_side(1024, width, height)
         slots = side * side
         words = np.zeros((slots, 3, 4), np.uint32)
@@ -142,9 +145,9 @@ def test_every_output_is_written(renderer: FakeRenderer, capsys: pytest.CaptureF
     assert re.fullmatch(r"( ..% .* of 96 samples, 5 samples/s, 3 s left\n|100% .*\n)+", err)
 
 
-def test_settings_are_passed_on_only_when_given(renderer: FakeRenderer) -> None:
+def test_settings_are_passed_on(renderer: FakeRenderer) -> None:
     assert run("render", "scene.toml", "-o", "a.npy", "--quiet") == 0
-    assert renderer.calls[0] == {"device": None, "width": 6, "height": 4}
+    assert renderer.calls[0] == {"device": None, "width": 6, "height": 4, "spp": 4}
     options = (
         "--spp 2 --size 5x3 --seed 9 -d cpu -d 1 --integrator direct --shadow-rays 3 --indirect-rays 0 --max-depth 7"
     )
@@ -216,7 +219,7 @@ def test_a_signal_keeps_the_picture_so_far(
 
     renderer.during = stop
     before = signal.getsignal(number)
-    assert run("render", "scene.toml", "-o", "a.npy", "--spp", "100", "--quiet") == 130
+    assert run("render", "scene.toml", "-o", "a.npy", "--spp", "100", "--quiet") == 128 + number
     assert signal.getsignal(number) is before
     out, err = capsys.readouterr()
     assert "stopped early with 72 of 2400 samples (3 a pixel)" in out and not err
@@ -302,6 +305,6 @@ def test_outputs_are_checked_before_rendering(renderer: FakeRenderer, capsys: py
 def test_more_memory_than_there_is_is_refused(
     renderer: FakeRenderer, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("clrender.cli.render.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
+    monkeypatch.setattr("clrender.settings.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
     assert run("render", "scene.toml", "-o", "a.png", "--size", "1000x1000") == 2
     assert "GiB of memory" in capsys.readouterr().err and not renderer.calls

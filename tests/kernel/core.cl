@@ -1,5 +1,7 @@
 // Operations of core/, one result a lane or a work-item, for tests.
 #include "core/frame.h"
+#include "core/mis.h"
+#include "core/sampler.h"
 
 // values: float [count]. tables: float [rows][16]. results: uint [24][count], the same number in all lanes of a work-item where it
 // is the work-item's.
@@ -95,4 +97,28 @@ __kernel void core_frame(__global const float* values, uint count, __global floa
     const vfloat out[12] = {f.tangent.x, f.tangent.y, f.tangent.z, f.bitangent.x, f.bitangent.y, f.bitangent.z,
                             inside.x, inside.y, inside.z, outside.x, outside.y, outside.z};
     for (int k = 0; k < 12; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}
+
+// values: float [4][count]. results: float [2][count]: what stands for 1/a of the first, and the weight of a sample for all four.
+__kernel void core_weights(__global const float* values, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    vfloat in[4];
+    for (int k = 0; k < 4; ++k) in[k] = lane_load(values + (size_t)k * count + at);
+    lane_save(inverse_or_one(in[0]), results + at);
+    lane_save(mis_weight(in[0], in[1], in[2], in[3]), results + count + at);
+}
+
+// values: uint [3][count]: a sample's number, into how many it is split, and which of these. results: uint [2][count]: seed and number.
+__kernel void core_split(__global const float* values, uint count, __global uint* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    uint parts[LANES];
+    lane_store(vfloat_bits(lane_load(values + count + at)), parts);
+    Sampler sampler;
+    sampler.seed = splat_uint(77u);
+    sampler.index = vfloat_bits(lane_load(values + at));
+    sampler = sampler_split(sampler, parts[0], vfloat_bits(lane_load(values + (size_t)2 * count + at)));
+    lane_save(vfloat_from_bits(sampler.seed), (__global float*)results + at);
+    lane_save(vfloat_from_bits(sampler.index), (__global float*)results + count + at);
 }

@@ -21,16 +21,17 @@ from meshes import icosphere
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerKind
 from clrender.device.arithmetic import check as arithmetic_check
-from clrender.device.device import Buffer, Device, DeviceInfo, Program
+from clrender.device.device import Buffer, Device, Program
 from clrender.device.discover import drivers, load_platforms
+from clrender.device.info import DeviceInfo
 from clrender.device.radix_sort import CHUNK
 from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.film.unit import Unit, slot_count
 from clrender.flatten import flatten
 from clrender.integrators import INTEGRATORS
-from clrender.integrators.photon import PhotonMaps
+from clrender.photon_maps import PhotonMaps
 from clrender.radiosity.atlas import atlas_of
-from clrender.radiosity.display import DISPLAY, GATHER, Display, Gather, looks_of
+from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity
 from clrender.radiosity.factors import hemicube_cells
 from clrender.radiosity.solution import RadiositySettings
@@ -181,7 +182,7 @@ def radiosity(device: Device) -> str:
     known = dynamic.rows
     atlas = atlas_of(dynamic.patches, known.indirect(dynamic.patches), known.used, known.open_share)
     for shown, pipeline, prepare in (
-        (dynamic.flat, DISPLAY, partial(Display, table=table)),
+        (dynamic.flat, INTEGRATORS["radiosity"].pipeline, partial(Display, table=table)),
         (dynamic.patches.whole(WIDTH, HEIGHT), GATHER, partial(Gather, atlas=atlas)),
     ):
         worker = DeviceWorker(device, shown, settings, pipeline, cut, prepare)

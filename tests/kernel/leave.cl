@@ -9,14 +9,10 @@ __kernel void leave(SCENE_PARAMETERS __global const float* rays, __global const 
     SCENE_COLLECT(scene);
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
-    Ray ray;
-    ray.origin = vec3_of(lane_load(rays + at), lane_load(rays + count + at), lane_load(rays + 2 * (size_t)count + at));
-    ray.direction = vec3_of(lane_load(rays + 3 * (size_t)count + at), lane_load(rays + 4 * (size_t)count + at),
-                            lane_load(rays + 5 * (size_t)count + at));
-    ray.limit = splat(FAR);
-    ray.from = ray.to = splat_uint(NONE);
-    const vmask all = splat(0.0f) == splat(0.0f);
-    const Hit first = traverse_nearest(&scene.bvh, &ray, all);
+    const Ray ray = ray_make(vec3_of(lane_load(rays + at), lane_load(rays + count + at), lane_load(rays + 2 * (size_t)count + at)),
+                             vec3_of(lane_load(rays + 3 * (size_t)count + at), lane_load(rays + 4 * (size_t)count + at),
+                                     lane_load(rays + 5 * (size_t)count + at)));
+    const Hit first = traverse_nearest(&scene.bvh, &ray, mask_all());
     const vmask found = first.primitive != NONE;
     const Surface surface = surface_at(&scene, &ray, first, found);
     const vec3 given =

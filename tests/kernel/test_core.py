@@ -280,3 +280,54 @@ def test_frames_are_orthonormal(all_devices: list[Device]) -> None:
     assert (np.abs(got[6:9] - local) <= 3.01 * EPS * size).all()
     # There and back: the error of the products, three times over, and the roundings of both ways.
     assert (np.abs(got[9:12] - values[3:]) <= (3 * 20 + 6) * EPS * size).all()
+
+
+def test_reciprocals_have_the_same_bits_everywhere(all_devices: list[Device]) -> None:
+    """Also below the smallest normal number, about which drivers differ, and of the largest, whose own is below it."""
+    ends = [2.0**-126, 2.0**-127, 1e-40, 1e-45, 0.0, -0.0, -1e-40, -1.0, 2.0**126, 2.0**127, 3.4e38, 1.0, 3.0]
+    values = np.zeros((4, 16384), np.float32)
+    values[0] = 10.0 ** np.random.default_rng(8).uniform(-45, 38.5, values.shape[1])
+    values[0, : len(ends)] = ends
+    first = launch(all_devices[0], "core_weights", values, 2, 16)[0]
+    for device in all_devices:
+        for lanes in LANES if device is all_devices[0] else (1,):
+            assert np.array_equal(launch(device, "core_weights", values, 2, lanes)[0], first), device.info.title
+    got, usable = first.view(np.float32), values[0] >= np.float32(2.0**-126)
+    assert (got[~usable] == 1.0).all(), "what is not above zero, or might be taken for zero, has no reciprocal"
+    with np.errstate(divide="ignore", over="ignore"):
+        exact = np.maximum(np.float32(1.0) / values[0], np.float32(2.0**-126))
+    assert np.array_equal(got[usable], exact[usable])
+    assert (got >= np.float32(2.0**-126)).all()
+
+
+def test_weights_are_the_balance_heuristic(all_devices: list[Device]) -> None:
+    rng = np.random.default_rng(9)
+    values = np.zeros((4, 4096), np.float32)
+    values[[0, 2]] = rng.integers(0, 5, (2, 4096))
+    values[[1, 3]] = 10.0 ** rng.uniform(-9, 9, (2, 4096))
+    values[1, :64] = 0.0
+    values[1, 64:96] = 1e-44  # a density that underflowed is no delta
+    values[3, 96:128] = 0.0
+    got = on_all(all_devices, "core_weights", values, 2, slice(1, 2))[1].astype(np.float64)
+    n_a, p_a, n_b, p_b = values.astype(np.float64)
+    first, second = n_a * p_a, n_b * p_b
+    counts = first > 1e-37
+    exact = np.divide(first, first + second, out=np.zeros_like(first), where=counts)
+    np.testing.assert_allclose(got, exact, rtol=1e-6)
+    assert (got[:96] == 0.0).all()
+    assert (got[counts & (second == 0.0)] == 1.0).all()
+
+
+def test_samples_split_into_different_ones(device: Device) -> None:
+    """So many that their numbers together have more than 32 bits."""
+    for parts in (1, 3, 4096):
+        index = np.array([0, 1, 2**20, 2**20 + 1, 2**31 - 1, 2**32 - 1] + [7] * 10, np.uint32)
+        number = np.resize(np.arange(parts, dtype=np.uint32), (len(index), parts)).ravel()
+        whole = np.repeat(index, parts)
+        padded = np.zeros((3, -(-len(whole) // 16) * 16), np.uint32)
+        padded[0, : len(whole)], padded[1], padded[2, : len(whole)] = whole, parts, number
+        seed, low = launch(device, "core_split", padded.view(np.float32), 2, 16)[:, : 6 * parts]
+        exact = whole[: 6 * parts].astype(np.uint64) * parts + number[: 6 * parts]
+        assert np.array_equal(low, exact.astype(np.uint32))
+        assert len(set(zip(seed.tolist(), low.tolist(), strict=True))) == 6 * parts
+        assert (seed[exact < 2**32] == 77).all()

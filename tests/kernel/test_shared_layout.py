@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from clrender import layout, photon_map
+from clrender import layout, photon_maps
 from clrender.device import bvh, radix_sort
 from clrender.resources import kernels_folder
 
@@ -83,8 +83,8 @@ def test_an_array_of_structs_is_read_member_by_member(all_devices: list[Device],
         ("geometry/build.h", "BUILD_CHUNK", radix_sort.CHUNK),
         ("geometry/build_merge.cl", "MERGE_CHUNK", bvh.MERGE_CHUNK),
         ("geometry/build_cost.h", "COST_ROOTS", bvh.COST_ROOTS),
-        ("photon/deposit.h", "PHOTON_DEPOSITS", photon_map.DEPOSITS),
-        ("photon/deposit.h", "DEPOSIT_WORDS", photon_map.DEPOSIT_WORDS),
+        ("photon/deposit.h", "PHOTON_DEPOSITS", photon_maps.DEPOSITS),
+        ("photon/deposit.h", "DEPOSIT_WORDS", photon_maps.DEPOSIT_WORDS),
     ],
 )
 def test_numbers_of_the_kernels(file: str, name: str, value: int) -> None:

@@ -2,13 +2,11 @@
 #include "geometry/traverse.h"
 
 static Ray trace_load(__global const float* rays, __global const uint* ends, uint count, size_t at) {
-    Ray ray;
-    ray.origin = vec3_of(lane_load(rays + at), lane_load(rays + count + at), lane_load(rays + 2 * (size_t)count + at));
-    ray.direction = vec3_of(lane_load(rays + 3 * (size_t)count + at), lane_load(rays + 4 * (size_t)count + at),
-                            lane_load(rays + 5 * (size_t)count + at));
+    Ray ray = ray_make(vec3_of(lane_load(rays + at), lane_load(rays + count + at), lane_load(rays + 2 * (size_t)count + at)),
+                       vec3_of(lane_load(rays + 3 * (size_t)count + at), lane_load(rays + 4 * (size_t)count + at),
+                               lane_load(rays + 5 * (size_t)count + at)));
     ray.limit = lane_load(rays + 6 * (size_t)count + at);
     ray.from = lane_load(ends + at);
-    ray.to = splat_uint(NONE);
     return ray;
 }
 

@@ -10,12 +10,7 @@ static Ray perspective_ray(const Scene* scene, vfloat film_x, vfloat film_y, Sam
     vfloat u, v;
     sampler_get(sampler, SET_LENS, &u, &v);
     const Surface s = patch_point(scene, (number < last ? number : last) * 2u, u, v);
-    Ray ray;
-    ray.origin = along(s.point, s.normal, splat(1.0e-5f));
-    ray.direction = negate(s.normal);
-    ray.limit = splat(FAR);
-    ray.from = ray.to = splat_uint(NONE);
-    return ray;
+    return ray_make(along(s.point, s.normal, splat(1.0e-5f)), negate(s.normal));
 }
 
 #include "integrator/path.h"

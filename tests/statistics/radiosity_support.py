@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.pipeline import Pipeline
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
 from clrender.film.unit import tile_side
+from clrender.integrators.descriptor import Pipeline
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.tracer import Tracer
 from clrender.scheduling.policy import Plan

@@ -72,7 +72,7 @@ __kernel void sampling_bsdf(__global const float* bits, uint kind, float ior, ui
     for (int k = 0; k < 11; ++k) lane_save(out[k], results + (size_t)k * count + at);
 }
 
-// Lights seen from `origin`. results: float [8][count]: direction and density of a sample and the primitive it lies on, as bits; then
+// Lights seen from `origin`; bits: uint [2][count], of which each lane's sampler is made. results: float [8][count]: direction and density of a sample and the primitive it lies on, as bits; then
 // what a ray in that direction meets: the primitive, the density with which that would have been sampled, and how far that
 // point is from where it was to be.
 __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4 origin, float4 normal, uint count,
@@ -81,20 +81,15 @@ __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
     const vec3 from = vec3_from(origin), up = vec3_from(normal);
-    const LightSample light = light_sample(&scene, from, up, splat_uint(NONE), vfloat_bits(lane_load(bits + at)),
-                                           vfloat_bits(lane_load(bits + count + at)));
-    Ray ray;
-    ray.origin = from;
-    ray.direction = light.direction;
-    ray.limit = splat(FAR);
-    ray.from = ray.to = splat_uint(NONE);
-    const vmask all = light.pdf == light.pdf;
-    const Hit hit = traverse_nearest(&scene.bvh, &ray, all);
+    const Sampler sampler = sampler_start(0u, vfloat_bits(lane_load(bits + at)), vfloat_bits(lane_load(bits + count + at)));
+    const LightSample light = light_sample(&scene, from, up, splat_uint(NONE), sampler, sampler_set(splat_uint(0u), SET_LIGHT));
+    const Ray ray = ray_make(from, light.direction);
+    const Hit hit = traverse_nearest(&scene.bvh, &ray, mask_all());
     const vmask found = hit.primitive != NONE;
     const Surface surface = surface_at(&scene, &ray, hit, found);
-    vfloat density, outside;
-    light_emitted(&scene, &surface, from, up, &density);
-    light_environment(&scene, from, up, &outside);
+    const vmask shines = found & light_shines(&surface);
+    const LightRow met = light_of(&scene, &surface, shines);
+    const vfloat density = shines ? light_pdf(&scene, &met, &surface, from, up) : splat(0.0f), outside = environment_pdf(&scene, from, up);
     const vec3 off = sub(surface.point, light.target);
     vfloat out[8];
     out[0] = light.direction.x, out[1] = light.direction.y, out[2] = light.direction.z;
@@ -106,23 +101,27 @@ __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4
     for (int k = 0; k < 8; ++k) lane_save(out[k], results + (size_t)k * count + at);
 }
 
-// Lights chosen at a point. results: float [4][count]: which, as bits, and how likely; how likely it is when asked; how likely the
-// lights are in turn.
+// Lights chosen at a point. results: float [6][count]: which, as bits, and how likely; how likely it is when asked; how likely the
+// lights are in turn; the two numbers that are left for the point on it.
 __kernel void sampling_light_choice(SCENE_PARAMETERS __global const float* bits, float4 origin, float4 normal, uint count,
                                     __global float* results) {
     SCENE_COLLECT(scene);
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
     const vec3 from = vec3_from(origin), up = vec3_from(normal);
-    TreeWalk walk = tree_begin(from, up, vfloat_bits(lane_load(bits + at)));
+    const Sampler sampler = sampler_start(0u, vfloat_bits(lane_load(bits + at)), vfloat_bits(lane_load(bits + count + at)));
+    const vuint set = sampler_set(splat_uint(0u), SET_LIGHT);
     LightChoice choice;
+    TreeWalk walk = light_begin(&scene, from, up, sampler, set, &choice);
     tree_descend(&scene, &walk);
-    light_choose(&scene, &walk, &choice);
-    const Light_ light = light_at(&scene, choice.light);
+    light_choose(&scene, &walk, sampler, set, &choice);
+    const LightRow light = light_at(&scene, choice.light);
     const uint number = (uint)at;
-    const Light_ next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count);
+    const LightRow next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count);
     lane_save(vfloat_from_bits(choice.light), results + at);
-    lane_save(choice.probability, results + count + at);
+    lane_save(settings->light_levels ? choice.probability : light.row[LIGHT_ROW_PROBABILITY], results + count + at);
     lane_save(light_probability(&scene, from, up, &light), results + (size_t)2 * count + at);
     lane_save(light_probability(&scene, from, up, &next), results + (size_t)3 * count + at);
+    lane_save(choice.u, results + (size_t)4 * count + at);
+    lane_save(choice.v, results + (size_t)5 * count + at);
 }

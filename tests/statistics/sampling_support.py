@@ -63,6 +63,7 @@ class LightTable:
         settings["light_count"] = self.flat.light_count
         settings["environment"] = self.flat.environment
         settings["light_levels"] = self.flat.light_levels
+        settings["lights_equal"] = bool((self.flat.arrays["lights"]["alias_threshold"] >= 1.0).all())
         self.settings = device.upload(settings)
 
     def sample(self, origin: tuple[float, ...], seed: int = 90) -> tuple[Floats, Floats, Uints, Uints, Floats, Floats]:
@@ -75,8 +76,13 @@ class LightTable:
         self, origin: tuple[float, ...], normal: tuple[float, ...], seed: int = 91
     ) -> tuple[Uints, Floats, Floats, Floats]:
         """Lights chosen at a point, how likely each was, how likely it is when asked, and so of all lights in turn."""
-        out = self._launch("sampling_light_choice", origin, normal, seed, 4)
+        out = self._launch("sampling_light_choice", origin, normal, seed, 6)
         return out[0].view(np.uint32), out[1], out[2], out[3][: self.flat.light_count]
+
+    def places(self, origin: tuple[float, ...], normal: tuple[float, ...], seed: int = 91) -> tuple[Uints, Floats]:
+        """Lights chosen at a point, and (2, COUNT) what is left of the random numbers for the point on each."""
+        out = self._launch("sampling_light_choice", origin, normal, seed, 6)
+        return out[0].view(np.uint32), out[4:].astype(np.float64)
 
     def _launch(
         self, kernel: str, origin: tuple[float, ...], normal: tuple[float, ...], seed: int, outputs: int

@@ -120,3 +120,44 @@ def test_the_tree_holds_every_light_once() -> None:
 def test_there_is_no_tree_where_none_is_wanted(choice: str) -> None:
     flat = flatten(many_lights(infinite=False), 16, 16, choice)
     assert flat.light_levels == 0 and (flat.arrays["lights"]["place"] == layout.NONE).all()
+
+
+@pytest.mark.parametrize("choice", ["uniform", "power", "bvh"])
+def test_the_point_on_a_light_has_all_its_digits(evidence: Evidence, device: Device, choice: str) -> None:
+    """Choosing one of 4096 takes 12 binary digits of a random number; the last of the 24 are as random as ever.
+
+    Those that are left of a walk down the tree are rounded: the last four of twenty are looked at.
+    """
+    rng = np.random.default_rng(47)
+    lights = [
+        {"type": "point", "position": rng.uniform(0.5, 2.0, 3).tolist(), "intensity": [float(power)] * 3}
+        for power in rng.uniform(0.5, 2.0, 4096)
+    ]
+    chosen, left = LightTable(device, scene([], lights), choice).places((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    count = 20 if choice == "bvh" else 24
+    digits = (left * 2.0**count).astype(np.int64)
+    for axis in range(2):
+        evidence.histogram(f"last digits {axis}", np.bincount(digits[axis] % 16, minlength=16), np.full(16, 1 / 16))
+        evidence.histogram(
+            f"first digits {axis}", np.bincount(digits[axis] >> (count - 4), minlength=16), np.full(16, 1 / 16)
+        )
+    half = np.bincount(chosen % 2 * 2 + (left[0] < 0.5), minlength=4)
+    evidence.share("independent of the light", int(half[0] + half[3]), len(chosen), 0.5)
+
+
+def test_light_from_behind_counts_where_it_is_scattered_too(device: Device) -> None:
+    """A surface that transmits is told by a normal of zero: then each light has a twin on the other side as likely."""
+    rng = np.random.default_rng(48)
+    lights = []
+    for _ in range(16):
+        x, y, z = rng.uniform(0.5, 2.0, 3).tolist()
+        for side in (z, -z):
+            lights.append({"type": "point", "position": [x, y, side], "intensity": [1.0] * 3})
+    table = LightTable(device, scene([], lights), "bvh")
+    _, likely, asked, shares = table.choose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert np.array_equal(likely, asked)
+    assert shares.astype(np.float64).sum() == pytest.approx(1.0, abs=1e-5)
+    np.testing.assert_allclose(shares[::2].sum(), shares[1::2].sum(), rtol=0.05)
+    assert shares.min() > 0.005, "none is left out"
+    one_sided = table.choose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))[3]
+    assert (one_sided[1::2] == 0.0).all(), "an opaque surface has no use for those behind it"

@@ -16,7 +16,8 @@ from clrender.device import Device
 from clrender.device.device import Buffer
 from clrender.device.worker import DeviceWorker
 from clrender.flatten import flatten
-from clrender.integrators.photon import INTEGRATOR, PhotonMaps, radius_of_pass
+from clrender.integrators import INTEGRATORS
+from clrender.photon_maps import PhotonMaps, _shrunk, radius_of_pass
 from clrender.scene import Scene
 from clrender.settings import RenderSettings
 
@@ -35,7 +36,7 @@ LIGHTS: dict[str, tuple[dict[str, Any], float]] = {
 def photon_map(device: Device, what: Scene, number: int, photons: int = PHOTONS) -> npt.NDArray[np.float32]:
     """(10, n) the deposits of a map: position, normal, flux, scattering events."""
     flat = flatten(what, 16, 16, "power")
-    worker = DeviceWorker(device, flat, RenderSettings(integrator="photon").struct(16), INTEGRATOR.pipeline)
+    worker = DeviceWorker(device, flat, RenderSettings(integrator="photon").struct(16), INTEGRATORS["photon"].pipeline)
     maps = PhotonMaps(worker, flat, photons, None)
     buffer, starts, stride, _, size, _, _ = maps.arguments(number)
     assert isinstance(buffer, Buffer) and isinstance(starts, Buffer)
@@ -133,6 +134,10 @@ def test_radius_shrinks_as_knaus_and_zwicker_say() -> None:
     exact = math.exp(math.lgamma(1000 + 5 / 3) - math.lgamma(5 / 3) - math.lgamma(1002))
     assert radius_of_pass(0.5, 0) == 0.5
     assert radius_of_pass(0.5, 1000) == pytest.approx(0.5 * math.sqrt(exact), rel=1e-12)
+    before = _shrunk.cache_info().misses
+    for number in range(1 << 15):
+        radius_of_pass(0.5, number)
+    assert _shrunk.cache_info().misses - before <= 16, "the maps before are not gone through again for each"
 
 
 def outside() -> Scene:
@@ -215,3 +220,47 @@ def test_a_mirror_before_the_photons_counts_as_an_event(studio: Studio) -> None:
     path = studio.image(what, 16, spp=256, max_depth=2).mean()
     photon = studio.image(what, 16, spp=32, integrator="photon", photons=16384, max_depth=2).mean()
     assert photon == pytest.approx(path, rel=0.02)
+
+
+def mirrored_light(floor: list[dict[str, Any]], x: float) -> Scene:
+    """Light from the side that a mirror sends straight down: on a floor all of it is a caustic, of irradiance 1.
+
+    The beam is narrower than the mirror and wider than what the camera sees at `x`; photons start in a disk about all.
+    """
+    mirror = quad((-1.5, 0.5, 1.0), (3.0, 3.0, 0.0), (0.0, 0.0, -2.0), material="mirror")
+    back = {**mirror, "flip_normals": True}
+    down = {"position": [x, 0.5, 0.0], "target": [x, -1.0, 0.0], "up": [0.0, 0.0, -1.0], "vertical_fov": 8.0}
+    beam = {"type": "directional", "direction": [1.0, 0.0, 0.0], "irradiance": [1.0, 1.0, 1.0]}
+    del back
+    return scene(
+        [mirror, *floor], [beam], down, white=lambert(0.9), mirror={"type": "mirror", "reflectance": [1.0, 1.0, 1.0]}
+    )
+
+
+def steps(rise: float, tread: float) -> list[dict[str, Any]]:
+    """A stair along x, treads only: whichever way light falls straight down, one of them is below."""
+    return [
+        quad((k * tread, -1.0 - k % 2 * rise, 1.0), (tread, 0, 0), (0, 0, -2.0), material="white")
+        for k in range(-12, 12)
+    ]
+
+
+def bent(radius: float) -> list[dict[str, Any]]:
+    """The top of a large ball: its irradiance is the cosine, nearly 1 where the camera looks."""
+    return [sphere((0.0, -1.0 - radius, 0.0), radius, material="white")]
+
+
+FLOORS = {"flat": steps(0.0, 0.1), "stepped": steps(0.02, 0.1), "curved": bent(0.25)}
+
+
+@pytest.mark.parametrize("name", FLOORS)
+def test_caustics_on_uneven_floors_are_not_too_bright(evidence: Evidence, studio: Studio, name: str) -> None:
+    """Steps of a fifth of a caustic's radius lie within what counts as surface for the photons but not for the disk."""
+    what = mirrored_light(FLOORS[name], 0.0)
+    settings: dict[str, Any] = {"integrator": "photon", "photons": 1 << 16, "photon_radius": 0.11, "spp": 8}
+    means = np.array([studio.gray(what, 16, seed=seed, **settings).mean() for seed in range(12)])
+    exact = 0.9 / math.pi
+    if name == "curved":
+        evidence.mean_is("radiance", means, studio.gray(what, 16, spp=4096).mean(), rounding=0.02)
+    else:
+        evidence.mean_is("radiance", means, exact, rounding=0.005)

@@ -1,0 +1,45 @@
+"""What is said when a process dies without being able to say anything: inside a driver, or killed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+from typing import Final
+
+__all__ = ["LastWords"]
+
+_SENTENCE: Final = (
+    "error: the program was ended in the midst of its work, by a crash inside an OpenCL driver, for want of memory, or "
+    "by another program, and wrote nothing; `clrender doctor` checks the drivers, `--device` chooses another"
+)
+# `read` fails at the end of its input, which comes when whoever holds the other end is gone.
+_WAIT: Final = 'trap "" INT TERM HUP; read -r word || printf "\\n%s\\n" "$0" >&2'
+
+
+class LastWords:
+    """A shell that waits for the end of this process and says a sentence, unless it was told before that all is well.
+
+    A driver is native code: where it fails, no line of Python runs any more.
+    """
+
+    def __init__(self) -> None:
+        reader, self._writer = os.pipe()
+        self._shell: subprocess.Popen[bytes] | None = None
+        try:
+            # A session of its own: Ctrl-C at the terminal is not for it.
+            command = ["/bin/sh", "-c", _WAIT, _SENTENCE]
+            self._shell = subprocess.Popen(command, stdin=reader, stdout=subprocess.DEVNULL, start_new_session=True)
+        except OSError:
+            pass  # no shell, no words
+        finally:
+            os.close(reader)
+
+    def cancel(self) -> None:
+        """All is well, or said already. May be called again, and by any thread."""
+        shell, self._shell = self._shell, None
+        if shell is not None:
+            with contextlib.suppress(OSError):
+                os.write(self._writer, b"\n")
+            os.close(self._writer)
+            shell.wait()

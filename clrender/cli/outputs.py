@@ -1,0 +1,70 @@
+"""Files that a command writes: each of its own, none of them a file that the command reads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clrender.errors import UsageError
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+__all__ = ["check_distinct", "check_image_size", "scene_files"]
+
+
+def check_distinct(outputs: Sequence[Path], inputs: Iterable[Path]) -> None:
+    """Make sure that nothing is overwritten that the command reads, or has just written.
+
+    Parameters
+    ----------
+    outputs, inputs : paths
+        Links and other spellings of a name count as the file they lead to.
+
+    Raises
+    ------
+    UsageError
+    """
+    read = list(inputs)
+    for index, output in enumerate(outputs):
+        for other in outputs[:index]:
+            if _same_file(output, other):
+                raise UsageError(f"{output}: is named twice as an output; give each output a name of its own")
+        for source in read:
+            if _same_file(output, source):
+                raise UsageError(f"{output}: is an input of this command ({source}); give the output another name")
+
+
+def check_image_size(outputs: Iterable[Path], width: int, height: int) -> None:
+    """Make sure that the format of every output can hold an image of so many pixels.
+
+    Raises
+    ------
+    UsageError
+    """
+    from clrender.image.display import JPEG_SIDE_LIMIT
+
+    for output in outputs:
+        if output.suffix.lower() in (".jpg", ".jpeg") and max(width, height) > JPEG_SIDE_LIMIT:
+            raise UsageError(
+                f"{output}: a .jpg holds at most {JPEG_SIDE_LIMIT} pixels a side, not {width} x {height}; use .png"
+            )
+
+
+def scene_files(name: str, scene: Scene) -> list[Path]:
+    """Every file that a scene, loaded by this name, was read from."""
+    from clrender.scene import Mesh
+
+    meshes = [shape.file for shape in scene.shapes if isinstance(shape, Mesh) and shape.file is not None]
+    return [Path(name), scene.base_folder / f"{name}.toml", *(scene.base_folder / mesh for mesh in meshes)]
+
+
+def _same_file(a: Path, b: Path) -> bool:
+    if os.path.realpath(a) == os.path.realpath(b):
+        return True
+    try:
+        return a.samefile(b)
+    except OSError:  # one does not exist
+        return False

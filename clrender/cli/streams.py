@@ -1,0 +1,86 @@
+"""Standard streams that may be closed, on a full disk, or read by nobody any more."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import warnings
+from typing import Any, Final
+
+from clrender.errors import ClrenderError
+
+__all__ = ["OutputError", "ReaderLeft", "guard_streams"]
+
+_STDOUT: Final = 1
+_STDERR: Final = 2
+
+
+class OutputError(ClrenderError):
+    """Standard output cannot be written."""
+
+    exit_code = 1
+
+
+class ReaderLeft(Exception):
+    """Whoever read the output has seen enough: no error."""
+
+
+def guard_streams() -> None:
+    """Make the standard streams safe to write to; once, when the program starts.
+
+    A stream that was closed goes nowhere, and no file that is opened later can take its number. What cannot be written
+    to stdout raises `OutputError` or `ReaderLeft`; to stderr, it is dropped: a render goes on without its progress.
+    """
+    for descriptor in (0, _STDOUT, _STDERR):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the system gives the lowest free number: this one
+    sys.stdout = _Output(_STDOUT, sys.stdout)
+    sys.stderr = _Messages(_STDERR, sys.stderr)
+    if not sys.warnoptions:
+        # For developers; what users should know is said in errors and notices.
+        warnings.simplefilter("ignore")
+
+
+class _Guarded(io.TextIOWrapper):
+    """A stream in place of the one that Python opened."""
+
+    def __init__(self, descriptor: int, opened: Any) -> None:
+        buffer = opened.buffer if opened is not None else open(descriptor, "wb", closefd=False)  # noqa: SIM115
+        encoding = "utf-8" if opened is None or opened.encoding == "ascii" else opened.encoding
+        # Names of files need not be text: what cannot be encoded is written as an escape.
+        super().__init__(buffer, encoding, "backslashreplace", line_buffering=descriptor == _STDERR)
+        self._descriptor = descriptor
+
+    def write(self, text: str) -> int:
+        try:
+            return super().write(text)
+        except OSError as error:
+            self._fail(error)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        # What is still in the buffers goes nowhere, or Python would complain again at its end.
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._descriptor)
+        os.close(nowhere)
+
+
+class _Output(_Guarded):
+    def _fail(self, error: OSError) -> None:
+        super()._fail(error)
+        if isinstance(error, BrokenPipeError):
+            raise ReaderLeft from None
+        raise OutputError(f"standard output cannot be written ({error.strerror})") from None
+
+
+class _Messages(_Guarded):
+    pass

@@ -1,0 +1,139 @@
+"""PNG and JPEG files: what a display shows, written from 8 bits a channel and read as linear light."""
+
+from __future__ import annotations
+
+import io
+import os
+import struct
+from collections.abc import Mapping
+from typing import IO, TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import UsageError
+from clrender.image.tone_map import srgb_decode
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
+
+__all__ = ["JPEG_SIDE_LIMIT", "PIXEL_LIMIT", "check_size", "jpeg_bytes", "png_bytes", "png_note", "read_display"]
+
+PIXEL_LIMIT: Final = 1 << 30
+"""Most pixels of an image that is read."""
+_DEFLATE_RATIO: Final = 1032
+"""Bytes that a byte of a deflated stream stands for, at most (RFC 1951: 258 bytes of two bits)."""
+JPEG_SIDE_LIMIT: Final = 65500
+"""Most pixels along a side of a JPEG."""
+_JPEG_RATIO: Final = 1024
+"""Pixels that a byte of a JPEG stands for, at most: a block of 64 takes one bit."""
+
+
+def check_size(width: int, height: int) -> None:
+    """Refuse what is no image, or too large to be read.
+
+    Raises
+    ------
+    ValueError
+    """
+    if width < 1 or height < 1 or width * height > PIXEL_LIMIT:
+        raise ValueError(f"{width} x {height} pixels are not between 1 and {PIXEL_LIMIT}")
+
+
+def png_bytes(pixels: npt.NDArray[np.uint8], notes: Mapping[str, str]) -> bytes:
+    """PNG file of (H, W, 3) pixels, with texts in `iTXt` chunks."""
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    texts = PngInfo()
+    for name, text in notes.items():
+        texts.add_itxt(name, text)
+    data = io.BytesIO()
+    Image.fromarray(pixels).save(data, "PNG", pnginfo=texts)
+    return data.getvalue()
+
+
+def jpeg_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """JPEG file of (H, W, 3) pixels.
+
+    Raises
+    ------
+    UsageError
+        More pixels a side than the format holds.
+    """
+    from PIL import Image
+
+    height, width, _ = pixels.shape
+    if max(width, height) > JPEG_SIDE_LIMIT:
+        raise UsageError(f"a .jpg holds at most {JPEG_SIDE_LIMIT} pixels a side, not {width} x {height}; use .png.")
+    data = io.BytesIO()
+    Image.fromarray(pixels).save(data, "JPEG", quality=95, subsampling=0)
+    return data.getvalue()
+
+
+def png_note(file: IO[bytes], name: str) -> str | None:
+    """A text of a PNG, or None when it has none of that name."""
+    text = _opened(file).info.get(name)
+    return None if text is None else str(text)
+
+
+def read_display(file: IO[bytes]) -> npt.NDArray[np.float32]:
+    """A PNG or JPEG, of 8 or 16 bits a channel, as (H, W, 3) linear values in 0..1.
+
+    Raises
+    ------
+    ValueError, or whatever Pillow raises
+        The file is damaged or too large.
+    """
+    with _opened(file) as picture:
+        # A raw mode such as `RGB;16B` is how Pillow names what is in the file.
+        deep = any(";16" in str(tile.args) for tile in picture.tile)
+        pixels = _deep_pixels(file, picture) if deep else np.asarray(picture.convert("RGB"))
+    largest = 65535 if deep else 255
+    linear: npt.NDArray[np.float32] = srgb_decode(np.arange(largest + 1) / largest).astype(np.float32)[pixels]
+    return linear if linear.ndim == 3 else np.repeat(linear[..., None], 3, axis=2)
+
+
+def _deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
+    """Pixels of a PNG with 16 bits a channel: (H, W) of a grey one, else (H, W, 3).
+
+    Of colours Pillow gives the first byte of each channel. Told that the bytes come in the other order, it gives the
+    second.
+    """
+    modes = {str(tile.args) for tile in picture.tile}
+    if modes == {"I;16B"}:
+        return np.asarray(picture).astype(np.uint16)
+    if not modes <= {"RGB;16B", "RGBA;16B"}:
+        raise ValueError("it is grey with alpha in 16 bits, which is not read: save it without alpha")
+    high = np.asarray(picture)[..., :3].astype(np.uint16)
+    file.seek(0)
+    again = _opened(file)
+    again.tile = [tile._replace(args=str(tile.args).replace("16B", "16L")) for tile in again.tile]
+    return np.asarray(high << 8 | np.asarray(again)[..., :3], np.uint16)
+
+
+def _opened(file: IO[bytes]) -> ImageFile:
+    """A PNG or JPEG, of which only the header is read, and whose size can be that of such a file.
+
+    By Pillow's formats themselves: `PIL.Image.open` refuses what is larger than 179 million pixels.
+    """
+    from PIL.JpegImagePlugin import JpegImageFile
+    from PIL.PngImagePlugin import PngImageFile
+
+    start = file.read(29)
+    size = os.fstat(file.fileno()).st_size
+    file.seek(0)
+    if start[:8] == b"\x89PNG\r\n\x1a\n" and len(start) == 29:
+        width, height, depth, color = struct.unpack(">IIBB", start[16:26])
+        check_size(width, height)
+        bits = depth * {2: 3, 4: 2, 6: 4}.get(color, 1)
+        if height * (width * bits // 8 + 1) > _DEFLATE_RATIO * size:
+            raise ValueError("it is truncated: it is too small for the size its header gives")
+        return PngImageFile(file)
+    if start[:2] == b"\xff\xd8":
+        picture = JpegImageFile(file)
+        check_size(*picture.size)
+        if picture.width * picture.height > _JPEG_RATIO * size:
+            raise ValueError("it is truncated: it is too small for the size its header gives")
+        return picture
+    raise ValueError("it is neither a PNG nor a JPEG")

@@ -1,0 +1,185 @@
+"""OpenEXR files by the OpenEXR library, which neither judges what it reads nor keeps quiet."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping
+from typing import IO, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.image.colorimetry import rec_709_matrix
+from clrender.image.display import check_size
+
+__all__ = ["exr_attribute", "read_exr", "write_exr"]
+
+_Image = npt.NDArray[np.float32]
+_RATIOS: Final[Mapping[str, int]] = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1400, "PIZ": 512}
+_RATIO: Final = 1 << 15
+"""By how much the compressions can shrink an image at most: a smaller file cannot hold what its header promises."""
+_ROWS: Final = 256
+_redirecting = threading.Lock()
+
+
+def write_exr(
+    file: IO[bytes], image: _Image, attributes: Mapping[str, str], channels: Mapping[str, npt.NDArray[np.float32]]
+) -> None:
+    """Write R, G and B, and more channels, as 32-bit floats with ZIP compression.
+
+    Parameters
+    ----------
+    file : binary file
+    image : (H, W, 3) float32
+        Linear Rec. 709.
+    attributes : mapping of str to str
+        Kept in the header.
+    channels : mapping of str to (H, W) float32
+    """
+    library = _openexr()
+    header: dict[str, Any] = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage, **attributes}
+    # Through memory: the library's own words for a full disk are not an OSError.
+    data = io.BytesIO()
+    with library.File(header, {"RGB": image, **channels}) as picture:
+        picture.write(data)
+    file.write(data.getbuffer())
+
+
+def exr_attribute(file: IO[bytes], name: str) -> str | None:
+    """A text of the header, or None when it has none of that name."""
+    with _quiet():
+        found = _openexr().File(file, header_only=True).header().get(name)
+    return None if found is None else str(found)
+
+
+def read_exr(file: IO[bytes]) -> _Image:
+    """The image of a file: its display window, black where the file has no data, in linear Rec. 709.
+
+    Of a file of several parts the only one with colours counts. A luminance channel alone is grey. Other primaries are
+    converted, with their white adapted to D65 (`clrender.image.colorimetry`).
+
+    Returns
+    -------
+    (H, W, 3) float32
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        The file is damaged, too large, or holds no such image.
+    """
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    library = _openexr()
+    with _quiet():
+        headers = [dict(part.header) for part in library.File(file, header_only=True).parts]
+    part, names = _colour_part(headers)
+    _check_sizes(headers, size)
+    file.seek(0)
+    with _quiet(), library.File(file, separate_channels=True) as picture:
+        if len(picture.parts) != len(headers):
+            raise ValueError("it is truncated or damaged")
+        channels = picture.parts[part].channels
+        planes = [np.asarray(channels[name].pixels) for name in names]
+        return _displayed(planes, headers[part])
+
+
+def _colour_part(headers: list[dict[str, Any]]) -> tuple[int, tuple[str, str, str]]:
+    """Which part holds the image, and in which channels."""
+    names = [{channel.name: channel for channel in header["channels"]} for header in headers]
+    for wanted in (("R", "G", "B"), ("Y", "Y", "Y")):
+        found = [i for i, channels in enumerate(names) if set(wanted) <= set(channels)]
+        if len(found) > 1:
+            parts = ", ".join(str(headers[i].get("name", i)) for i in found[:8])
+            raise ValueError(f"it holds {len(found)} images, the parts {parts}: export the one that is meant")
+        if found:
+            channels = names[found[0]]
+            if {"RY", "BY"} & set(channels) or any(
+                (channels[n].xSampling, channels[n].ySampling) != (1, 1) for n in wanted
+            ):
+                raise ValueError("its colours are subsampled (luminance and chroma): export it as R, G, B")
+            if "deep" in str(headers[found[0]].get("type")):
+                raise ValueError("it is a deep image, with many values a pixel: flatten it")
+            return found[0], wanted
+    every = sorted({name for channels in names for name in channels})
+    raise ValueError(f"its channels are {', '.join(every[:12]) or 'none'}, not R, G, B")
+
+
+def _check_sizes(headers: list[dict[str, Any]], size: int) -> None:
+    """Refuse windows that are too large, or larger than a file of that size can fill, before memory is taken."""
+    for header in headers:
+        pixels = []
+        for window in ("displayWindow", "dataWindow"):
+            width, height = _window(header[window])[2:]
+            check_size(width, height)
+            pixels.append(width * height)
+        compression = str(header["compression"]).split(".")[-1].split("_COMPRESSION")[0]
+        most = 2 * size * _RATIOS.get(compression, _RATIO) + 4096
+        if 4 * len(header["channels"]) * pixels[1] > most or pixels[0] > max(64 * pixels[1], 1 << 20):
+            raise ValueError("it is truncated or damaged: it is too small for the size its header gives")
+
+
+def _window(window: Any) -> tuple[int, int, int, int]:
+    """Left, top, width, height."""
+    (left, top), (right, bottom) = ([int(x) for x in corner] for corner in window)
+    return left, top, right - left + 1, bottom - top + 1
+
+
+def _displayed(planes: list[npt.NDArray[Any]], header: dict[str, Any]) -> _Image:
+    """The display window of an image whose planes (R, G, B) cover the data window."""
+    left, top, width, height = _window(header["displayWindow"])
+    x, y, columns, rows = _window(header["dataWindow"])
+    if any(plane.shape != (rows, columns) for plane in planes):
+        raise ValueError("it is damaged: its channels are not as large as its data window")
+    image = np.zeros((height, width, 3), np.float32)
+    across = slice(max(left, x) - left, max(min(left + width, x + columns) - left, 0))
+    down = slice(max(top, y) - top, max(min(top + height, y + rows) - top, 0))
+    if across.start < across.stop and down.start < down.stop:
+        inside = np.s_[down.start + top - y : down.stop + top - y, across.start + left - x : across.stop + left - x]
+        for channel, plane in enumerate(planes):
+            image[down, across, channel] = plane[inside]
+    matrix = rec_709_matrix(header["chromaticities"]) if "chromaticities" in header else None
+    if matrix is not None:
+        for first in range(0, height, _ROWS):
+            image[first : first + _ROWS] = image[first : first + _ROWS].astype(np.float64) @ matrix.T
+    return image
+
+
+def _openexr() -> Any:
+    """The OpenEXR library, which has no types and is only loaded for `.exr` files."""
+    return importlib.import_module("OpenEXR")
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Nobody sees what the library writes; what it writes to the error output is an error.
+
+    Its C++ part writes to descriptor 2, and gives up on some damages with no more than that; its Python part prints.
+    Neither can be told not to.
+    """
+    with _redirecting, tempfile.TemporaryFile() as heard:
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            sys.stderr.flush()
+        try:
+            before = os.dup(2)
+        except OSError:  # closed: nobody would have seen it
+            before = -1
+        try:
+            os.dup2(heard.fileno(), 2)
+            with contextlib.redirect_stdout(io.StringIO()):
+                yield
+        finally:
+            if before >= 0:
+                os.dup2(before, 2)
+                os.close(before)
+            else:
+                os.close(2)
+        heard.seek(0)
+        words = heard.read(4096).decode("utf-8", "replace").strip()
+        if words:
+            raise ValueError(f"it is truncated or damaged: {words.splitlines()[0].split(': ', 1)[-1][:200]}")

@@ -1,0 +1,167 @@
+"""What a value may be: numbers within bounds and names of a list, checked alike in command lines, files and calls."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import numbers
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+__all__ = ["Choice", "Domain", "NotAllowed", "Range", "nearest", "shown"]
+
+_DIGITS = 400
+"""Longer texts are no number that anybody means, and slow to convert."""
+
+
+class NotAllowed(ValueError):
+    """A value outside its domain; the message goes on from the value's name: "is 0, but must be ..."."""
+
+
+class Domain(Protocol):
+    """The values that are allowed."""
+
+    @property
+    def words(self) -> str:
+        """What is allowed, for sentences: "a whole number of at least 1"."""
+
+    @property
+    def metavar(self) -> str:
+        """The value in the help of a command."""
+
+    def accept(self, value: object) -> Any:
+        """The value as Python's own type.
+
+        Raises
+        ------
+        NotAllowed
+        """
+
+    def parse(self, text: str) -> Any:
+        """The value of a text from the command line.
+
+        Raises
+        ------
+        NotAllowed
+        """
+
+    def schema(self) -> dict[str, Any]:
+        """JSON Schema."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """Finite numbers from `low` to `high`.
+
+    Attributes
+    ----------
+    low, high : float
+        Smallest and largest value.
+    whole : bool
+        Whether fractions are refused.
+    above, below : bool
+        Whether `low` itself and `high` itself are refused.
+    """
+
+    low: float
+    high: float = math.inf
+    whole: bool = False
+    above: bool = False
+    below: bool = False
+
+    @property
+    def words(self) -> str:
+        bounds = f"above {self.low:.12g}" if self.above else f"of at least {self.low:.12g}"
+        if math.isfinite(self.high):
+            bounds += f" and {'below' if self.below else 'at most'} {self.high:.12g}"
+        return f"a {'whole number' if self.whole else 'number'} {bounds}"
+
+    @property
+    def metavar(self) -> str:
+        return "N" if self.whole else "X"
+
+    def accept(self, value: object) -> int | float:
+        # NumPy's numbers are of these abstract types too. Python's truth values are integers, but nobody means them.
+        number: int | float = math.nan
+        if self.whole and isinstance(value, numbers.Integral) and not isinstance(value, bool):
+            number = int(value)
+        elif not self.whole and isinstance(value, numbers.Real) and not isinstance(value, bool):
+            with suppress(OverflowError):
+                number = float(value)
+        return self._checked(number, value)
+
+    def parse(self, text: str) -> int | float:
+        number: int | float = math.nan
+        with suppress(ValueError):
+            number = int(text[:_DIGITS]) if self.whole else float(text[:_DIGITS])
+        return self._checked(number, text)
+
+    def schema(self) -> dict[str, Any]:
+        schema: dict[str, Any] = {"type": "integer" if self.whole else "number"}
+        schema["exclusiveMinimum" if self.above else "minimum"] = self.low
+        if math.isfinite(self.high):
+            schema["exclusiveMaximum" if self.below else "maximum"] = self.high
+        return schema
+
+    def _checked(self, number: int | float, value: object) -> int | float:
+        low_ok = number > self.low if self.above else number >= self.low
+        high_ok = number < self.high if self.below else number <= self.high
+        if not (low_ok and high_ok and number != math.inf):
+            raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
+        return number
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of a few names, or of a few whole numbers."""
+
+    members: tuple[str, ...] | tuple[int, ...]
+
+    @property
+    def words(self) -> str:
+        names = [str(member) for member in self.members]
+        return " or ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
+
+    @property
+    def metavar(self) -> str:
+        return f"[{'|'.join(map(str, self.members))}]"
+
+    def accept(self, value: object) -> str | int:
+        # Of the members' own type: 8.0 and True are no number of lanes.
+        whole = isinstance(self.members[0], int)
+        if isinstance(value, numbers.Integral if whole else str) and not isinstance(value, bool):
+            plain: str | int = int(value) if isinstance(value, numbers.Integral) else str(value)
+            if plain in self.members:
+                return plain
+        raise self._refused(value)
+
+    def parse(self, text: str) -> str | int:
+        for member in self.members:
+            if text == str(member):
+                return member
+        raise self._refused(text)
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "string" if isinstance(self.members[0], str) else "integer", "enum": list(self.members)}
+
+    def _refused(self, value: object) -> NotAllowed:
+        return NotAllowed(f"is {shown(value)}, but must be {self.words}{nearest(value, self.members)}")
+
+
+def nearest(wrong: object, known: Iterable[object]) -> str:
+    """The end of a sentence about a misspelt name: ``; did you mean 'path'?``, or nothing where no name is near."""
+    near = difflib.get_close_matches(wrong[:100], map(str, known), 1) if isinstance(wrong, str) else []
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def shown(value: object) -> str:
+    """A wrong value as it stands in a sentence: on one line, printable anywhere, not too long."""
+    if isinstance(value, int) and abs(value) >= 10**30:
+        return "an integer of more than 30 digits"  # which Python may refuse to print
+    try:
+        text = ascii(value)
+    except Exception:  # the value's own `__repr__` may do anything
+        text = f"of type {type(value).__name__}"
+    return text if len(text) <= 60 else f"{text[:56]} ..."

@@ -1,0 +1,204 @@
+"""Text of mesh files: read a few MiB at a time as whole lines, and turned into numbers without leniency."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+
+__all__ = ["Block", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
+
+_READ: Final = 1 << 21
+_LINE_LIMIT: Final = 1 << 26
+_CONTINUATION: Final = b"\x0b"
+"""Stands for the line break of a continued line: a blank to the parsers, and still a line when lines are counted."""
+
+# Form feeds and vertical tabs are blanks. Other control characters belong to no number: they become question marks.
+_PLAIN: Final = bytes(
+    byte if byte >= 32 or byte in b"\t\n\r" else 32 if byte in b"\f\v" else ord("?") for byte in range(256)
+)
+_POWERS: Final = 10.0 ** np.arange(23)
+"""Powers of ten that double precision holds exactly."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Whole lines of a file, each ended by a line feed.
+
+    Attributes
+    ----------
+    text : bytes
+    first_line : int
+        Number of the first line in the file, counted from 1.
+    """
+
+    text: bytes
+    first_line: int
+
+    def line_number(self, position: int) -> int:
+        """Number, in the file, of the line that begins at a byte of the text."""
+        before = self.text[:position]
+        return self.first_line + before.count(b"\n") + before.count(_CONTINUATION)
+
+    def line(self, position: int) -> str:
+        """The line that begins at a byte of the text, shortened, for a message."""
+        line = self.text[position : position + 200].split(b"\n", 1)[0]
+        return line.replace(_CONTINUATION, b" ").decode("utf-8", errors="replace").strip()[:80]
+
+
+def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = False) -> Iterator[Block]:
+    """Lines of a text file from where it stands, in blocks of a few MiB.
+
+    Parameters
+    ----------
+    file : binary file
+        Lines may end in line feed, carriage return or both; a byte order mark of UTF-8 is passed over.
+    label : str
+        Start of an error message.
+    first_line : int
+        Number of the line at which the file stands.
+    obj : bool
+        Whether `#` begins a comment and a backslash at the end of a line continues it, as in OBJ files.
+
+    Raises
+    ------
+    SceneError
+        For UTF-16, for bytes no text holds, and for a line of more than 64 MiB.
+    """
+    pending, held, line, start = b"", b"", first_line, True
+    while True:
+        data = file.read(_READ)
+        if start:
+            start = False
+            if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+                raise SceneError(f"{label} is a text in UTF-16; save it as UTF-8 or plain ASCII")
+            data = data.removeprefix(b"\xef\xbb\xbf")
+        if b"\0" in data:
+            raise SceneError(f"{label} is no text file: it holds zero bytes; export it again as plain text")
+        ended = len(data) == 0
+        text = held + data
+        # A carriage return at the very end may be the first half of a line's end.
+        held = b"\r" if text.endswith(b"\r") and not ended else b""
+        text = text[: len(text) - len(held)].translate(_PLAIN)
+        if b"\r" in text:
+            text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+        text = pending + text
+        if ended and text and not text.endswith(b"\n"):
+            text += b"\n"
+        end = text.rfind(b"\n") + 1
+        while obj and not ended and end > 1 and text[end - 2] == ord("\\"):
+            end = text.rfind(b"\n", 0, end - 1) + 1
+        whole, pending = text[:end], text[end:]
+        if len(pending) > _LINE_LIMIT:
+            raise SceneError(f"{label}: line {line + whole.count(10)} is longer than {_LINE_LIMIT} bytes")
+        if whole:
+            block = Block(_joined(whole) if obj else whole, line)
+            line += whole.count(b"\n")
+            yield block
+        if ended:
+            return
+
+
+def _joined(text: bytes) -> bytes:
+    """Without comments, and with continued lines as one."""
+    if b"#" in text:
+        # Comments go first: one that ends in a backslash, as a Windows path does, must not swallow the next line.
+        text = re.sub(rb"#[^\n]*", b"", text)
+    return text.replace(b"\\\n", b" " + _CONTINUATION) if b"\\\n" in text else text
+
+
+def word_spans(data: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where the words of a text begin, and where the blank after each of them is.
+
+    Parameters
+    ----------
+    data : (n,) uint8
+        Blank at its end.
+
+    Returns
+    -------
+    starts, ends : (words,) int64
+    """
+    edges = np.empty(len(data) + 1, bool)
+    edges[0] = True
+    np.less_equal(data, 32, out=edges[1:])
+    changes = np.flatnonzero(edges[1:] != edges[:-1])
+    return changes[0::2], changes[1::2]
+
+
+def parse_whole(text: bytes) -> NDArray[np.int64] | None:
+    """Whole numbers parted by blanks, from a text with a blank at its end.
+
+    None, or fewer numbers than there are words, where a word is no number; more where a word is several.
+    """
+    if b"-" in text or b"+" in text:
+        # The parser would let blanks stand between a sign and its number.
+        data = np.frombuffer(text, np.uint8)
+        signs = np.flatnonzero((data == ord("-")) | (data == ord("+")))
+        if (data[signs + 1] <= 32).any():
+            return None
+    try:
+        return np.fromstring(text, np.int64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        return None
+
+
+def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
+    """Decimal numbers parted by blanks, each correctly rounded.
+
+    Parameters
+    ----------
+    text : bytes
+        Blank at its end.
+
+    Returns
+    -------
+    (words,) float64, or None
+        None when a word is not exactly one number.
+    """
+    data = np.frombuffer(text, np.uint8)
+    starts, ends = word_spans(data)
+    values = _from_digits(text, data, starts, ends)
+    if values is None:
+        try:
+            values = np.fromstring(text, np.float64, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return None
+    # The parser takes "1.2.3" for two numbers, but never a word for none: equal counts mean one number a word.
+    return values if len(values) == len(starts) else None
+
+
+def _from_digits(
+    text: bytes, data: NDArray[np.uint8], starts: NDArray[np.int64], ends: NDArray[np.int64]
+) -> NDArray[np.float64] | None:
+    """Numbers without exponents, many times faster: digits as an integer, divided by a power of ten.
+
+    Both are exact while the integer is below 2^53 and the power at most 10^22, and a division rounds correctly
+    (Clinger, "How to Read Floating Point Numbers Accurately", 1990). None when some number is not of that kind.
+    """
+    dots = np.flatnonzero(data == ord("."))
+    digits = parse_whole(text.replace(b".", b"") if len(dots) else text)
+    if digits is None or len(digits) != len(starts):
+        return None
+    values = digits.astype(np.float64)
+    if len(values) and np.abs(values).max() >= 2.0**53:
+        return None
+    if len(dots):
+        words = np.searchsorted(starts, dots, side="right") - 1
+        decimals = ends[words] - dots - 1
+        behind = data[dots + 1]
+        sound = (behind <= 32) | ((behind >= ord("0")) & (behind <= ord("9")))
+        two_in_one, alone = (words[1:] == words[:-1]).any(), (ends[words] - starts[words] == 1).any()
+        if not sound.all() or two_in_one or alone or decimals.max() >= len(_POWERS):
+            return None
+        values[words] /= _POWERS[decimals]
+    negative_zeros = (digits == 0) & (data[starts] == ord("-"))
+    if negative_zeros.any():
+        values[negative_zeros] = -0.0
+    return values

@@ -1,0 +1,89 @@
+// Paths that split: with several indirect rays, so many leave the first surface that is not a delta. Each carries its share of the
+// throughput and has its own place in the sequence of random numbers; a path that ends goes back there for the next of them.
+//
+// Built only where it is asked for (-D PATH_SPLITS): with one indirect ray all of this is nothing.
+#ifndef INTEGRATOR_SPLIT_H
+#define INTEGRATOR_SPLIT_H
+
+#include "core/sampler.h"
+#include "geometry/ray.h"
+#include "types.h"
+
+#ifdef PATH_SPLITS
+
+typedef struct {
+    vmask met;               // the path has met that surface
+    vmask back;              // it is back there: light was added before
+    Ray ray;                 // that met it
+    vec3 throughput;         // share of each ray
+    Sampler sampler;
+    vuint depth, left;       // rays that have still to leave
+} Split;
+
+static Split split_none(void) {
+    Split s;
+    s.met = s.back = mask_none();
+    s.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
+    s.throughput = vec3_all(0.0f);
+    s.sampler.seed = s.sampler.index = s.depth = s.left = splat_uint(0u);
+    return s;
+}
+
+// A new path begins.
+static void split_start(Split* s, vmask lane) { s->met = s->met & !lane; }
+
+// Where light was added before.
+static vmask split_back(const Split* s) { return s->back; }
+
+// Of the BSDF's samples, which the MIS weights count at the first such surface, those of this one.
+static vfloat split_bsdf_samples(const Split* s, uint samples) { return s->met & !s->back ? splat((float)min(samples, 1u)) : splat((float)samples); }
+
+// At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it.
+static void split_leave(Split* s, const Ray* ray, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {
+    const vmask opens = diffuse & !s->met;
+    if (lane_any(opens)) {
+        ray_replace(&s->ray, *ray, opens);
+        s->throughput = choose(opens, scale(*throughput, splat(1.0f) / (float)rays), s->throughput);
+        s->sampler.seed = opens ? sampler->seed : s->sampler.seed;
+        s->sampler.index = opens ? sampler->index : s->sampler.index;
+        s->depth = opens ? depth : s->depth;
+        s->left = opens ? splat_uint(rays) : s->left;
+        s->met = s->met | opens;
+    }
+    // The next ray leaves, the first time or again
+    const vmask leaves = opens | s->back;
+    s->left = leaves ? s->left - 1u : s->left;
+    const Sampler own = sampler_split(s->sampler, rays, rays - 1u - s->left);
+    sampler->seed = leaves ? own.seed : sampler->seed;
+    sampler->index = leaves ? own.index : sampler->index;
+    *throughput = choose(leaves, s->throughput, *throughput);
+}
+
+// Paths that ended go back while rays are left there. Returns those that are at their end.
+static vmask split_resume(Split* s, Ray* ray, vuint* depth, vmask ended) {
+    s->back = ended & s->met & (s->left > 0u);
+    ray_replace(ray, s->ray, s->back);
+    *depth = s->back ? s->depth : *depth;
+    return ended & !s->back;
+}
+
+#else
+
+typedef struct {
+    uint nothing;
+} Split;
+
+static Split split_none(void) {
+    Split s;
+    s.nothing = 0u;
+    return s;
+}
+static void split_start(Split* s, vmask lane) {}
+static vmask split_back(const Split* s) { return mask_none(); }
+static vfloat split_bsdf_samples(const Split* s, uint samples) { return splat((float)samples); }
+static void split_leave(Split* s, const Ray* ray, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {}
+static vmask split_resume(Split* s, Ray* ray, vuint* depth, vmask ended) { return ended; }
+
+#endif
+
+#endif
