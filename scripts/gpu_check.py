@@ -132,7 +132,7 @@ def _speed(device: Device, scenes: Sequence[str], task: Task, repeats: int) -> N
     walls: dict[tuple[str, str], list[float]] = {(run.scene, run.renderer): [] for run in runs}
     for run in runs:
         walls[run.scene, run.renderer].append(run.paths / run.wall_seconds / 1e6)
-    print("| scene | renderer | Mpaths/s by the clock | lowest | highest |\n|---|---|---|---|---|")
+    print("| scene | renderer | Mpaths/s of elapsed time | lowest | highest |\n|---|---|---|---|---|")
     for row in summary(runs):
         rates = sorted(walls[row["scene"], row["renderer"]])
         middle = rates[len(rates) // 2]

@@ -15,6 +15,8 @@ __all__ = ["PAGE", "current", "tables"]
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "scenes.md"
 _BEGIN: Final = "<!-- made by scripts/scene_docs.py: begin -->"
 _END: Final = "<!-- end -->"
+_DEFAULT: Final = r" \(default: ([^)]*)\)$"
+"""How a description ends that says its default."""
 _LARGE: Final = 1e9
 """Bounds beyond it are only there to keep numbers finite and are not listed."""
 
@@ -106,11 +108,14 @@ def _rows(table: dict[str, Any], schema: dict[str, Any], only: list[str] | None,
 def _cell(text: str) -> str:
     first = re.sub(r"\s+", " ", text.split("\n\n", maxsplit=1)[0])
     # Defaults have a column of their own.
-    return re.sub(r" \(default: [^)]*\)$", "", first).replace("|", "\\|")
+    return re.sub(_DEFAULT, "", first).replace("|", "\\|")
 
 
 def _default(value: dict[str, Any]) -> str:
     default = value.get("default")
+    told = re.search(_DEFAULT, value.get("description", ""))
+    if default is None and told:
+        return told.group(1)
     if default is None or "$ref" in value or default in ("", []):
         return "–"
     if isinstance(default, bool):
