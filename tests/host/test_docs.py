@@ -13,7 +13,9 @@ import pytest
 
 import clrender
 from clrender.cli import main
+from clrender.cli.options import DomainType
 from clrender.integrators import INTEGRATORS
+from clrender.limits import Choice
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "scenes").glob("*.md")])
@@ -92,9 +94,9 @@ def test_every_option_exists(page: str) -> None:
 
 def test_choices_of_options_are_those_of_the_command_line() -> None:
     for name, listed in re.findall(r"`(--[a-z-]+) ((?:[a-z]+\\\|)+[a-z]+)`", README):
-        kinds = [each.type for each in options()[name] if isinstance(each.type, click.Choice)]
-        assert kinds
-        assert all(set(listed.split("\\|")) == set(kind.choices) for kind in kinds)
+        domains = [each.type.domain for each in options()[name] if isinstance(each.type, DomainType)]
+        assert domains
+        assert all(isinstance(each, Choice) and set(listed.split("\\|")) == set(each.members) for each in domains)
 
 
 def test_every_integrator_is_in_its_tables() -> None:
