@@ -16,8 +16,8 @@ from clrender.errors import RenderError, UsageError
 from clrender.integrators import INTEGRATORS
 from clrender.radiosity.patches import check_diffuse
 from clrender.rendered_image import Progress, RenderedImage
-from clrender.rendering import render
 from clrender.scene.wording import quoted, suggestion
+from clrender.session import Session
 from clrender.settings import settings_for, settings_of
 
 if TYPE_CHECKING:
@@ -93,21 +93,20 @@ def compare_integrators(
     total = len(integrators) * batches * each * wanted[0] * wanted[1]
     reporter = _Reporter(notify, on_progress, total)
 
-    def image(name: str, own: int) -> RenderedImage:
+    def image(session: Session, name: str, own: int) -> RenderedImage:
         one = settings_of_one(name, own)
-        notice = reporter.notice if notify else None
-        made = render(
-            scene, device=device, size=wanted, on_progress=reporter.advance, notify=notice, keep_film=False, **one
-        )
+        made = session.render(scene, size=wanted, on_progress=reporter.advance, keep_film=False, **one)
         if made.interrupted:
             raise RenderError(f"a render with {name} did not finish, so nothing can be compared")
         reporter.finish(made)
         return made
 
     made = []
-    for place, (label, name) in enumerate(zip(_labels(integrators), integrators, strict=True)):
-        own = seeds[place * batches : (place + 1) * batches]
-        made.append(_gathered(label, name, tile_size, own, (image(name, number) for number in own)))
+    with Session(device, notify=reporter.notice) as session:
+        for place, (label, name) in enumerate(zip(_labels(integrators), integrators, strict=True)):
+            own = seeds[place * batches : (place + 1) * batches]
+            images = (image(session, name, number) for number in own)
+            made.append(_gathered(label, name, tile_size, own, images))
     pairs = list(itertools.combinations(made, 2))
     return made, [compare_batches(scene, a, b, LEVEL / len(pairs)) for a, b in pairs]
 

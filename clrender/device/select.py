@@ -111,9 +111,17 @@ def choose(specs: Sequence[str], known: Sequence[DeviceInfo], probe_one: Probe, 
     UsageError, DeviceError
         As `select`.
     """
+    verdicts: dict[int, DeviceInfo] = {}
+
+    def once(info: DeviceInfo) -> DeviceInfo:
+        """A verdict that is not kept would be asked for again, which may take minutes."""
+        if info.index not in verdicts:
+            verdicts[info.index] = probe_one(info)
+        return verdicts[info.index]
+
     chosen: dict[int, DeviceInfo] = {}
     for spec in specs:
-        for info in _one(spec, known, probe_one, notify):
+        for info in _one(spec, known, once, notify):
             chosen.setdefault(info.index, info)
     return list(chosen.values())
 

@@ -7,7 +7,7 @@ Difference Evaluator for Alternating Images", HPG 2020; section and equation num
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,7 @@ _KNEE_COLOR: Final = 0.4  # p_c
 _KNEE_ERROR: Final = 0.95  # p_t
 _FEATURE_WIDTH: Final = 0.082  # w, degrees, sec. 4.2
 _FEATURE_EXPONENT: Final = 0.5  # q_f
+_BAND: Final = 1 << 19  # pixels
 
 
 def flip_map(test: npt.ArrayLike, reference: npt.ArrayLike, ppd: float = PIXELS_PER_DEGREE) -> _Array:
@@ -54,6 +55,19 @@ def flip_map(test: npt.ArrayLike, reference: npt.ArrayLike, ppd: float = PIXELS_
     (H, W) float64
         0 (the same) to 1.
     """
+    x, r = np.asarray(test), np.asarray(reference)
+    # Bands of rows, each with as many more as the filters reach: what is computed stays small beside a large image.
+    halo = max(_color_radius(ppd), _feature_radius(ppd))
+    height, width = x.shape[:2]
+    step = max(4 * halo, _BAND // width)
+    result = np.empty((height, width))
+    for top in range(0, height, step):
+        low, high = max(0, top - halo), min(height, top + step + halo)
+        result[top : top + step] = _flip(x[low:high], r[low:high], ppd)[top - low :][:step]
+    return result
+
+
+def _flip(test: npt.NDArray[Any], reference: npt.NDArray[Any], ppd: float) -> _Array:
     images = [_opponent(np.clip(np.asarray(image, np.float64), 0.0, 1.0)) for image in (test, reference)]
     # Colour (sec. 4.1): what the eye resolves, in a uniform space, as a distance for large differences.
     seen = [_hunt_lab(_filtered(image, ppd)) for image in images]
@@ -102,9 +116,19 @@ def _redistribute(color: _Array) -> _Array:
     return np.asarray(np.clip(np.where(color < knee, _KNEE_ERROR / knee * color, high), 0.0, 1.0))
 
 
+def _color_radius(ppd: float) -> int:
+    """Pixels that the filter of the contrast sensitivity reaches."""
+    return math.ceil(3.0 * math.sqrt(_WIDEST / (2.0 * math.pi**2)) * ppd)
+
+
+def _feature_radius(ppd: float) -> int:
+    """Pixels that the filters of features reach."""
+    return math.ceil(3.0 * 0.5 * _FEATURE_WIDTH * ppd)
+
+
 def _filtered(opponent: _Array, ppd: float) -> _Array:
     """Picture after the contrast sensitivity of the eye (sec. 4.1.1), linear Rec. 709 in 0..1."""
-    radius = math.ceil(3.0 * math.sqrt(_WIDEST / (2.0 * math.pi**2)) * ppd)
+    radius = _color_radius(ppd)
     degrees = np.arange(-radius, radius + 1) / ppd
     channels = []
     for channel, terms in enumerate(_SENSITIVITY):
@@ -123,7 +147,7 @@ def _filtered(opponent: _Array, ppd: float) -> _Array:
 def _features(lightness: _Array, ppd: float) -> tuple[_Array, _Array]:
     """Strengths of edges and of points (sec. 4.2.1)."""
     deviation = 0.5 * _FEATURE_WIDTH * ppd
-    radius = math.ceil(3.0 * deviation)
+    radius = _feature_radius(ppd)
     x = np.arange(-radius, radius + 1, dtype=np.float64)
     smooth = np.exp(-(x**2) / (2.0 * deviation**2))
     strengths = []

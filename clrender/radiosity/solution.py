@@ -188,7 +188,7 @@ def solve_scene(
     should_stop : callable, optional
         When it says yes, what is returned is not `complete`.
     patches : Patches, optional
-        To begin with, such as those of another solution; else the scene is cut up.
+        Initial patches, such as those of another solution; default: made from the scene.
 
     Raises
     ------

@@ -57,9 +57,11 @@ def make_report(
     from clrender.report.runs import Renderer, measure
     from clrender.report.svg import require_matplotlib
     from clrender.scene import load
+    from clrender.session import Session
 
     require_matplotlib()
-    measured = measure(Renderer(size, device, should_stop, say), quick)
+    with Session(device) as session:
+        measured = measure(Renderer(size, session, device, should_stop, say), quick)
     drawn = [
         Figure(
             "figure-1",

@@ -14,10 +14,11 @@ def main(task: str) -> None:
     """Render a task that `clrender.report.one_core` wrote."""
     wanted = json.loads(task)
     scene = clrender.load(wanted["scene"])
-    for number, settings in enumerate([{**wanted["wanted"][0], "spp": 1}, *wanted["wanted"]]):
-        image = clrender.render(scene, device=wanted["device"], size=tuple(wanted["size"]), **settings)
-        if number:
-            print(json.dumps(image.stats), flush=True)
+    with clrender.Session(wanted["device"]) as session:
+        for number, settings in enumerate([{**wanted["wanted"][0], "spp": 1}, *wanted["wanted"]]):
+            image = session.render(scene, size=tuple(wanted["size"]), **settings)
+            if number:
+                print(json.dumps(image.stats), flush=True)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ from clrender.report.results import Results, Row, Run
 if TYPE_CHECKING:
     from clrender.rendered_image import Progress, RenderedImage
     from clrender.scene import Scene
+    from clrender.session import Session
 
 __all__ = ["Measured", "Renderer", "Stopped", "measure"]
 
@@ -51,7 +52,10 @@ class Renderer:
     Attributes
     ----------
     size : (int, int)
+    session : Session
+        Renders everything but the runs on one core.
     device : str or None
+        As ``--device``, for the runs on one core.
     should_stop : callable
     say : callable
         Receives a line of text per render.
@@ -60,6 +64,7 @@ class Renderer:
     """
 
     size: tuple[int, int]
+    session: Session
     device: str | None
     should_stop: Callable[[], bool]
     say: Callable[[str], None]
@@ -81,9 +86,8 @@ class Renderer:
                 next_line += _SECONDS_APART
                 self.say(f"{self._share(spp * progress.fraction):4.0%}  {what}: {progress.fraction:.0%}")
 
-        image = clrender.render(
+        image = self.session.render(
             scene,
-            device=self.device,
             size=self.size,
             spp=spp,
             should_stop=self.should_stop,

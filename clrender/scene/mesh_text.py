@@ -110,7 +110,8 @@ def _joined(text: bytes) -> bytes:
     if b"#" in text:
         # Comments go first: one that ends in a backslash, as a Windows path does, must not swallow the next line.
         text = re.sub(rb"#[^\n]*", b"", text)
-    return text.replace(b"\\\n", b" " + _CONTINUATION) if b"\\\n" in text else text
+    text = text.replace(b"\\\n", b" " + _CONTINUATION)
+    return text if text.endswith(b"\n") else text + b"\n"  # a file may end in a line that goes on
 
 
 def word_spans(data: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -92,6 +94,47 @@ def test_flip_of_flat_colors(first: tuple[float, ...], second: tuple[float, ...]
 def test_flip_of_a_picture_is_that_of_its_authors() -> None:
     test, reference = picture_pair()
     assert flip_map(test, reference).mean() == pytest.approx(0.24047212302684784, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_flip_is_the_published_one_at_every_pixel(seed: int) -> None:
+    # The authors' program computes in single precision, and the square root of the feature difference takes a rounding
+    # of 6e-8 to 2.4e-4.
+    published = pytest.importorskip("flip_evaluator", reason="flip-evaluator has a wheel for x86-64 Linux only")
+    test, reference = picture_pair()
+    if seed:
+        rng = np.random.default_rng(seed)
+        reference = rng.random((30 + 40 * seed, 150 - 40 * seed, 3), np.float32) ** np.float32(seed)
+        test = np.clip(reference + rng.normal(0, 0.02 * seed, reference.shape), 0, 1).astype(np.float32)
+    theirs, mean, _ = published.evaluate(reference, test, "LDR", inputsRGB=False, applyMagma=False)
+    ours = flip_map(test, reference)
+    np.testing.assert_allclose(ours, theirs[..., 0], atol=3e-4)
+    assert ours.mean() == pytest.approx(mean, abs=1e-6)
+
+
+def test_bands_of_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    test, reference = picture_pair()
+    test, reference = np.tile(test, (4, 1, 1)), np.tile(reference, (4, 1, 1))
+    whole, numbers = flip_map(test, reference), compare_images(test, reference)
+    monkeypatch.setattr("clrender.image.flip._BAND", 1)
+    monkeypatch.setattr("clrender.image.compare._BAND", 1000)
+    np.testing.assert_allclose(flip_map(test, reference), whole, atol=1e-12)
+    banded = compare_images(test, reference)
+    assert banded.keys() == numbers.keys()
+    for name, value in numbers.items():
+        assert banded[name] == pytest.approx(value, rel=1e-12), name
+
+
+def test_comparing_takes_little_memory_beside_the_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("clrender.image.flip._BAND", 1 << 14)
+    monkeypatch.setattr("clrender.image.compare._BAND", 1 << 14)
+    image = np.zeros((2000, 500, 3), np.float32)
+    tracemalloc.start()
+    try:
+        compare_images(image, image)
+        assert tracemalloc.get_traced_memory()[1] < 3 * image.nbytes
+    finally:
+        tracemalloc.stop()
 
 
 def test_flip_sees_less_from_further_away() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -47,6 +48,22 @@ def chosen(*specs: str, known: Sequence[DeviceInfo] = KNOWN) -> list[int]:
 )
 def test_what_is_chosen(specs: list[str], indices: list[int]) -> None:
     assert chosen(*specs) == indices
+
+
+@pytest.mark.parametrize("specs", [["auto"], ["cpu", "all"], ["0", "llvmpipe", "0"]])
+def test_a_device_that_fails_is_asked_once(specs: list[str]) -> None:
+    """A time-out is not kept, and may take minutes each time."""
+    asked: list[int] = []
+
+    def probe(info: DeviceInfo) -> DeviceInfo:
+        asked.append(info.index)
+        return replace(info, probe="timeout")
+
+    known = [replace(info, probe="unknown") for info in KNOWN]
+    with contextlib.suppress(DeviceError):
+        choose(specs, known, probe, lambda line: None)
+    assert asked
+    assert len(set(asked)) == len(asked)
 
 
 def test_auto_prefers_pocl_to_layered_drivers_whatever_they_say_of_their_size() -> None:

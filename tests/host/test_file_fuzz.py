@@ -1,0 +1,35 @@
+"""Mutated files of every format: each is read or answered with one sentence, soon, and in little memory."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".film"]
+PROGRAM = Path(__file__).with_name("mutate_files.py")
+MEMORY = 700
+"""MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""
+
+
+def answers(folder: Path, count: int, seed: int, endings: list[str]) -> None:
+    """Read that many mutated files of each format in a process of its own."""
+    command = [sys.executable, str(PROGRAM), str(folder), str(count), str(seed), *endings]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stderr == "", done.stderr[-2000:]
+    *wrong, summary = done.stdout.splitlines()
+    assert not wrong, "\n".join(wrong[:20])
+    files, read, memory = (int(part.split()[0]) for part in summary.split(", ")[:3])
+    assert files == count * len(endings) and read < files and memory < MEMORY, summary
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_mutated_files(tmp_path: Path, ending: str) -> None:
+    answers(tmp_path, 60, 1, [ending])
+
+
+@pytest.mark.slow
+def test_five_thousand_mutated_files(tmp_path: Path) -> None:
+    answers(tmp_path, 720, 2, ENDINGS)
