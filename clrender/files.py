@@ -199,9 +199,9 @@ def _reason(path: Path, error: OSError) -> str:
     match error.errno:
         case errno.ENOSPC | errno.EDQUOT | errno.EFBIG:
             return f"{path}: cannot be written, no room is left ({error.strerror}); make room or write elsewhere."
-        case errno.ENOENT | errno.ENOTDIR if not folder.is_dir():
+        case errno.ENOENT | errno.ENOTDIR:
             return f"{path}: there is no folder {str(folder)!r}; create it first."
-        case errno.EACCES | errno.EPERM | errno.EROFS | errno.ENOENT:
+        case errno.EACCES | errno.EPERM | errno.EROFS:
             return f"{path}: the folder {str(folder)!r} cannot be written ({error.strerror}); write elsewhere."
         case _:
             return f"{path}: cannot be written ({error.strerror or error})."

@@ -27,17 +27,17 @@ STARTED: Final = time.perf_counter()
 
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
-    "devices": "List OpenCL devices and whether each computes rightly.",
-    "doctor": "Find out what is wrong with OpenCL here and how to cure it.",
+    "devices": "List OpenCL devices and whether each computes correctly.",
+    "doctor": "Diagnose OpenCL on this machine: causes and cures.",
     "scenes": "List the built-in scenes.",
     "check": "Check a scene file without rendering it.",
     "schema": "Print the JSON Schema of scene files.",
-    "tonemap": "Turn a linear image into one for display.",
-    "compare": "Measure how far an image is from a reference.",
-    "report": "Reproduce the founding report: its table, its figures, and what holds of it.",
-    "merge": "Unite films of one render into one.",
-    "radiosity": "Animate a diffuse scene: a shape moves and its light follows.",
-    "bench": "Measure how fast clrender is here, with its peers beside it.",
+    "tonemap": "Tone-map a linear image for display.",
+    "compare": "Compare an image with a reference, or integrators with each other.",
+    "report": "Reproduce the founding report: its table, figures and conclusions.",
+    "merge": "Merge films of one render into one.",
+    "radiosity": "Animate a diffuse scene in which a shape moves.",
+    "bench": "Benchmark clrender, beside other renderers if wanted.",
 }
 """Name -> first line of its help; the command `NAME` is `NAME` in the module `clrender.cli.NAME`."""
 

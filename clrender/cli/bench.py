@@ -17,23 +17,29 @@ __all__ = ["bench"]
 @click.option("--size", "wanted", type=size, default="800x800", show_default=True, help="Pixels.")
 @setting_option("spp", 16)
 @click.option(
-    "--repeats", type=number(1, 1000, whole=True), default=3, show_default=True, help="Turns; one more does not count."
+    "--repeats",
+    type=number(1, 1000, whole=True),
+    default=3,
+    show_default=True,
+    help="Measured runs of each renderer; a warm-up run comes first.",
 )
 @click.option("-d", "--device", help="As of `clrender render`.")
 @click.option(
     "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
 )
 @setting_option("light_sampler", "auto", "Of clrender; Mitsuba samples lights uniformly (auto).")
-@click.option("--errors", is_flag=True, help="Compare with references of 64 times the samples: error and efficiency.")
+@click.option(
+    "--errors", is_flag=True, help="Also measure error and efficiency, against references of 64 times the samples."
+)
 @click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
 def bench(
     names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
     light_sampler: str, errors: bool, listed: bool,
 ) -> None:  # fmt: skip
-    """Render benchmark scenes (S1 and S2 without a name) and print a line of JSON a run.
+    """Render benchmark scenes (default: S1 and S2) and print a line of JSON for each run.
 
-    Paths have 14 segments and no roulette. Runs of clrender and its peers are taken in turns; rates are by CPU time, as
-    an idle machine would give. The table at the end is on stderr.
+    Paths have 14 segments and no Russian roulette. Renderers are run in turns; rates are per CPU time, so that other
+    load on the machine does not count. A table at the end goes to stderr.
     """
     from clrender.bench import PEERS, SCENES, measure, peer_from, summary
     from clrender.bench.peers import Task

@@ -32,7 +32,7 @@ _LINES: Final = (
 @setting_option("spp", help="Samples per pixel, over all batches (256).")
 @click.option("--size", type=parse_size, metavar="WxH", help="Pixels (the scene's, 160 at most on the longer side).")
 @setting_option("seed")
-@click.option("--batches", type=number(8, 4096, whole=True), help="Independent renders of each integrator (16).")
+@click.option("--batches", type=number(8, 4096, whole=True), help="Independent batches of each integrator (16).")
 @click.option("--tile-size", type=number(1, 65536, whole=True), help="Side of the tiles that are compared (8).")
 @click.option("-d", "--device", "devices", metavar="SPEC", multiple=True, help="As of `clrender render`; repeatable.")
 @click.option(
@@ -40,7 +40,7 @@ _LINES: Final = (
     "--output",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Write mean images, maps of z and all numbers there.",
+    help="Write mean images, maps of z-scores and all numbers to this folder.",
 )
 @click.option("--check", is_flag=True, help="Exit with 1 when integrators differ where they should agree.")
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
@@ -51,10 +51,10 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
 
     Reads .npy .exr .hdr .film, and .png .jpg as a display shows them.
 
-    With --integrators: render SCENE with each of them, as independent batches of small images, and tell for any two
-    whether they agree. Tiles of the images are compared by t-tests; the chance that any pair of integrators that agree
-    is said to differ is 1 %, as long as fireflies are rare. Of radiosity it takes the final gather. The exit code is 0
-    whatever comes out, but for --check.
+    With --integrators: render SCENE with each of them, as independent batches of small images, and test for each pair
+    whether their means agree. Tiles of the images are compared by t-tests, with a family-wise error rate of 1 % as long
+    as fireflies are rare. Of radiosity, the final gather is compared. The exit code is 0 whatever the result, unless
+    --check is given.
     """
     as_json = options.pop("as_json")
     if integrators is not None:

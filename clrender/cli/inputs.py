@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import stat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from clrender.errors import UsageError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,19 +23,7 @@ def read_linear(path: Path) -> tuple[npt.NDArray[np.float32], dict[str, Any] | N
     from clrender.film import Film
     from clrender.image.files import FILM_ENDINGS, read_image, read_provenance
 
-    _refuse_special(path)
     if path.suffix.lower() in FILM_ENDINGS:
         film = Film.load(path)
         return film.develop(), film.provenance
     return read_image(path), read_provenance(path)
-
-
-def _refuse_special(path: Path) -> None:
-    """Opening a pipe would wait for whoever writes to it, and a device may have no end."""
-    try:
-        mode = path.stat().st_mode
-    except (OSError, ValueError):  # whoever opens it says what is wrong
-        return
-    if not stat.S_ISREG(mode):
-        what = "a folder" if stat.S_ISDIR(mode) else "a pipe, a socket or a device"
-        raise UsageError(f"{path}: is {what}; name an image file")

@@ -13,21 +13,20 @@ __all__ = ["merge"]
 @click.argument("films", metavar="FILM...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, metavar="FILM", type=click.Path(path_type=Path), help="Where to: .film.")
 def merge(films: tuple[Path, ...], output: Path) -> None:
-    """Unite FILMs of one request, such as the shards of a render, into one film.
+    """Merge FILMs of one request, such as the shards of a render, into one film.
 
     The result holds the same bits as one render, in whatever order they are named. Films that overlap, of another
     request or of other kernels are refused.
     """
+    from clrender.cli.outputs import check_distinct
     from clrender.errors import UsageError
     from clrender.files import check_writable
     from clrender.film.merge import merge_films
 
     if output.suffix.lower() != ".film":
         raise UsageError(f"{output}: exact sums are kept in a .film; give it that ending")
-    for film in films:
-        if output.exists() and film.exists() and output.samefile(film):
-            raise UsageError(f"{output}: is one of the films to merge; write to another file")
     check_writable(output)
+    check_distinct([output], films)
     merged = merge_films(films)
     merged.save(output)
     taken = merged.ledger.taken()

@@ -16,6 +16,7 @@ from clrender.settings import PIXEL_LIMIT, SETTINGS
 
 __all__ = [
     "TONE_MAPS",
+    "DomainType",
     "allow_path_option",
     "number",
     "setting_option",
@@ -28,32 +29,32 @@ TONE_MAPS: Final = ("linear", "sqrt", "srgb", "reinhard", "aces", "agx")
 """The names of `clrender.image.tone_map.TONE_MAPS`, without loading NumPy for `--help`."""
 
 
-class _DomainType(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.3
+class DomainType(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.3
     """Option type: what a domain allows, with an error that says what that is."""
 
     def __init__(self, domain: Domain) -> None:
         self.name = domain.metavar
-        self._domain = domain
+        self.domain = domain
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         try:
-            return self._domain.parse(value) if isinstance(value, str) else self._domain.accept(value)
+            return self.domain.parse(value) if isinstance(value, str) else self.domain.accept(value)
         except NotAllowed as error:
             raise click.UsageError(f"{param.opts[-1] if param else 'the value'} {error}", ctx) from None
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        return self._domain.metavar
+        return self.domain.metavar
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        members = self._domain.members if isinstance(self._domain, Choice) else ()
+        members = self.domain.members if isinstance(self.domain, Choice) else ()
         return [CompletionItem(str(each)) for each in members if str(each).startswith(incomplete)]
 
 
 def number(
     low: float, high: float = math.inf, *, whole: bool = False, above: bool = False, below: bool = False
-) -> _DomainType:
+) -> DomainType:
     """Option type: a finite number of `clrender.limits.Range`."""
-    return _DomainType(Range(low, high, whole, above, below))
+    return DomainType(Range(low, high, whole, above, below))
 
 
 def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[Any], Any]:
@@ -74,7 +75,7 @@ def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[
     return click.option(
         setting.option,
         name,
-        type=_DomainType(setting.domain),
+        type=DomainType(setting.domain),
         default=default,
         metavar=setting.metavar,
         help=help or f"{setting.help} ({words}).",
@@ -117,7 +118,7 @@ def tone_options(command: Any) -> Any:
     """Decorator: the two options of every command that makes display images."""
     tone_map = click.option(
         "--tone-map",
-        type=_DomainType(Choice(TONE_MAPS)),
+        type=DomainType(Choice(TONE_MAPS)),
         default="srgb",
         show_default=True,
         help="Of .png and .jpg.",

@@ -1,4 +1,4 @@
-"""`clrender radiosity`: an animation in which a shape moves and its light is brought up to date, not solved anew."""
+"""`clrender radiosity`: an animation in which a shape moves and the solution is updated, not solved again."""
 
 from __future__ import annotations
 
@@ -43,11 +43,19 @@ _vector.__name__ = "X,Y,Z"
     metavar="DIR",
     type=click.Path(path_type=Path),
     required=True,
-    help="Where to: frame-0000.png and on.",
+    help="Folder for frame-0000.png, frame-0001.png, …",
 )
-@click.option("--move", "shape", type=number(0, 2**31 - 1, whole=True), required=True, help="Which shape, from 0.")
-@click.option("--by", type=_vector, metavar="X,Y,Z", required=True, help="How far in each frame, metres.")
-@click.option("--frames", "count", type=number(1, 10**6, whole=True), default=24, show_default=True)
+@click.option(
+    "--move",
+    "shape",
+    type=number(0, 2**31 - 1, whole=True),
+    required=True,
+    help="Index of the shape that moves, from 0.",
+)
+@click.option("--by", type=_vector, metavar="X,Y,Z", required=True, help="Translation per frame, metres.")
+@click.option(
+    "--frames", "count", type=number(1, 10**6, whole=True), default=24, show_default=True, help="Number of frames."
+)
 @setting_option("spp", 16)
 @click.option("--size", type=parse_size, metavar="WxH", help="Pixels (from the scene, else 800x800).")
 @setting_option("patches", SETTINGS["patches"].default)
@@ -73,9 +81,9 @@ def radiosity(
     exposure: float,
     allow_paths: tuple[Path, ...],
 ) -> None:
-    """Animate SCENE: a shape moves, and only light that it touches is followed again.
+    """Animate SCENE: a shape moves, and only the transport that it affects is computed again.
 
-    Every frame is written as a picture, and said in a line is what its light took.
+    Each frame is written as a .png, and a line about it is printed.
     """
     from clrender.device import select
     from clrender.film.unit import tile_side
@@ -112,7 +120,7 @@ def radiosity(
 
 
 def _verdict(dynamic: DynamicRadiosity, seconds: list[float]) -> str:
-    """How the last frame compares with one solved anew."""
+    """How the last frame compares with one solved from the start."""
     import numpy as np
 
     updated = dynamic.reflected
@@ -122,6 +130,6 @@ def _verdict(dynamic: DynamicRadiosity, seconds: list[float]) -> str:
     difference = float((np.abs(updated - anew) * areas).sum() / (anew * areas).sum())
     middle = sorted(seconds)[len(seconds) // 2]
     return (
-        f"a frame was brought up to date in {middle:.3f} s (median); solved anew it takes {fresh:.3f} s, "
-        f"{fresh / middle:.1f} times that; the two differ by {difference:.2%} of the light"
+        f"a frame was updated in {middle:.3f} s (median); solved from the start it takes {fresh:.3f} s, "
+        f"{fresh / middle:.1f} times as long; the two differ by {difference:.2%} of the radiosity"
     )

@@ -28,7 +28,7 @@ __all__ = ["tonemap"]
 )
 @tone_options
 def tonemap(image: Path, outputs: tuple[Path, ...], tone_map: str, exposure: float) -> None:
-    """Turn a linear IMAGE (.npy .exr .hdr .film) into one for display."""
+    """Tone-map a linear IMAGE (.npy .exr .hdr .film) for display."""
     from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, LINEAR_ENDINGS, check_output, write_image
 
     if image.suffix.lower() not in (*LINEAR_ENDINGS, *FILM_ENDINGS):

@@ -155,7 +155,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "tonemap of what is no image": ("tonemap text.npy -o a.png", ("text.npy", "not a readable .npy image")),
     "tonemap of what is no film": ("tonemap text.film -o a.png", ("text.film", "not a whole clrender film")),
     "tonemap twice to one file": ("tonemap good.npy -o a.png -o ./a.png", ("a.png", "twice")),
-    "tonemap of a pipe": ("tonemap pipe.npy -o a.png", ("pipe.npy", "a pipe, a socket or a device")),
+    "tonemap of a pipe": ("tonemap pipe.npy -o a.png", ("pipe.npy", "only regular files")),
     "tonemap of a film that is a pipe": ("tonemap pipe.film -o a.png", ("pipe.film", "a pipe")),
     "tonemap of a folder": ("tonemap folder.npy -o a.png", ("folder.npy", "is a folder")),
     "compare with a pipe": ("compare good.npy pipe.npy", ("pipe.npy", "a pipe")),
