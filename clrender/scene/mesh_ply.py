@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
+from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData, crossed_warning
 from clrender.scene.mesh_text import line_blocks, parse_numbers
 from clrender.scene.ply_header import Element, PlyHeader, Property, read_header
 from clrender.scene.polygons import triangulate
@@ -80,10 +80,12 @@ def _mesh(table: NDArray[np.floating], corners: NDArray[np.int64], sizes: NDArra
         wrong = low if low < 0 else high
         raise SceneError(f"{label} has a face that names vertex {wrong}, but only 0 to {len(table) - 1} exist")
     vertices = np.ascontiguousarray(table[:, :3])
+    crossed = 0
     if (sizes > 3).any():
-        corners = corners[triangulate(vertices, corners, sizes, label)]
+        triangles, crossed = triangulate(vertices, corners, sizes, label)
+        corners = corners[triangles]
     normals = np.ascontiguousarray(table[:, 3:]) if table.shape[1] > 3 else None
-    return MeshData(vertices, corners.reshape(-1, 3).astype(np.uint32), normals)
+    return MeshData(vertices, corners.reshape(-1, 3).astype(np.uint32), normals, crossed_warning(crossed))
 
 
 def _table(element: Element, names: list[str]) -> NDArray[np.floating]:

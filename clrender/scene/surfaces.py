@@ -78,6 +78,8 @@ def flat_surfaces(scene: Scene) -> FlatSurfaces:
     v = t = 0
     for index, mesh in meshes.items():
         place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]
+        if mesh.warning:
+            warnings.append(f"{place}: {mesh.warning}")
         here = vertices[v : v + len(mesh.vertices)]
         there = triangles[t : t + len(mesh.triangles)]
         transform = affine(shape.transform)
