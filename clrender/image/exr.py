@@ -162,23 +162,19 @@ def _quiet() -> Iterator[None]:
     Its C++ part writes to descriptor 2, and gives up on some damages with no more than that; its Python part prints.
     Neither can be told not to.
     """
-    with _redirecting, tempfile.TemporaryFile() as heard:
-        with contextlib.suppress(OSError, ValueError, AttributeError):
+    with _redirecting, contextlib.redirect_stdout(io.StringIO()), tempfile.TemporaryFile() as heard:
+        if sys.stderr is None:  # the program has no error output, and its descriptor may be another file's
+            yield
+            return
+        with contextlib.suppress(OSError, ValueError):
             sys.stderr.flush()
-        try:
-            before = os.dup(2)
-        except OSError:  # closed: nobody would have seen it
-            before = -1
+        before = os.dup(2)
         try:
             os.dup2(heard.fileno(), 2)
-            with contextlib.redirect_stdout(io.StringIO()):
-                yield
+            yield
         finally:
-            if before >= 0:
-                os.dup2(before, 2)
-                os.close(before)
-            else:
-                os.close(2)
+            os.dup2(before, 2)
+            os.close(before)
         heard.seek(0)
         words = heard.read(4096).decode("utf-8", "replace").strip()
         if words:

@@ -2,7 +2,7 @@
 
 Every table of the file is one frozen pydantic model with unknown keys forbidden, so that a misspelt key is an error
 and never ignored. Numbers are finite and bounded here; what needs more than one number (a camera that looks at itself,
-a transform that squashes a sphere) is checked by the model that holds them. `problems.py` words the errors.
+a transform that squashes a sphere) is checked by the model that holds them. `validation_errors.py` words the errors.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TRIANGLE_LIMIT", "MeshData", "inline_mesh"]
+__all__ = ["TRIANGLE_LIMIT", "MeshData", "crossed_warning", "inline_mesh"]
 
 TRIANGLE_LIMIT: Final = 2**27
 """Most vertices, and most triangles, of a mesh and of a scene."""
@@ -29,11 +29,14 @@ class MeshData:
         Indices below V.
     normals : (V, 3) float32 or float64, or None
         Finite, of any length; zero where the file has none.
+    warning : str
+        What a user should know of the mesh; mostly empty.
     """
 
     vertices: NDArray[np.floating]
     triangles: NDArray[np.uint32]
     normals: NDArray[np.floating] | None = None
+    warning: str = ""
 
     def sha256(self) -> str:
         """Hash of the three arrays (in float64, so that the width in the file does not count)."""
@@ -47,6 +50,12 @@ class MeshData:
                 assert array is not None
                 digest.update(np.ascontiguousarray(array[start : start + 2**18], dtype=kind).tobytes())
         return digest.hexdigest()
+
+
+def crossed_warning(count: int) -> str:
+    """Of a mesh with polygons whose outlines cross themselves."""
+    what = "one polygon crosses its own outline" if count == 1 else f"{count} polygons cross their own outlines"
+    return f"{what} and cannot be covered once; check the model there" if count else ""
 
 
 def inline_mesh(vertices: Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> MeshData:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
+from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData, crossed_warning
 from clrender.scene.mesh_text import Block, line_blocks, parse_numbers, parse_whole, word_spans
 from clrender.scene.polygons import triangulate
 from clrender.scene.wording import quoted
@@ -114,16 +114,16 @@ def _mesh(found: _Found, label: str) -> MeshData:
     total = len(corners) - 2 * len(sizes)
     if total > TRIANGLE_LIMIT:
         raise SceneError(f"{label} holds {total} triangles, but at most {TRIANGLE_LIMIT} are read")
-    triangles = None
+    triangles, crossed = None, 0
     if (sizes > 3).any():
-        triangles = triangulate(vertices, corners, sizes, label)
+        triangles, crossed = triangulate(vertices, corners, sizes, label)
     normals = None
     if found.corner_normals:
         vertices, normals, corners = _with_normals(
             vertices, np.concatenate(found.normals), corners, np.concatenate(found.corner_normals)
         )
     faces = corners.reshape(-1, 3) if triangles is None else corners[triangles]
-    return MeshData(vertices, faces.astype(np.uint32), normals)
+    return MeshData(vertices, faces.astype(np.uint32), normals, crossed_warning(crossed))
 
 
 def _with_normals(

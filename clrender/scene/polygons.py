@@ -28,7 +28,7 @@ _FAN_LIMIT: Final = 16
 
 def triangulate(
     points: NDArray[np.floating], corners: NDArray[np.integer], sizes: NDArray[np.integer], label: str
-) -> NDArray[np.int64]:
+) -> tuple[NDArray[np.int64], int]:
     """Split polygons into triangles that cover each of them once.
 
     Parameters
@@ -43,9 +43,11 @@ def triangulate(
 
     Returns
     -------
-    (C - 2 F, 3) int64
+    triangles : (C - 2 F, 3) int64
         Places in `corners`; triangles of a polygon together, polygons in order. A convex polygon is a fan from its
         first corner, and so is one whose outline crosses itself.
+    crossed : int
+        How many outlines cross themselves: no triangles cover those.
 
     Raises
     ------
@@ -55,6 +57,7 @@ def triangulate(
     first_corner = np.cumsum(sizes) - sizes
     first_triangle = first_corner - 2 * np.arange(len(sizes))
     triangles = np.empty((int(np.sum(sizes)) - 2 * len(sizes), 3), np.int64)
+    crossed = 0
     for size in np.unique(sizes):
         count = int(size)
         of_size = np.flatnonzero(sizes == count)
@@ -65,14 +68,15 @@ def triangulate(
             local = np.broadcast_to(fan, (len(some), count - 2, 3))
             if count > 3:
                 places = first_corner[some, None] + np.arange(count)
-                local = _split(points[corners[places]].astype(np.float64), fan, label)
+                local, crossing = _split(points[corners[places]].astype(np.float64), fan, label)
+                crossed += crossing
             rows = first_triangle[some, None] + np.arange(count - 2)
             triangles[rows] = first_corner[some, None, None] + local
-    return triangles
+    return triangles, crossed
 
 
-def _split(outlines: NDArray[np.float64], fan: NDArray[np.int64], label: str) -> NDArray[np.int64]:
-    """Triangles (F, n - 2, 3) of polygons of one size.
+def _split(outlines: NDArray[np.float64], fan: NDArray[np.int64], label: str) -> tuple[NDArray[np.int64], int]:
+    """Triangles (F, n - 2, 3) of polygons of one size, and how many of them cross themselves.
 
     Parameters
     ----------
@@ -94,11 +98,16 @@ def _split(outlines: NDArray[np.float64], fan: NDArray[np.int64], label: str) ->
     if len(left) and count > CORNER_LIMIT:
         what = f"has a concave polygon of {count} corners, but at most {CORNER_LIMIT} are split"
         raise SceneError(f"{label} {what}; export it as triangles")
+    fans: list[int] = []
     for polygon in left:
         found = _ears(flat[polygon], float(area[polygon]))
         if found is not None:
             local[polygon] = found
-    return local
+        else:
+            fans.append(int(polygon))
+    # The two halves of a bow tie may cancel out; only what lies on a line has no area to cover at all.
+    fans += np.flatnonzero(area == 0.0).tolist()
+    return local, int((~_on_a_line(outlines[np.unique(np.array(fans, np.int64))])).sum())
 
 
 def _projected(outlines: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -112,6 +121,15 @@ def _projected(outlines: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDAr
     flat = np.stack([relative[rows, :, across], relative[rows, :, along]], axis=2)
     flat[normal[rows, axis] < 0.0, :, 0] *= -1.0
     return flat, np.abs(normal[rows, axis])
+
+
+def _on_a_line(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the polygons (F, n, 3) lie on a line."""
+    relative = outlines - outlines[:, :1]
+    lengths = (relative**2).sum(axis=2)
+    longest = np.take_along_axis(relative, np.argmax(lengths, axis=1)[:, None, None], axis=1)
+    across = np.abs(np.cross(relative, longest)).max(axis=(1, 2), initial=0.0)
+    return np.asarray(across <= _TOLERANCE * lengths.max(axis=1, initial=0.0))
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -92,6 +92,8 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     v = t = 0
     for index, mesh in meshes.items():
         place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]
+        if mesh.warning:
+            warnings.append(f"{place}: {mesh.warning}")
         here = vertices[v : v + len(mesh.vertices)]
         there = triangles[t : t + len(mesh.triangles)]
         transform = _relative(affine(shape.transform), origin)

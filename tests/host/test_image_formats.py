@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import struct
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 from special_files import special
 
+import clrender
 from clrender.errors import UsageError
 from clrender.files import open_input
 from clrender.image.colorimetry import REC_709, rec_709_matrix
@@ -151,6 +153,26 @@ def test_truncated_exr_is_one_line_and_no_chatter(tmp_path: Path, compression: s
     assert len(lines) == 4
     for line, path in zip(lines, paths, strict=True):
         assert line.startswith(f"UsageError {path}: not a readable .exr image (")
+
+
+@pytest.mark.parametrize("streams", ["2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+def test_exr_is_read_without_an_error_output(tmp_path: Path, streams: str) -> None:
+    exr(tmp_path / "a.exr", {"RGB": ramp()})
+    code = """
+import numpy as np
+from clrender.image.files import read_image
+np.save("b.npy", read_image("a.exr"))
+with open("c.txt", "w") as file:
+    read_image("a.exr")
+    file.write("whole")
+"""
+    (tmp_path / "code.py").write_text(code)
+    root = str(Path(clrender.__file__).parents[1])
+    command = ["bash", "-c", f'"{sys.executable}" code.py {streams}']
+    done = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": root}, check=False)
+    assert done.returncode == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "b.npy"), ramp())
+    assert (tmp_path / "c.txt").read_text() == "whole"
 
 
 def test_damaged_exr_pixels_are_refused(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, cast
@@ -253,6 +254,18 @@ def test_rights_follow_the_umask_and_the_old_file(tmp_path: Path) -> None:
     with atomic_write(tmp_path / "new") as file:
         file.write(b"2")
     assert (tmp_path / "new").stat().st_mode & 0o777 == 0o604
+
+
+def test_threads_write_beside_each_other(tmp_path: Path) -> None:
+    def write(number: int) -> None:
+        for _ in range(50):
+            with atomic_write(tmp_path / "one") as file:
+                file.write(bytes([number]) * 5000)
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(write, range(8)))
+    data = (tmp_path / "one").read_bytes()
+    assert len(data) == 5000 and len(set(data)) == 1 and len(list(tmp_path.iterdir())) == 1
 
 
 def test_links_are_written_through(tmp_path: Path) -> None:

@@ -44,8 +44,8 @@ def check(points: Points) -> None:
     for order in (np.arange(count), np.arange(count)[::-1]):
         for first in range(min(count, 12)):
             corners = np.roll(order, first)
-            triangles = triangulate(points, corners, np.array([count]), "m")
-            assert triangles.shape == (count - 2, 3)
+            triangles, crossed = triangulate(points, corners, np.array([count]), "m")
+            assert crossed == 0 and triangles.shape == (count - 2, 3)
             assert set(triangles.ravel().tolist()) == set(range(count))
             a, b, c = np.moveaxis(points[corners[triangles]], 1, 0)
             assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(expected, rel=1e-5)
@@ -65,7 +65,7 @@ def test_the_area_of_an_l_is_exact() -> None:
     points = np.array([(x, y, 0.0) for x, y in L_SHAPE])
     for first in range(6):
         corners = np.roll(np.arange(6), first)
-        triangles = points[corners[triangulate(points, corners, np.array([6]), "m")]]
+        triangles = points[corners[triangulate(points, corners, np.array([6]), "m")[0]]]
         twice = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2]
         assert (twice > 0.0).all() and twice.sum() / 2 == 0.4375
 
@@ -82,7 +82,8 @@ def test_convex_polygons_are_fans_from_their_first_corner() -> None:
     sizes = np.array([3, 4, 7, 3, 5])
     rounds = [np.linspace(0, 2 * np.pi, n, endpoint=False) for n in sizes]
     points = np.concatenate([np.stack([np.cos(a), np.sin(a), 0.3 * np.cos(a)], axis=1) for a in rounds])
-    found = triangulate(points, np.arange(len(points)), sizes, "m")
+    found, crossed = triangulate(points, np.arange(len(points)), sizes, "m")
+    assert crossed == 0
     first = np.cumsum(sizes) - sizes
     expected = [(at, at + i, at + i + 1) for at, n in zip(first, sizes, strict=True) for i in range(1, n - 1)]
     assert found.tolist() == [list(map(int, triangle)) for triangle in expected]
@@ -90,15 +91,16 @@ def test_convex_polygons_are_fans_from_their_first_corner() -> None:
 
 def test_outlines_that_cross_or_have_no_area_are_fans() -> None:
     fan = [[0, 1, 2], [0, 2, 3]]
-    for shape in ([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0)], [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)]):
-        points = np.array(shape, float)
-        assert triangulate(points, np.arange(4), np.array([4]), "m").tolist() == fan
+    bow_tie, line = [(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0)], [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)]
+    for shape, expected in ((bow_tie, 1), (line, 0)):
+        triangles, crossed = triangulate(np.array(shape, float), np.arange(4), np.array([4]), "m")
+        assert triangles.tolist() == fan and crossed == expected
 
 
 def test_huge_polygons() -> None:
     angles = np.linspace(0, 2 * np.pi, CORNER_LIMIT + 10, endpoint=False)
     circle = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    assert len(triangulate(circle, np.arange(len(circle)), np.array([len(circle)]), "m")) == CORNER_LIMIT + 8
+    assert len(triangulate(circle, np.arange(len(circle)), np.array([len(circle)]), "m")[0]) == CORNER_LIMIT + 8
     with pytest.raises(SceneError, match=f"m has a concave polygon of {CORNER_LIMIT + 10} corners"):
         triangulate(circle * (1 + 0.5 * (np.arange(len(circle)) % 2))[:, None], np.arange(len(circle)),
                     np.array([len(circle)]), "m")  # fmt: skip

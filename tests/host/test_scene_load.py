@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from special_files import special
 
 from clrender import scene as scenes
 from clrender.errors import SceneError
@@ -138,3 +139,11 @@ def test_start_up_imports_nothing_slow() -> None:
     root = str(Path(scenes.__file__).parents[2])
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("kind", ["pipe", "socket", "device", "folder"])
+@pytest.mark.parametrize("ending", [".toml", ".json"])
+def test_a_scene_that_is_no_file_is_refused_at_once(tmp_path: Path, kind: str, ending: str) -> None:
+    path = tmp_path / f"s{ending}"
+    with special(path, kind), pytest.raises(SceneError, match=r"only regular files are read|is a folder"):
+        scenes.load(path)

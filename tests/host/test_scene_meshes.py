@@ -12,7 +12,8 @@ import pytest
 from special_files import special
 
 from clrender.errors import SceneError
-from clrender.scene import mesh_io
+from clrender.flatten import flatten
+from clrender.scene import Scene, mesh_io
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.mesh_io import read_mesh
 
@@ -213,6 +214,15 @@ def test_obj_concave_polygon_has_its_own_area(tmp_path: Path) -> None:
     for face in ("1 2 3 4 5 6", "2 3 4 5 6 1", "5 6 1 2 3 4", "6 5 4 3 2 1"):
         a, b, c = np.moveaxis(corners(read(tmp_path, "m.obj", text + f"f {face}\n")), 1, 0)
         assert np.abs(np.cross(b - a, c - a)[:, 2]).sum() / 2 == 0.4375
+
+
+def test_a_polygon_that_crosses_itself_is_told(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\nf 1 3 2\n")
+    scene = Scene(camera={"position": (0, 0, 5), "target": (0, 0, 0)}, shapes=({"type": "mesh", "file": "m.obj"},))
+    warnings = flatten(scene.placed("s", tmp_path), 8, 8).warnings
+    assert warnings == (
+        "s: shapes[0]: one polygon crosses its own outline and cannot be covered once; check the model there",
+    )
 
 
 def test_obj_vertex_with_two_normals_beside_vertices_with_one(tmp_path: Path) -> None:

@@ -1,0 +1,150 @@
+"""Records of a binary PLY file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.scene.ply_header import Element, PlyHeader, Property
+from clrender.scene.ply_records import Lists, joined_lists, property_table
+from clrender.scene.wording import quoted
+
+__all__ = ["BinaryRecords"]
+
+_CHUNK: Final = 1 << 21
+_FEW: Final = 16
+_WALK: Final = 4096
+"""Where fewer than a few records in a row are alike, this many are read one by one before another try."""
+
+
+class BinaryRecords:
+    """Records of a binary file, one right behind the other."""
+
+    def __init__(self, file: BinaryIO, header: PlyHeader, size: int, label: str) -> None:
+        self._file, self._label = file, label
+        self._little = header.encoding == "binary_little_endian"
+        self._left = size - header.size
+
+    def _kind(self, name: str) -> np.dtype[Any]:
+        return np.dtype(("<" if self._little else ">") + name)
+
+    def _read(self, count: int) -> bytes:
+        data = self._file.read(count) if count <= self._left else b""
+        if len(data) != count:
+            raise SceneError(f"{self._label} is truncated: it has not the length its header promises")
+        self._left -= count
+        return data
+
+    def columns(self, element: Element, names: list[str]) -> NDArray[np.floating]:
+        """Scalar properties of every record, as a table."""
+        record = np.dtype([(entry.name, self._kind(entry.kind)) for entry in element.properties])
+        table = property_table(element, names)
+        step = max(1, _CHUNK // record.itemsize)
+        for start in range(0, element.count, step):
+            count = min(step, element.count - start)
+            rows = np.frombuffer(self._read(count * record.itemsize), record)
+            for column, name in enumerate(names):
+                with np.errstate(over="ignore"):
+                    table[start : start + count, column] = rows[name]
+        return table
+
+    def lists(self, element: Element) -> Lists:
+        """All entries of the list of vertex indices, and how many each record has."""
+        assert element.index_list is not None
+        return joined_lists(self._parts(element, element.index_list), self._label)
+
+    def skip(self, element: Element) -> None:
+        """Pass over an element."""
+        if element.lists:
+            for _ in self._parts(element, element.lists[0]):
+                pass
+        else:
+            for start in range(0, element.least_bytes, _CHUNK):
+                self._read(min(_CHUNK, element.least_bytes - start))
+
+    def end(self) -> None:
+        """Nothing may follow."""
+        if self._left:
+            raise SceneError(f"{self._label} has not the length its header promises: {self._left} bytes are left over")
+
+    def _parts(self, element: Element, wanted: Property) -> Iterator[Lists]:
+        """Entries of one list, and how many each record has, of some records at a time."""
+        done, data = 0, b""
+        while done < element.count:
+            data += self._read(min(_CHUNK, self._left))
+            start = 0
+            while done < element.count:
+                part, end = self._alike(element, wanted, data, start, element.count - done)
+                if len(part[1]) < _FEW and len(part[1]) < element.count - done:
+                    part, end = self._one_by_one(element, wanted, data, start, element.count - done)
+                if not len(part[1]):
+                    break
+                yield part
+                done, start = done + len(part[1]), end
+            data = data[start:]
+            if done < element.count:
+                # Room for the whole of the record that has only begun: its end is known as far as its counts are.
+                _, _, _, end = self._walk(element, wanted, data, 0)
+                data += self._read(max(0, end - len(data)))
+        self._file.seek(-len(data), os.SEEK_CUR)
+        self._left += len(data)
+
+    def _walk(self, element: Element, wanted: Property, data: bytes, at: int) -> tuple[list[int], int, int, int]:
+        """One record: where its counts are, where the wanted list begins, entries of that, and the record's end.
+
+        The end lies behind the data when the record is not whole, and then the rest means nothing.
+        """
+        places, first, entries = [], 0, 0
+        for entry in element.properties:
+            if not entry.count_kind:
+                at += entry.entry_bytes
+                continue
+            places.append(at)
+            behind = at + entry.count_bytes
+            if behind > len(data):
+                return places, 0, 0, behind
+            signed = entry.count_kind.startswith("i")
+            count = int.from_bytes(data[at:behind], "little" if self._little else "big", signed=signed)
+            if count < 0:
+                raise SceneError(f"{self._label} is damaged: a list of {quoted(element.name)} has {count} entries")
+            if entry is wanted:
+                first, entries = behind, count
+            at = behind + count * entry.entry_bytes
+        return places, first, entries, at
+
+    def _alike(self, element: Element, wanted: Property, data: bytes, start: int, most: int) -> tuple[Lists, int]:
+        """Records from a byte on as long as their lists are as long as those of the first; and where they end."""
+        places, first, entries, end = self._walk(element, wanted, data, start)
+        size = end - start
+        count = min(most, (len(data) - start) // size) if size and end <= len(data) else 0
+        rows = np.frombuffer(data, np.uint8, count * size, start).reshape(count, size)
+        for place, entry in zip(places if count else (), element.lists, strict=False):
+            field = rows[:, place - start : place - start + entry.count_bytes]
+            other = (field != field[0]).any(axis=1)
+            rows = rows[: int(np.argmax(other))] if other.any() else rows
+        found = rows[:, first - start : first - start + entries * wanted.entry_bytes]
+        numbers = np.ascontiguousarray(found).view(self._kind(wanted.kind)) if entries else np.empty(0)
+        return (numbers.reshape(-1).astype(np.int64), np.full(len(rows), entries)), start + len(rows) * size
+
+    def _one_by_one(self, element: Element, wanted: Property, data: bytes, start: int, most: int) -> tuple[Lists, int]:
+        """Records from a byte on, however long their lists are; and where they end."""
+        firsts: list[int] = []
+        counts: list[int] = []
+        while len(counts) < min(most, _WALK):
+            _, first, entries, end = self._walk(element, wanted, data, start)
+            if end > len(data):
+                break
+            firsts.append(first)
+            counts.append(entries)
+            start = end
+        count, kind = np.array(counts, np.int64), self._kind(wanted.kind)
+        before = np.cumsum(count) - count
+        at = np.repeat(np.array(firsts, np.int64) - before * kind.itemsize, count)
+        at += np.arange(len(at)) * kind.itemsize
+        found = np.frombuffer(data, np.uint8)[at[:, None] + np.arange(kind.itemsize)]
+        return (np.ascontiguousarray(found).view(kind).reshape(-1).astype(np.int64), count), start
