@@ -48,7 +48,8 @@ def write_exr(
     data = io.BytesIO()
     with library.File(header, {"RGB": image, **channels}) as picture:
         picture.write(data)
-    file.write(data.getbuffer())
+    with data.getbuffer() as view:  # or, after a write that fails, the buffer cannot be closed
+        file.write(view)
 
 
 def exr_attribute(file: IO[bytes], name: str) -> str | None:
