@@ -227,7 +227,7 @@ DARK = 0.1
 
 
 def mirrored_light(floor: list[dict[str, Any]]) -> Scene:
-    """Light from the side that a mirror sends straight down, so that it is a caustic of irradiance 1 on what is level."""
+    """Light from the side that a mirror sends straight down: a caustic, of irradiance 1 on what is level."""
     mirror = quad((-0.5, 1.5, 0.5), (1.0, -1.0, 0.0), (0.0, 0.0, -1.0), material="mirror")
     view = {"position": [0.0, 0.3, 0.0], "target": [0.0, -1.0, 0.0], "up": [0.0, 0.0, -1.0], "vertical_fov": 4.0}
     beam = {"type": "directional", "direction": [1.0, 0.0, 0.0], "irradiance": [1.0, 1.0, 1.0]}
