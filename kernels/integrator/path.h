@@ -41,14 +41,16 @@ static Vertex path_vertex(const Scene* scene, const Path* path, Hit hit, PoolSta
     return v;
 }
 
-// Find where each ray meets the scene. `path` and `vertex` are arrays, even where there is one packet: rusticl's compiler (Mesa 22.3)
+// Find where each ray meets the scene. `path` and `hit` are arrays, even where there is one packet: rusticl's compiler (Mesa 22.3)
 // crashes over an index into what is none.
-static void path_find(const Scene* scene, const Path* path, Vertex* vertex, PoolStats* stats) {
+static void path_find(const Scene* scene, const Path* path, Hit* hit) {
     Traversal ahead;
     EACH_PACKET(k) traverse_start(&scene->bvh, &ahead, k, &path[k].ray, path[k].alive, 0);
     traverse_finish(&scene->bvh, &ahead, 0);
-    EACH_PACKET(k) surface_prefetch(scene, traverse_hit(&ahead, k));
-    EACH_PACKET(k) vertex[k] = path_vertex(scene, &path[k], traverse_hit(&ahead, k), stats);
+    EACH_PACKET(k) {
+        hit[k] = traverse_hit(&ahead, k);
+        surface_prefetch(scene, hit[k]);
+    }
 }
 
 // Add the light that the ray ran into: from a surface that shines, or from outside the scene. It counts in full where light sampling at
@@ -177,24 +179,28 @@ static int path_next_of_all(const Scene* scene, Pool* pool, CameraRays* waiting,
 static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS];
+    Hit hit[PACKETS];
     Vertex vertex[PACKETS];
     EACH_PACKET(k) path[k] = path_none();
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
         // Find where each ray meets the scene
-        path_find(scene, path, vertex, stats);
+        path_find(scene, path, hit);
 
-        // Add the light that the surface sends out by itself, or the environment where there is none
-        EACH_PACKET(k) path_add_emission(scene, &path[k], &vertex[k]);
+        // Add the light that the surface there sends out by itself, or the environment where there is none
+        EACH_PACKET(k) {
+            vertex[k] = path_vertex(scene, &path[k], hit[k], stats);
+            path_add_emission(scene, &path[k], &vertex[k]);
+        }
 
         // Add the light that reaches the surface straight from the lights
         path_add_direct(scene, path, vertex, stats);
 
-        // Sample where other light comes from, and go on there, or end
-        EACH_PACKET(k) path_scatter(scene, &path[k], &vertex[k]);
-
-        // Deliver what paths that ended have found
-        EACH_PACKET(k) path_deliver(pool, &path[k]);
+        // Sample where other light comes from, and go on there; deliver what paths that ended have found
+        EACH_PACKET(k) {
+            path_scatter(scene, &path[k], &vertex[k]);
+            path_deliver(pool, &path[k]);
+        }
     }
 }
 

@@ -132,11 +132,13 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
 static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
+    Hit hit[PACKETS];
     Vertex vertex[PACKETS];
 
     while (path_next(scene, pool, &waiting, path)) {
         // Find the nearest surface, and add the light the ray ran into
-        path_find(scene, path, vertex, stats);
+        path_find(scene, path, hit);
+        vertex[0] = path_vertex(scene, path, hit[0], stats);
         path_add_emission(scene, path, vertex);
 
         // On a diffuse surface add light straight from the lights, and what the photons brought

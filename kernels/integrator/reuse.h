@@ -144,6 +144,7 @@ static void reuse_store(__global float* records, vuint record, vmask shared, vec
 static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
+    Hit hit[PACKETS];
     Vertex vertex[PACKETS];
     Reuse reuse = reuse_none();
 
@@ -154,7 +155,8 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         reuse.shared = reuse.shared & goes;
 
         // Find the nearest surface along each ray, and add the light the ray ran into
-        path_find(scene, path, vertex, stats);
+        path_find(scene, path, hit);
+        vertex[0] = path_vertex(scene, path, hit[0], stats);
         path_add_emission(scene, path, vertex);
 
         // The first diffuse surface anchors the path; a diffuse one right after it sends its light to the whole group

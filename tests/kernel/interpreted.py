@@ -128,9 +128,10 @@ def scene(large: bool, folder: Path) -> FlatScene:
 def render(device: Device, run: Run) -> str:
     """Hash of the sums of an image."""
     settings = np.zeros(1, layout.dtype("Settings"))
+    indirect = {"reuse": 1, "photon": 0}.get(run.kernel, 2)
     for name, value in {
         "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": 2, "max_depth": 6, "reuse": 16,
-        "indirect_rays": {"reuse": 1, "photon": 0}.get(run.kernel, 2), "roulette": layout.ROULETTE_THROUGHPUT,
+        "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": 2, "bsdf_samples": indirect,
     }.items():  # fmt: skip
         settings[name] = value
     with tempfile.TemporaryDirectory() as folder:
