@@ -99,7 +99,7 @@ def test_every_combination(all_devices: list[Device], expected: dict[str, str], 
         {"indirect_rays": 3, "shadow_rays": 2, "max_depth": 4},
         {"roulette": "absorption"},
         {"roulette": "none", "max_depth": 7, "sampling": "bsdf"},
-        {"sampling": "light", "seed": 4294967295, "absorption": 0.25},
+        {"sampling": "light", "seed": 4294967295, "roulette": "absorption", "absorption": 0.25},
     ],
     ids=str,
 )

@@ -200,8 +200,12 @@ def test_depth_counts_events_of_path_and_photon_together(studio: Studio) -> None
     what = clrender.load("cornell")
     for depth in (1, 2, 3):
         path = means(studio, what, spp=512, max_depth=depth)
-        photon = means(studio, what, spp=64, integrator="photon", photons=16384, max_depth=depth)
-        np.testing.assert_allclose(photon, path, rtol=0.01)
+        # Single seeds spread by 0.4 %
+        photons = [
+            means(studio, what, spp=64, integrator="photon", photons=16384, max_depth=depth, seed=seed)
+            for seed in range(5)
+        ]
+        np.testing.assert_allclose(np.mean(photons, axis=0), path, rtol=0.01)
 
 
 def test_a_mirror_before_the_photons_counts_as_an_event(studio: Studio) -> None:

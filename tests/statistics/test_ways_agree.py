@@ -46,7 +46,7 @@ def test_ways_agree(evidence: Evidence, studio: Studio, way: str) -> None:
     evidence.equal("tiles", plain, studio.tiles(scene, range(100, 116), **{"spp": 32, **WAYS[way]}))
 
 
-@pytest.mark.parametrize("way", ["two shadow rays", "five indirect rays", "lights alone", "shadow and indirect rays"])
+@pytest.mark.parametrize("way", ["two shadow rays", "lights alone"])
 def test_ways_agree_on_direct_light(evidence: Evidence, studio: Studio, way: str) -> None:
     scene = clrender.load("room")
     plain = studio.tiles(scene, range(16), spp=16, integrator="direct")

@@ -23,7 +23,7 @@ ALLOWED = {"photon": 0.06, "radiosity": 0.05}
 NOISE = 0.02
 SETTINGS: dict[str, dict[str, Any]] = {
     "photon": {"spp": 16, "photons": 1 << 15},
-    "radiosity": {"spp": 4, "patches": 4000},
+    "radiosity": {"spp": 4, "patches": 4000, "patch_rays": 1024},
 }
 FROM_A_MIRROR: dict[str, Any] = {"spp": 32, "photons": 1 << 18, "photon_radius": 0.3}
 WHITE = lambert(0.8)
@@ -101,16 +101,16 @@ def point_off_a_mirror() -> tuple[Scene, float]:
 
 
 LIGHT: dict[str, Callable[[], tuple[Scene, float]]] = {
-    "a light, looked at": looked_at,
-    "from a point to a surface": lambda: built_in("point-plane", 5.0 / (4.0 * math.pi)),
-    "from a sphere to a surface": lambda: built_in("sphere-plane", 0.8),
-    "past an edge: soft shadows": past_an_edge,
+    "a light, seen directly": looked_at,
+    "from a point light to a surface": lambda: built_in("point-plane", 5.0 / (4.0 * math.pi)),
+    "from a sphere light to a surface": lambda: built_in("sphere-plane", 0.8),
+    "from an area light past an edge: soft shadows": past_an_edge,
     "from the environment to a surface": environment,
     "between diffuse surfaces": lambda: built_in("furnace-room", 5.0),
     "seen in a mirror": lambda: built_in("mirror-light", 4.0),
     "seen through glass": lambda: built_in("slab", 12.0 / 13.0),
-    "from a lamp off a mirror to a surface: caustics": off_a_mirror,
-    "from a point off a mirror to a surface": point_off_a_mirror,
+    "from an area light off a mirror to a surface: caustics": off_a_mirror,
+    "from a point light off a mirror to a surface": point_off_a_mirror,
 }
 
 
