@@ -321,6 +321,11 @@ class _Render:
             raise IncompleteRender(str(tally.failures[-1]), image) from tally.failures[-1]
         for failure in tally.failures:
             session.tell(f"warning: {failure}; its work was done by the others")
+        if lost := stats["nonfinite_samples"]:
+            session.tell(
+                f"warning: {lost} of {tally.samples} samples were not finite, or brighter than 2^43, and are left out: "
+                "the image is too dark where they were"
+            )
         return image
 
     def _prepared(self, flat: FlatScene) -> Prepared:

@@ -27,7 +27,7 @@ def check(scene: str, allow_paths: tuple[Path, ...]) -> None:
         ("spheres and disks", f"{flat.analytic_count}"),
         ("lights", f"{flat.light_count}"),
         ("materials", f"{len(loaded.materials)}"),
-        ("bytes on the device", f"{flat.nbytes} (and the tree built there)"),
+        ("bytes on the device", f"{flat.nbytes} (and the BVH built there)"),
         ("scene sha256", loaded.sha256()),
     ]
     for warning in flat.warnings:

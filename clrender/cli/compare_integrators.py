@@ -146,7 +146,7 @@ def _table(numbers: dict[str, Any]) -> str:
     width = max(len(f"{pair['first']} / {pair['second']}") for pair in numbers["pairs"])
     spp = numbers["integrators"][0]["spp"]
     lines = [
-        f"{numbers['scene']}: {numbers['width']}x{numbers['height']}, {spp} samples a pixel "
+        f"{numbers['scene']}: {numbers['width']}x{numbers['height']}, {spp} samples per pixel "
         f"in {numbers['batches']} batches, {numbers['tiles'][0]}x{numbers['tiles'][1]} tiles",
         "",
         f"{'':<{width}}  {_COLUMNS[0]:>14}  {_COLUMNS[1]:>19}  {_COLUMNS[2]:>17}  {_COLUMNS[3]:>9}",

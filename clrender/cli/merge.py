@@ -31,4 +31,4 @@ def merge(films: tuple[Path, ...], output: Path) -> None:
     merged.save(output)
     taken = merged.ledger.taken()
     samples = f"{taken.min()}" if taken.min() == taken.max() else f"{taken.min()} to {taken.max()}"
-    click.echo(f"{output}: {merged.width}x{merged.height}, {samples} samples a pixel, of {len(films)} films")
+    click.echo(f"{output}: {merged.width}x{merged.height}, {samples} samples per pixel, of {len(films)} films")

@@ -222,7 +222,7 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     if image.interrupted:
         parts.append(f"stopped early with {held} of {total} samples ({held / (width * height):.3g} a pixel)")
     else:
-        parts.append(f"{wanted} samples a pixel")
+        parts.append(f"{wanted} samples per pixel")
     seconds = numbers["render_seconds"]
     speed = quantity(held / seconds) if seconds > 0 else "-"
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
+import textwrap
 import tokenize
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -162,7 +163,7 @@ class FilmReader:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if isinstance(error, _DAMAGES):
-            reason = " ".join(str(error).split()) or type(error).__name__
+            reason = textwrap.shorten(str(error), 200) or type(error).__name__
             raise UsageError(f"{self.path}: not a whole clrender film ({reason}); render it again.") from None
 
 

@@ -141,7 +141,7 @@ def test_every_output_is_written(renderer: FakeRenderer, capsys: pytest.CaptureF
         and stats["load_seconds"] > 0
     )
     out, err = capsys.readouterr()
-    assert out.count("\n") == 1 and "6x4, 4 samples a pixel" in out and "abacus" in out
+    assert out.count("\n") == 1 and "6x4, 4 samples per pixel" in out and "abacus" in out
     assert re.fullmatch(r"( ..% .* of 96 samples, 5 samples/s, 3 s left\n|100% .*\n)+", err)
 
 

@@ -197,6 +197,25 @@ def test_a_render_can_be_watched(device: Device) -> None:
     assert set(films) == {image.film}
 
 
+def test_samples_that_are_left_out_are_said_aloud(device: Device) -> None:
+    """A point light a millimetre above the ground: what it lights there is brighter than a film takes."""
+    ground = {"type": "quad", "origin": [-1, 0, 1], "edge_u": [2, 0, 0], "edge_v": [0, 0, -2], "material": "white"}
+    scene = clrender.Scene.model_validate(
+        {
+            "camera": {"position": [0, 1, 0], "target": [0, 0, 0], "up": [0, 0, -1], "vertical_fov": 1.0},
+            "materials": {"white": {"type": "lambert", "reflectance": [0.8, 0.8, 0.8]}},
+            "shapes": [ground],
+            "lights": [{"type": "point", "position": [0, 0.001, 0], "intensity": [1e9, 1e9, 1e9]}],
+        }
+    )
+    told: list[str] = []
+    image = clrender.render(scene, device=device, notify=told.append, size=(16, 16), spp=4)
+    lost = image.stats["nonfinite_samples"]
+    assert 0 < lost == image.stats["samples"] - image.film.samples
+    (warning,) = [line for line in told if line.startswith("warning: ")]
+    assert f"{lost} of 1024 samples were not finite, or brighter than 2^43, and are left out" in warning
+
+
 # --- devices that fail -----------------------------------------------------------------------------------------------
 
 

@@ -23,7 +23,7 @@ ALLOWED = {"photon": 0.06, "radiosity": 0.05}
 NOISE = 0.02
 SETTINGS: dict[str, dict[str, Any]] = {
     "photon": {"spp": 16, "photons": 1 << 15},
-    "radiosity": {"spp": 4, "patches": 4000, "patch_rays": 1024},
+    "radiosity": {"spp": 4, "patches": 4000},
 }
 FROM_A_MIRROR: dict[str, Any] = {"spp": 32, "photons": 1 << 18, "photon_radius": 0.3}
 WHITE = lambert(0.8)
@@ -128,7 +128,9 @@ def test_cell(studio: Studio, light: str, name: str) -> None:
         with pytest.raises(SceneError, match=r"is (a )?(mirror|glass|dielectric)"):
             studio.image(what, 16, **settings)
         return
-    share = float(studio.image(what, 16, **settings).mean()) / exact
+    # Each patch sees a light from 32 points: single seeds spread by 3 %
+    seeds = range(4) if name == "radiosity" else range(1)
+    share = float(np.mean([studio.image(what, 16, seed=seed, **settings).mean() for seed in seeds])) / exact
     if CELLS[light, name] == "yes":
         assert abs(share - 1.0) < ALLOWED.get(name, NOISE)
     else:
