@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-import subprocess
-import sys
 import threading
-import time
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -123,20 +120,20 @@ def test_ties_round_to_even_at_every_position(shift: int, tail: int) -> None:
 # --- adding ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_million_additions_in_any_order_give_the_exact_sum() -> None:
-    values = wide_values(1_000_000)
+def test_many_additions_in_any_order_give_the_exact_sum() -> None:
+    values = wide_values(250_000)
     exact = sum(map(expected, values.astype(float).tolist()))
-    # One pixel of three channels, a million units: by way of 1000 pixels of 1000 samples, then one by one.
+    # One pixel of three channels, 250,000 units: by way of 500 pixels of 500 samples, then one by one.
     words, _ = fixed_point(values)
     order = np.random.default_rng(1).permutation(len(values))
     results = []
     for arrangement in (words, words[order]):
-        film = Film(1000, 1)
-        columns, rows = np.arange(1000), np.zeros(1000, np.int32)
-        for unit in arrangement.reshape(1000, 1000, 4):
+        film = Film(500, 1)
+        columns, rows = np.arange(500), np.zeros(500, np.int32)
+        for unit in arrangement.reshape(500, 500, 4):
             add_words(film, rows, columns, np.repeat(unit[:, None], 3, axis=1))
-        assert film.samples == 1_000_000
-        results.append(sum(film_sum(film, 0, column, 1) for column in range(1000)))
+        assert film.samples == 250_000
+        results.append(sum(film_sum(film, 0, column, 1) for column in range(500)))
     assert results == [exact, exact]
 
 
@@ -458,36 +455,3 @@ def test_damaged_films_are_refused_in_one_sentence(tmp_path: Path) -> None:
         with pytest.raises(UsageError) as caught:
             Film.load(path)
         assert str(path) in str(caught.value) and "\n" not in str(caught.value), path
-
-
-SAVES = """
-import sys
-from clrender.film import Film
-film, other = Film.load(sys.argv[1]), Film.load(sys.argv[2])
-print("ready", flush=True)
-while True:
-    film.save(sys.argv[3])
-    other.save(sys.argv[3])
-"""
-
-
-def test_killed_while_saving_the_old_film_or_the_new_one_is_there(tmp_path: Path) -> None:
-    """Fifty times, at other moments each."""
-    first, second, saved = tmp_path / "first.film", tmp_path / "second.film", tmp_path / "saved.film"
-    for path, units in ((first, range(2)), (second, range(3))):
-        film = Film(300, 200, {"seed": 1})
-        rows, columns = (axis.ravel() for axis in np.mgrid[0:200, 0:300])
-        for unit in units:
-            add_values(film, rows, columns, wide_values(180000, unit).reshape(-1, 3), unit)
-        film.save(path)
-    whole = {path.read_bytes() for path in (first, second)}
-    saved.write_bytes(first.read_bytes())
-    rng = np.random.default_rng(5)
-    for _ in range(50):
-        command = [sys.executable, "-c", SAVES, str(first), str(second), str(saved)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE) as child:
-            assert child.stdout is not None and child.stdout.readline() == b"ready\n"
-            time.sleep(rng.uniform(0.0, 0.05))
-            child.kill()
-        assert saved.read_bytes() in whole
-    Film.load(saved)
