@@ -22,6 +22,7 @@ LAYERS = (
     ("agreement",),
     ("rendering",),
     ("session",),
+    ("job_render",),
     ("rendered_image", "render_stats"),
     ("job",),
     ("aov",),
