@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 import sys
+from typing import Final
 
 __all__ = ["main"]
+
+COLLECT_EVERY: Final = 50_000
+"""New objects from one search for garbage to the next: CPython's own 700 search often while modules load, in vain."""
 
 
 def main() -> None:
     """Load the command line and run it."""
+    gc.set_threshold(COLLECT_EVERY)
     try:
         from clrender.cli import main as command
         from clrender.cli.streams import guard_streams

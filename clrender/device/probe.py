@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Final
@@ -33,6 +33,7 @@ __all__ = [
     "DriverReport",
     "ask",
     "ask_child",
+    "child_command",
     "devices",
     "examine",
     "expected_hash",
@@ -125,6 +126,13 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
     changes : dict, optional
         Environment variables that differ from ours.
     """
+    with _running(command, changes) as answer:
+        return answer(seconds)
+
+
+@contextlib.contextmanager
+def _running(command: Sequence[str], changes: dict[str, str] | None = None) -> Iterator[Callable[[float], Answer]]:
+    """Start a child, give what waits for its answer, and at the end kill it and all it started."""
     env = {**os.environ, **driver_variables(), **(changes or {})}
     if env.get("OCL_ICD_VENDORS"):
         env["OCL_ICD_VENDORS"] = str(Path(env["OCL_ICD_VENDORS"]).resolve())
@@ -146,19 +154,24 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
         ) as process,
     ):
         try:
-            output = process.communicate(timeout=seconds)[0].decode(errors="replace")
-        except subprocess.TimeoutExpired:
-            return Answer(None, "timeout", f"no answer after {seconds:g} s")
+            yield lambda seconds: _answer(process, errors, seconds)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             if process.returncode is not None:
                 compiled.Sentinel.drop(process.pid)  # what it stands for is judged by its answer
-        lines = [line[len(MARK) :] for line in output.splitlines() if line.startswith(MARK)]
-        if process.returncode == 0 and lines:
-            return Answer(json.loads(lines[-1]))
-        errors.seek(0)
-        tail = " | ".join(errors.read().decode(errors="replace").strip().splitlines()[-3:])
+
+
+def _answer(process: subprocess.Popen[bytes], errors: IO[bytes], seconds: float) -> Answer:
+    try:
+        output = process.communicate(timeout=seconds)[0].decode(errors="replace")
+    except subprocess.TimeoutExpired:
+        return Answer(None, "timeout", f"no answer after {seconds:g} s")
+    lines = [line[len(MARK) :] for line in output.splitlines() if line.startswith(MARK)]
+    if process.returncode == 0 and lines:
+        return Answer(json.loads(lines[-1]))
+    errors.seek(0)
+    tail = " | ".join(errors.read().decode(errors="replace").strip().splitlines()[-3:])
     code = process.returncode
     how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
     return Answer(None, "crashed", f"{how}{': ' + tail if tail else ''}")
@@ -174,8 +187,13 @@ def _scratch_file() -> IO[bytes]:
 
 def ask_child(request: dict[str, Any], seconds: float, changes: dict[str, str] | None = None) -> Answer:
     """`ask` the module `child` in a new Python process."""
+    return ask(child_command(request), seconds, changes)
+
+
+def child_command(request: dict[str, Any]) -> list[str]:
+    """How the module `child` is started with a request; it ends when this process does."""
     argument = json.dumps({**request, "lifeline": True})
-    return ask([sys.executable, "-m", "clrender.device.child", argument], seconds, changes)
+    return [sys.executable, "-m", "clrender.device.child", argument]
 
 
 def survey(*, refresh: bool = False) -> list[DriverReport]:
@@ -188,8 +206,7 @@ def survey(*, refresh: bool = False) -> list[DriverReport]:
     """
     reports: list[DriverReport] = []
     index = 0
-    for driver in drivers():
-        listing = _listing(driver, refresh)
+    for driver, listing in _listings(refresh):
         infos: list[DeviceInfo] = []
         for platform in listing["platforms"]:
             for device in platform["devices"]:
@@ -208,20 +225,38 @@ def survey(*, refresh: bool = False) -> list[DriverReport]:
     return reports
 
 
-def _listing(driver: Driver, refresh: bool) -> dict[str, Any]:
+def _listings(refresh: bool) -> list[tuple[Driver, dict[str, Any]]]:
+    """Every driver with its platforms; those that nothing is known of are asked side by side."""
+    found = drivers()
+    kept = {driver: _kept_listing(driver, refresh) for driver in found}
+    with contextlib.ExitStack() as children:
+        asked = {
+            driver: children.enter_context(_running(child_command({"task": "list", "driver": asdict(driver)})))
+            for driver, listing in kept.items()
+            if listing is None
+        }
+        return [(driver, kept[driver] or _listing(driver, asked[driver](LIST_SECONDS))) for driver in found]
+
+
+def _kept_listing(driver: Driver, refresh: bool) -> dict[str, Any] | None:
     if driver.fault:
         return {"platforms": [], "fault": driver.fault}
-    name = f"drivers/{fingerprint(driver)}.json"
-    kept = None if refresh else cache.read_json(name)
-    if isinstance(kept, dict) and "platforms" in kept and "fault" in kept:
-        return kept
-    answer = ask_child({"task": "list", "driver": asdict(driver)}, LIST_SECONDS)
+    kept = None if refresh else cache.read_json(_listing_name(driver))
+    return kept if isinstance(kept, dict) and "platforms" in kept and "fault" in kept else None
+
+
+def _listing(driver: Driver, answer: Answer) -> dict[str, Any]:
+    """What a driver answered; kept for later where it says something about the driver."""
     if answer.value is None:
         return {"platforms": [], "fault": f"listing its devices failed ({answer.failure}: {answer.detail})"}
     telling = any(each["devices"] or each["name"] in _OFTEN_EMPTY for each in answer.value["platforms"])
     if telling and not answer.value["fault"] and not _limited():
-        cache.write_json(name, answer.value)
+        cache.write_json(_listing_name(driver), answer.value)
     return answer.value
+
+
+def _listing_name(driver: Driver) -> str:
+    return f"drivers/{fingerprint(driver)}.json"
 
 
 def _limited() -> bool:

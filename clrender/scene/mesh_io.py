@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -12,8 +12,6 @@ import numpy as np
 from clrender.errors import SceneError
 from clrender.files import UnreadableFile, open_regular
 from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_obj import read_obj
-from clrender.scene.mesh_ply import read_ply
 from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.wording import quoted
 
@@ -76,20 +74,33 @@ def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
     """
     label = f"{place}: {quoted(name)}"
     folder, path = _allowed(name, base_folder, allow_paths, label)
-    ending = Path(name).suffix.lower()
-    if ending not in (".ply", ".obj"):
+    read = _reader(Path(name).suffix.lower())
+    if read is None:
         raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply or .obj")
     file, size = open_scene_file(path, label, FILE_LIMIT, folder)
     with file:
         if size == 0:
             raise SceneError(f"{label} is empty; it must hold a mesh")
         try:
-            mesh = (read_ply if ending == ".ply" else read_obj)(file, size, label)
+            mesh = read(file, size, label)
         except MemoryError:
             raise SceneError(f"{label} is too large for the memory of this machine") from None
         except OSError as error:
             raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
     return _checked(mesh, label)
+
+
+def _reader(ending: str) -> Callable[[BinaryIO, int, str], MeshData] | None:
+    """The reader for a kind of file, loaded when it is needed: most scenes that one tries first have no files."""
+    if ending == ".ply":
+        from clrender.scene.mesh_ply import read_ply
+
+        return read_ply
+    if ending == ".obj":
+        from clrender.scene.mesh_obj import read_obj
+
+        return read_obj
+    return None
 
 
 def _allowed(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str) -> tuple[Path, Path]:

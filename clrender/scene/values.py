@@ -64,7 +64,7 @@ Matrix: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 class Part(BaseModel):
     """Base of every table of a scene file: frozen, unknown keys forbidden."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     def __init__(self, **values: Any) -> None:
         # A table built in code fails like one read from a file: with a `SceneError` of one sentence.

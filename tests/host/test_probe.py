@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,11 +74,12 @@ def fake_driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[st
     monkeypatch.setenv("OCL_ICD_VENDORS", str(folder))
     scripts = [script(LISTING)]
 
-    def ask_script(request: dict[str, Any], seconds: float, changes: dict[str, str] | None = None) -> Answer:
-        command = scripts.pop(0) if len(scripts) > 1 else scripts[0]
-        return ask(command, min(seconds, 5.0), changes)
+    def next_script(request: dict[str, Any]) -> Sequence[str]:
+        return scripts.pop(0) if len(scripts) > 1 else scripts[0]
 
-    monkeypatch.setattr(probe_module, "ask_child", ask_script)
+    monkeypatch.setattr(probe_module, "child_command", next_script)
+    monkeypatch.setattr(probe_module, "LIST_SECONDS", 5.0)
+    monkeypatch.setenv("CLRENDER_PROBE_SECONDS", "5")
     return scripts
 
 
@@ -147,6 +148,21 @@ def test_two_platforms_of_one_name_and_one_without_a_device(fake_driver: list[li
     (report,) = survey()
     assert report.platforms == (("Twin", "OpenCL 3.0", 0), ("Twin", "OpenCL 1.2", 2))
     assert [(info.index, info.ordinal, info.probe) for info in report.devices] == [(0, 0, "unknown"), (1, 1, "unknown")]
+
+
+def test_drivers_are_asked_side_by_side(fake_driver: list[list[str]], tmp_path: Path) -> None:
+    second = tmp_path / "libother.so"
+    second.touch()
+    (tmp_path / "vendors" / "other.icd").write_text(f"{second}\n")
+
+    def waits_for(other: str, own: str) -> list[str]:
+        # Ends only while the other one runs, too.
+        own_file, other_file = str(tmp_path / own), str(tmp_path / other)
+        meeting = f"open({own_file!r}, 'w')\nwhile not os.path.exists({other_file!r}): time.sleep(0.01)"
+        return script(LISTING, before=f"import os, time\n{meeting}")
+
+    fake_driver[:] = [waits_for("b", "a"), waits_for("a", "b"), script(LISTING)]
+    assert [len(report.devices) for report in survey()] == [2, 2]
 
 
 def test_a_verdict_is_kept_until_the_driver_changes(fake_driver: list[list[str]], tmp_path: Path) -> None:
