@@ -2,6 +2,7 @@
 #include "core/frame.h"
 #include "core/mis.h"
 #include "core/sampler.h"
+#include "core/warp.h"
 
 // values: float [count]. tables: float [rows][16]. results: uint [24][count], the same number in all lanes of a work-item where it
 // is the work-item's.
@@ -97,6 +98,17 @@ __kernel void core_frame(__global const float* values, uint count, __global floa
     const vfloat out[12] = {f.tangent.x, f.tangent.y, f.tangent.z, f.bitangent.x, f.bitangent.y, f.bitangent.z,
                             inside.x, inside.y, inside.z, outside.x, outside.y, outside.z};
     for (int k = 0; k < 12; ++k) lane_save(out[k], results + (size_t)k * count + at);
+}
+
+// values: float [5][count], a unit normal and two numbers in [0, 1). results: float [1][count]: cosine of a direction with the normal.
+__kernel void core_hemisphere(__global const float* values, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    vfloat in[5];
+    for (int k = 0; k < 5; ++k) in[k] = lane_load(values + (size_t)k * count + at);
+    const Frame f = frame_around(vec3_of(in[0], in[1], in[2]));
+    const vec3 direction = direction_again(frame_to_world(f, warp_cosine_hemisphere(in[3], in[4])));
+    lane_save(inner(direction, f.normal), results + at);
 }
 
 // values: float [4][count]. results: float [2][count]: what stands for 1/a of the first, and the weight of a sample for all four.

@@ -282,6 +282,19 @@ def test_frames_are_orthonormal(all_devices: list[Device]) -> None:
     assert (np.abs(got[9:12] - values[3:]) <= (3 * 20 + 6) * EPS * size).all()
 
 
+def test_no_direction_leaves_the_hemisphere(all_devices: list[Device]) -> None:
+    """Not even from the rim of the disk below, where 1 - x² - y² may be zero."""
+    rng = np.random.default_rng(8)
+    n = 65536
+    values = np.empty((5, n), np.float32)
+    normals = rng.normal(size=(3, n))
+    values[:3] = normals / np.linalg.norm(normals, axis=0)
+    last = np.float32(1.0 - EPS)
+    values[3], values[4] = np.where(rng.random(n) < 0.5, 0.0, last), rng.random(n) * last
+    values[3:, ::2] = values[:2:-1, ::2]
+    assert on_all(all_devices, "core_hemisphere", values, 1).min() > 0.0
+
+
 def test_reciprocals_have_the_same_bits_everywhere(all_devices: list[Device]) -> None:
     """Also below the smallest normal number, about which drivers differ, and of the largest, whose own is below it."""
     ends = [2.0**-126, 2.0**-127, 1e-40, 1e-45, 0.0, -0.0, -1e-40, -1.0, 2.0**126, 2.0**127, 3.4e38, 1.0, 3.0]

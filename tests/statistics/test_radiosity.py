@@ -86,8 +86,8 @@ def test_in_closed_rooms_all_that_leaves_arrives(device: Device, name: str) -> N
     if name == "room-diffuse":  # a box's bottom lies in the floor, and a sphere of flat patches dips into it
         sums = sums[(patches.shape < 8) | (patches.corners[:, :, 1].min(axis=1) > 1e-3)]
     assert len(sums) > 0.9 * len(patches)
-    # A ray that starts within a rounding of an edge may start beyond the next wall: 2 in ten million (DECISIONS.md, 27)
-    assert round(float((1.0 - sums).sum()) * 256) <= 2 and sums.max() <= 1.0 + 1e-12
+    # None of half a million; over twelve seeds one of them began on an edge (DECISIONS.md, 27) and left the furnace room.
+    assert sums.min() >= 1.0 - 1e-12 and sums.max() <= 1.0 + 1e-12
 
 
 def test_reciprocity(device: Device, evidence: Evidence) -> None:
