@@ -15,8 +15,20 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.scene.angles import tan_degrees
-from clrender.scene.description import Camera, Dielectric, DirectionalLight, Lambert, PointLight, Scene
+from clrender.scene.description import (
+    Camera,
+    Conductor,
+    Dielectric,
+    DirectionalLight,
+    Lambert,
+    Material,
+    Mirror,
+    OrenNayar,
+    PointLight,
+    Scene,
+)
 from clrender.scene.lights import flat_lights
+from clrender.scene.microfacets import SMOOTH_BELOW, fresnel, ggx_albedos, multiple_scale
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
 
@@ -24,6 +36,13 @@ __all__ = ["FlatScene", "flatten", "scene_origin"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _MOST_ABSORPTION: Final = 0.999
+_KINDS: Final[Mapping[type, int]] = {
+    Lambert: layout.MATERIAL_LAMBERT,
+    Mirror: layout.MATERIAL_MIRROR,
+    Dielectric: layout.MATERIAL_DIELECTRIC,
+    OrenNayar: layout.MATERIAL_OREN_NAYAR,
+    Conductor: layout.MATERIAL_CONDUCTOR,
+}
 
 
 @dataclass(frozen=True)
@@ -36,6 +55,7 @@ class FlatScene:
         ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
+        ``material_rows`` (M, 16) float32, and ``ggx_albedo`` (N,) float32, one zero where no material is rough;
         ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
         (N,) uint32, the tree of lights. Little-endian, C-contiguous.
     camera : (1,) `Camera`
@@ -130,6 +150,7 @@ def flatten(
     surfaces = flat_surfaces(scene, origin)
     lights, environment, tree = flat_lights(scene, surfaces, light_sampler)
     triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
+    rough = any(isinstance(material, OrenNayar | Conductor) for material in scene.materials.values())
     arrays = {
         "vertices": _padded(surfaces.vertices),
         "normals": _padded(surfaces.normals),
@@ -137,7 +158,9 @@ def flatten(
         "analytic_shapes": _padded(surfaces.analytic_shapes),
         "primitive_shape": _padded(surfaces.primitive_shape),
         "shapes": _padded(surfaces.shapes),
-        "materials": _padded(_material_rows(scene)),
+        "materials": _padded(_materials(scene)),
+        "material_rows": _material_rows(scene),
+        "ggx_albedo": ggx_albedos().reshape(-1) if rough else np.zeros(1, np.float32),
         "lights": _padded(lights),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
@@ -192,22 +215,46 @@ def _padded(array: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(array) if len(array) else np.zeros((1, *array.shape[1:]), dtype=array.dtype)
 
 
-def _material_rows(scene: Scene) -> _Rows:
+def _materials(scene: Scene) -> _Rows:
     """The named materials in order, then black if a shape has none."""
     black = any(shape.material is None for shape in scene.shapes)
     rows = np.zeros(len(scene.materials) + black, dtype=layout.dtype("Material"))
-    for row, material in zip(rows, scene.materials.values(), strict=False):
-        if isinstance(material, Dielectric):
-            row["kind"], row["ior"] = layout.MATERIAL_DIELECTRIC, material.ior / material.exterior_ior
-            row["color"] = (1.0, 1.0, 1.0, material.absorption or 0.0)
-            continue
-        row["kind"] = layout.MATERIAL_LAMBERT if isinstance(material, Lambert) else layout.MATERIAL_MIRROR
-        default = min(1.0 - max(material.reflectance), _MOST_ABSORPTION)
-        row["color"] = (*material.reflectance, default if material.absorption is None else material.absorption)
-        row["ior"] = 1.0
+    for number, material in enumerate(scene.materials.values()):
+        row = rows[number]
+        color = _color(material)
+        default = 0.0 if isinstance(material, Dielectric) else min(1.0 - max(color), _MOST_ABSORPTION)
+        row["color"] = (*color, default if material.absorption is None else material.absorption)
+        row["kind"] = _KINDS[type(material)]
+        row["ior"] = material.ior / material.exterior_ior if isinstance(material, Dielectric) else 1.0
+        if row["kind"] >= layout.MATERIAL_OREN_NAYAR:
+            row["ior"] = np.uint32(number).view(np.float32)  # PRIMITIVE_ROW_MATERIAL
     if black:
         rows[-1]["kind"], rows[-1]["ior"] = layout.MATERIAL_LAMBERT, 1.0
         rows[-1]["color"] = (0.0, 0.0, 0.0, _MOST_ABSORPTION)
+    return rows
+
+
+def _color(material: Material) -> Vector:
+    """What share of light it reflects, as far as one colour can say: of a metal, straight back."""
+    if isinstance(material, Dielectric):
+        return (1.0, 1.0, 1.0)
+    if isinstance(material, Conductor):
+        red, green, blue = (fresnel(1.0, eta, k) for eta, k in zip(*material.index, strict=True))
+        return (red, green, blue)
+    return material.reflectance
+
+
+def _material_rows(scene: Scene) -> NDArray[np.float32]:
+    """MATERIAL_ROW_* of `kernels/types.h`, one for each named material."""
+    rows = np.zeros((max(len(scene.materials), 1), 16), np.float32)
+    for row, material in zip(rows, scene.materials.values(), strict=False):
+        if isinstance(material, OrenNayar):
+            row[0] = material.roughness
+        if isinstance(material, Conductor):
+            alpha = material.roughness * material.roughness
+            row[1:4], row[4:7] = material.index
+            if alpha >= SMOOTH_BELOW:
+                row[0], row[7:10] = alpha, multiple_scale(*material.index, alpha)
     return rows
 
 

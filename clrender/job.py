@@ -16,6 +16,7 @@ from clrender.integrators import INTEGRATORS, Integrator
 from clrender.resources import kernels_folder
 from clrender.scene import Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
+from clrender.scene.taken import check_materials
 from clrender.settings import RenderSettings, settings_for
 from clrender.version import __version__
 
@@ -76,6 +77,8 @@ class RenderJob:
         ------
         UsageError
             When something makes no sense.
+        SceneError
+            When the integrator does not take a material of the scene.
         """
         return cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise)
 
@@ -91,6 +94,7 @@ class RenderJob:
         first, stop = samples if samples is not None else (0, settings.spp)
         if not 0 <= first < stop <= settings.spp:
             raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")
+        check_materials(scene, settings.integrator)
         return cls(scene, settings, first, stop - first, check_aovs(aov), denoise)
 
     @classmethod

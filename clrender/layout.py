@@ -19,15 +19,18 @@ __all__ = [
     "FIRST_HIT_NORMAL",
     "FIRST_HIT_POSITION",
     "FIRST_HIT_PRIMITIVE",
+    "GGX_TABLE_SIZE",
     "LIGHT_AREA_DISK",
     "LIGHT_AREA_SPHERE",
     "LIGHT_AREA_TRIANGLE",
     "LIGHT_DIRECTIONAL",
     "LIGHT_ENVIRONMENT",
     "LIGHT_POINT",
+    "MATERIAL_CONDUCTOR",
     "MATERIAL_DIELECTRIC",
     "MATERIAL_LAMBERT",
     "MATERIAL_MIRROR",
+    "MATERIAL_OREN_NAYAR",
     "NONE",
     "ROULETTE_ABSORPTION",
     "ROULETTE_NONE",
@@ -45,6 +48,11 @@ NONE: Final = 0xFFFFFFFF
 MATERIAL_LAMBERT: Final = 0
 MATERIAL_MIRROR: Final = 1
 MATERIAL_DIELECTRIC: Final = 2
+MATERIAL_OREN_NAYAR: Final = 3
+MATERIAL_CONDUCTOR: Final = 4
+
+GGX_TABLE_SIZE: Final = 48
+"""Rows and columns of the table of GGX albedos (`clrender.scene.microfacets`)."""
 
 LIGHT_POINT: Final = 0
 LIGHT_DIRECTIONAL: Final = 1
@@ -73,6 +81,9 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "MATERIAL_LAMBERT": MATERIAL_LAMBERT,
     "MATERIAL_MIRROR": MATERIAL_MIRROR,
     "MATERIAL_DIELECTRIC": MATERIAL_DIELECTRIC,
+    "MATERIAL_OREN_NAYAR": MATERIAL_OREN_NAYAR,
+    "MATERIAL_CONDUCTOR": MATERIAL_CONDUCTOR,
+    "GGX_TABLE_SIZE": GGX_TABLE_SIZE,
     "LIGHT_POINT": LIGHT_POINT,
     "LIGHT_DIRECTIONAL": LIGHT_DIRECTIONAL,
     "LIGHT_AREA_TRIANGLE": LIGHT_AREA_TRIANGLE,
@@ -104,7 +115,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
     "Material": (
         ("color", "float4", "rgb reflectance; w probability that the absorption roulette ends a path here"),
         ("kind", "uint", "MATERIAL_*"),
-        ("ior", "float", "index inside (behind the front side) over index outside"),
+        ("ior", "float", "index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL"),
         ("roughness", "float", ""),
         ("padding", "uint", ""),
     ),
@@ -171,8 +182,15 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("COLOR", 9, 3, "reflectance"),
         ("ABSORPTION", 12, 1, "probability that the absorption roulette ends a path here"),
         ("IOR", 13, 1, "index behind the front over index before it"),
+        ("MATERIAL", 13, 1, "bits, in its place for kinds of material that have rows: which row"),
         ("LIGHT", 14, 1, "bits: index of the light it is, or NONE"),
         ("KIND", 15, 1, "bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on"),
+    ),
+    "MATERIAL": (
+        ("ROUGHNESS", 0, 1, "Oren-Nayar: r of EON; conductor: alpha of GGX, 0 where it is smooth"),
+        ("ETA", 1, 3, "conductor: its index of refraction over that of the medium before it, real part"),
+        ("K", 4, 3, "and imaginary part"),
+        ("MULTIPLE", 7, 3, "conductor: scale of the light scattered between facets (Kulla and Conti 2017)"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

@@ -8,6 +8,9 @@
 #define MATERIAL_LAMBERT 0u
 #define MATERIAL_MIRROR 1u
 #define MATERIAL_DIELECTRIC 2u
+#define MATERIAL_OREN_NAYAR 3u
+#define MATERIAL_CONDUCTOR 4u
+#define GGX_TABLE_SIZE 48u
 #define LIGHT_POINT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_AREA_TRIANGLE 2u
@@ -38,7 +41,7 @@ typedef struct {
 typedef struct {
     float4 color;               // rgb reflectance; w probability that the absorption roulette ends a path here
     uint kind;                  // MATERIAL_*
-    float ior;                  // index inside (behind the front side) over index outside
+    float ior;                  // index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL
     float roughness;
     uint padding;
 } Material;
@@ -99,8 +102,14 @@ typedef struct {
 #define PRIMITIVE_ROW_COLOR 9           // reflectance
 #define PRIMITIVE_ROW_ABSORPTION 12     // probability that the absorption roulette ends a path here
 #define PRIMITIVE_ROW_IOR 13            // index behind the front over index before it
+#define PRIMITIVE_ROW_MATERIAL 13       // bits, in its place for kinds of material that have rows: which row
 #define PRIMITIVE_ROW_LIGHT 14          // bits: index of the light it is, or NONE
 #define PRIMITIVE_ROW_KIND 15           // bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on
+
+#define MATERIAL_ROW_ROUGHNESS 0        // Oren-Nayar: r of EON; conductor: alpha of GGX, 0 where it is smooth
+#define MATERIAL_ROW_ETA 1              // conductor: its index of refraction over that of the medium before it, real part
+#define MATERIAL_ROW_K 4                // and imaginary part
+#define MATERIAL_ROW_MULTIPLE 7         // conductor: scale of the light scattered between facets (Kulla and Conti 2017)
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

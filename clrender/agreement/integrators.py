@@ -14,8 +14,8 @@ import numpy.typing as npt
 from clrender.agreement.batches import LEVEL, Batches, Pair, compare_batches, tile_means
 from clrender.errors import RenderError, UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.radiosity.patches import check_diffuse
 from clrender.rendered_image import Progress, RenderedImage
+from clrender.scene.taken import check_materials
 from clrender.scene.wording import quoted, suggestion
 from clrender.session import Session
 from clrender.settings import settings_for, settings_of
@@ -88,8 +88,7 @@ def compare_integrators(
     # Before any of them is rendered
     for name in dict.fromkeys(integrators):
         settings_for(scene, wanted, settings_of_one(name, seeds[0]))
-        if name == "radiosity":
-            check_diffuse(scene)
+        check_materials(scene, name)
     total = len(integrators) * batches * each * wanted[0] * wanted[1]
     reporter = _Reporter(notify, on_progress, total)
 

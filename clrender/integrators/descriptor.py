@@ -65,6 +65,8 @@ class Integrator:
         Settings of which it takes these values only, the first where nothing is asked for.
     fixed : mapping of str to int
         Members of the kernels' `Settings` that it gives itself, whatever the settings say.
+    materials : tuple of str
+        Types of material that it takes; empty: all.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
     preparation : str
@@ -77,5 +79,6 @@ class Integrator:
     bias: str = "unbiased"
     takes: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
     fixed: Mapping[str, int] = field(default_factory=dict)
+    materials: tuple[str, ...] = ()
     auto_light_sampler: str = "auto"
     preparation: str = ""

@@ -12,5 +12,6 @@ INTEGRATOR: Final = Integrator(
     Pipeline("radiosity/display.cl", "integrator_radiosity"),
     leaves_out=(CAUSTICS,),
     bias="discretised",
+    materials=("lambert",),
     preparation="clrender.radiosity.preparation",
 )

@@ -11,4 +11,5 @@ __all__ = ["INTEGRATOR"]
 INTEGRATOR: Final = Integrator(
     Pipeline("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
     takes={"indirect_rays": (1,)},
+    materials=("lambert", "mirror", "dielectric"),
 )

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
-from clrender.scene.description import Dielectric, EnvironmentLight, Lambert, Light, Scene
+from clrender.scene.description import EnvironmentLight, Lambert, Light, Scene
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
+from clrender.scene.taken import check_materials
 
-__all__ = ["Patches", "check_diffuse", "cut_into_patches"]
+__all__ = ["Patches", "cut_into_patches"]
 
 _SLACK: Final = 1.5
 """A patch may be larger than wanted by this factor."""
@@ -230,9 +231,9 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
     Raises
     ------
     SceneError
-        When a shape is a mirror or of glass, or there is nothing in the scene.
+        When a shape is not diffuse, or there is nothing in the scene.
     """
-    check_diffuse(scene)
+    check_materials(scene, "radiosity")
     whole, is_round = _coarse(scene, np.inf)
     if not len(whole):
         raise SceneError(f"{scene.source}: has no shapes, and radiosity needs surfaces; use --integrator path")
@@ -278,21 +279,3 @@ def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:
     every = np.concatenate(parts) if parts else np.zeros((0, 3, 3))
     of = np.concatenate(primitive) if primitive else np.zeros(0, np.int64)
     return Patches(scene, every, np.repeat(np.arange(len(parts)), lengths), of), is_round
-
-
-def check_diffuse(scene: Scene) -> None:
-    """Make sure that radiosity knows the materials of all shapes.
-
-    Raises
-    ------
-    SceneError
-    """
-    for index, shape in enumerate(scene.shapes):
-        material = scene.materials[shape.material] if shape.material is not None else None
-        if material is None or isinstance(material, Lambert):
-            continue
-        kind = "glass" if isinstance(material, Dielectric) else "a mirror"
-        raise SceneError(
-            f"{scene.source}: shapes[{index}].material: {shape.material!r} is {kind}, and radiosity knows diffuse "
-            "surfaces only; give the shape a material of type lambert, or use --integrator path"
-        )

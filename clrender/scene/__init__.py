@@ -5,6 +5,7 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.scene.description import (
     Camera,
+    Conductor,
     Dielectric,
     DirectionalLight,
     EnvironmentLight,
@@ -13,6 +14,7 @@ from clrender.scene.description import (
     Light,
     Material,
     Mirror,
+    OrenNayar,
     PointLight,
     Render,
     Scene,
@@ -24,6 +26,7 @@ from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahed
 __all__ = [
     "Box",
     "Camera",
+    "Conductor",
     "Dielectric",
     "DirectionalLight",
     "Disk",
@@ -35,6 +38,7 @@ __all__ = [
     "Mesh",
     "MeshData",
     "Mirror",
+    "OrenNayar",
     "PointLight",
     "Quad",
     "Render",

@@ -18,12 +18,14 @@ from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_v
 from clrender.integrators import INTEGRATORS
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
+from clrender.scene.microfacets import METALS
 from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.values import (
     COORDINATE_LIMIT,
     SHAPE_LIMIT,
     Absorption,
     Color,
+    Extinction,
     Finite,
     Index,
     Length,
@@ -31,6 +33,7 @@ from clrender.scene.values import (
     Part,
     Reflectance,
     SettingValue,
+    Share,
     Vector,
     cross,
     fault,
@@ -161,8 +164,50 @@ class Dielectric(Part):
     absorption: Absorption = None
 
 
-MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {"lambert": Lambert, "mirror": Mirror, "dielectric": Dielectric}
-Material: TypeAlias = Annotated[Lambert | Mirror | Dielectric, Field(discriminator="type")]
+class OrenNayar(Part):
+    """Diffuse reflection by a rough surface that loses no energy (EON: Portsmouth, Kutz and Hill 2025)."""
+
+    type: Literal["oren_nayar"]
+    reflectance: Reflectance
+    roughness: Share = Field(0.5, description="0: as `lambert`; 1: roughest")
+    absorption: Absorption = None
+
+
+class Conductor(Part):
+    """A metal: a measured one by name, or any by `eta` and `k`, smooth or rough (GGX), without loss of energy."""
+
+    type: Literal["conductor"]
+    metal: Literal["Ag", "Au", "Cu"] | None = None
+    eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the index of refraction")
+    k: tuple[Extinction, Extinction, Extinction] | None = Field(None, description="and its imaginary part")
+    roughness: Share = Field(0.2, description="its square is alpha of GGX; 0: smooth")
+    absorption: Absorption = None
+
+    @model_validator(mode="after")
+    def _is_a_metal(self) -> Conductor:
+        if self.metal is not None and (self.eta is not None or self.k is not None):
+            raise fault("material", "is given beside eta or k; a metal has its own", "metal")
+        if self.metal is None and (self.eta is None or self.k is None):
+            raise fault("material", f"needs a metal ({', '.join(METALS)}), or both eta and k")
+        return self
+
+    @property
+    def index(self) -> tuple[Vector, Vector]:
+        """Real and imaginary part of the index of refraction."""
+        if self.metal is not None:
+            return METALS[self.metal]
+        assert self.eta is not None and self.k is not None
+        return self.eta, self.k
+
+
+MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
+    "lambert": Lambert,
+    "mirror": Mirror,
+    "dielectric": Dielectric,
+    "oren_nayar": OrenNayar,
+    "conductor": Conductor,
+}
+Material: TypeAlias = Annotated[Lambert | Mirror | Dielectric | OrenNayar | Conductor, Field(discriminator="type")]
 
 
 # --- lights ----------------------------------------------------------------------------------------------------------

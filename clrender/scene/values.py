@@ -19,6 +19,7 @@ __all__ = [
     "SHAPE_LIMIT",
     "Absorption",
     "Color",
+    "Extinction",
     "Finite",
     "Flag",
     "Index",
@@ -50,6 +51,7 @@ Length = Annotated[Finite, Field(gt=0.0, le=COORDINATE_LIMIT)]
 Power = Annotated[Finite, Field(ge=0.0, le=POWER_LIMIT)]
 Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 Index = Annotated[Finite, Field(gt=0.0, le=1000.0)]
+Extinction = Annotated[Finite, Field(ge=0.0, le=1000.0)]
 Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=200)]
 Flag = Annotated[bool, Strict()]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]

@@ -31,7 +31,7 @@ static Vertex path_vertex(const Scene* scene, const Path* path, Hit hit, PoolSta
     Vertex v;
     const vmask found = path->alive & (hit.primitive != NONE);
     v.surface = surface_at(scene, &path->ray, hit, found);
-    v.bsdf = bsdf_at(&v.surface, path->ray.direction);
+    v.bsdf = bsdf_at(scene, &v.surface, path->ray.direction);
     v.traced = path->alive & !split_back(&path->split);
     v.found = found & v.traced;
     v.scatters = found & (path->depth < scene->settings->max_depth);

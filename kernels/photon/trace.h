@@ -114,7 +114,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         const Hit hit = traverse_nearest(&scene->bvh, &photon.ray, photon.alive);
         const vmask found = photon.alive & (hit.primitive != NONE);
         const Surface surface = surface_at(scene, &photon.ray, hit, found);
-        const Bsdf bsdf = bsdf_at(&surface, photon.ray.direction);
+        const Bsdf bsdf = bsdf_at(scene, &surface, photon.ray.direction);
         const vmask arrives = found & !bsdf.specular & (photon.depth > 0u);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
