@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Make `clrender/scene/ggx_albedo.npy`: the share of light that GGX microfacets reflect after one bounce.
 
-Facets are perfect mirrors. The integral over visible normals is a mean of G2/G1 over a fine grid in the sampler's square
+Facets are perfect mirrors. The integral over visible normals is a mean of G2/G1 over a grid in the sampler's square
 (Dupuy and Benyoub 2023), in double precision. `--check` compares with the file in place of writing it.
 """
 

@@ -1,4 +1,4 @@
-"""Rough materials: all light comes back from white ones, they are reciprocal, and they are sampled as their density says."""
+"""Rough materials: white ones send all light back, all are reciprocal, and are sampled as their density says."""
 
 from __future__ import annotations
 
