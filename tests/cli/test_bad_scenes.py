@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 CAMERA = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n"
 WHITE = '[materials.white]\ntype = "lambert"\nreflectance = [0.7, 0.7, 0.7]\n'
+METAL = '[materials.m]\ntype = "conductor"\n'
 MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
 HEAD = "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
 FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
@@ -140,13 +141,18 @@ VALUES = [
     Bad(
         "material type", CAMERA + WHITE.replace("lambert", "lamber"), ("materials.white.type", 'did you mean "lambert"')
     ),
-    Bad("material type later", CAMERA + WHITE.replace("lambert", "conductor"), ("materials.white.type", "dielectric")),
+    Bad("material type later", CAMERA + WHITE.replace("lambert", "velvet"), ("materials.white.type", "dielectric")),
     Bad("material type missing", CAMERA + "[materials.white]\n", ("materials.white", "`type` is missing")),
     Bad("material type a list", CAMERA + "[materials.white]\ntype = [1]\n", ("materials.white.type",)),
     Bad("material a number", CAMERA + "[materials]\nwhite = 1\n", ("materials.white",)),
     Bad("material name odd", CAMERA + '[materials."a b"]\ntype = "mirrow"\n', ('materials."a b".type', '"mirror"')),
     Bad("material name empty", CAMERA + '[materials.""]\ntype = "mirror"\n', ("materials", "names")),
     Bad("ior 0", CAMERA + '[materials.g]\ntype = "dielectric"\nior = 0\n', ("materials.g.ior", "greater than 0")),
+    Bad("metal and eta", CAMERA + METAL + 'metal = "Au"\neta = [1, 1, 1]\n', ("materials.m.metal", "beside eta or k")),
+    Bad("metal unknown", CAMERA + METAL + 'metal = "Zz"\n', ("materials.m.metal", "Ag")),
+    Bad("metal without k", CAMERA + METAL + "eta = [1, 1, 1]\n", ("materials.m", "needs a metal", "both eta and k")),
+    Bad("eta 0", CAMERA + METAL + "eta = [1, 0, 1]\nk = [1, 1, 1]\n", ("materials.m.eta", "greater than 0")),
+    Bad("roughness 2", CAMERA + METAL + 'metal = "Au"\nroughness = 2\n', ("materials.m.roughness", "at most 1")),
     Bad("ior missing", CAMERA + '[materials.g]\ntype = "dielectric"\n', ("materials.g", "`ior` is missing")),
     Bad(
         "exterior ior", CAMERA + '[materials.g]\ntype = "dielectric"\nior = 1.5\nexterior_ior = -1\n', ("exterior_ior",)

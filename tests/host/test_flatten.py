@@ -62,6 +62,8 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "normals",
         "triangles",
         "primitive_shape",
+        "material_rows",
+        "ggx_albedo",
         "light_nodes",
         "light_order",
     }
@@ -401,3 +403,26 @@ def test_the_film_takes_what_a_scene_may_shine_with() -> None:
     assert POWER_LIMIT < 2.0**SAMPLE_LIMIT_BITS
     with pytest.raises(SceneError, match="emission"):
         flat({**UNIT_CUBE, "emission": [POWER_LIMIT * 1.01, 0, 0]})
+
+
+def test_rough_materials_have_rows() -> None:
+    described = {
+        "camera": {"position": (0, 0, 3), "target": (0, 0, 0)},
+        "materials": {
+            "plain": {"type": "lambert", "reflectance": (0.5, 0.5, 0.5)},
+            "gold": {"type": "conductor", "metal": "Au", "roughness": 0.5},
+            "smooth": {"type": "conductor", "metal": "Au", "roughness": 0.03},
+            "clay": {"type": "oren_nayar", "reflectance": (0.5, 0.4, 0.3), "roughness": 0.75},
+        },
+    }
+    arrays = flatten(scenes.Scene.model_validate(described), 8, 8).arrays
+    materials, rows = arrays["materials"], arrays["material_rows"]
+    assert materials["ior"][0] == 1.0
+    assert materials["ior"][1:].view(np.uint32).tolist() == [1, 2, 3]
+    # A smooth surface, and one smoother than single precision resolves, are deltas
+    assert rows[:, 0].tolist() == [0.0, 0.25, 0.0, 0.75]
+    assert len(arrays["ggx_albedo"]) == layout.GGX_TABLE_SIZE**2
+    # Straight back, gold reflects ((n - 1)² + k²) / ((n + 1)² + k²)
+    n, k = 0.21, 3.272
+    assert materials["color"][1][0] == pytest.approx(((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2), rel=1e-6)
+    assert (rows[1, 7:10] > 0.0).all() and (rows[2, 7:10] == 0.0).all()

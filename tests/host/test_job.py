@@ -10,6 +10,7 @@ import pytest
 
 import clrender
 from clrender.errors import SceneError, UsageError
+from clrender.integrators import INTEGRATORS
 from clrender.job import RenderJob
 from clrender.scene import Scene
 
@@ -143,3 +144,24 @@ def test_a_job_has_its_own_settings(scene: Scene) -> None:
 def test_what_an_integrator_does_not_take_is_refused(scene: Scene, how: dict[str, Any]) -> None:
     with pytest.raises(UsageError, match=f"but the integrator {how['integrator']} takes .* only"):
         RenderJob.of(scene, **how)
+
+
+@pytest.mark.parametrize("kind", ["oren_nayar", "conductor"])
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_materials_that_an_integrator_does_not_take_are_refused(integrator: str, kind: str) -> None:
+    materials = {
+        "oren_nayar": {"type": "oren_nayar", "reflectance": (0.5, 0.5, 0.5)},
+        "conductor": {"type": "conductor", "metal": "Au"},
+    }
+    scene = Scene.model_validate(
+        {
+            "camera": {"position": (0, 0, 3), "target": (0, 0, 0)},
+            "materials": {"rough": materials[kind]},
+            "shapes": [{"type": "sphere", "center": (0, 0, 0), "radius": 1, "material": "rough"}],
+        }
+    )
+    if integrator in ("photon", "reuse", "radiosity"):
+        with pytest.raises(SceneError, match=rf"shapes\[0\].material: 'rough' is of type {kind}, .* use --integrator"):
+            RenderJob.of(scene, integrator=integrator)
+    else:
+        assert RenderJob.of(scene, integrator=integrator).integrator is INTEGRATORS[integrator]

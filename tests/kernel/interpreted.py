@@ -62,6 +62,8 @@ class Run:
     samples : int
     large : bool
         With a mesh whose triangles need more than one chunk of the builder's sort, and a tree of several levels.
+    rough : bool
+        With rough materials.
     """
 
     kernel: str
@@ -69,12 +71,14 @@ class Run:
     traversal: str = "packet"
     samples: int = 1
     large: bool = False
+    rough: bool = False
 
 
 RENDERS: Final = {
     "path-1": Run("path", 1, samples=2),
     "path-4": Run("path", 4),
     "path-8-single": Run("path", 8, "single"),
+    "path-4-rough": Run("path", 4, samples=2, rough=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -86,12 +90,12 @@ RENDERS: Final = {
 }
 
 
-def scene(large: bool, folder: Path) -> FlatScene:
+def scene(run: Run, folder: Path) -> FlatScene:
     """Triangles, smooth and flat, spheres, disks; every material; every kind of light, in front and behind and around.
 
     A mesh file is written into `folder`.
     """
-    points, faces = icosphere(3 if large else 0)
+    points, faces = icosphere(3 if run.large else 0)
     lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in (points * 0.4 + [-0.8, 0.3, 0.2]).tolist()]
     lines += [f"vn {x:.7f} {y:.7f} {z:.7f}" for x, y, z in points.tolist()]
     lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in (faces + 1).tolist()]
@@ -108,12 +112,17 @@ def scene(large: bool, folder: Path) -> FlatScene:
         {"type": "triangle", "vertices": ((-1, 1.5, -0.5), (0, 1.5, -0.5), (-0.5, 1.5, 0.5)), "emission": (2, 3, 4)},
         {"type": "mesh", "file": "ball.obj", "material": "matt"},
     ]
+    rough = {
+        "matt": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
+        "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4},
+    }
     described = {
         "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
         "materials": {
             "matt": {"type": "lambert", "reflectance": color},
             "mirror": {"type": "mirror", "reflectance": color},
             "glass": {"type": "dielectric", "ior": 1.5},
+            **(rough if run.rough else {}),
         },
         "shapes": shapes,
         "lights": [
@@ -135,7 +144,7 @@ def render(device: Device, run: Run) -> str:
     }.items():  # fmt: skip
         settings[name] = value
     with tempfile.TemporaryDirectory() as folder:
-        flat = scene(run.large, Path(folder))
+        flat = scene(run, Path(folder))
     prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5) if run.kernel == "photon" else None
     cut = LaunchConfig(run.lanes, 2, None, run.traversal)
     worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel].pipeline, cut, prepare)
@@ -149,7 +158,7 @@ def render(device: Device, run: Run) -> str:
 def layers(device: Device) -> str:
     """Hash of the sums of all that is asked of what is seen first."""
     with tempfile.TemporaryDirectory() as folder:
-        flat = scene(False, Path(folder))
+        flat = scene(RENDERS["path-4"], Path(folder))
     settings, asked = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE), LayerKind()
     worker = DeviceWorker(device, flat, settings, FIRST_HITS, LaunchConfig(4, 2), lambda _: asked)
     digest = hashlib.sha256()
