@@ -177,7 +177,8 @@ class RenderSettings:
     )
     photon_radius: float | None = _setting(
         None,
-        Range(0.0, 1e12, above=True),
+        # Rays describe light only where lengths are above its wavelength.
+        Range(1e-6, 1e12),
         "Of integrator photon: radius of the first sample's density estimate, metres",
         "a hundredth of the scene's",
         integrator="photon",

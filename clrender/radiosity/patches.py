@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.flatten import FlatScene, flatten
+from clrender.flatten import FlatScene, flatten, scene_origin
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
-from clrender.scene.description import EnvironmentLight, Lambert, Light, Scene
+from clrender.scene.description import EnvironmentLight, Lambert, Light, PointLight, Scene
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
 from clrender.scene.taken import check_materials
+from clrender.scene.values import Vector
 
 __all__ = ["Patches", "cut_into_patches"]
 
@@ -27,9 +28,8 @@ _LIGHTS_SHARE: Final = 0.25
 """Where more than this fraction of all area emits, form factors estimate its light better than shadow rays."""
 _CARRIED: Final = ("areas", "normals", "reflectance", "emission", "shadow_rays_find_emission")
 """Cached properties that stay valid when a shape moves."""
-"""What a shape keeps as it moves."""
 _ORIGIN: Final = (0.0, 0.0, 0.0)
-"""Patches are in world space, and what moves among them too."""
+"""Of what is made of patches: their coordinates are relative to `scene_origin` already."""
 
 _Floats = NDArray[np.float64]
 
@@ -41,9 +41,9 @@ class Patches:
     Attributes
     ----------
     scene : Scene
-        Whose shapes they are parts of.
+        Whose shapes they are parts of, in coordinates relative to its `scene_origin`.
     corners : (n, 3, 3) float64
-        World space, metres, counter-clockwise seen from the front; exact in float32 but for halving.
+        Relative to that origin, metres, counter-clockwise seen from the front; exact in float32 but for halving.
     shape : (n,) int64
         Which shape, ascending.
     primitive : (n,) int64
@@ -234,6 +234,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
         When a shape is not diffuse, or there is nothing in the scene.
     """
     check_materials(scene, "radiosity")
+    scene = _relative(scene)
     whole, is_round = _coarse(scene, np.inf)
     if not len(whole):
         raise SceneError(f"{scene.source}: has no shapes, and radiosity needs surfaces; use --integrator path")
@@ -251,6 +252,26 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
         size = min(max(size * len(patches) / count, total / count / 16.0), total / count * 16.0)
     assert best is not None
     return best
+
+
+def _relative(scene: Scene) -> Scene:
+    """The same scene in coordinates relative to its `scene_origin`, where single precision resolves what is seen."""
+    origin = scene_origin(scene.camera)
+    if origin == _ORIGIN:
+        return scene
+    x, y, z = origin
+
+    def moved(place: Vector) -> Vector:
+        return (place[0] - x, place[1] - y, place[2] - z)
+
+    camera = {name: moved(getattr(scene.camera, name)) for name in ("position", "target")}
+    lights = (
+        light.model_copy(update={"position": moved(light.position)}) if isinstance(light, PointLight) else light
+        for light in scene.lights
+    )
+    shapes = (shape.model_copy(update={"transform": shape.transform.moved((-x, -y, -z))}) for shape in scene.shapes)
+    parts = {"camera": scene.camera.model_copy(update=camera), "lights": tuple(lights), "shapes": tuple(shapes)}
+    return scene.model_copy(update=parts)
 
 
 def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:

@@ -248,6 +248,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "endless time": ({"time_limit": math.inf}, "time_limit is inf, but must be a number above 0"),
     "depth": ({"max_depth": -1}, "max_depth is -1, but must be a whole number of at least 0"),
     "pixels": ({"width": 65536, "height": 65536}, f"65536 x 65536 has 4294967296 pixels; at most {PIXEL_LIMIT} fit"),
+    "photon radius": (
+        {"integrator": "photon", "photon_radius": 1e-30},
+        "photon_radius is 1e-30, but must be a number of at least 1e-06 and at most 1e+12",
+    ),
     "light BVH": (
         {"integrator": "photon", "light_sampler": "bvh"},
         "light_sampler is 'bvh', but the integrator photon takes auto, power or uniform only",

@@ -1,4 +1,5 @@
 // What is sampled, and with which density, for tests: one sample a lane.
+#include "integrator/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
 
@@ -45,6 +46,16 @@ __kernel void sampling_sequence(__global const float* numbers, uint seed, uint s
     else sampler_hash_bits(sampler, splat_uint(set), &a, &b);
     lane_save(vfloat_from_bits(a), results + at);
     lane_save(vfloat_from_bits(b), results + count + at);
+}
+
+// numbers: uint [2][count], scattering events of a path whose throughput is 1; the second is not used. results: float [2][count]:
+// probability to go on from a surface that absorbs nothing, and whether the roulette is played at all.
+__kernel void sampling_roulette(__global const float* numbers, uint roulette, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    const vuint depth = vfloat_bits(lane_load(numbers + at));
+    lane_save(roulette_survival(roulette, vec3_all(1.0f), depth, splat(0.0f)), results + at);
+    lane_save(splat(roulette_matters(roulette, depth) ? 1.0f : 0.0f), results + count + at);
 }
 
 // One material on a plane whose normal is z, seen along `direction`. results: float [11][count]: the direction taken, its weight and

@@ -4,16 +4,34 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from render_support import Studio, lambert, scene, sphere
+from sampling_support import launch
 from stats_support import Evidence
 
 import clrender
+from clrender import layout
 from clrender.device import Device
 
 WITHIN = {"position": [0.0, 0.0, 0.0], "target": [0.3, 0.2, 1.0], "vertical_fov": 40.0}
 MIRRORS = {"type": "box", "size": [2.0, 3.0, 2.5], "flip_normals": True, "material": "all"}
 ROULETTES: list[dict[str, Any]] = [{"roulette": "none"}, {"roulette": "absorption"}]
+
+LONG = 1024
+
+
+@pytest.mark.parametrize("roulette", ["none", "absorption", "throughput"])
+def test_every_long_path_may_end(device: Device, roulette: str) -> None:
+    """Whichever roulette is asked for: of 2^15 events more, all paths end but one in 10^27."""
+    depth = np.repeat(np.arange(2 * LONG, dtype=np.uint32), 16)
+    kind = np.uint32(getattr(layout, f"ROULETTE_{roulette.upper()}"))
+    survival, played = launch(device, "sampling_roulette", np.stack([depth, depth]), [kind], 2)
+    late = depth >= LONG
+    assert (played[late] == 1.0).all() and (survival[late] <= 1.0 - 2.0**-9).all()
+    assert survival.min() >= np.float32(0.95)
+    if roulette != "throughput":
+        assert (survival[~late] == 1.0).all(), "what ends paths sooner is not asked for, or finds nothing absorbed"
 
 
 @pytest.mark.parametrize("roulette", ROULETTES, ids=str)
@@ -26,7 +44,7 @@ def test_a_closed_room_that_absorbs_nothing_ends(
     made = clrender.render(what, device=device.info.index, size=(8, 8), spp=1, integrator=integrator, **roulette)
     assert made.linear.max() == 0.0 and made.stats["nonfinite_samples"] == 0
     followed = material == "mirror" or integrator in ("path", "reuse")
-    assert 1024 <= made.stats["max_depth"] < 16384 if followed else made.stats["max_depth"] <= 1
+    assert LONG <= made.stats["max_depth"] < 16384 if followed else made.stats["max_depth"] <= 1
 
 
 def test_long_paths_are_not_cut(evidence: Evidence, studio: Studio) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,14 +34,46 @@ def small_things(x: float, y: float, z: float) -> Scene:
 
 
 @pytest.mark.parametrize("place", FAR, ids=str)
-@pytest.mark.parametrize("integrator", ["path", "whitted", "reuse", "photon"])
+@pytest.mark.parametrize("integrator", ["path", "whitted", "reuse", "photon", "radiosity"])
 def test_the_image_is_the_same_far_away(studio: Studio, place: tuple[float, float, float], integrator: str) -> None:
     """The same numbers are drawn, so nearly every path is the same path; coordinates differ by roundings."""
-    more: dict[str, Any] = {"photons": 4096, "photon_radius": 0.1} if integrator == "photon" else {}
-    settings = {"spp": 4, "integrator": integrator, "seed": 3, **more}
+    few: dict[str, Any] = {"photon": {"photons": 4096, "photon_radius": 0.1}, "radiosity": {"patches": 300}}
+    settings = {"spp": 4, "integrator": integrator, "seed": 3, **few.get(integrator, {})}
     near, far = (studio.image(small_things(*at), 32, **settings) for at in ((0.0, 0.0, 0.0), place))
+    assert_same_paths(near, far)
+
+
+def assert_same_paths(near: np.ndarray[Any, Any], far: np.ndarray[Any, Any]) -> None:
     off = np.abs(far - near).max(axis=2) > 1e-3 * near.max()
     assert off.mean() < 0.02 and far.mean() == pytest.approx(near.mean(), rel=1e-3)
+
+
+def written_there(folder: Path, x: float, y: float, z: float) -> Scene:
+    """Shapes whose own coordinates are about a place in the world: an octahedron of a file, a sphere and a floor."""
+    points = [(0.4 * s * (k == 0), 0.4 * s * (k == 1) + 0.4, 0.4 * s * (k == 2)) for k in range(3) for s in (1, -1)]
+    ring = ((1, 5), (5, 2), (2, 6), (6, 1))
+    lines = [f"v {x + a:.9f} {y + b:.9f} {z + c:.9f}" for a, b, c in points]
+    lines += [f"f {b} {a} 3\nf {a} {b} 4" for a, b in ring]
+    (folder / "octahedron.obj").write_text("\n".join([*lines, ""]))
+    shapes = [
+        {"type": "mesh", "file": "octahedron.obj", "material": "white"},
+        sphere((x + 0.8, y + 0.3, z - 0.2), 0.3, material="white"),
+        quad((x - 2.0, y, z + 2.0), (4.0, 0.0, 0.0), (0.0, 0.0, -4.0), material="white"),
+        quad((x - 0.3, y + 1.5, z - 0.3), (0.6, 0.0, 0.0), (0.0, 0.0, 0.6), emission=4.0),
+    ]
+    camera = {"position": [x, y + 0.8, z + 3.0], "target": [x, y + 0.3, z], "vertical_fov": 40.0}
+    return scene(shapes, (), camera, white=lambert(0.7)).placed("written there", folder)
+
+
+@pytest.mark.parametrize("place", FAR, ids=str)
+@pytest.mark.parametrize("integrator", ["path", "radiosity"])
+def test_coordinates_of_shapes_and_meshes_may_be_far_themselves(
+    studio: Studio, tmp_path: Path, place: tuple[float, float, float], integrator: str
+) -> None:
+    settings: dict[str, Any] = {"spp": 4, "integrator": integrator, "seed": 3}
+    settings |= {"patches": 300} if integrator == "radiosity" else {}
+    near, far = (studio.image(written_there(tmp_path, *at), 32, **settings) for at in ((0.0, 0.0, 0.0), place))
+    assert_same_paths(near, far)
 
 
 def test_layers_stay_in_world_space(device: Device) -> None:

@@ -145,6 +145,41 @@ def test_the_point_on_a_light_has_all_its_digits(evidence: Evidence, device: Dev
     evidence.share("independent of the light", int(half[0] + half[3]), len(chosen), 0.5)
 
 
+def test_the_alias_of_many_lights_has_all_its_digits(evidence: Evidence, device: Device) -> None:
+    """One of 4096 lights is as bright as the others and two more: each of their entries belongs to it by half.
+
+    The number that decides between an entry and its alias is independent of the one that picks the point on the light.
+    """
+    count = 4096
+    powers = [1.0] * (count - 1) + [count + 1.0]
+    lights = [{"type": "point", "position": [0.0, 1.0, 0.0], "intensity": [power] * 3} for power in powers]
+    table = LightTable(device, scene([], lights), "power")
+    assert (table.flat.arrays["lights"]["alias_threshold"][:-1] == 0.5).all()
+    chosen, left = table.places((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    bright = chosen == count - 1
+    evidence.share("bright", int(bright.sum()), len(chosen), (count + 1) / (2 * count))
+    digits = (left[0, bright] * 2.0**24).astype(np.int64)
+    evidence.histogram("last digits", np.bincount(digits % 16, minlength=16), np.full(16, 1 / 16))
+    evidence.histogram("first digits", np.bincount(digits >> 20, minlength=16), np.full(16, 1 / 16))
+
+
+def test_a_walk_down_the_tree_uses_up_no_digits(evidence: Evidence, device: Device) -> None:
+    """Two points on the same light have the first twenty digits in common as seldom as two random numbers have.
+
+    A walk to one of 4096 lights takes twelve of the twenty-four digits that it begins with: of what is left every
+    number would come up 4096 times too often.
+    """
+    rng = np.random.default_rng(49)
+    places = rng.uniform(0.5, 2.0, (4096, 3)).tolist()
+    lights = [{"type": "point", "position": place, "intensity": [1.0] * 3} for place in places]
+    chosen, left = LightTable(device, scene([], lights), "bvh").places((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    digits = (left[0] * 2.0**20).astype(np.int64)
+    alike = np.unique(chosen.astype(np.int64) << 20 | digits, return_counts=True)[1]
+    same_light = np.bincount(chosen)
+    pairs = int((same_light * (same_light - 1) // 2).sum())
+    evidence.share("pairs", int((alike * (alike - 1) // 2).sum()), pairs, 2.0**-20)
+
+
 def test_light_from_behind_counts_where_it_is_scattered_too(device: Device) -> None:
     """A surface that transmits is told by a normal of zero: then each light has a twin on the other side as likely."""
     rng = np.random.default_rng(48)

@@ -230,10 +230,10 @@ DARK = 0.1
 """So little is reflected that light between treads is a hundredth."""
 
 
-def mirrored_light(floor: list[dict[str, Any]]) -> Scene:
+def mirrored_light(floor: list[dict[str, Any]], degrees: float = 4.0) -> Scene:
     """Light from the side that a mirror sends straight down: a caustic, of irradiance 1 on what is level."""
     mirror = quad((-0.5, 1.5, 0.5), (1.0, -1.0, 0.0), (0.0, 0.0, -1.0), material="mirror")
-    view = {"position": [0.0, 0.3, 0.0], "target": [0.0, -1.0, 0.0], "up": [0.0, 0.0, -1.0], "vertical_fov": 4.0}
+    view = {"position": [0.0, 0.3, 0.0], "target": [0.0, -1.0, 0.0], "up": [0.0, 0.0, -1.0], "vertical_fov": degrees}
     beam = {"type": "directional", "direction": [1.0, 0.0, 0.0], "irradiance": [1.0, 1.0, 1.0]}
     return scene(
         [mirror, *floor], [beam], view, white=lambert(DARK), mirror={"type": "mirror", "reflectance": [1.0, 1.0, 1.0]}
@@ -254,3 +254,19 @@ def test_caustics_on_stepped_floors_are_not_too_bright(evidence: Evidence, studi
     what = mirrored_light(treads(rise))
     means = np.array([studio.gray(what, 16, seed=seed, **settings).mean() for seed in range(12)])
     evidence.mean_is("radiance", means, DARK / math.pi, rounding=0.01)
+
+
+def test_caustics_on_curved_floors_are_not_too_bright(evidence: Evidence, studio: Studio) -> None:
+    """At the top of a ball on which photons within the disk's radius lie up to two centimetres below its plane.
+
+    Those in the cap above the lowest height that counts are taken, each with the cosine between its normal and the
+    disk's; on the part of the disk that is over the cap their mean is what is seen.
+    """
+    radius, photon_radius = 0.07, 0.11
+    settings: dict[str, Any] = {"integrator": "photon", "photons": 1 << 17, "photon_radius": photon_radius, "spp": 1}
+    what = mirrored_light([sphere((0.0, -1.0 - radius, 0.0), radius, material="white")], degrees=0.01)
+    means = np.array([studio.gray(what, 16, seed=seed, **settings).mean() for seed in range(16)])
+    lowest = 1.0 - 0.25 * (0.5 * photon_radius) / radius  # cosine at the cap's rim
+    cosine = 2.0 / 3.0 * (1.0 - lowest**3) / (1.0 - lowest**2)
+    # In a tenth of a millimetre's view straight light from the side is below a thousandth of that.
+    evidence.mean_is("radiance", means, cosine * DARK / math.pi, rounding=1e-3)

@@ -86,7 +86,7 @@ def test_in_closed_rooms_all_that_leaves_arrives(device: Device, name: str) -> N
     if name == "room-diffuse":  # a box's bottom lies in the floor, and a sphere of flat patches dips into it
         sums = sums[(patches.shape < 8) | (patches.corners[:, :, 1].min(axis=1) > 1e-3)]
     assert len(sums) > 0.9 * len(patches)
-    # None of half a million is lost. In twelve seeds one began on an edge (DECISIONS.md, 27) and left the furnace room.
+    # None of half a million; over twelve seeds one of them began on an edge (DECISIONS.md, 27) and left the room.
     assert sums.min() >= 1.0 - 1e-12 and sums.max() <= 1.0 + 1e-12
 
 
