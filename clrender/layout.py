@@ -116,8 +116,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("color", "float4", "rgb reflectance; w probability that the absorption roulette ends a path here"),
         ("kind", "uint", "MATERIAL_*"),
         ("ior", "float", "index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL"),
-        ("roughness", "float", ""),
-        ("padding", "uint", ""),
+        ("padding_0", "uint", ""),
+        ("padding_1", "uint", ""),
     ),
     "Light": (
         ("radiance", "float4", "rgb: radiance W/(sr m2), point: intensity W/sr, directional: irradiance W/m2"),

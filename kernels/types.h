@@ -42,8 +42,8 @@ typedef struct {
     float4 color;               // rgb reflectance; w probability that the absorption roulette ends a path here
     uint kind;                  // MATERIAL_*
     float ior;                  // index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL
-    float roughness;
-    uint padding;
+    uint padding_0;
+    uint padding_1;
 } Material;
 
 typedef struct {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from render_support import scene, sphere
+from render_support import disk, scene, sphere
 from sampling_support import random_bits
 from stats_support import Evidence
 
@@ -222,3 +222,21 @@ def test_a_white_sphere_in_white_light_is_invisible(device: Device, name: str) -
         error = float(image.linear.std()) / 64.0
         print(f"{name}, {sampling}: {mean:.5f} +- {error:.5f}")
         assert abs(mean - 1.0) <= 1e-3 + 4.0 * error
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct", "whitted"])
+@pytest.mark.parametrize("name", ["oren_nayar 0.5", "conductor 0.1", "conductor 1.0"])
+def test_a_point_light_over_a_plane(device: Device, name: str, integrator: str) -> None:
+    """Each sample is f cosθ I / d²; a pixel so small that both directions are the same over all of it."""
+    eye, light, intensity = towards(35.0, 0.3) * 3.0, towards(50.0, 0.7) * 2.0, 10.0
+    what = scene(
+        [disk([0, 0, 0], [0, 0, 1], 0.5, material="m")],
+        lights=[{"type": "point", "position": light.tolist(), "intensity": [intensity] * 3}],
+        camera={"position": eye.tolist(), "target": [0, 0, 0], "vertical_fov": 0.01},
+        m=ROUGH[name],
+    )
+    image = clrender.render(what, size=(1, 1), spp=4, device=device, integrator=integrator)
+    f, _ = evaluated(
+        device, ROUGH[name], towards(35.0, 0.3)[None].repeat(256, 0), towards(50.0, 0.7)[None].repeat(256, 0)
+    )
+    assert image.linear[0, 0] == pytest.approx(f[0] * intensity / 4.0, rel=2e-3)
