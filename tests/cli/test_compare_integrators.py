@@ -75,7 +75,10 @@ BAD = {
     "few batches": ("--integrators path,direct room --batches 7", ("--batches", "at least 8")),
     "no such folder": ("--integrators path,direct room -o no/where", ("no/where", "cannot be made")),
     # Refused before path is rendered, or the device would be the fault
-    "mirrors for radiosity": ("--integrators path,radiosity room -d nothing", ("shapes[10].material", "diffuse")),
+    "mirrors for radiosity": (
+        "--integrators path,radiosity room -d nothing",
+        ("shapes[10].material", "radiosity does not take"),
+    ),
     "a file": ("--integrators path,direct room -o file", ("file", "is a file")),
 }
 

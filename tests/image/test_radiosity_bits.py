@@ -69,8 +69,8 @@ def test_gathered_and_smooth_pictures_agree_with_paths(device: Device) -> None:
 
 
 def test_mirrors_and_glass_are_refused_by_name(device: Device) -> None:
-    for name, kind, shape in (("room", "a mirror", 10), ("furnace-glass", "glass", None)):
-        with pytest.raises(SceneError, match=rf"is {kind}.*lambert.*--integrator path") as error:
+    for name, kind, shape in (("room", "mirror", 10), ("furnace-glass", "dielectric", None)):
+        with pytest.raises(SceneError, match=rf"of type {kind}.*lambert.*--integrator path") as error:
             clrender.render(clrender.load(name), device=device.info.index, size=(4, 4), integrator="radiosity")
         assert "shapes[" in str(error.value) and (shape is None or f"shapes[{shape}].material" in str(error.value))
 
