@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import runpy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -160,6 +161,10 @@ def test_the_table_of_albedos() -> None:
     table = ggx_albedos()
     assert table[-1, -1] == pytest.approx(1.0 - math.log(2.0), abs=2e-6)
     assert table[0, -1] > 1.0 - 1e-5 and table.max() <= 1.0 and table.min() > 0.0
+    albedo = runpy.run_path(str(SOURCE.parents[2] / "scripts" / "ggx_albedo.py"))["albedo"]
+    for row, column in ((5, 40), (20, 10), (33, 30), (47, 3)):
+        alpha, y2 = (row / 47) ** 2, (column / 47) ** 2
+        assert table[row, column] == pytest.approx(albedo(alpha * y2 / (1.0 + alpha - y2), alpha), abs=1e-6)
 
 
 def test_rough_diffuse_light_against_its_formula(device: Device) -> None:
