@@ -29,7 +29,7 @@ def incident(degrees: float, below: bool = False, turn: float = 0.1) -> Floats:
 
 def mirrored(wo: Floats) -> Floats:
     """Where a mirror reflects to."""
-    return wo * np.array([-1.0, -1.0, 1.0])
+    return np.asarray(wo * np.array([-1.0, -1.0, 1.0]), np.float64)
 
 
 def refracted(wo: Floats, eta: float) -> Floats:

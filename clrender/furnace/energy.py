@@ -1,7 +1,8 @@
 """Energy in a white furnace: the share of uniform light that a material sends to the viewer, found in two ways.
 
 By sampling it is the mean weight of `bsdf_sample`. By evaluation it is ∫ f |cosθ| dω of `bsdf_eval`, over directions
-that are chosen here, so that the material's own density has no part in it. A wrong density or weight sets the two apart.
+that are chosen here, so that the material's own density has no part in it. A wrong density or weight sets the two
+apart.
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ ANGLES: Final = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 75.0, 80.0, 85.0, 88.0, 89.0
 """Degrees from the normal."""
 COPIES: Final = 16
 """Independent estimates, whose spread gives the standard error: each is stratified within itself."""
+_PRECISE: Final = 4e-4
+"""Standard error at which an energy is measured well enough ..."""
+_FINEST: Final = 256
+"""... or that many samples squared were taken for each estimate."""
 
 
 @dataclass
@@ -134,7 +139,7 @@ def measure_energy(
     angles : sequence of float
         Degrees from the normal.
     side : int
-        Each of `COPIES` estimates takes its square of samples.
+        Each of `COPIES` estimates takes its square of samples, and more where they are noisy.
     evaluate : bool
         Else by sampling only, and zero for what evaluation would give.
     """
@@ -142,17 +147,28 @@ def measure_energy(
     rows = []
     for angle in angles:
         wo = incident(angle, below)
-        samples = surfaces.sample(name, wo, jittered(rng, COPIES, side).reshape(2, -1))
-        tally.count(samples)
-        weights = np.where(np.isfinite(samples.weights), samples.weights, 0.0)
-        crossing = samples.directions[:, 2] * wo[2] < 0.0
-        flux = weights * np.where(crossing, relative * relative, 1.0)[:, None]
-        sampled = flux.reshape(COPIES, -1, 3).mean(axis=1)
+        fine = side
+        sampled = _sampled(surfaces, name, wo, relative, rng, tally, fine)
+        while float(sampled[1].max()) > _PRECISE and fine < _FINEST:
+            fine *= 2
+            sampled = _sampled(surfaces, name, wo, relative, rng, tally, fine)
         evaluated = _evaluated(surfaces, name, wo, relative, rng, side) if evaluate else np.zeros((COPIES, 3))
-        delta = (flux * samples.delta[:, None]).mean(axis=0)
-        rows.append((*_mean(sampled), *_mean(evaluated), delta, (flux * crossing[:, None]).mean(axis=0)))
+        rows.append((*sampled[:2], *_mean(evaluated), *sampled[2:]))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     return Energy(below, np.array(angles), *columns)
+
+
+def _sampled(
+    surfaces: Surfaces, name: str, wo: Floats, relative: float, rng: np.random.Generator, tally: Tally, side: int
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean weight, its error, and the parts of deltas and of light that comes through; each (3,)."""
+    samples = surfaces.sample(name, wo, jittered(rng, COPIES, side).reshape(2, -1))
+    tally.count(samples)
+    weights = np.where(np.isfinite(samples.weights), samples.weights, 0.0)
+    crossing = samples.directions[:, 2] * wo[2] < 0.0
+    flux = weights * np.where(crossing, relative * relative, 1.0)[:, None]
+    delta, through = ((flux * part[:, None]).mean(axis=0) for part in (samples.delta, crossing))
+    return *_mean(flux.reshape(COPIES, -1, 3).mean(axis=1)), delta, through
 
 
 def _mean(copies: Floats) -> tuple[Floats, Floats]:
