@@ -15,6 +15,14 @@ from clrender.furnace.plots import energy_plot, lobe_plot, roughness_plot
 
 __all__ = ["furnace_page"]
 
+_TOPICS: Final = {
+    **dict.fromkeys(("gain", "loss", "keeps", "absorbs", "transmits"), "energy"),
+    **dict.fromkeys(("estimators", "weight", "density", "unseen"), "sampling and evaluation"),
+    **dict.fromkeys(("directions", "sampled", "deltas", "integration"), "directions"),
+    **dict.fromkeys(("reciprocity", "reciprocal"), "reciprocity"),
+    **dict.fromkeys(("nonfinite", "negative"), "samples"),
+}
+_PROMISES: Final = ("keeps", "sampled", "reciprocal")
 _ENERGY: Final = (
     "Share of uniform light that leaves the surface towards the viewer, over the viewer's angle from the normal. "
     "Circles: mean weight of sampled directions; crosses: integral of the evaluated BSDF, and deltas; they have to "
@@ -60,11 +68,14 @@ def furnace_page(
 
 def _material(place: int, measured: Measured, found: Sequence[Finding]) -> list[str]:
     keys = ", ".join(f"{key} = {value}" for key, value in measured.keys.items() if key != "type")
-    rows = [["fault" if each.fault else "holds", _capital(each.sentence)] for each in found]
-    table = Table(f"{measured.kind}{': ' if keys else ''}{keys}", ("", measured.name), rows, words=2)
+    outcomes = ["fails" if each.fault else "holds" if each.kind in _PROMISES else "" for each in found]
+    rows = [
+        [_TOPICS[each.kind], outcome, _capital(each.sentence)] for each, outcome in zip(found, outcomes, strict=True)
+    ]
+    table = Table(f"{measured.kind}{': ' if keys else ''}{keys}", ("of", "", "found"), rows, words=3)
     parts = [
         f"<h2>{escape(measured.name)}</h2>",
-        html_table(table, "prose", ["fails" if each.fault else "holds" for each in found]),
+        html_table(table, "prose", outcomes),
         _figure(energy_plot(measured, f"energy-{place}"), _ENERGY),
     ]
     if measured.rows:
@@ -85,9 +96,9 @@ def _capital(sentence: str) -> str:
 def _method() -> list[str]:
     return [
         "Energy by sampling: 16 independent estimates at each angle, each from a jittered grid of random numbers; the "
-        "spread of them gives the standard error. Energy by evaluation: directions chosen without the material's own density, "
-        "around the normal and around the directions of mirror and refraction at all scales. Light that crosses the "
-        "surface counts as flux: radiance times the square of the relative index.",
+        "spread of them gives the standard error. Energy by evaluation: directions chosen without the material's own "
+        "density, around the normal and, at all scales, around the directions of mirror and refraction. Light that "
+        "crosses the surface counts as flux: radiance times the square of the relative index.",
         "Directions: counts in cells around the directions of mirror and refraction, against the density integrated "
         "over each cell (Pearson's χ² test). A density that does not integrate to 1, less what deltas and samples "
         "without light take, fails the test as well.",

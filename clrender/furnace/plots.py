@@ -47,6 +47,9 @@ def energy_plot(measured: Measured, name: str) -> str:
                     total = energy.evaluated[:, i] + energy.delta[:, i]
                     label = "evaluated" if i == 0 else None
                     axes.plot(energy.angles, total, "x", color=drawn, label=label, markersize=8.0)
+            if measured.transmits:
+                through = energy.through.mean(axis=1)
+                axes.plot(energy.angles, through, ":", color=ORANGE, label="of it through the surface")
             axes.plot(white.angles, white.sampled[:, 0], "--", color=GREY, label="in white")
             axes.set_title("seen from the back" if energy.below else "seen from the front")
             axes.set_xlabel("degrees from the normal")
@@ -116,4 +119,4 @@ def lobe_plot(measured: Measured, name: str) -> str:
         axes.set_yticks([])
         figure.legend(loc="outside right upper", title="seen from, maximum")
 
-    return draw(name, f"{measured.name}: lobes", (8.0, 4.6 if not measured.transmits else 6.6), paint)
+    return draw(name, f"{measured.name}: lobes", (8.0, 4.0 if not measured.transmits else 6.6), paint)
