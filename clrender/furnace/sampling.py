@@ -99,8 +99,8 @@ def measure_sampling(
     samples = surfaces.sample(name, wo, rng.random((2, count)))
     tally.count(samples)
     chances, integrated = _chances(surfaces, name, wo, poles, count)
-    # Deltas, and samples without light that no density counts, are the last cell
-    dense = (samples.density > 0.0) & (samples.pdf > 0.0) & np.isfinite(samples.directions).all(axis=1)
+    # Deltas, and samples that end the path in whatever direction, are the last cell: no density counts them
+    dense = (samples.density > 0.0) & (samples.pdf > 0.0) & ~samples.lost & np.isfinite(samples.directions).all(axis=1)
     cells = _cells(wo, poles, samples.directions[dense])
     counts = np.append(np.bincount(cells, minlength=len(chances)), count - np.count_nonzero(dense))
     integral = float(chances.sum())

@@ -53,6 +53,11 @@ class Samples:
         """Where the direction is a delta's: no density, and light all the same."""
         return np.asarray((self.pdf == 0.0) & (self.weights != 0.0).any(axis=1))
 
+    @property
+    def lost(self) -> npt.NDArray[np.bool_]:
+        """Where the path ends although light would come from there: a sample that could not be taken."""
+        return np.asarray((self.weights == 0.0).all(axis=1) & (self.values > 0.0).any(axis=1))
+
 
 class Surfaces:
     """Flat surfaces that face z, one of each material of a scene.
