@@ -27,8 +27,8 @@ COPIES: Final = 16
 """Independent estimates, whose spread gives the standard error: each is stratified within itself."""
 _PRECISE: Final = 4e-4
 """Standard error at which an energy is measured well enough ..."""
-_FINEST: Final = 256
-"""... or that many samples squared were taken for each estimate."""
+_MOST: Final = 4
+"""... or the squares of samples have sides so many times as long."""
 
 
 @dataclass
@@ -149,7 +149,7 @@ def measure_energy(
         wo = incident(angle, below)
         fine = side
         sampled = _sampled(surfaces, name, wo, relative, rng, tally, fine)
-        while float(sampled[1].max()) > _PRECISE and fine < _FINEST:
+        while float(sampled[1].max()) > _PRECISE and fine < _MOST * side:
             fine *= 2
             sampled = _sampled(surfaces, name, wo, relative, rng, tally, fine)
         evaluated = _evaluated(surfaces, name, wo, relative, rng, side) if evaluate else np.zeros((COPIES, 3))

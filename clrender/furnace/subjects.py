@@ -121,7 +121,10 @@ def _white(material: Any) -> Any:
 
 def _parsed(text: str) -> Any:
     try:
-        return tomllib.loads(f"material = {text}\n")["material"]
+        parsed = tomllib.loads(f"material = {text}\n")
+        if len(parsed) > 1:
+            raise ValueError("more than one table")
+        return parsed["material"]
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
         problem = re.sub(r" \(at .*\)$", "", ascii(str(error))[1:-1])[:100]
         raise UsageError(
