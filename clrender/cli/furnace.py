@@ -37,12 +37,13 @@ _NUMBERS: Final = "furnace.json"
 )  # fmt: skip
 @setting_option("seed", default=0, help="Seed of the random numbers (0).")
 @click.option("-d", "--device", metavar="SPEC", help="As of `clrender render`; of several devices the first measures.")
+@click.option("--quick", is_flag=True, help="A sixteenth of the samples.")
 @click.option("--check", is_flag=True, help="Exit with 1 when there is a fault.")
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
 @allow_path_option
 def furnace(
     subject: str, names: tuple[str, ...], as_json: bool, output: Path | None, seed: int, device: str | None,
-    check: bool, quiet: bool, allow_paths: tuple[Path, ...],
+    quick: bool, check: bool, quiet: bool, allow_paths: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Measure the physics of materials.
 
@@ -80,7 +81,7 @@ def furnace(
                 say(f"{len(said)} of {len(what.names)}: {name}")
 
         try:
-            measured = measure(what, chosen[0], seed=seed, step=step)
+            measured = measure(what, chosen[0], seed=seed, side=16 if quick else 64, step=step)
         except KeyboardInterrupt:
             click.echo("error: interrupted; nothing was written", err=True)
             sys.exit(interrupt.exit_code)

@@ -51,10 +51,12 @@ def refracted(wo: Floats, eta: float) -> Floats:
 def around(pole: Floats, angle: Floats, turn: Floats) -> Floats:
     """Directions at an angle from `pole` and turned around it, both in radians."""
     x, y = _across(pole)
-    sine = np.sin(angle)[..., None]
-    # 1 - cos would lose the digits of a small angle
-    toward = np.cos(angle)[..., None] * pole
-    return _single(toward + sine * (np.cos(turn)[..., None] * x + np.sin(turn)[..., None] * y))
+    sine, toward = np.sin(angle), np.cos(angle)
+    along, across = sine * np.cos(turn), sine * np.sin(turn)
+    directions = np.empty((*sine.shape, 3))
+    for k in range(3):
+        directions[..., k] = _single(toward * pole[k] + along * x[k] + across * y[k])
+    return directions
 
 
 def polar(pole: Floats, directions: Floats) -> tuple[Floats, Floats]:

@@ -56,10 +56,12 @@ class Tally:
 
     def count(self, samples: Samples) -> None:
         """Count a set of samples in."""
-        numbers = [samples.directions, samples.weights, samples.values, samples.pdf[:, None], samples.density[:, None]]
+        shares = [*samples.weights.T, *samples.values.T, samples.pdf, samples.density]
+        # A sum with any of them in it is no number either; none of them is so large that finite ones overflow
+        total = sum([*shares, *samples.directions.T])
         self.samples += len(samples.pdf)
-        self.nonfinite += int(np.count_nonzero(~np.isfinite(np.concatenate(numbers, axis=1)).all(axis=1)))
-        self.negative += int(np.count_nonzero((np.concatenate(numbers[1:], axis=1) < 0.0).any(axis=1)))
+        self.nonfinite += int(np.count_nonzero(~np.isfinite(total)))
+        self.negative += int(np.count_nonzero(np.any([share < 0.0 for share in shares], axis=0)))
         lit = (samples.weights > 0.0).any(axis=1) & (samples.pdf > 0.0)
         self.unseen += int(np.count_nonzero(lit & (samples.density == 0.0)))
         both = lit & (samples.density > 0.0)
