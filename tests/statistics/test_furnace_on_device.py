@@ -65,7 +65,7 @@ def test_right_materials_have_no_faults(device: Device) -> None:
 def test_a_fault_of_5_percent_is_found_and_named(device: Device, fault: str, kinds: set[str]) -> None:
     white = {"type": "oren_nayar", "reflectance": [1.0, 1.0, 1.0], "roughness": 0.5}
     name, value = fault.split("=")
-    (measured,) = measure(subject(white=white), device, side=16, faults={name: value})
+    (measured,) = measure(subject(white=white), device, side=32, faults={name: value})
     found = {each.kind: each.amount for each in findings(measured) if each.fault}
     assert set(found) == kinds
     off = float(value.rstrip("f")) - 1.0
