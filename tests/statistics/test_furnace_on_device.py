@@ -28,7 +28,7 @@ GOLD = {"type": "conductor", "metal": "Au", "roughness": 0.4}
 
 
 def subject(**materials: dict[str, Any]) -> Subject:
-    what = scene([], **materials)
+    what = scene((), (), None, **materials)
     return Subject("test", what, tuple(what.materials), {})
 
 
