@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -188,9 +188,9 @@ class DeviceWorker:
                 self._owned.callback(self._preparation.release)
             undone.pop_all()
 
-    def program(self, entry: str) -> Program:
-        """A kernel file that reads the scene, built for this scene and launch."""
-        return self.device.program(entry, self._defined)
+    def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
+        """A kernel file that reads the scene, built for this scene and launch, with `more` macros."""
+        return self.device.program(entry, {**self._defined, **(more or {})})
 
     def padded(self, items: int) -> int:
         """So many work-items make whole groups."""

@@ -28,6 +28,8 @@ from clrender.device.radix_sort import CHUNK
 from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.film.unit import Unit, slot_count
 from clrender.flatten import flatten
+from clrender.furnace.directions import incident
+from clrender.furnace.surfaces import Surfaces
 from clrender.integrators import INTEGRATORS
 from clrender.photon_maps import PhotonMaps
 from clrender.radiosity.atlas import atlas_of
@@ -212,6 +214,24 @@ def radiosity(device: Device) -> str:
     return digest.hexdigest()
 
 
+def furnace(device: Device) -> str:
+    """Hash of what materials sample, and of what they evaluate to, on both sides."""
+    rough = {"type": "conductor", "metal": "Au", "roughness": 0.5}
+    materials = {"rough": rough, "glass": {"type": "dielectric", "ior": 1.5}}
+    camera = {"position": (0, 1, 2.5), "target": (0, 0.5, 0)}
+    surfaces = Surfaces(device, Scene.model_validate({"camera": camera, "materials": materials}), LaunchConfig(4, 2))
+    numbers = np.random.default_rng(71).random((2, 20))
+    digest = hashlib.sha256()
+    for name in materials:
+        for below in (False, True):
+            samples = surfaces.sample(name, incident(50.0, below), numbers)
+            values, pdf = surfaces.evaluate(name, incident(50.0, below), samples.directions)
+            assert np.array_equal(pdf, samples.density) and np.array_equal(values, samples.values)
+            digest.update(samples.directions.tobytes() + samples.weights.tobytes() + samples.pdf.tobytes())
+    surfaces.release()
+    return digest.hexdigest()
+
+
 def scan(device: Device) -> str:
     """Prefix sums of more numbers than one chunk has, which a tree needs only from thousands of primitives on."""
     numbers = np.random.default_rng(70).integers(0, 1000, 3000, dtype=np.uint32)
@@ -236,7 +256,7 @@ def arithmetic(device: Device) -> str:
 
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers, "radiosity": radiosity}
+    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers, "radiosity": radiosity, "furnace": furnace}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
 
