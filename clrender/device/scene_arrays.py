@@ -46,6 +46,8 @@ class SceneArrays:
     tree : bvh.Bvh
     rough : bool
         Whether some material needs the kernels' rough ones.
+    interiors : bool
+        Whether paths keep account of the dielectrics that they are inside of.
 
     Raises
     ------
@@ -63,6 +65,7 @@ class SceneArrays:
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
         self.tree = tree or bvh.build(device, source)
         self.rough = len(scene.arrays["ggx_albedo"]) > 1
+        self.interiors = len(scene.arrays["media_rows"]) > 1
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so there has to be one.
@@ -71,6 +74,7 @@ class SceneArrays:
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             "material_rows": arrays.pop("material_rows"),
+            "media_rows": arrays.pop("media_rows"),
             "ggx_albedo": arrays.pop("ggx_albedo"),
             "light_nodes": arrays.pop("light_nodes"),
             "light_order": arrays.pop("light_order"),
