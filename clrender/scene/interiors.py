@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 
-__all__ = ["LIST_LENGTH", "media_around", "medium_of_primitives", "packed"]
+__all__ = ["LIST_LENGTH", "light_inside", "media_around", "medium_of_primitives", "packed"]
 
 _Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 _CHUNK: Final = 2**18
@@ -53,6 +53,52 @@ def media_around(arrays: _Arrays, triangle_count: int, point: NDArray[np.float64
         place = (medium, 0.0) if medium > unranked else (0, -float((high - low).prod()))
         found += [(*place, medium)] * max(0, math.floor(turns + 0.5))
     return [medium for _, _, medium in sorted(found, reverse=True)]
+
+
+def light_inside(arrays: _Arrays, triangle_count: int, light_count: int) -> int | None:
+    """The first light that shines from inside of a medium, as far as a few points of each tell.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        As of `clrender.flatten.FlatScene`.
+    triangle_count, light_count : int
+
+    Returns
+    -------
+    int or None
+        Row of ``lights``.
+    """
+    if len(arrays["media_rows"]) == 1:
+        return None
+    bounding = np.flatnonzero(medium_of_primitives(arrays))
+    low, high = _box(arrays, triangle_count, bounding)
+    for number, light in enumerate(arrays["lights"][:light_count]):
+        points = _shining_points(arrays, triangle_count, light)
+        near = ((low <= points) & (points <= high)).all(axis=1)
+        if any(media_around(arrays, triangle_count, point) for point in points[near]):
+            return number
+    return None
+
+
+def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:
+    """(n, 3) points a little before the front of what shines; none of what is infinitely far."""
+    if light["kind"] == layout.LIGHT_POINT:
+        return np.asarray(light["position"][:3], np.float64)[None]
+    if light["kind"] not in (layout.LIGHT_AREA_TRIANGLE, layout.LIGHT_AREA_SPHERE, layout.LIGHT_AREA_DISK):
+        return np.zeros((0, 3))
+    if light["primitive"] < triangle_count:
+        a, b, c = arrays["vertices"][arrays["triangles"][light["primitive"]]].astype(np.float64)
+        normal = np.cross(b - a, c - a)
+        inwards = np.array([[0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98], [1 / 3, 1 / 3, 1 / 3]])
+        points: NDArray[np.float64] = inwards @ np.stack([a, b, c])
+        return points + 1e-4 * normal / np.sqrt(np.sqrt((normal * normal).sum()))
+    row = arrays["analytic_shapes"][light["primitive"] - triangle_count]
+    center, radius = row["center_radius"][:3].astype(np.float64), float(row["center_radius"][3])
+    if row["normal"][3] == 0.0:
+        return np.asarray(center + 1e-4 * radius * row["normal"][:3])[None]
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    return np.asarray(center + radius * (1.0 + 1e-4 * float(row["normal"][3])) * axes)
 
 
 def packed(media: list[int]) -> tuple[int, int]:
