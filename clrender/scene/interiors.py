@@ -1,4 +1,4 @@
-"""Which media a point is inside of: the camera's list, with which its paths begin, and lights that photons cannot leave."""
+"""Which media a point is inside of: the camera's list, with which its paths begin, and that of lights."""
 
 from __future__ import annotations
 
@@ -91,8 +91,7 @@ def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDA
         a, b, c = arrays["vertices"][arrays["triangles"][light["primitive"]]].astype(np.float64)
         normal = np.cross(b - a, c - a)
         inwards = np.array([[0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98], [1 / 3, 1 / 3, 1 / 3]])
-        points: NDArray[np.float64] = inwards @ np.stack([a, b, c])
-        return points + 1e-4 * normal / np.sqrt(np.sqrt((normal * normal).sum()))
+        return np.asarray(inwards @ np.stack([a, b, c]) + 1e-4 * normal / np.sqrt(np.sqrt((normal * normal).sum())))
     row = arrays["analytic_shapes"][light["primitive"] - triangle_count]
     center, radius = row["center_radius"][:3].astype(np.float64), float(row["center_radius"][3])
     if row["normal"][3] == 0.0:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.scene.description import Dielectric, Scene
-from clrender.scene.shapes import Shape
+from clrender.scene.description import Dielectric, Material, Scene
 from clrender.scene.values import Vector
 
 __all__ = ["MEDIA_LIMIT", "Media", "absorption_coefficients", "scene_media"]
@@ -21,6 +20,7 @@ MEDIA_LIMIT: Final = 255
 """Most media of a scene: a path keeps their numbers in a byte each (``kernels/material/interior.h``)."""
 
 _Medium: TypeAlias = tuple[int | None, float, Vector]
+_VACUUM: Final = (1.0, (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -57,15 +57,13 @@ def scene_media(scene: Scene) -> Media:
     SceneError
         There are more than `MEDIA_LIMIT`.
     """
-    shining = {shape.material for shape in scene.shapes if _shines(shape)}
     used = {shape.material for shape in scene.shapes}
-    glass = {n: m for n, m in scene.materials.items() if n in used and isinstance(m, Dielectric)}
-    media = {name: _medium(material) for name, material in glass.items()}
-    dark = {name for name, material in glass.items() if _is_matched(material)}
-    places = {medium: place for place, medium in reversed(list(enumerate(media.values())))}
-    ranked = sorted((m for m in set(media.values()) if m[0] is not None), key=lambda m: (m[0], -places[m]))
-    # In a medium of index 1 that loses to all others there is nothing to be seen of it.
-    while ranked and ranked[0][1:] == (1.0, (0.0, 0.0, 0.0)) and not any(media[n] == ranked[0] for n in shining & {*media}):
+    shining = {shape.material for shape in scene.shapes if shape.emission and any(shape.emission)}
+    media = {n: _medium(m) for n, m in scene.materials.items() if n in used and isinstance(m, Dielectric)}
+    dark = {name for name in media if _is_matched(scene.materials[name])}
+    ranked = _by_priority(media)
+    # Of a medium of index 1 that loses to all others nothing is seen.
+    while ranked and ranked[0][1:] == _VACUUM and ranked[0] not in [media[n] for n in media if n in shining]:
         dark |= {name for name, medium in media.items() if medium == ranked[0]}
         del ranked[0]
     kept = {name: medium for name, medium in media.items() if name not in dark or name in shining}
@@ -99,11 +97,17 @@ def _medium(material: Dielectric) -> _Medium:
     return (material.priority, material.ior, absorption_coefficients(material))
 
 
-def _is_matched(material: Dielectric) -> bool:
+def _by_priority(media: Mapping[str, _Medium]) -> list[_Medium]:
+    """Media with a priority, each once; the one that wins is last."""
+    places: dict[_Medium, int] = {}
+    for place, medium in enumerate(media.values()):
+        places.setdefault(medium, place)
+    ranked = [(medium[0], -place, medium) for medium, place in places.items() if medium[0] is not None]
+    return [medium for _, _, medium in sorted(ranked)]
+
+
+def _is_matched(material: Material) -> bool:
     """Whether it is the same on both sides of its shapes."""
+    assert isinstance(material, Dielectric)
     same = material.priority is None and material.ior == material.exterior_ior
     return same and not any(absorption_coefficients(material))
-
-
-def _shines(shape: Shape) -> bool:
-    return bool(shape.emission and any(shape.emission))

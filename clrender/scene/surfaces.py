@@ -52,8 +52,8 @@ class FlatSurfaces:
 def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurfaces:
     """All shapes of a scene, triangles first.
 
-    Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so that
-    light passes however it is looked for.
+    Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so
+    that light passes however it is looked for.
 
     Parameters
     ----------

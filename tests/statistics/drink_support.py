@@ -30,7 +30,8 @@ ICE: Final = {"type": "dielectric", "ior": 1.2, "priority": 2}
 
 def rectangles(corners: Sequence[tuple[Vector, Vector, Vector]], **more: Any) -> dict[str, Any]:
     """A mesh of rectangles, each given by its origin and two edges; it faces along their cross product."""
-    vertices, faces = [], []
+    vertices: list[list[float]] = []
+    faces: list[list[int]] = []
     for origin, u, v in corners:
         n = len(vertices)
         for a, b in ((0, 0), (1, 0), (1, 1), (0, 1)):
@@ -41,7 +42,8 @@ def rectangles(corners: Sequence[tuple[Vector, Vector, Vector]], **more: Any) ->
 
 def walls(half: float, low: float, high: float, outward: bool) -> list[tuple[Vector, Vector, Vector]]:
     """The four sides of a square column."""
-    up, found = (0.0, high - low, 0.0), []
+    up = (0.0, high - low, 0.0)
+    found: list[tuple[Vector, Vector, Vector]] = []
     for x, z in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
         along = (2.0 * half * z, 0.0, -2.0 * half * x)
         origin = (half * (x - z), low, half * (z + x))
@@ -112,5 +114,10 @@ def on_a_table(shapes: Sequence[Shape], **materials: Mapping[str, Any]) -> Scene
     lamp = quad([-1.0, 3.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], emission=1.5)
     sky = {"type": "environment", "radiance": [0.6, 0.7, 0.8]}
     return scene(
-        [*shapes, *table, lamp], [sky], CAMERA, dark=lambert([0.2, 0.3, 0.5]), light=lambert([0.8, 0.7, 0.6]), **materials
+        [*shapes, *table, lamp],
+        [sky],
+        CAMERA,
+        dark=lambert([0.2, 0.3, 0.5]),
+        light=lambert([0.8, 0.7, 0.6]),
+        **materials,
     )
