@@ -165,7 +165,7 @@ class Dielectric(Part):
     ior: Index
     exterior_ior: Index = 1.0
     priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
-        None, description="where volumes of closed shapes overlap, the highest number is there; without: see below"
+        None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
     )
     attenuation_color: Reflectance | None = Field(
         None, description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"
