@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.scene.angles import tan_degrees
+from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (
     Camera,
     Conductor,
@@ -183,7 +184,11 @@ def flatten(
         light_count=light_count,
         light_levels=tree.levels if tree else 0,
         arrays_sha256=digest.hexdigest(),
-        warnings=(*surfaces.warnings, *_lost_light(scene, media.no_boundary)),
+        warnings=(
+            *surfaces.warnings,
+            *_lost_light(scene, media.no_boundary),
+            *_coinciding(scene, arrays, triangle_count),
+        ),
         origin=origin,
     )
 
@@ -216,6 +221,16 @@ def _lost_light(scene: Scene, no_boundary: frozenset[str]) -> list[str]:
     return [
         f"{scene.source}: light of {which}: only the integrator photon finds it; elsewhere glass casts a full shadow"
     ]
+
+
+def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count: int) -> list[str]:
+    """Volumes of which a ray cannot tell where one ends and the other begins."""
+    shapes = coinciding_shapes(arrays, triangle_count)
+    if shapes is None:
+        return []
+    which = f"shapes[{shapes[0]}] and shapes[{shapes[1]}]"
+    text = "faces of two dielectrics coincide, and what is seen through them is wrong"
+    return [f"{scene.source}: {which}: {text}; let one reach a little into the other"]
 
 
 def _padded(array: NDArray[Any]) -> NDArray[Any]:

@@ -8,7 +8,7 @@
 // their material names; in the list they stand behind all others, the one entered last first.
 //
 // Volumes are closed. So a ray that leaves the scene is outside of all of them, whatever the list says: where a mesh has a hole, or faces of
-// two volumes coincide and only one of them is found, no energy is lost or gained.
+// two volumes coincide and only one of them is found, a white environment stays white.
 //
 // Built only where a scene has priorities or absorbing dielectrics (-D INTERIORS): elsewhere all of this is nothing.
 #ifndef MATERIAL_INTERIOR_H

@@ -199,6 +199,31 @@ def test_reuse_refuses_them(key: str, material: dict[str, Any]) -> None:
     assert RenderJob.of(of_each(a=glass()), integrator="reuse")
 
 
+@pytest.mark.parametrize(
+    "center, size, warned",
+    [
+        ((0.0, 0.0, 2.0), (2.0, 2.0, 2.0), True),  # face to face
+        ((0.0, 0.0, 1.0), (2.0, 2.0, 2.0), True),  # half in, with common sides
+        ((0.1, 0.2, 1.0), (2.0, 2.0, 2.0), False),  # overlapping
+        ((0.0, 0.0, 2.01), (2.0, 2.0, 2.0), False),  # a gap
+        ((2.0, 0.0, 2.0), (2.0, 2.0, 2.0), False),  # an edge in common
+        ((3.0, 0.0, 0.0), (2.0, 2.0, 2.0), False),  # in the same planes, apart
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("turn", [[0, 0, 0], [10, 20, 30]], ids=str)
+def test_faces_that_coincide_are_told(center: Sequence[float], size: Sequence[float], turn: Any, warned: bool) -> None:
+    def box(center: Sequence[float], size: Sequence[float], material: str) -> dict[str, Any]:
+        rotated = {"rotate_degrees": turn}
+        return {"type": "box", "center": center, "size": size, "material": material, "transform": rotated}
+
+    shapes = [SPHERE, box([0, 0, 0], [2, 2, 2], "a"), box(center, size, "b")]
+    for material, exact in ((glass(1.3, priority=1), warned), (glass(priority=2), False)):
+        flat = flatten(scene(shapes, a=glass(priority=2), b=material), 8, 8)
+        told = [warning for warning in flat.warnings if "shapes[1] and shapes[2]: faces of two dielectrics" in warning]
+        assert bool(told) == exact
+
+
 def test_the_list_has_the_kernels_length() -> None:
     from clrender.resources import kernels_folder
     from clrender.scene.interiors import LIST_LENGTH
