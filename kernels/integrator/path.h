@@ -95,9 +95,11 @@ static void path_choose_lights(const Scene* scene, const Path* path, const Verte
     EACH_PACKET(k) light_choose(scene, &walk[k], sampler[k], sampler_set(path[k].depth, SET_LIGHT), &choice[k]);
 }
 
-// What is left of a light sample's radiance when it arrives: no boundary is in the way, so that the medium is the path's own.
-static vec3 path_to_light(const Scene* scene, const Path* path, const Surface* surface, const LightSample* light) {
-    return interior_transmittance(scene, &path->interior, magnitude(sub(light->target, surface->point)), light->infinite);
+// What is left of a light sample's radiance when it arrives: no surface is in the way, so that all of it is in the medium that the
+// shadow ray begins in.
+static vec3 path_to_light(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light) {
+    const Interior in = interior_towards(&path->interior, &vertex->crossing, light->direction, vertex->bsdf.side);
+    return interior_transmittance(scene, &in, magnitude(sub(light->target, vertex->surface.point)), light->infinite);
 }
 
 // The share of the path's radiance that one of its light samples brings, as far as nothing is in the way.
@@ -108,7 +110,7 @@ static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vert
     const vfloat bsdf_samples = split_bsdf_samples(&path->split, settings->bsdf_samples);
     const vfloat weight = mis_weight(splat((float)settings->light_samples), light->pdf, bsdf_samples, bsdf_pdf);
     const vfloat share = (light->delta ? splat(1.0f) : weight) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
-    const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), path_to_light(scene, path, &vertex->surface, light));
+    const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), path_to_light(scene, path, vertex, light));
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
 }
 

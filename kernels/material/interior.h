@@ -125,9 +125,16 @@ static Crossing interior_meet(const Scene* scene, const Interior* in, Surface* s
 
 static vmask interior_straight(const Crossing* c) { return c->straight; }
 
-// The path goes on in this direction; `side` is the normal on the side that it came from.
+// The list with which a ray leaves the surface in this direction; `side` is the normal on the side that the path came from.
+static Interior interior_towards(const Interior* in, const Crossing* c, vec3 direction, vec3 side) {
+    Interior out = *in;
+    interior_replace(&out, c->beyond, c->straight | (inner(direction, side) < 0.0f));
+    return out;
+}
+
+// The path goes on in this direction.
 static void interior_cross(Interior* in, const Crossing* c, vec3 direction, vec3 side) {
-    interior_replace(in, c->beyond, c->straight | (inner(direction, side) < 0.0f));
+    *in = interior_towards(in, c, direction, side);
     in->straight = c->straight ? in->straight + 1u : in->straight;
 }
 
@@ -187,6 +194,7 @@ static Crossing interior_meet(const Scene* scene, const Interior* in, Surface* s
     return c;
 }
 static vmask interior_straight(const Crossing* c) { return mask_none(); }
+static Interior interior_towards(const Interior* in, const Crossing* c, vec3 direction, vec3 side) { return *in; }
 static void interior_cross(Interior* in, const Crossing* c, vec3 direction, vec3 side) {}
 static vmask interior_goes_on(const Interior* in, const Crossing* c, Sampler sampler, vec3* throughput) { return mask_all(); }
 static vec3 interior_transmittance(const Scene* scene, const Interior* in, vfloat distance, vmask from_outside) { return vec3_all(1.0f); }

@@ -83,19 +83,19 @@ def test_what_no_shape_uses_does_not_count() -> None:
 @pytest.mark.parametrize(
     "materials, left_out",
     [
-        ({"a": glass(1.0, priority=0), "b": glass(priority=1)}, {"a"}),
-        ({"a": glass(1.0, priority=1), "b": glass(priority=0)}, set()),
-        ({"a": glass(1.0, priority=1), "b": glass(1.0, priority=0)}, {"a", "b"}),
-        ({"a": tinted(1.0, priority=0), "b": glass(priority=1)}, set()),
-        ({"a": glass(1.0), "b": glass(priority=1)}, {"a"}),
-        ({"a": tinted(1.0)}, set()),
-        ({"a": glass(1.0, attenuation_color=[1.0] * 3, attenuation_distance=1.0)}, {"a"}),
+        ({"a": glass(1.0, priority=0), "b": glass(priority=1)}, "a"),
+        ({"a": glass(1.0, priority=1), "b": glass(priority=0)}, ""),
+        ({"a": glass(1.0, priority=1), "b": glass(1.0, priority=0)}, "ab"),
+        ({"a": tinted(1.0, priority=0), "b": glass(priority=1)}, ""),
+        ({"a": glass(1.0), "b": glass(priority=1)}, "a"),
+        ({"a": tinted(1.0)}, ""),
+        ({"a": glass(1.0, attenuation_color=[1.0] * 3, attenuation_distance=1.0)}, "a"),
     ],
     ids=str,
 )
-def test_what_changes_nothing_is_left_out(materials: dict[str, Any], left_out: set[str]) -> None:
+def test_what_changes_nothing_is_left_out(materials: dict[str, Any], left_out: str) -> None:
     what = of_each(**materials)
-    assert scene_media(what).no_boundary == left_out
+    assert scene_media(what).no_boundary == set(left_out)
     assert flatten(what, 8, 8).analytic_count == len(materials) - len(left_out)
 
 
