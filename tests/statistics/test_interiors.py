@@ -16,6 +16,7 @@ from stats_support import Evidence
 import clrender
 
 if TYPE_CHECKING:
+    from clrender.device import Device
     from clrender.scene import Scene
 
 SKY = {"type": "environment", "radiance": [1.0, 1.0, 1.0]}
@@ -186,7 +187,7 @@ def test_index_one_is_invisible_to_photons(evidence: Evidence, studio: Studio) -
 
 
 @pytest.mark.parametrize("light", ["point", "shape"])
-def test_photons_refuse_lights_inside(studio: Studio, light: str) -> None:
+def test_photons_refuse_lights_inside(device: Device, light: str) -> None:
     # Each beside one that is black or outside, so that the place has to be found.
     inside, outside = [0.0, 0.5, 0.0], [0.0, 3.0, 0.0]
     shapes = [box((0.0, 0.5, 0.0), 1.0, "water"), sphere(outside, 0.1, emission=1.0)]
@@ -198,15 +199,15 @@ def test_photons_refuse_lights_inside(studio: Studio, light: str) -> None:
     place = r"lights\[2\]" if light == "point" else r"shapes\[2\]"
     with pytest.raises(clrender.SceneError, match=rf"^Scene: {place}: shines from inside of a dielectric"):
         what = scene(shapes, points, OUTSIDE, water=WATER)
-        clrender.render(what, device=studio.device, size=(8, 8), spp=1, integrator="photon")
+        clrender.render(what, device=device.info.index, size=(8, 8), spp=1, integrator="photon")
 
 
-def test_layers_see_through_what_is_no_boundary(studio: Studio) -> None:
+def test_layers_see_through_what_is_no_boundary(device: Device) -> None:
     # A block of index 1 in air: its albedo, normals, places and numbers are those of what is behind it.
     ball, block = sphere([0.9, 0.3, 0.6], 0.1, material="water"), box((0.0, 0.4, 0.0), 0.6, "nothing")
     nothing = {"type": "dielectric", "ior": 1.0, "priority": 2}
     names = ("albedo", "normal", "depth", "position", "material")
-    settings: dict[str, Any] = {"device": studio.device, "size": (24, 24), "spp": 4, "aov": names}
+    settings: dict[str, Any] = {"device": device.info.index, "size": (24, 24), "spp": 4, "aov": names}
     there = clrender.render(on_a_table([ball, block], water=WATER, nothing=nothing), **settings)
     without = clrender.render(on_a_table([ball], water=WATER, nothing=nothing), **settings)
     for name in names:
@@ -214,12 +215,12 @@ def test_layers_see_through_what_is_no_boundary(studio: Studio) -> None:
 
 
 @pytest.mark.parametrize("nothing", [{"priority": 0}, {}], ids=["lowest priority", "no priority"])
-def test_index_one_changes_no_bit(studio: Studio, nothing: dict[str, Any]) -> None:
+def test_index_one_changes_no_bit(device: Device, nothing: dict[str, Any]) -> None:
     # What loses to everything, or has the same index on both sides, is left out wherever it is.
     shapes = by_priority()
     more = [*shapes, box((0.3, 0.4, 0.2), 0.7, "nothing")]
     hashes = {
-        clrender.render(what, device=studio.device, size=(32, 32), spp=2).stats["image_sha256"]
+        clrender.render(what, device=device.info.index, size=(32, 32), spp=2).stats["image_sha256"]
         for what in (
             on_a_table(shapes, glass=GLASS, water=WATER),
             on_a_table(more, glass=GLASS, water=WATER, nothing={"type": "dielectric", "ior": 1.0, **nothing}),
