@@ -116,8 +116,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("color", "float4", "rgb reflectance; w probability that the absorption roulette ends a path here"),
         ("kind", "uint", "MATERIAL_*"),
         ("ior", "float", "index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL"),
+        ("medium", "uint", "behind the front: row of media_rows; 0: none that paths keep account of"),
         ("padding_0", "uint", ""),
-        ("padding_1", "uint", ""),
     ),
     "Light": (
         ("radiance", "float4", "rgb: radiance W/(sr m2), point: intensity W/sr, directional: irradiance W/m2"),
@@ -139,6 +139,10 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("lens_u", "float4", "aperture radius along image right; 0: pinhole"),
         ("lens_v", "float4", "aperture radius along image up"),
         ("world", "float4", "xyz: where the origin of all coordinates on the device lies in world space"),
+        ("interior_first", "uint", "media around it, highest first, a byte each from the highest on"),
+        ("interior_last", "uint", "and four more of them"),
+        ("padding_0", "uint", ""),
+        ("padding_1", "uint", ""),
     ),
     "Settings": (
         ("width", "uint", "pixels"),
@@ -191,6 +195,11 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("ETA", 1, 3, "conductor: its index of refraction over that of the medium before it, real part"),
         ("K", 4, 3, "and imaginary part"),
         ("MULTIPLE", 7, 3, "conductor: scale of the light scattered between facets (Kulla and Conti 2017)"),
+    ),
+    "MEDIUM": (
+        ("IOR", 0, 1, "of a dielectric: its index of refraction; row 0: 1"),
+        ("SIGMA", 1, 3, "its absorption coefficients, per metre"),
+        ("UNRANKED", 4, 1, "bits, in row 0: so many media have no priority"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

@@ -10,6 +10,7 @@
     X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal, facing; then what it is made of */        \
     X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
     X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row */                         \
+    X(float, media_rows)     /* of dielectrics, where paths carry a list of them: material/interior.h */                            \
     X(float, ggx_albedo)     /* share of light that GGX reflects at first: material/ggx.h */                                     \
     X(float, light_rows)     /* radiance, kind, probability or place in the tree, primitive, geometry */                      \
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
@@ -28,6 +29,8 @@
 
 // The last number of a primitive's row: the kind of material below this bit, the flags of the shape from it on.
 #define ROW_FLAGS 16u
+// And from this bit on, the number of the medium behind the front; 0: none that paths keep account of.
+#define ROW_MEDIUM 24u
 
 typedef struct {
     SCENE_ARRAYS(SCENE_MEMBER_)

@@ -42,8 +42,8 @@ typedef struct {
     float4 color;               // rgb reflectance; w probability that the absorption roulette ends a path here
     uint kind;                  // MATERIAL_*
     float ior;                  // index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL
+    uint medium;                // behind the front: row of media_rows; 0: none that paths keep account of
     uint padding_0;
-    uint padding_1;
 } Material;
 
 typedef struct {
@@ -67,6 +67,10 @@ typedef struct {
     float4 lens_u;              // aperture radius along image right; 0: pinhole
     float4 lens_v;              // aperture radius along image up
     float4 world;               // xyz: where the origin of all coordinates on the device lies in world space
+    uint interior_first;        // media around it, highest first, a byte each from the highest on
+    uint interior_last;         // and four more of them
+    uint padding_0;
+    uint padding_1;
 } Camera;
 
 typedef struct {
@@ -110,6 +114,10 @@ typedef struct {
 #define MATERIAL_ROW_ETA 1              // conductor: its index of refraction over that of the medium before it, real part
 #define MATERIAL_ROW_K 4                // and imaginary part
 #define MATERIAL_ROW_MULTIPLE 7         // conductor: scale of the light scattered between facets (Kulla and Conti 2017)
+
+#define MEDIUM_ROW_IOR 0                // of a dielectric: its index of refraction; row 0: 1
+#define MEDIUM_ROW_SIGMA 1              // its absorption coefficients, per metre
+#define MEDIUM_ROW_UNRANKED 4           // bits, in row 0: so many media have no priority
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

@@ -48,6 +48,8 @@ class SceneArrays:
         Whether some material needs the kernels' rough ones.
     environment_map : bool
         Whether the environment has a picture.
+    interiors : bool
+        Whether paths keep account of the dielectrics that they are inside of.
 
     Raises
     ------
@@ -66,6 +68,7 @@ class SceneArrays:
         self.tree = tree or bvh.build(device, source)
         self.rough = len(scene.arrays["ggx_albedo"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
+        self.interiors = len(scene.arrays["media_rows"]) > 1
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so there has to be one.
@@ -74,6 +77,7 @@ class SceneArrays:
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             "material_rows": arrays.pop("material_rows"),
+            "media_rows": arrays.pop("media_rows"),
             "ggx_albedo": arrays.pop("ggx_albedo"),
             "light_nodes": arrays.pop("light_nodes"),
             "light_order": arrays.pop("light_order"),

@@ -214,6 +214,8 @@ class DeviceWorker:
             defines["ROUGH_MATERIALS"] = 1
         if self._arrays.environment_map:
             defines["ENVIRONMENT_MAP"] = 1
+        if self._arrays.interiors:
+            defines["INTERIORS"] = 1
         if self._settings["indirect_rays"][0] > 1:
             defines["PATH_SPLITS"] = 1
         if self._prefetches:

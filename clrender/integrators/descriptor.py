@@ -69,6 +69,8 @@ class Integrator:
         Types of material that it takes; empty: all.
     environment_pictures : bool
         Whether it takes an environment that is not the same everywhere.
+    volumes : bool
+        Whether its paths keep account of the dielectrics that they are inside of: priorities and absorption.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
     preparation : str
@@ -83,5 +85,6 @@ class Integrator:
     fixed: Mapping[str, int] = field(default_factory=dict)
     materials: tuple[str, ...] = ()
     environment_pictures: bool = True
+    volumes: bool = True
     auto_light_sampler: str = "auto"
     preparation: str = ""

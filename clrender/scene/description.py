@@ -158,12 +158,37 @@ class Mirror(Part):
 
 
 class Dielectric(Part):
-    """A smooth boundary between two transparent media: `ior` behind the front side, `exterior_ior` before it."""
+    """A smooth boundary between two transparent media: `ior` behind the front side, `exterior_ior` before it.
+
+    With a `priority` it is a medium that fills closed shapes instead: where volumes overlap, the highest priority wins.
+    """
 
     type: Literal["dielectric"]
     ior: Index
     exterior_ior: Index = 1.0
+    priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
+        None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
+    )
+    attenuation_color: Reflectance | None = Field(
+        None, description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"
+    )
+    attenuation_distance: Length | None = Field(None, description="metres, in the medium behind the front")
     absorption: Absorption = None
+
+    @model_validator(mode="after")
+    def _is_a_medium(self) -> Dielectric:
+        if self.priority is not None and "exterior_ior" in self.model_fields_set:
+            sentence = "cannot be given beside priority: the volume that is outside has its own index; leave it out"
+            raise fault("material", sentence, "exterior_ior")
+        if (self.attenuation_color is None) != (self.attenuation_distance is None):
+            one, other = ("color", "distance") if self.attenuation_distance is None else ("distance", "color")
+            sentence = f"needs attenuation_{other} beside it: the share of light that is left after that distance"
+            raise fault("material", sentence, f"attenuation_{one}")
+        for i, share in enumerate(self.attenuation_color or ()):
+            if share == 0.0:
+                sentence = "is 0, which no thickness of a medium does; give a small number such as 0.001"
+                raise fault("material", sentence, "attenuation_color", i)
+        return self
 
 
 class OrenNayar(Part):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
-from clrender.scene.description import Scene
+from clrender.scene.description import Dielectric, Scene
 
 __all__ = ["check_materials"]
 
@@ -29,8 +29,16 @@ def check_materials(scene: Scene, integrator: str) -> None:
             f"{scene.source}: lights[{scene.lights.index(light)}].file: the integrator {integrator} takes no picture "
             "of the environment; give its radiance instead, or use --integrator path"
         )
-    taken = INTEGRATORS[integrator].materials
+    taken, volumes = INTEGRATORS[integrator].materials, INTEGRATORS[integrator].volumes
     for index, shape in enumerate(scene.shapes):
+        material = scene.materials[shape.material] if shape.material is not None else None
+        if isinstance(material, Dielectric) and not volumes:
+            for key in ("priority", "attenuation_color"):
+                if getattr(material, key) is not None:
+                    raise SceneError(
+                        f"{scene.source}: shapes[{index}].material: {shape.material!r} has {key}, which the integrator "
+                        f"{integrator} does not take; leave it out, or use --integrator path"
+                    )
         kind = scene.materials[shape.material].type if shape.material is not None else None
         if taken and kind is not None and kind not in taken:
             raise SceneError(

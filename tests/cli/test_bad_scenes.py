@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CAMERA = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n"
 WHITE = '[materials.white]\ntype = "lambert"\nreflectance = [0.7, 0.7, 0.7]\n'
 METAL = '[materials.m]\ntype = "conductor"\n'
+GLASS = '[materials.g]\ntype = "dielectric"\nior = 1.5\n'
 MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
 SKY = CAMERA + '[[lights]]\ntype = "environment"\n{}\n'
 HDR = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n"
@@ -164,6 +165,34 @@ VALUES = [
     Bad("eta 0", CAMERA + METAL + "eta = [1, 0, 1]\nk = [1, 1, 1]\n", ("materials.m.eta", "greater than 0")),
     Bad("roughness 2", CAMERA + METAL + 'metal = "Au"\nroughness = 2\n', ("materials.m.roughness", "at most 1")),
     Bad("ior missing", CAMERA + '[materials.g]\ntype = "dielectric"\n', ("materials.g", "`ior` is missing")),
+    Bad("priority -1", CAMERA + GLASS + "priority = -1\n", ("materials.g.priority", "at least 0")),
+    Bad("priority 1.5", CAMERA + GLASS + "priority = 1.5\n", ("materials.g.priority", "whole number")),
+    Bad(
+        "priority and exterior",
+        CAMERA + GLASS + "priority = 1\nexterior_ior = 1.3\n",
+        ("materials.g.exterior_ior", "beside priority", "leave it out"),
+        cli=True,
+    ),
+    Bad(
+        "attenuation alone",
+        CAMERA + GLASS + "attenuation_color = [1, 0.5, 0.5]\n",
+        ("materials.g.attenuation_color", "needs attenuation_distance"),
+    ),
+    Bad(
+        "attenuation to nothing",
+        CAMERA + GLASS + "attenuation_color = [1, 0.5, 0]\nattenuation_distance = 1\n",
+        ("materials.g.attenuation_color[2]", "is 0", "0.001"),
+    ),
+    Bad(
+        "attenuation to more",
+        CAMERA + GLASS + "attenuation_color = [1, 1.5, 1]\nattenuation_distance = 1\n",
+        ("materials.g.attenuation_color[1]", "at most 1"),
+    ),
+    Bad(
+        "attenuation distance 0",
+        CAMERA + GLASS + "attenuation_color = [1, 1, 1]\nattenuation_distance = 0\n",
+        ("materials.g.attenuation_distance", "greater than 0"),
+    ),
     Bad(
         "exterior ior", CAMERA + '[materials.g]\ntype = "dielectric"\nior = 1.5\nexterior_ior = -1\n', ("exterior_ior",)
     ),

@@ -63,6 +63,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "triangles",
         "primitive_shape",
         "material_rows",
+        "media_rows",
         "ggx_albedo",
         "light_nodes",
         "light_order",

@@ -69,6 +69,8 @@ class Run:
         With rough materials.
     sky : bool
         With a picture of the environment.
+    interiors : bool
+        With dielectrics that overlap and absorb, and the camera in one of them.
     """
 
     kernel: str
@@ -78,6 +80,7 @@ class Run:
     large: bool = False
     rough: bool = False
     sky: bool = False
+    interiors: bool = False
 
 
 RENDERS: Final = {
@@ -88,6 +91,9 @@ RENDERS: Final = {
     "path-4-sky": Run("path", 4, samples=2, sky=True),
     "path-1-sky": Run("path", 1, sky=True),
     "photon-4-sky": Run("photon", 4, sky=True),
+    "path-4-interiors": Run("path", 4, samples=2, interiors=True),
+    "photon-4-interiors": Run("photon", 4, samples=2, interiors=True),
+    "whitted-1-interiors": Run("whitted", 1, samples=2, interiors=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -125,6 +131,21 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "matt": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
         "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4},
     }
+    if run.interiors:
+        shapes += [
+            {"type": "box", "center": (0.2, -0.1, 0.5), "size": (0.6, 0.7, 0.6), "material": "water"},
+            {"type": "sphere", "center": (0.2, 0.8, 3.0), "radius": 0.1, "material": "air"},
+            {"type": "tetrahedron", "vertices": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)), "material": "old"},
+        ]
+    media = {
+        "glass": {"type": "dielectric", "ior": 1.5, "priority": 2},
+        "water": {
+            "type": "dielectric", "ior": 1.33, "priority": 1,
+            "attenuation_color": (0.9, 0.8, 0.3), "attenuation_distance": 0.5,
+        },
+        "air": {"type": "dielectric", "ior": 1.0, "priority": 3},
+        "old": {"type": "dielectric", "ior": 1.4},
+    }  # fmt: skip
     described = {
         "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
         "materials": {
@@ -132,6 +153,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             "mirror": {"type": "mirror", "reflectance": color},
             "glass": {"type": "dielectric", "ior": 1.5},
             **(rough if run.rough else {}),
+            **(media if run.interiors else {}),
         },
         "shapes": shapes,
         "lights": [

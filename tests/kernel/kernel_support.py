@@ -121,6 +121,7 @@ def flat_scene(
         "lights": np.zeros(1, layout.dtype("Light")),
         "light_nodes": np.zeros((1, 16), np.float32),
         "material_rows": np.zeros((1, 16), np.float32),
+        "media_rows": np.zeros((1, 16), np.float32),
         "ggx_albedo": np.zeros(1, np.float32),
         "light_order": np.zeros(1, np.uint32),
         "environment_map": np.zeros(1, np.float32),
