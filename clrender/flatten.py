@@ -27,7 +27,7 @@ from clrender.scene.description import (
     PointLight,
     Scene,
 )
-from clrender.scene.lights import flat_lights
+from clrender.scene.lights import flat_environment, flat_lights
 from clrender.scene.microfacets import SMOOTH_BELOW, fresnel, ggx_albedos, multiple_scale
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
@@ -57,7 +57,8 @@ class FlatScene:
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
         ``material_rows`` (M, 16) float32, and ``ggx_albedo`` (N,) float32, one zero where no material is rough;
         ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
-        (N,) uint32, the tree of lights. Little-endian, C-contiguous.
+        (N,) uint32, the tree of lights; ``environment_map`` (N,) float32, one zero where the environment has no
+        picture. Little-endian, C-contiguous.
     camera : (1,) `Camera`
         All that depends on the camera, but for `origin`.
     environment : int
@@ -148,7 +149,8 @@ def flatten(
     origin = scene_origin(scene.camera) if origin is None else origin
     camera = _camera_row(scene.camera, width, height, scene.source, origin)
     surfaces = flat_surfaces(scene, origin)
-    lights, environment, tree = flat_lights(scene, surfaces, light_sampler)
+    around = flat_environment(scene)
+    lights, environment, tree = flat_lights(scene, surfaces, around.radiance, light_sampler)
     triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
     rough = any(isinstance(material, OrenNayar | Conductor) for material in scene.materials.values())
     arrays = {
@@ -164,6 +166,7 @@ def flatten(
         "lights": _padded(lights),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
+        "environment_map": around.words,
     }
     digest = hashlib.sha256(f"{environment} {triangle_count} {analytic_count} {light_count}".encode())
     for name, array in arrays.items():

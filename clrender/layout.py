@@ -214,6 +214,12 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("POSITION", 6, 3, "point light"),
         ("DIRECTION", 6, 3, "directional light: of travel, unit"),
     ),
+    "ENVIRONMENT": (
+        ("WIDTH", 0, 1, "head of the environment's picture: bits: pixels"),
+        ("HEIGHT", 1, 1, "bits"),
+        ("TURN", 2, 1, "fraction of a turn that it is rotated by, about +y"),
+        ("INVERSE", 3, 1, "one over the integral of its luminance by solid angle"),
+    ),
     "NODE": (
         ("CENTER", 0, 3, "child of a node of the light BVH: sphere about its lights"),
         ("RADIUS", 3, 1, "negative: infinitely far"),

@@ -131,6 +131,11 @@ typedef struct {
 #define LIGHT_ROW_POSITION 6            // point light
 #define LIGHT_ROW_DIRECTION 6           // directional light: of travel, unit
 
+#define ENVIRONMENT_ROW_WIDTH 0         // head of the environment's picture: bits: pixels
+#define ENVIRONMENT_ROW_HEIGHT 1        // bits
+#define ENVIRONMENT_ROW_TURN 2          // fraction of a turn that it is rotated by, about +y
+#define ENVIRONMENT_ROW_INVERSE 3       // one over the integral of its luminance by solid angle
+
 #define NODE_ROW_CENTER 0               // child of a node of the light BVH: sphere about its lights
 #define NODE_ROW_RADIUS 3               // negative: infinitely far
 #define NODE_ROW_NORMAL 4               // mean of the lights' normals

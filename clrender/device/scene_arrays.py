@@ -46,6 +46,8 @@ class SceneArrays:
     tree : bvh.Bvh
     rough : bool
         Whether some material needs the kernels' rough ones.
+    environment_map : bool
+        Whether the environment has a picture.
 
     Raises
     ------
@@ -63,6 +65,7 @@ class SceneArrays:
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
         self.tree = tree or bvh.build(device, source)
         self.rough = len(scene.arrays["ggx_albedo"]) > 1
+        self.environment_map = len(scene.arrays["environment_map"]) > 1
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so there has to be one.
@@ -74,6 +77,7 @@ class SceneArrays:
             "ggx_albedo": arrays.pop("ggx_albedo"),
             "light_nodes": arrays.pop("light_nodes"),
             "light_order": arrays.pop("light_order"),
+            "environment_map": arrays.pop("environment_map"),
             "nodes": self.tree.nodes,
             "triangle_packs": self.tree.triangle_packs,
             "analytic_packs": self.tree.analytic_packs,

@@ -67,6 +67,8 @@ class Integrator:
         Members of the kernels' `Settings` that it gives itself, whatever the settings say.
     materials : tuple of str
         Types of material that it takes; empty: all.
+    environment_pictures : bool
+        Whether it takes an environment that is not the same everywhere.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
     preparation : str
@@ -80,5 +82,6 @@ class Integrator:
     takes: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
     fixed: Mapping[str, int] = field(default_factory=dict)
     materials: tuple[str, ...] = ()
+    environment_pictures: bool = True
     auto_light_sampler: str = "auto"
     preparation: str = ""

@@ -13,5 +13,6 @@ INTEGRATOR: Final = Integrator(
     leaves_out=(CAUSTICS,),
     bias="discretised",
     materials=("lambert",),
+    environment_pictures=False,
     preparation="clrender.radiosity.preparation",
 )

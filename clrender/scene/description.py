@@ -15,7 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
 
+from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
+from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.light_kinds import LIGHT_TYPES, DirectionalLight, EnvironmentLight, Light, PointLight
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.microfacets import METALS
@@ -24,7 +27,6 @@ from clrender.scene.values import (
     COORDINATE_LIMIT,
     SHAPE_LIMIT,
     Absorption,
-    Color,
     Extinction,
     Finite,
     Index,
@@ -210,46 +212,6 @@ MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
 Material: TypeAlias = Annotated[Lambert | Mirror | Dielectric | OrenNayar | Conductor, Field(discriminator="type")]
 
 
-# --- lights ----------------------------------------------------------------------------------------------------------
-
-
-class PointLight(Part):
-    """Shines alike in all directions from one point."""
-
-    type: Literal["point"]
-    position: Vector
-    intensity: Color = Field(description="W/sr")
-
-
-class DirectionalLight(Part):
-    """Parallel light from infinitely far away."""
-
-    type: Literal["directional"]
-    direction: Vector = Field(description="in which the light travels")
-    irradiance: Color = Field(description="W/m2 on a surface that faces it")
-
-    @model_validator(mode="after")
-    def _has_a_direction(self) -> DirectionalLight:
-        if length(self.direction) == 0.0:
-            raise fault("light", "has length zero; give a direction such as [0, -1, 0]", "direction")
-        return self
-
-
-class EnvironmentLight(Part):
-    """The same radiance from every direction outside the scene."""
-
-    type: Literal["environment"]
-    radiance: Color = Field(description="W/(sr m2)")
-
-
-LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
-    "point": PointLight,
-    "directional": DirectionalLight,
-    "environment": EnvironmentLight,
-}
-Light: TypeAlias = Annotated[PointLight | DirectionalLight | EnvironmentLight, Field(discriminator="type")]
-
-
 # --- the whole -------------------------------------------------------------------------------------------------------
 
 
@@ -279,6 +241,7 @@ class Scene(Part):
     _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
     _source: str = PrivateAttr(default="Scene")
     _meshes: dict[str, MeshData] = PrivateAttr(default_factory=dict)
+    _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -294,7 +257,7 @@ class Scene(Part):
 
     @property
     def base_folder(self) -> Path:
-        """Folder against which mesh files are looked up: the scene file's own, or the working folder."""
+        """Folder against which files are looked up: the scene file's own, or the working folder."""
         return self._base_folder
 
     @property
@@ -310,13 +273,13 @@ class Scene(Part):
         source : str
             What messages call the scene.
         base_folder : pathlib.Path
-            Mesh files are looked up in it and read only from it and below ...
+            Files are looked up in it and read only from it and below ...
         allow_paths : sequence of pathlib.Path
             ... and from these folders and below.
         """
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes = {}
+        scene._meshes, scene._pictures = {}, {}
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -362,6 +325,56 @@ class Scene(Part):
             self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, f"{place}.file")
         return self._meshes[shape.file]
 
+    @property
+    def environment(self) -> EnvironmentLight | None:
+        """The scene's only one."""
+        return next((light for light in self.lights if isinstance(light, EnvironmentLight)), None)
+
+    def environment_picture(self) -> EnvironmentPicture | None:
+        """The picture of the environment, if it has one; its file is read once and kept.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is not a usable picture.
+        """
+        light = self.environment
+        if light is None or light.file is None:
+            return None
+        if light.file not in self._pictures:
+            place = f"{self._source}: lights[{self.lights.index(light)}].file"
+            self._pictures[light.file] = EnvironmentPicture.read(
+                light.file, self._base_folder, self._allow_paths, place
+            )
+        return self._pictures[light.file]
+
+    def with_pictures(self, pictures: Mapping[str, EnvironmentPicture]) -> Scene:
+        """The same scene with these pictures in the place of the files of these names."""
+        scene = self.model_copy()
+        scene._pictures = {**self._pictures, **pictures}
+        return scene
+
+    def with_environment(self, file: str | Path) -> Scene:
+        """The same scene, which has no environment, in one with this picture.
+
+        Parameters
+        ----------
+        file : str or pathlib.Path
+            A `.exr`, `.hdr` or `.png` in latitude and longitude, anywhere.
+
+        Raises
+        ------
+        SceneError
+            If the scene has an environment, or the file cannot be read or is not a usable picture.
+        """
+        path = Path(file).absolute()
+        if self.environment is not None:
+            place = f"{self._source}: lights[{self.lights.index(self.environment)}]"
+            raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
+        picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
+        lights = (*self.lights, EnvironmentLight(type="environment", file=str(path)))
+        return self.model_copy(update={"lights": lights}).with_pictures({str(path): picture})
+
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.
 
@@ -370,7 +383,8 @@ class Scene(Part):
         Returns
         -------
         str
-            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, not by its name.
+            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels, not
+            by its name.
         """
         return self._hash_without({"title", "render"})
 
@@ -383,4 +397,8 @@ class Scene(Part):
         for index, shape in enumerate(self.shapes):
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()
+        picture = self.environment_picture()
+        for light in content["lights"]:
+            if light["type"] == "environment" and picture is not None:
+                light["file"] = picture.sha256()
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

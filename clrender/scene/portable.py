@@ -1,16 +1,18 @@
-"""A scene on its way to another process: JSON, and the meshes it read from files, each named by its hash."""
+"""A scene on its way to another process: JSON, and what it read from files, each named by its hash."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
+from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
@@ -18,6 +20,7 @@ from clrender.scene.validation_errors import scene_error
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
+_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture)
 
 
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -30,14 +33,14 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     Returns
     -------
     description : dict
-        As a scene file says it; a mesh file stands there as ``sha256:`` and the hash of its content.
+        As a scene file says it; a file stands there as ``sha256:`` and the hash of its content.
     assets : dict of str to bytes
-        The meshes by hash, in NumPy's ``.npz`` format.
+        Meshes and pictures by hash, in NumPy's ``.npz`` format.
 
     Raises
     ------
     SceneError
-        A mesh file cannot be read.
+        A file cannot be read.
     """
     description = scene.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     assets: dict[str, bytes] = {}
@@ -47,6 +50,12 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
             description["shapes"][index]["file"] = _PREFIX + mesh.sha256()
             if mesh.sha256() not in assets:
                 assets[mesh.sha256()] = _packed(mesh)
+    picture = scene.environment_picture()
+    for light in description.get("lights", []) if picture else []:
+        if "file" in light:
+            assert picture is not None
+            light["file"] = _PREFIX + picture.sha256()
+            assets[picture.sha256()] = _zipped(pixels=picture.pixels)
     return description, assets
 
 
@@ -66,30 +75,57 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Mesh) and shape.file is not None and shape.file not in meshes:
             place = f"{source}: shapes[{index}].file"
-            if not shape.file.startswith(_PREFIX):
-                raise SceneError(f"{place}: names the file {shape.file!r}; here assets are named by their hash")
-            meshes[shape.file] = _unpacked(shape.file.removeprefix(_PREFIX), assets, place)
-    return scene.with_meshes(meshes)
+            meshes[shape.file] = _unpacked(_hash_in(shape.file, place), assets, place)
+    light = scene.environment
+    if light is None or light.file is None:
+        return scene.with_meshes(meshes)
+    place = f"{source}: lights[{scene.lights.index(light)}].file"
+    picture = _unpacked_picture(_hash_in(light.file, place), assets, place)
+    return scene.with_meshes(meshes).with_pictures({light.file: picture})
 
 
 def _packed(mesh: MeshData) -> bytes:
     arrays = {"vertices": mesh.vertices, "triangles": mesh.triangles}
     if mesh.normals is not None:
         arrays["normals"] = mesh.normals
+    return _zipped(**arrays)
+
+
+def _zipped(**arrays: NDArray[Any]) -> bytes:
     data = io.BytesIO()
     np.savez(data, **arrays)  # type: ignore[arg-type]  # the stub takes the names for options
     return data.getvalue()
 
 
+def _hash_in(name: str, place: str) -> str:
+    if not name.startswith(_PREFIX):
+        raise SceneError(f"{place}: names the file {name!r}; here assets are named by their hash")
+    return name.removeprefix(_PREFIX)
+
+
 def _unpacked(sha256: str, assets: Mapping[str, bytes], place: str) -> MeshData:
+    def mesh(archive: Any) -> MeshData:
+        return MeshData(archive["vertices"], archive["triangles"], archive.get("normals"))
+
+    return _asset(sha256, assets, place, mesh)
+
+
+def _unpacked_picture(sha256: str, assets: Mapping[str, bytes], place: str) -> EnvironmentPicture:
+    def picture(archive: Any) -> EnvironmentPicture:
+        return EnvironmentPicture.checked(archive["pixels"], f"the asset {sha256}")
+
+    return _asset(sha256, assets, place, picture)
+
+
+def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[[Any], _Asset]) -> _Asset:
     if sha256 not in assets:
         raise SceneError(f"{place}: the asset {sha256} is missing; send it along")
     try:
         with np.load(io.BytesIO(assets[sha256]), allow_pickle=False) as archive:
-            mesh = MeshData(archive["vertices"], archive["triangles"], archive.get("normals"))
-            same = mesh.sha256() == sha256
+            asset = made(archive)
+            same = asset.sha256() == sha256
     except Exception as error:  # damaged archives fail in too many ways to list
         raise SceneError(f"{place}: the asset {sha256} cannot be read ({error}); send it again") from None
     if not same:
         raise SceneError(f"{place}: the asset {sha256} has another content than its hash says; send it again")
-    return mesh
+    return asset

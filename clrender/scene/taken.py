@@ -1,4 +1,4 @@
-"""Which materials an integrator takes."""
+"""Which materials and lights an integrator takes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["check_materials"]
 
 
 def check_materials(scene: Scene, integrator: str) -> None:
-    """Make sure that an integrator takes the materials of all shapes.
+    """Make sure that an integrator takes the materials of all shapes, and the environment.
 
     Parameters
     ----------
@@ -21,8 +21,14 @@ def check_materials(scene: Scene, integrator: str) -> None:
     Raises
     ------
     SceneError
-        It names the first shape that it does not take, and what to do.
+        It names the first shape or light that it does not take, and what to do.
     """
+    light = scene.environment
+    if light is not None and light.file is not None and not INTEGRATORS[integrator].environment_pictures:
+        raise SceneError(
+            f"{scene.source}: lights[{scene.lights.index(light)}].file: the integrator {integrator} takes no picture "
+            "of the environment; give its radiance instead, or use --integrator path"
+        )
     taken = INTEGRATORS[integrator].materials
     for index, shape in enumerate(scene.shapes):
         kind = scene.materials[shape.material].type if shape.material is not None else None

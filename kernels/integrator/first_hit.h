@@ -44,7 +44,8 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
         const Surface surface = surface_at(scene, &path.ray, hit, found);
-        const vec3 outside = lane_any(path.alive & !found) ? environment_emitted(scene) : vec3_all(0.0f);
+        const vec3 outside =
+            lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction) : vec3_all(0.0f);
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 

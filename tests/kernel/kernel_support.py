@@ -123,6 +123,7 @@ def flat_scene(
         "material_rows": np.zeros((1, 16), np.float32),
         "ggx_albedo": np.zeros(1, np.float32),
         "light_order": np.zeros(1, np.uint32),
+        "environment_map": np.zeros(1, np.float32),
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
     camera = np.zeros(1, layout.dtype("Camera"))
