@@ -383,8 +383,8 @@ class Scene(Part):
         Returns
         -------
         str
-            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels, not
-            by its name.
+            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels,
+            neither by its name.
         """
         return self._hash_without({"title", "render"})
 

@@ -48,8 +48,8 @@ class DirectionalLight(Part):
 class EnvironmentLight(Part):
     """Light from every direction outside the scene: the same radiance, or a picture of it in latitude and longitude.
 
-    The top of the picture is at +y, its middle column at +z, and the column a quarter of its width from the left edge at
-    +x; between pixels radiance is interpolated.
+    The top of the picture is at +y, its middle column at +z, and the column a quarter of its width from the left edge
+    at +x; between pixels radiance is interpolated.
     """
 
     type: Literal["environment"]

@@ -37,6 +37,7 @@ from clrender.radiosity.factors import hemicube_cells
 from clrender.radiosity.solution import RadiositySettings
 from clrender.radiosity.tracer import Tracer
 from clrender.scene import Scene
+from clrender.scene.environment import EnvironmentPicture
 from clrender.settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ class Run:
         With a mesh whose triangles need more than one chunk of the builder's sort, and a tree of several levels.
     rough : bool
         With rough materials.
+    sky : bool
+        With a picture of the environment.
     """
 
     kernel: str
@@ -72,6 +75,7 @@ class Run:
     samples: int = 1
     large: bool = False
     rough: bool = False
+    sky: bool = False
 
 
 RENDERS: Final = {
@@ -79,6 +83,9 @@ RENDERS: Final = {
     "path-4": Run("path", 4),
     "path-8-single": Run("path", 8, "single"),
     "path-4-rough": Run("path", 4, samples=2, rough=True),
+    "path-4-sky": Run("path", 4, samples=2, sky=True),
+    "path-1-sky": Run("path", 1, sky=True),
+    "photon-4-sky": Run("photon", 4, sky=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -128,10 +135,12 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "lights": [
             {"type": "point", "position": (0.5, 1.8, 1.5), "intensity": (1, 1, 1)},
             {"type": "directional", "direction": (0.2, -1, -0.3), "irradiance": (0.5, 0.4, 0.3)},
-            {"type": "environment", "radiance": (0.2, 0.2, 0.2)},
+            {"type": "environment", "file": "sky"} if run.sky else {"type": "environment", "radiance": (0.2, 0.2, 0.2)},
         ],
     }
-    return flatten(Scene.model_validate(described).placed("everything", folder), WIDTH, HEIGHT)
+    pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
+    what = Scene.model_validate(described).placed("everything", folder)
+    return flatten(what.with_pictures({"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT)
 
 
 def render(device: Device, run: Run) -> str:
