@@ -62,8 +62,8 @@ def exr_attribute(file: IO[bytes], name: str) -> str | None:
 def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:
     """The image of a file: its display window, black where the file has no data, in linear Rec. 709.
 
-    It has `most` pixels at most. Of a file of several parts the only one with colours counts. A luminance channel alone is
-    grey. Other primaries are converted, with their white adapted to D65 (`clrender.image.colorimetry`).
+    It has `most` pixels at most. Of a file of several parts the only one with colours counts. A luminance channel alone
+    is grey. Other primaries are converted, with their white adapted to D65 (`clrender.image.colorimetry`).
 
     Returns
     -------

@@ -22,6 +22,8 @@ METAL = '[materials.m]\ntype = "conductor"\n'
 MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
 SKY = CAMERA + '[[lights]]\ntype = "environment"\n{}\n'
 HDR = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n"
+WIDE = "#?RADIANCE\nPRIMARIES=0.708 0.292 0.170 0.797 0.131 0.046 0.3127 0.329\n\n-Y 1 +X 1\n"
+"""A picture whose green is none of Rec. 709."""
 HEAD = "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
 FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
 ASCII = HEAD.format("ascii", 3) + FACES.format(1)
@@ -303,10 +305,9 @@ FILES = [
     sky("garbage", "a.exr", b"\x76\x2f\x31\x01" + b"x" * 300, "not a readable .exr image", cli=True),
     sky("too large", "a.hdr", HDR.format(20000, 20000), "20000 x 20000 pixels"),
     sky("cut short", "a.hdr", HDR.format(4, 4) + "abc", "ends too early"),
-    sky("negative", "a.hdr", b"#?RADIANCE\nPRIMARIES=0.3 0.6 0.15 0.06 0.64 0.33 0.3127 0.329\n\n-Y 1 +X 1\n\xff\0\0\x80",
-        "pixel (0, 0)", "at least 0"),
-    sky("too bright", "a.hdr", HDR.format(1, 1).encode() + b"\xff\xff\xff\xff", "pixel (0, 0)", "at most 1e+12"),
-    sky("too bright by its scale", "a.hdr", HDR.format(1, 1).encode() + b"\xff\xff\xff\x90", "scale", more="scale = 1e9"),
+    sky("negative", "a.hdr", WIDE.encode() + b"\0\xff\0\x80", "pixel (0, 0)", "at least 0"),
+    sky("too bright", "a.hdr", HDR.format(1, 1).encode() + b"\xff" * 4, "pixel (0, 0)", "at most 1e+12"),
+    sky("scaled too much", "a.hdr", HDR.format(1, 1).encode() + b"\xff\xff\xff\x90", "scale", more="scale = 1e9"),
     Bad("mesh missing", CAMERA + MESH.format("no.ply"), ("shapes[0].file", '"no.ply"', "does not exist"), cli=True),
     Bad("mesh ending", CAMERA + MESH.format("m.stl"), ("shapes[0].file", ".ply or .obj"), {"m.stl": "solid"}),
     Bad("mesh outside", CAMERA + MESH.format("../outside.ply"), ("shapes[0].file", "outside the scene's own folder"),

@@ -66,6 +66,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "ggx_albedo",
         "light_nodes",
         "light_order",
+        "environment_map",
     }
     for name, array in scene.arrays.items():
         assert array.flags.c_contiguous and len(array) > 0

@@ -1,4 +1,4 @@
-"""Pictures of the environment: some that are difficult, their radiance by float64 formulas, and as the device has it."""
+"""Pictures of the environment: some difficult ones, by float64 formulas and on the device."""
 
 from __future__ import annotations
 
