@@ -48,7 +48,8 @@ def sky() -> NDArray[np.float32]:
     picture = picture * (1.0 - ground) + np.array([0.16, 0.14, 0.11]) * ground
     y, x = np.unravel_index(int(facing.argmax()), facing.shape)
     picture[y, x] = (2400.0, 2100.0, 1700.0)  # the sun, spread over a pixel
-    return picture.astype(np.float32)
+    result: NDArray[np.float32] = picture.astype(np.float32)
+    return result
 
 
 def main() -> int:

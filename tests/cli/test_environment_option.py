@@ -31,11 +31,6 @@ def test_it_is_what_the_scene_would_say(tmp_path: Path) -> None:
         hashes.append(stats["image_sha256"])
     assert hashes[0] == hashes[1]
     np.testing.assert_allclose(read_image(tmp_path / "lit.npy"), np.broadcast_to(pixels[0, 3], (4, 4, 3)), rtol=1e-5)
-    # A second environment, an output over it, and a file that is none
-    for scene, file, output, problem in (
-        ("lit", "skies/a.exr", "x.npy", "is an environment already"),
-        ("plain", "skies/a.exr", "skies/a.exr", "is an input of this command"),
-        ("plain", "plain.toml", "x.npy", ".exr, .hdr or .png"),
-    ):
-        done = run("render", f"{scene}.toml", "-o", output, "--environment", file, folder=tmp_path)
-        assert done.returncode == 2 and problem in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    command = ["render", "plain.toml", "-o", "skies/a.exr", "--environment", "skies/a.exr"]
+    done = run(*command, folder=tmp_path)
+    assert done.returncode == 2 and "is an input of this command" in done.stderr and done.stderr.count("\n") == 1

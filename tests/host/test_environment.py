@@ -65,7 +65,7 @@ def test_mean_radiance_and_sums() -> None:
 def test_black_pictures_are_no_light() -> None:
     table = table_of(np.zeros((2, 2, 3)))
     assert table.radiance == (0.0, 0.0, 0.0) and len(table.words) == 1
-    what = Scene(camera=CAMERA, lights=(EnvironmentLight(type="environment", file="a"),))  # type: ignore[arg-type]
+    what = Scene(camera=CAMERA, lights=(EnvironmentLight(type="environment", file="a"),))
     flat = flatten(what.with_pictures({"a": EnvironmentPicture(np.zeros((2, 2, 3), np.float32))}), 8, 8)
     assert (flat.environment, flat.light_count) == (layout.NONE, 0)
 

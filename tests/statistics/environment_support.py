@@ -16,6 +16,7 @@ from clrender.scene.environment import EnvironmentPicture
 
 if TYPE_CHECKING:
     from clrender.device import Device
+    from clrender.device.device import Argument
     from clrender.scene import Scene
 
 __all__ = ["PICTURES", "DevicePicture", "cells", "irradiance", "luminance", "radiance", "under"]
@@ -67,7 +68,8 @@ def luminance(colors: Floats) -> Floats:
 
 def _lines(height: int) -> Floats:
     """Cosines of the angle from +y: the pole, the centres of the rows, the other pole."""
-    return np.cos(np.concatenate([[0.0], (np.arange(height) + 0.5) / height * math.pi, [math.pi]]))
+    cosines: Floats = np.cos(np.concatenate([[0.0], (np.arange(height) + 0.5) / height * math.pi, [math.pi]]))
+    return cosines
 
 
 def _between(pixels: Floats, line: Any, down: Any, column: Any, right: Any) -> Floats:
@@ -162,14 +164,18 @@ class DevicePicture:
         padded = -(-count // (16 * LANES)) * 16 * LANES
         numbers = np.ascontiguousarray(np.pad(numbers, ((0, 0), (0, padded - count)), mode="edge"))
         device = self.device
-        none = device.upload(np.zeros(64, np.uint32))  # settings, which nobody reads
-        named = {**self.arrays.buffers, "settings": none}
-        result = device.empty(4 * outputs * padded)
-        given = [*(named[name] for name in scene_array_names()), device.upload(numbers), np.uint32(padded), result]
+        buffers = [device.upload(np.zeros(64, np.uint32)), device.upload(numbers), device.empty(4 * outputs * padded)]
+        named = {**self.arrays.buffers, "settings": buffers[0]}  # which nobody reads
         program = device.program(SOURCE, {"LANES": LANES, "ENVIRONMENT_MAP": 1})
+        given: list[Argument] = [
+            *(named[name] for name in scene_array_names()),
+            buffers[1],
+            np.uint32(padded),
+            buffers[2],
+        ]
         device.launch(program, kernel, padded // LANES, 16, given)
         out = np.empty((outputs, padded), np.float32)
-        device.read(result, out)
-        for buffer in (none, given[-3], result):
+        device.read(buffers[2], out)
+        for buffer in buffers:
             device.release(buffer)
         return out[:, :count].astype(np.float64)

@@ -9,6 +9,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from environment_support import PICTURES, DevicePicture, cells, irradiance, luminance, radiance, under
 from exact import polygon_irradiance
@@ -19,12 +20,10 @@ from stats_support import Evidence
 from clrender.errors import SceneError
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
     from clrender.device import Device
     from clrender.scene import Scene
 
-Floats = npt.NDArray[np.float64] if TYPE_CHECKING else Any
+Floats = npt.NDArray[np.float64]
 
 COUNT = 1 << 17
 NORMALS = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
