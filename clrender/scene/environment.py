@@ -30,6 +30,8 @@ _CHUNK: Final = 2**19
 """Pixels that are worked on at a time."""
 _MANTISSA: Final = 19
 _BIAS: Final = 64
+_POWERS: Final = np.ldexp(1.0, np.arange(128) - _BIAS)
+"""The units that mantissas can count."""
 
 _Floats = NDArray[np.float64]
 
@@ -98,6 +100,8 @@ class EnvironmentPicture:
             It begins with `label`.
         """
         for y, row in enumerate(pixels):
+            if row.min() >= 0.0 and row.max() <= POWER_LIMIT:
+                continue
             bad = ~((row >= 0.0) & (row <= POWER_LIMIT)).all(axis=1)
             if bad.any():
                 x = int(np.argmax(bad))
@@ -151,19 +155,20 @@ def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) ->
     step = max(1, _CHUNK // width)
     for top in range(0, height, step):
         rows = slice(top, top + step)
-        held = _packed(picture.pixels[rows], scale, packed[rows])
-        luminance = (0.2126 * held[..., 0] + 0.7152 * held[..., 1]) + 0.0722 * held[..., 2]
+        red, green, blue = held = _packed(picture.pixels[rows], scale, packed[rows])
+        luminance = (0.2126 * red + 0.7152 * green) + 0.0722 * blue
         sums = np.cumsum((luminance + np.roll(luminance, -1, axis=1)) * 0.5, axis=1)
         along[rows, 1:] = sums
         row_sums[rows, 0] = sums[:, -1]
-        row_sums[rows, 1:] = np.cumsum(held, axis=1)[:, -1]
+        for channel, values in enumerate(held):
+            row_sums[rows, 1 + channel] = np.cumsum(values, axis=1)[:, -1]
     # Lines of latitude: the poles have the light of the rows beside them.
     line_sums = row_sums[np.clip(np.arange(lines) - 1, 0, height - 1)]
     drops = _drops(height)
     between = (line_sums[:-1] + line_sums[1:]) * (0.5 * np.diff(drops.astype(np.float64)))[:, None]
     before = np.cumsum(between, axis=0)
     total, *colors = (before[-1] * (2.0 * math.pi / width)).tolist()
-    red, green, blue = (color / (4.0 * math.pi) for color in colors)
+    mean = (colors[0] / (4.0 * math.pi), colors[1] / (4.0 * math.pi), colors[2] / (4.0 * math.pi))
     if total == 0.0:
         return EnvironmentTable((0.0, 0.0, 0.0), np.zeros(1, np.float32))
     words[head : head + lines] = drops
@@ -171,26 +176,28 @@ def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) ->
     words[head + 2 * lines + 1 : head + 3 * lines] = before[:, 0] / before[-1, 0]
     bits[0:2] = width, height
     words[2], words[3] = np.float32(turn) % np.float32(1.0), 1.0 / total
-    return EnvironmentTable((red, green, blue), words)
+    return EnvironmentTable(mean, words)
 
 
-def _packed(pixels: NDArray[np.float32], scale: Color, packed: NDArray[np.uint32]) -> _Floats:
-    """Write pixels as two words each; gives the radiance that these hold.
+def _packed(pixels: NDArray[np.float32], scale: Color, packed: NDArray[np.uint32]) -> list[_Floats]:
+    """Write pixels as two words each; gives the radiance that these hold, an array for each channel.
 
     Three mantissas of 19 bits share an exponent of 7: the error is below 2^-19 of the largest channel.
     """
-    held: _Floats = pixels.astype(np.float64) * np.array(scale)
-    exponent = np.maximum(np.frexp(held.max(axis=-1))[1], _MANTISSA - _BIAS)
-    mantissa = np.rint(np.ldexp(held, (_MANTISSA - exponent)[..., None]))
-    full = mantissa.max(axis=-1) >= 2**_MANTISSA
-    exponent += full
-    mantissa = np.where(full[..., None], np.rint(np.ldexp(held, (_MANTISSA - exponent)[..., None])), mantissa)
-    red, green, blue = (mantissa[..., channel].astype(np.uint32) for channel in range(3))
+    channels = [pixels[..., i].astype(np.float64) * scale[i] for i in range(3)]
+    largest = np.maximum(np.maximum(channels[0], channels[1]), channels[2])
+    # Just below a power of two a mantissa would round up to 2^19.
+    exponent = np.maximum(np.frexp(largest * (1.0 + 2.0**-19))[1], _MANTISSA - _BIAS)
+    unit = _POWERS[exponent + (_BIAS - _MANTISSA)]
+    for values in channels:
+        np.rint(np.divide(values, unit, out=values), out=values)
+    red, green, blue = (values.astype(np.uint32) for values in channels)
     shift = (exponent + (_BIAS - _MANTISSA)).astype(np.uint32)
     packed[..., 0] = red | (green << np.uint32(19))
     packed[..., 1] = (green >> np.uint32(13)) | (blue << np.uint32(6)) | (shift << np.uint32(25))
-    np.ldexp(mantissa, (exponent - _MANTISSA)[..., None], out=held)
-    return held
+    for values in channels:
+        values *= unit
+    return channels
 
 
 def _drops(height: int) -> NDArray[np.float32]:

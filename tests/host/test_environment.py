@@ -38,7 +38,7 @@ def test_pixels_keep_nineteen_bits_of_their_brightest_channel() -> None:
     pixels = (10.0 ** np.random.default_rng(1).uniform(-18.0, 11.0, (5, 7, 3))).astype(np.float32)
     pixels[0, 0] = 0.0
     pixels[0, 1] = (np.nextafter(np.float32(1.0), np.float32(0.0)), 1.0, 0.5)
-    pixels[0, 2] = 1e12
+    pixels[0, 2], pixels[0, 3] = 1e12, 1.0 - 2.0**-20
     found = decoded(table_of(pixels), 5, 7)
     error = np.abs(found - pixels).max(axis=-1)
     assert (error <= np.maximum(pixels.max(axis=-1) * 2.0**-19, 2.0**-65)).all()
