@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import drjit
 import mitsuba
 import numpy as np
-from peer_scene import Job, Part, answer, camera_of, job, parts_of, timed
+from peer_scene import Job, Part, answer, camera_of, environment_of, job, parts_of, timed
 
 __all__: list[str] = []
 
@@ -19,30 +20,64 @@ def color(values: Any) -> dict[str, Any]:
     return {"type": "rgb", "value": list(values)}
 
 
-def material(described: dict[str, Any]) -> dict[str, Any]:
-    if described["type"] == "dielectric":
-        return {"type": "dielectric", "int_ior": described["ior"], "ext_ior": 1.0}
-    if described["type"] == "mirror":
+def texture(value: Any, folder: Path) -> Any:
+    """A constant colour, or a bitmap."""
+    if isinstance(value, dict):
+        raw = value.get("color_space") != "srgb"
+        return {"type": "bitmap", "filename": str(folder / value["texture"]), "raw": raw}
+    return color(value)
+
+
+def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    kind = described["type"]
+    alpha = described.get("roughness", 0.0) ** 2
+    if kind == "dielectric":
+        rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha} if alpha else {"type": "dielectric"}
+        return {**rough, "int_ior": described["ior"], "ext_ior": 1.0}
+    if kind == "mirror":
         one: dict[str, Any] = {
             "type": "conductor",
             "material": "none",
             "specular_reflectance": color(described["reflectance"]),
         }
+    elif kind == "conductor":
+        one = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
+        one |= {key: color(value) for key, value in zip(("eta", "k"), index_of(described), strict=True)}
+    elif kind == "principled":
+        one = {"type": "principled", "base_color": texture(described["base_color"], folder), "specular": 0.5}
+        one |= {"roughness": described["roughness"], "clearcoat": described.get("coat", 0.0)}
+        one |= {"clearcoat_gloss": 1.0 - described.get("coat_roughness", 0.0)}
     else:
-        one = {"type": "diffuse", "reflectance": color(described["reflectance"])}
+        one = {"type": "diffuse", "reflectance": texture(described["reflectance"], folder)}
+    if "normal_map" in described:
+        bitmap = texture(described["normal_map"], folder)
+        one = {"type": "normalmap", "normalmap": bitmap, "nested": one}
     return {"type": "twosided", "one": one}
 
 
-def flat_mesh(part: Part) -> Any:
+GOLD = ((0.21, 0.43, 1.38), (3.272, 2.455, 1.914))
+
+
+def index_of(described: dict[str, Any]) -> Any:
+    """Complex index of refraction of a metal, as clrender has it."""
+    return GOLD if described.get("metal") == "Au" else (described["eta"], described["k"])
+
+
+def flat_mesh(part: Part, folder: Path) -> Any:
     properties = mitsuba.Properties()
-    properties["bsdf"] = mitsuba.load_dict(material(part.material))
+    properties["bsdf"] = mitsuba.load_dict(material(part.material, folder))
     properties["face_normals"] = True
     if part.emission is not None:
         properties["emitter"] = mitsuba.load_dict({"type": "area", "radiance": color(part.emission)})
-    mesh = mitsuba.Mesh(part.name, len(part.vertices), len(part.faces), props=properties)
+    textured = part.coordinates is not None and any(isinstance(value, dict) for value in part.material.values())
+    mesh = mitsuba.Mesh(
+        part.name, len(part.vertices), len(part.faces), has_vertex_texcoords=textured, props=properties
+    )
     arrays = mitsuba.traverse(mesh)
     arrays["vertex_positions"] = np.ascontiguousarray(part.vertices, np.float32).ravel()
     arrays["faces"] = np.ascontiguousarray(part.faces, np.uint32).ravel()
+    if textured:
+        arrays["vertex_texcoords"] = np.ascontiguousarray(part.coordinates, np.float32).ravel()
     arrays.update()
     return mesh
 
@@ -61,15 +96,18 @@ def load(one: Job) -> Any:
         },
     }  # fmt: skip
     parts, spheres = parts_of(one)
+    folder, environment = one.scene.parent, environment_of(one)
+    if environment is not None:
+        scene["environment"] = {"type": "envmap", "filename": str(environment)}
     for number, sphere in enumerate(spheres):
         scene[f"sphere{number}"] = {
             "type": "sphere", "center": sphere["center"], "radius": sphere["radius"],
-            "bsdf": material(sphere["material"]),
+            "bsdf": material(sphere["material"], folder),
         }  # fmt: skip
     for part in parts:
-        scene[part.name] = flat_mesh(part) if part.file is None else {
+        scene[part.name] = flat_mesh(part, folder) if part.file is None else {
             "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,
-            "bsdf": material(part.material),
+            "bsdf": material(part.material, folder),
         }  # fmt: skip
     return mitsuba.load_dict(scene)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Job", "Part", "answer", "camera_of", "job", "parts_of", "timed"]
+__all__ = ["Job", "Part", "answer", "camera_of", "environment_of", "job", "parts_of", "refuse_rich", "timed"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Part:
         Of smooth meshes.
     file : Path or None
         A PLY file that holds the same.
+    coordinates : (V, 2) float32 or None
+        Of textures, for parallelograms: (0, 0) at the origin, (1, 1) opposite.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Part:
     faces: Any
     normals: Any = None
     file: Path | None = None
+    coordinates: Any = None
 
 
 def job() -> Job:
@@ -65,6 +68,19 @@ def camera_of(one: Job) -> dict[str, Any]:
     """``position, target, vertical_fov``."""
     camera: dict[str, Any] = json.loads(one.scene.read_text(encoding="utf-8"))["camera"]
     return camera
+
+
+def environment_of(one: Job) -> Path | None:
+    """The environment map, if the scene has one."""
+    for light in json.loads(one.scene.read_text(encoding="utf-8")).get("lights", ()):
+        return one.scene.parent / light["file"]
+    return None
+
+
+def refuse_rich(one: Job, name: str) -> None:
+    """End with a sentence when the scene holds more than Lambert, mirrors and smooth glass."""
+    if environment_of(one) is not None:
+        sys.exit(f"{name} has no translation of this scene's materials here; compare it with mitsuba")
 
 
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
@@ -84,10 +100,13 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
     for key, shapes in groups.items():
         name, emission = json.loads(key)
         pieces = [_triangles(shape) for shape in shapes]
+        all_quads = all(shape["type"] == "quad" for shape in shapes)
+        corners = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (len(shapes), 1)) if all_quads else None
         offsets = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
         vertices = np.concatenate([vertices for vertices, _ in pieces]).astype(np.float32)
         faces = np.concatenate([faces + offset for (_, faces), offset in zip(pieces, offsets, strict=True)])
-        parts.append(Part(f"group_{name}", materials[name], emission, vertices, faces.astype(np.int32)))
+        group = Part(f"group_{name}", materials[name], emission, vertices, faces.astype(np.int32), coordinates=corners)
+        parts.append(group)
     return parts, spheres
 
 
