@@ -9,7 +9,7 @@ from typing import Any
 import drjit
 import mitsuba
 import numpy as np
-from peer_scene import Job, Part, answer, camera_of, environment_of, job, parts_of, timed
+from peer_scene import Job, Part, answer, camera_of, job, lights_of, parts_of, timed
 
 __all__: list[str] = []
 
@@ -82,28 +82,49 @@ def flat_mesh(part: Part, folder: Path) -> Any:
     return mesh
 
 
+def light(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    if described["type"] == "point":
+        return {"type": "point", "position": described["position"], "intensity": color(described["intensity"])}
+    if described["type"] == "directional":
+        values = {"direction": described["direction"], "irradiance": color(described["irradiance"])}
+        return {"type": "directional", **values}
+    if "file" in described:
+        return {"type": "envmap", "filename": str(folder / described["file"])}
+    return {"type": "constant", "radiance": color(described["radiance"])}
+
+
+def round_shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    made: dict[str, Any] = {"type": described["type"], "bsdf": material(described["material"], folder)}
+    if described.get("emission") is not None:
+        made["emitter"] = {"type": "area", "radiance": color(described["emission"])}
+    center, radius = described["center"], described["radius"]
+    if described["type"] == "sphere":
+        return {**made, "center": center, "radius": radius}
+    normal = np.array(described["normal"]) / np.linalg.norm(described["normal"])
+    upward = [1, 0, 0] if abs(normal[0]) < 0.9 else [0, 1, 0]
+    turned = mitsuba.ScalarTransform4f().look_at(origin=center, target=(np.array(center) + normal).tolist(), up=upward)
+    return {**made, "to_world": turned @ mitsuba.ScalarTransform4f().scale([radius, radius, 1.0])}
+
+
 def load(one: Job) -> Any:
     camera = camera_of(one)
-    transform = mitsuba.ScalarTransform4f().look_at(origin=camera["position"], target=camera["target"], up=[0, 1, 0])
+    transform = mitsuba.ScalarTransform4f().look_at(origin=camera["position"], target=camera["target"], up=camera.get("up", [0, 1, 0]))
     film = {"type": "hdrfilm", "width": one.width, "height": one.height, "pixel_format": "rgb"}
     scene: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": one.segments, "rr_depth": NO_ROULETTE},
+        "integrator": {"type": "path", "max_depth": one.segments, "rr_depth": NO_ROULETTE if one.segments > 0 else 8},
         "sensor": {
             "type": "perspective", "fov": camera["vertical_fov"], "fov_axis": "y", "to_world": transform,
             "film": {**film, "rfilter": {"type": "box"}},
             "sampler": {"type": "independent", "sample_count": one.spp},
         },
     }  # fmt: skip
-    parts, spheres = parts_of(one)
-    folder, environment = one.scene.parent, environment_of(one)
-    if environment is not None:
-        scene["environment"] = {"type": "envmap", "filename": str(environment)}
-    for number, sphere in enumerate(spheres):
-        scene[f"sphere{number}"] = {
-            "type": "sphere", "center": sphere["center"], "radius": sphere["radius"],
-            "bsdf": material(sphere["material"], folder),
-        }  # fmt: skip
+    parts, round_shapes = parts_of(one)
+    folder = one.scene.parent
+    for number, described in enumerate(lights_of(one)):
+        scene[f"light{number}"] = light(described, folder)
+    for number, shape in enumerate(round_shapes):
+        scene[f"round{number}"] = round_shape(shape, folder)
     for part in parts:
         scene[part.name] = flat_mesh(part, folder) if part.file is None else {
             "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Job", "Part", "answer", "camera_of", "environment_of", "job", "parts_of", "refuse_rich", "timed"]
+__all__ = ["Job", "Part", "answer", "camera_of", "job", "lights_of", "parts_of", "refuse_rich", "timed"]
 
 
 @dataclass(frozen=True)
@@ -70,27 +70,26 @@ def camera_of(one: Job) -> dict[str, Any]:
     return camera
 
 
-def environment_of(one: Job) -> Path | None:
-    """The environment map, if the scene has one."""
-    for light in json.loads(one.scene.read_text(encoding="utf-8")).get("lights", ()):
-        return one.scene.parent / light["file"]
-    return None
+def lights_of(one: Job) -> list[dict[str, Any]]:
+    """Lights that are no shapes, as in the scene file."""
+    lights: list[dict[str, Any]] = json.loads(one.scene.read_text(encoding="utf-8")).get("lights", [])
+    return lights
 
 
 def refuse_rich(one: Job, name: str) -> None:
     """End with a sentence when the scene holds more than Lambert, mirrors and smooth glass."""
-    if environment_of(one) is not None:
+    if lights_of(one):
         sys.exit(f"{name} has no translation of this scene's materials here; compare it with mitsuba")
 
 
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
-    """The scene's meshes, and its spheres as in the scene file, with their materials resolved."""
+    """The scene's meshes, and its spheres and disks as in the scene file, with their materials resolved."""
     described = json.loads(one.scene.read_text(encoding="utf-8"))
     materials = described["materials"]
     parts, spheres = [], []
     groups: dict[str, list[dict[str, Any]]] = {}
     for number, shape in enumerate(described["shapes"]):
-        if shape["type"] == "sphere":
+        if shape["type"] in ("sphere", "disk"):
             spheres.append({**shape, "material": materials[shape["material"]]})
         elif shape["type"] == "mesh":
             file = one.scene.parent / shape["file"]
@@ -133,10 +132,11 @@ def _triangles(shape: dict[str, Any]) -> tuple[Any, Any]:
     if shape["type"] == "quad":
         o, u, v = (np.array(shape[key]) for key in ("origin", "edge_u", "edge_v"))
         return np.array([o, o + u, o + u + v, o + v]), np.array([[0, 1, 2], [0, 2, 3]])
-    turn = math.radians(shape["transform"]["rotate_degrees"][1])
+    transform = shape.get("transform", {"rotate_degrees": [0.0, 0.0, 0.0], "translate": shape.get("center")})
+    turn = math.radians(transform["rotate_degrees"][1])
     c, s = math.cos(turn), math.sin(turn)
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * shape["size"]
-    corners = corners @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T + shape["transform"]["translate"]
+    corners = corners @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T + transform["translate"]
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return corners, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
 
