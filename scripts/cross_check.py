@@ -1,10 +1,11 @@
-"""Random scenes of every shape, material, texture and light, by clrender and by Mitsuba: are their means and tiles equal?
+"""Random scenes of every shape, material, texture and light: do clrender and Mitsuba agree?
 
     .venv/bin/python scripts/cross_check.py FIRST LAST --mitsuba PYTHON [--folder DIR]
 
-Renders the scenes of the seeds FIRST to LAST - 1 six times each with both, and compares means and tiles by Welch's t-test with
-Holm's correction over all of them. PYTHON is one that has Mitsuba. New seeds are always a blind test. The materials are those
-whose definitions agree: Mitsuba's metals and rough glass lose what is scattered more than once, so they are nearly smooth here.
+Renders the scenes of the seeds FIRST to LAST - 1 six times each with both, and compares means and tiles by Welch's
+t-test with Holm's correction over all of them. PYTHON is one that has Mitsuba. New seeds are always a blind test. The
+materials are those whose definitions agree: Mitsuba's metals and rough glass lose what is scattered more than once, so
+they are nearly smooth here.
 """
 
 from __future__ import annotations
@@ -51,7 +52,11 @@ class _Maker:
         self.any.append(self._material("glass", {"type": "dielectric", "ior": round(self._number(1.2, 1.9), 3)}))
         rough = {"ior": round(self._number(1.2, 1.8), 3), "roughness": round(self._number(0.15, 0.3), 3)}
         self.any.append(self._material("rough_glass", {"type": "dielectric", **rough}))
-        metal = {"eta": self._color(0.2, 3.0), "k": self._color(2.0, 4.5), "roughness": round(self._number(0.1, 0.3), 3)}
+        metal = {
+            "eta": self._color(0.2, 3.0),
+            "k": self._color(2.0, 4.5),
+            "roughness": round(self._number(0.1, 0.3), 3),
+        }
         self.any.append(self._material("metal", {"type": "conductor", **metal}))
 
     def _number(self, low: float, high: float) -> float:
@@ -80,7 +85,10 @@ class _Maker:
 
         texels = self.random.integers(30, 240, (int(self.random.integers(2, 9)), int(self.random.integers(2, 9)), 3))
         Image.fromarray(texels.astype(np.uint8)).save(self.folder / f"texture{number}.png")
-        made: dict[str, Any] = {"type": "lambert", "reflectance": {"texture": f"texture{number}.png", "color_space": "srgb"}}
+        made: dict[str, Any] = {
+            "type": "lambert",
+            "reflectance": {"texture": f"texture{number}.png", "color_space": "srgb"},
+        }
         if number == 1:
             tilts = self.random.normal(size=(8, 8, 3)) * [25.0, 25.0, 0.0] + [127.5, 127.5, 240.0]
             Image.fromarray(tilts.clip(0, 255).astype(np.uint8)).save(self.folder / "normals.png")
@@ -104,7 +112,9 @@ class _Maker:
         self.shapes.append({"type": "quad", "origin": list(origin), "edge_u": list(u), "edge_v": list(v), **more})
 
     def _floor(self) -> None:
-        self._quad((-9.0, -_HALF, -9.0), (0.0, 0.0, 18.0), (18.0, 0.0, 0.0), material=str(self.random.choice(self.flat)))
+        self._quad(
+            (-9.0, -_HALF, -9.0), (0.0, 0.0, 18.0), (18.0, 0.0, 0.0), material=str(self.random.choice(self.flat))
+        )
 
     def _room(self) -> None:
         h, s = _HALF, 2.0 * _HALF
@@ -142,7 +152,9 @@ class _Maker:
         place = _rounded(self.random.uniform([-1.5, 0.8, -1.5], [1.5, 1.8, 1.5]))
         bright = {"emission": _rounded(self.random.uniform(0.3, 1.0, 3) * self._number(3.0, 25.0)), "material": "black"}
         if kind == "sphere":
-            self.shapes.append({"type": "sphere", "center": place, "radius": round(self._number(0.05, 0.3), 3), **bright})
+            self.shapes.append(
+                {"type": "sphere", "center": place, "radius": round(self._number(0.05, 0.3), 3), **bright}
+            )
         elif kind == "disk":
             disk = {"center": place, "normal": self._normal(), "radius": round(self._number(0.1, 0.4), 3)}
             self.shapes.append({"type": "disk", **disk, **bright})
@@ -152,7 +164,9 @@ class _Maker:
             self.lights.append({"type": "point", "position": place, "intensity": bright["emission"]})
         elif kind == "directional":
             x, y, z = self._normal()
-            self.lights.append({"type": "directional", "direction": [x, -abs(y) - 0.3, z], "irradiance": bright["emission"]})
+            self.lights.append(
+                {"type": "directional", "direction": [x, -abs(y) - 0.3, z], "irradiance": bright["emission"]}
+            )
         else:
             self._environment(mapped=bool(kind == "map"))
 
@@ -178,7 +192,7 @@ def _in_mitsuba(folders: list[Path]) -> None:
     import mitsuba
 
     mitsuba.set_variant("llvm_ad_rgb")
-    import peer_mitsuba
+    import peer_mitsuba  # type: ignore[import-not-found]
     from peer_scene import Job
 
     for folder in folders:
@@ -202,7 +216,10 @@ def _compare(folders: list[Path]) -> bool:
             own = np.array([session.render(scene, spp=_SPP, size=size, seed=100 + k).linear for k in range(_BATCHES)])
             other = np.load(folder / "mitsuba.npy")
             side = _SIDE // _TILES
-            split = [x.mean(-1).reshape(-1, _TILES, side, _TILES, side).mean((2, 4)).reshape(_BATCHES, -1) for x in (own, other)]
+            split = [
+                x.mean(-1).reshape(-1, _TILES, side, _TILES, side).mean((2, 4)).reshape(_BATCHES, -1)
+                for x in (own, other)
+            ]
             whole = [x.astype(np.float64).mean((1, 2)) for x in (own, other)]
             mean, tile = welch(*whole), welch(*split)
             ratios.append(float(whole[0].mean() / whole[1].mean()))
@@ -213,7 +230,9 @@ def _compare(folders: list[Path]) -> bool:
             print(f"{folder.name}: ratio {ratios[-1]:.5f}, error {error:.5f}, worst tile z {z:+.1f}", flush=True)
     rejected = [int(holm(np.concatenate(p), _LEVEL).sum()) for p in (means, tiles)]
     far = sum(abs(ratio - 1.0) > 0.005 for ratio in ratios)
-    print(f"{len(folders)} scenes: {rejected[0]} means and {rejected[1]} tiles differ significantly, {far} means by 0.5 %")
+    print(
+        f"{len(folders)} scenes: {rejected[0]} means and {rejected[1]} tiles differ significantly, {far} means by 0.5 %"
+    )
     return not any(rejected)
 
 
@@ -233,7 +252,15 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "scene.json").write_text(json.dumps(_Maker(seed, folder).make()), encoding="utf-8")
     if asked.mitsuba:
-        command = [asked.mitsuba, __file__, str(asked.first), str(asked.last), "--folder", str(asked.folder), "--in-mitsuba"]
+        command = [
+            asked.mitsuba,
+            __file__,
+            str(asked.first),
+            str(asked.last),
+            "--folder",
+            str(asked.folder),
+            "--in-mitsuba",
+        ]
         subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": ""})
     sys.exit(0 if _compare(folders) else 1)
 

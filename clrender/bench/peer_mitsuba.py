@@ -70,9 +70,7 @@ def flat_mesh(part: Part, folder: Path) -> Any:
     if part.emission is not None:
         properties["emitter"] = mitsuba.load_dict({"type": "area", "radiance": color(part.emission)})
     textured = part.coordinates is not None and any(isinstance(value, dict) for value in part.material.values())
-    mesh = mitsuba.Mesh(
-        part.name, len(part.vertices), len(part.faces), has_vertex_texcoords=textured, props=properties
-    )
+    mesh = mitsuba.Mesh(part.name, len(part.vertices), len(part.faces), has_vertex_texcoords=textured, props=properties)
     arrays = mitsuba.traverse(mesh)
     arrays["vertex_positions"] = np.ascontiguousarray(part.vertices, np.float32).ravel()
     arrays["faces"] = np.ascontiguousarray(part.faces, np.uint32).ravel()
@@ -108,7 +106,9 @@ def round_shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def load(one: Job) -> Any:
     camera = camera_of(one)
-    transform = mitsuba.ScalarTransform4f().look_at(origin=camera["position"], target=camera["target"], up=camera.get("up", [0, 1, 0]))
+    transform = mitsuba.ScalarTransform4f().look_at(
+        origin=camera["position"], target=camera["target"], up=camera.get("up", [0, 1, 0])
+    )
     film = {"type": "hdrfilm", "width": one.width, "height": one.height, "pixel_format": "rgb"}
     scene: dict[str, Any] = {
         "type": "scene",

@@ -100,7 +100,9 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
         name, emission = json.loads(key)
         pieces = [_triangles(shape) for shape in shapes]
         all_quads = all(shape["type"] == "quad" for shape in shapes)
-        corners = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (len(shapes), 1)) if all_quads else None
+        corners = (
+            np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (len(shapes), 1)) if all_quads else None
+        )
         offsets = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
         vertices = np.concatenate([vertices for vertices, _ in pieces]).astype(np.float32)
         faces = np.concatenate([faces + offset for (_, faces), offset in zip(pieces, offsets, strict=True)])

@@ -16,9 +16,15 @@ __all__ = ["rich_scene"]
 
 _MATERIALS: Final[dict[str, Any]] = {
     "gold": {"type": "conductor", "metal": "Au", "roughness": math.sqrt(0.2)},
-    # Chromium, which polished steel looks like: its index of refraction at 617, 549 and 451 nm (Johnson and Christy 1974)
+    # Chromium, which polished steel looks like: its index at 617, 549 and 451 nm (Johnson and Christy 1974)
     "steel": {"type": "conductor", "eta": [3.18, 3.18, 1.99], "k": [3.31, 3.33, 2.86], "roughness": math.sqrt(0.05)},
-    "plastic": {"type": "principled", "base_color": [0.2, 0.3, 0.7], "roughness": 0.4, "coat": 1.0, "coat_roughness": 0.1},
+    "plastic": {
+        "type": "principled",
+        "base_color": [0.2, 0.3, 0.7],
+        "roughness": 0.4,
+        "coat": 1.0,
+        "coat_roughness": 0.1,
+    },
     "rough_glass": {"type": "dielectric", "ior": 1.5, "roughness": math.sqrt(0.1)},
     "poster": {"type": "lambert", "reflectance": {"texture": "poster.png", "color_space": "srgb"}},
     "floor": {
@@ -74,7 +80,9 @@ def _write_images(folder: Path) -> None:
     """Two colour textures, a normal map, and a sky with a small sun: noise, so that every texel is another."""
     random = np.random.default_rng(5)
     for name in ("poster.png", "floor.png"):
-        Image.fromarray(random.integers(40, 220, (_SIDE, _SIDE, 3), dtype=np.uint8)).save(folder / name, compress_level=1)
+        Image.fromarray(random.integers(40, 220, (_SIDE, _SIDE, 3), dtype=np.uint8)).save(
+            folder / name, compress_level=1
+        )
     normals = random.normal(size=(_SIDE // 2, _SIDE // 2, 3)) * [8.0, 8.0, 0.0] + [127.5, 127.5, 245.0]
     Image.fromarray(normals.round().clip(0, 255).astype(np.uint8)).save(folder / "floor_normal.png", compress_level=1)
     sky = np.full((256, 512, 3), 0.5, np.float32)

@@ -43,6 +43,7 @@ _COLORS: Final = {
     "black": (0.0, 0.0, 0.0),
 }
 
+
 def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:
     """Write a benchmark scene: ``scene.json``, and its meshes as binary PLY files.
 
