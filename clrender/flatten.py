@@ -30,12 +30,15 @@ from clrender.scene.description import (
 from clrender.scene.lights import flat_lights
 from clrender.scene.microfacets import SMOOTH_BELOW, fresnel, ggx_albedos, multiple_scale
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
+from clrender.scene.texture_rows import flat_textures
 from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
 
 __all__ = ["FlatScene", "flatten", "scene_origin"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _MOST_ABSORPTION: Final = 0.999
+_UNKNOWN: Final = (0.5, 0.5, 0.5)
+"""In the place of a texture."""
 _KINDS: Final[Mapping[type, int]] = {
     Lambert: layout.MATERIAL_LAMBERT,
     Mirror: layout.MATERIAL_MIRROR,
@@ -56,6 +59,8 @@ class FlatScene:
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
         ``material_rows`` (M, 16) float32, and ``ggx_albedo`` (N,) float32, one zero where no material is rough;
+        ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
+        ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
         ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
         (N,) uint32, the tree of lights. Little-endian, C-contiguous.
     camera : (1,) `Camera`
@@ -150,6 +155,7 @@ def flatten(
     surfaces = flat_surfaces(scene, origin)
     lights, environment, tree = flat_lights(scene, surfaces, light_sampler)
     triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
+    textures = flat_textures(scene)
     rough = any(isinstance(material, OrenNayar | Conductor) for material in scene.materials.values())
     arrays = {
         "vertices": _padded(surfaces.vertices),
@@ -161,6 +167,11 @@ def flatten(
         "materials": _padded(_materials(scene)),
         "material_rows": _material_rows(scene),
         "ggx_albedo": ggx_albedos().reshape(-1) if rough else np.zeros(1, np.float32),
+        "attribute_rows": _padded(surfaces.attributes),
+        "texture_rows": textures.rows,
+        "texture_slots": textures.slots,
+        "texel_values": textures.values,
+        "texels": textures.texels,
         "lights": _padded(lights),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
@@ -168,7 +179,10 @@ def flatten(
     digest = hashlib.sha256(f"{environment} {triangle_count} {analytic_count} {light_count}".encode())
     for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
-        digest.update(array.reshape(-1).view(np.uint8).data)
+        if name == "texels":
+            digest.update(textures.sha256.encode())  # they may be many, and are hashed already
+        else:
+            digest.update(array.reshape(-1).view(np.uint8).data)
     return FlatScene(
         arrays=arrays,
         camera=camera,
@@ -241,7 +255,7 @@ def _color(material: Material) -> Vector:
     if isinstance(material, Conductor):
         red, green, blue = (fresnel(1.0, eta, k) for eta, k in zip(*material.index, strict=True))
         return (red, green, blue)
-    return material.reflectance
+    return material.reflectance if isinstance(material.reflectance, tuple) else _UNKNOWN
 
 
 def _material_rows(scene: Scene) -> NDArray[np.float32]:

@@ -37,7 +37,14 @@ __all__ = [
     "ROULETTE_THROUGHPUT",
     "ROWS",
     "SHAPE_SMOOTH",
+    "SHAPE_TEXTURED",
     "STRUCTS",
+    "TEXEL_FLOAT",
+    "TEXEL_FOUR",
+    "TEXTURE_CHANNELS",
+    "TEXTURE_FILTERS",
+    "TEXTURE_SLOTS",
+    "TEXTURE_WRAPS",
     "dtype",
     "types_header",
 ]
@@ -67,6 +74,35 @@ ROULETTE_ABSORPTION: Final = 2
 
 SHAPE_SMOOTH: Final = 1
 """Flag of a shape whose vertices carry normals to interpolate."""
+SHAPE_TEXTURED: Final = 2
+"""Flag of a shape whose material has textures: its primitives have rows of attributes."""
+
+TEXTURE_SLOTS: Final[Mapping[str, int]] = {
+    "BASE_COLOR": 0,
+    "ROUGHNESS": 1,
+    "METALLIC": 2,
+    "SPECULAR": 3,
+    "SPECULAR_COLOR": 4,
+    "TRANSMISSION": 5,
+    "COAT": 6,
+    "COAT_ROUGHNESS": 7,
+    "SHEEN_COLOR": 8,
+    "SHEEN_ROUGHNESS": 9,
+    "ANISOTROPY": 10,
+    "ANISOTROPY_ROTATION": 11,
+    "DIFFUSE_ROUGHNESS": 12,
+    "WEIGHT": 13,
+    "NORMAL": 14,
+    "BUMP": 15,
+}
+"""Columns of a material's row of textures: which of its parameters each stands for."""
+
+TEXEL_FOUR: Final = 8
+TEXEL_FLOAT: Final = 16
+TEXTURE_WRAPS: Final = {"repeat": 0, "clamp": 1, "mirror": 2}
+TEXTURE_FILTERS: Final = {"nearest": 0, "linear": 1, "exact": 2}
+TEXTURE_CHANNELS: Final = {None: 0, "r": 1, "g": 2, "b": 3, "a": 4, "luminance": 5}
+"""Parts of TEXTURE_ROW_FORMAT: the lowest three bits are the logarithm of a texel's bytes."""
 
 FIRST_HIT_ALBEDO: Final = 0
 FIRST_HIT_NORMAL: Final = 1
@@ -78,6 +114,7 @@ FIRST_HIT_PRIMITIVE: Final = 4
 CONSTANTS: Final[Mapping[str, int]] = {
     "NONE": NONE,
     "SHAPE_SMOOTH": SHAPE_SMOOTH,
+    "SHAPE_TEXTURED": SHAPE_TEXTURED,
     "MATERIAL_LAMBERT": MATERIAL_LAMBERT,
     "MATERIAL_MIRROR": MATERIAL_MIRROR,
     "MATERIAL_DIELECTRIC": MATERIAL_DIELECTRIC,
@@ -93,6 +130,11 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "ROULETTE_NONE": ROULETTE_NONE,
     "ROULETTE_THROUGHPUT": ROULETTE_THROUGHPUT,
     "ROULETTE_ABSORPTION": ROULETTE_ABSORPTION,
+    **{f"TEXTURE_{name}": slot for name, slot in TEXTURE_SLOTS.items()},
+    "TEXEL_FOUR": TEXEL_FOUR,
+    "TEXEL_FLOAT": TEXEL_FLOAT,
+    **{f"WRAP_{name.upper()}": number for name, number in TEXTURE_WRAPS.items()},
+    **{f"FILTER_{name.upper()}": number for name, number in TEXTURE_FILTERS.items()},
     "FIRST_HIT_ALBEDO": FIRST_HIT_ALBEDO,
     "FIRST_HIT_NORMAL": FIRST_HIT_NORMAL,
     "FIRST_HIT_POSITION": FIRST_HIT_POSITION,
@@ -191,6 +233,26 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("ETA", 1, 3, "conductor: its index of refraction over that of the medium before it, real part"),
         ("K", 4, 3, "and imaginary part"),
         ("MULTIPLE", 7, 3, "conductor: scale of the light scattered between facets (Kulla and Conti 2017)"),
+    ),
+    "ATTRIBUTE": (
+        ("UV", 0, 6, "triangle: texture coordinates at A, B and C"),
+        ("UV_1", 6, 6, "and of the second set"),
+        ("X", 0, 3, "sphere: axes of its longitude and latitude; disk: axes of its texture coordinates"),
+        ("Y", 3, 3, ""),
+        ("Z", 6, 3, ""),
+        ("SLOTS", 15, 1, "bits: the row of textures of its material"),
+    ),
+    "TEXTURE": (
+        ("FIRST", 0, 1, "bits: its first tile"),
+        ("WIDTH", 1, 1, "bits: texels"),
+        ("HEIGHT", 2, 1, "bits"),
+        ("FORMAT", 3, 1, "bits: 0-2 logarithm of the bytes of a texel, 3 TEXEL_FOUR, 4 TEXEL_FLOAT, 5-6 WRAP_* of u,"),
+        ("VALUES", 4, 1, "bits: where the table of what its numbers stand for begins;   7-8 of v, 9-10 FILTER_*,"),
+        ("ALPHAS", 5, 1, "bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates"),
+        ("U", 6, 3, "column of the picture, 0 to 1: what to multiply u and v by, and what to add"),
+        ("V", 9, 3, "row of the picture, 0 at its top, likewise"),
+        ("FACTOR", 12, 3, "of the value"),
+        ("BIAS", 15, 1, "added then"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

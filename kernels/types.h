@@ -5,6 +5,7 @@
 
 #define NONE 4294967295u
 #define SHAPE_SMOOTH 1u
+#define SHAPE_TEXTURED 2u
 #define MATERIAL_LAMBERT 0u
 #define MATERIAL_MIRROR 1u
 #define MATERIAL_DIELECTRIC 2u
@@ -20,6 +21,30 @@
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
 #define ROULETTE_ABSORPTION 2u
+#define TEXTURE_BASE_COLOR 0u
+#define TEXTURE_ROUGHNESS 1u
+#define TEXTURE_METALLIC 2u
+#define TEXTURE_SPECULAR 3u
+#define TEXTURE_SPECULAR_COLOR 4u
+#define TEXTURE_TRANSMISSION 5u
+#define TEXTURE_COAT 6u
+#define TEXTURE_COAT_ROUGHNESS 7u
+#define TEXTURE_SHEEN_COLOR 8u
+#define TEXTURE_SHEEN_ROUGHNESS 9u
+#define TEXTURE_ANISOTROPY 10u
+#define TEXTURE_ANISOTROPY_ROTATION 11u
+#define TEXTURE_DIFFUSE_ROUGHNESS 12u
+#define TEXTURE_WEIGHT 13u
+#define TEXTURE_NORMAL 14u
+#define TEXTURE_BUMP 15u
+#define TEXEL_FOUR 8u
+#define TEXEL_FLOAT 16u
+#define WRAP_REPEAT 0u
+#define WRAP_CLAMP 1u
+#define WRAP_MIRROR 2u
+#define FILTER_NEAREST 0u
+#define FILTER_LINEAR 1u
+#define FILTER_EXACT 2u
 #define FIRST_HIT_ALBEDO 0u
 #define FIRST_HIT_NORMAL 1u
 #define FIRST_HIT_POSITION 2u
@@ -110,6 +135,24 @@ typedef struct {
 #define MATERIAL_ROW_ETA 1              // conductor: its index of refraction over that of the medium before it, real part
 #define MATERIAL_ROW_K 4                // and imaginary part
 #define MATERIAL_ROW_MULTIPLE 7         // conductor: scale of the light scattered between facets (Kulla and Conti 2017)
+
+#define ATTRIBUTE_ROW_UV 0              // triangle: texture coordinates at A, B and C
+#define ATTRIBUTE_ROW_UV_1 6            // and of the second set
+#define ATTRIBUTE_ROW_X 0               // sphere: axes of its longitude and latitude; disk: axes of its texture coordinates
+#define ATTRIBUTE_ROW_Y 3
+#define ATTRIBUTE_ROW_Z 6
+#define ATTRIBUTE_ROW_SLOTS 15          // bits: the row of textures of its material
+
+#define TEXTURE_ROW_FIRST 0             // bits: its first tile
+#define TEXTURE_ROW_WIDTH 1             // bits: texels
+#define TEXTURE_ROW_HEIGHT 2            // bits
+#define TEXTURE_ROW_FORMAT 3            // bits: 0-2 logarithm of the bytes of a texel, 3 TEXEL_FOUR, 4 TEXEL_FLOAT, 5-6 WRAP_* of u,
+#define TEXTURE_ROW_VALUES 4            // bits: where the table of what its numbers stand for begins;   7-8 of v, 9-10 FILTER_*,
+#define TEXTURE_ROW_ALPHAS 5            // bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates
+#define TEXTURE_ROW_U 6                 // column of the picture, 0 to 1: what to multiply u and v by, and what to add
+#define TEXTURE_ROW_V 9                 // row of the picture, 0 at its top, likewise
+#define TEXTURE_ROW_FACTOR 12           // of the value
+#define TEXTURE_ROW_BIAS 15             // added then
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

@@ -212,6 +212,10 @@ class DeviceWorker:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
         if self._arrays.rough:
             defines["ROUGH_MATERIALS"] = 1
+        if self._arrays.textured:
+            defines["TEXTURES"] = 1
+            if self._arrays.page_bits is not None:
+                defines["TEXEL_PAGE_BITS"] = self._arrays.page_bits
         if self._settings["indirect_rays"][0] > 1:
             defines["PATH_SPLITS"] = 1
         if self._prefetches:

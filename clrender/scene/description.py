@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
 
 from clrender.integrators import INTEGRATORS
@@ -20,6 +22,8 @@ from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.microfacets import METALS
 from clrender.scene.shapes import Mesh, Shape
+from clrender.scene.texels import StoredPicture, TexelStore
+from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, ReflectanceOrTexture, textures_of
 from clrender.scene.values import (
     COORDINATE_LIMIT,
     SHAPE_LIMIT,
@@ -39,7 +43,7 @@ from clrender.scene.values import (
     fault,
     length,
 )
-from clrender.scene.wording import quoted, suggestion
+from clrender.scene.wording import place, quoted, suggestion
 from clrender.settings import PIXEL_LIMIT, SETTINGS, not_taken
 
 __all__ = [
@@ -143,16 +147,20 @@ class Lambert(Part):
     """Ideal diffuse reflection."""
 
     type: Literal["lambert"]
-    reflectance: Reflectance
+    reflectance: ReflectanceOrTexture
     absorption: Absorption = Field(None, description="probability that the absorption roulette ends a path here")
+    normal_map: NormalMap | None = None
+    bump_map: BumpMap | None = None
 
 
 class Mirror(Part):
     """Ideal specular reflection."""
 
     type: Literal["mirror"]
-    reflectance: Reflectance = (1.0, 1.0, 1.0)
+    reflectance: ReflectanceOrTexture = (1.0, 1.0, 1.0)
     absorption: Absorption = None
+    normal_map: NormalMap | None = None
+    bump_map: BumpMap | None = None
 
 
 class Dielectric(Part):
@@ -168,9 +176,11 @@ class OrenNayar(Part):
     """Diffuse reflection by a rough surface that loses no energy (EON: Portsmouth, Kutz and Hill 2025)."""
 
     type: Literal["oren_nayar"]
-    reflectance: Reflectance
+    reflectance: ReflectanceOrTexture
     roughness: Share = Field(0.5, description="0: as `lambert`; 1: roughest")
     absorption: Absorption = None
+    normal_map: NormalMap | None = None
+    bump_map: BumpMap | None = None
 
 
 class Conductor(Part):
@@ -279,6 +289,8 @@ class Scene(Part):
     _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
     _source: str = PrivateAttr(default="Scene")
     _meshes: dict[str, MeshData] = PrivateAttr(default_factory=dict)
+    _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
+    _store: list[TexelStore] = PrivateAttr(default_factory=list)
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -316,7 +328,7 @@ class Scene(Part):
         """
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes = {}
+        scene._meshes, scene._store = {}, []
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -345,6 +357,29 @@ class Scene(Part):
         scene._meshes = {**self._meshes, **meshes}
         return scene
 
+    def with_pictures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
+        """The same scene with these pictures, each with its tiles, in the place of the files of these names."""
+        scene = self.model_copy()
+        scene._given, scene._store = {**self._given, **pictures}, []
+        return scene
+
+    def textures(self) -> TexelStore:
+        """The pictures that its materials name; the files are read once and kept.
+
+        Raises
+        ------
+        SceneError
+            If a file cannot be read or is no sound picture.
+        """
+        if not self._store:
+            textures = [
+                (f"{self._source}: {place(('materials', name, key, 'texture'))}", texture)
+                for name, material in self.materials.items()
+                for key, texture in textures_of(material)
+            ]
+            self._store.append(TexelStore(textures, self._base_folder, self._allow_paths, self._given))
+        return self._store[0]
+
     def mesh(self, index: int) -> MeshData:
         """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.
 
@@ -355,11 +390,11 @@ class Scene(Part):
         """
         shape = self.shapes[index]
         assert isinstance(shape, Mesh)
-        place = f"{self._source}: shapes[{index}]"
         if shape.file is None:
-            return inline_mesh(shape.vertices, shape.faces)
+            return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1)
         if shape.file not in self._meshes:
-            self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, f"{place}.file")
+            where = f"{self._source}: shapes[{index}].file"
+            self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, where)
         return self._meshes[shape.file]
 
     def sha256(self) -> str:
@@ -370,7 +405,8 @@ class Scene(Part):
         Returns
         -------
         str
-            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, not by its name.
+            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, not by its name,
+            and a picture by its pixels.
         """
         return self._hash_without({"title", "render"})
 
@@ -383,4 +419,8 @@ class Scene(Part):
         for index, shape in enumerate(self.shapes):
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()
+        for name, material in self.materials.items():
+            for key, texture in textures_of(material):
+                if isinstance(texture, ImageTexture | NormalMap | BumpMap):
+                    content["materials"][name][key]["texture"] = self.textures().picture(texture).sha256
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -41,14 +41,14 @@ class _DuplicateKey(ValueError):
 
 
 def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) -> Scene:
-    """Read and validate a scene and the mesh files it names.
+    """Read and validate a scene, and the meshes and pictures that it names.
 
     Parameters
     ----------
     path_or_name : str or pathlib.Path
         A ``.toml`` or ``.json`` file, or the name of a built-in scene (which wins: write ``./room`` for a file).
     allow_paths : sequence of str or pathlib.Path
-        Folders, besides the scene's own, from which mesh files may be read.
+        Folders, besides the scene's own, from which meshes and pictures may be read.
 
     Returns
     -------
@@ -76,6 +76,7 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Mesh) and shape.file is not None:
             scene.mesh(index)
+    scene.textures()
     return scene
 
 

@@ -15,7 +15,7 @@ from clrender.scene.mesh_data import MeshData
 from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.wording import quoted
 
-__all__ = ["FILE_LIMIT", "open_scene_file", "read_mesh"]
+__all__ = ["FILE_LIMIT", "open_named_file", "open_scene_file", "read_mesh"]
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
@@ -54,6 +54,34 @@ def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = N
     return file, size
 
 
+def open_named_file(
+    name: str, base_folder: Path, allow_paths: Sequence[Path], label: str, limit: int
+) -> tuple[BinaryIO, int]:
+    """Open a file that a scene names, if it lies where files may come from.
+
+    Parameters
+    ----------
+    name : str
+        Relative to `base_folder` or absolute.
+    base_folder : pathlib.Path
+    allow_paths : sequence of pathlib.Path
+        Folders besides `base_folder` from which, and from below which, files may come; links are followed first.
+    label, limit
+        As of `open_scene_file`.
+
+    Returns
+    -------
+    file, size
+
+    Raises
+    ------
+    SceneError
+        If it lies elsewhere, or as of `open_scene_file`.
+    """
+    folder, path = _allowed(name, base_folder, allow_paths, label)
+    return open_scene_file(path, label, limit, folder)
+
+
 def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
     """Read a mesh file named by a scene.
 
@@ -73,11 +101,11 @@ def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
         If it may not be read or is not a sound mesh.
     """
     label = f"{place}: {quoted(name)}"
-    folder, path = _allowed(name, base_folder, allow_paths, label)
     read = _reader(Path(name).suffix.lower())
     if read is None:
+        _allowed(name, base_folder, allow_paths, label)
         raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply or .obj")
-    file, size = open_scene_file(path, label, FILE_LIMIT, folder)
+    file, size = open_named_file(name, base_folder, allow_paths, label, FILE_LIMIT)
     with file:
         if size == 0:
             raise SceneError(f"{label} is empty; it must hold a mesh")

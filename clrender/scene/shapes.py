@@ -11,6 +11,7 @@ from clrender.scene.values import (
     COORDINATE_LIMIT,
     INLINE_LIMIT,
     Color,
+    Finite,
     Flag,
     Length,
     Lengths,
@@ -200,6 +201,9 @@ class Tetrahedron(Surface):
 _Corner = Annotated[int, Strict(), Field(ge=0, lt=2**31)]
 
 
+_Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(ge=-1e6, le=1e6)]]
+
+
 class Mesh(Surface):
     """Triangles from a file (.ply, .obj), or written inline as vertices and faces."""
 
@@ -207,10 +211,16 @@ class Mesh(Surface):
     file: Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)] | None = None
     vertices: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
     faces: Annotated[tuple[tuple[_Corner, _Corner, _Corner], ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
+    uvs: Annotated[tuple[_Uv, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (), description="texture coordinates of each of the `vertices`"
+    )
+    uvs_1: Annotated[tuple[_Uv, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (), description="a second set of them"
+    )
 
     @model_validator(mode="after")
     def _has_one_source(self) -> Mesh:
-        given = self.model_fields_set & {"vertices", "faces"}
+        given = self.model_fields_set & {"vertices", "faces", "uvs", "uvs_1"}
         if self.file is not None:
             for key in sorted(given):
                 raise fault("mesh", "cannot be given together with `file`; keep one of them", key)
@@ -227,6 +237,10 @@ class Mesh(Surface):
                 if corner >= len(self.vertices):
                     text = f"is {corner}, but the mesh has only the vertices 0 to {len(self.vertices) - 1}"
                     raise fault("mesh", text, "faces", i, j)
+        for key in ("uvs", "uvs_1"):
+            if getattr(self, key) and len(getattr(self, key)) != len(self.vertices):
+                text = f"has {len(getattr(self, key))} entries, but there are {len(self.vertices)} vertices"
+                raise fault("mesh", text, key)
         return self
 
 

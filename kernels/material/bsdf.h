@@ -12,6 +12,10 @@
 #include "material/eon.h"
 #include "material/lambert.h"
 #include "material/mirror.h"
+#ifdef TEXTURES
+#include "texture/normal_map.h"
+#include "texture/parameter.h"
+#endif
 
 typedef struct {
     Frame frame;         // around the shading normal, on the side of wo
@@ -48,10 +52,18 @@ static void bsdf_read_row(const Scene* scene, const Surface* s, Bsdf* b) {
 static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
     Bsdf b;
     b.side = choose(s->front, s->normal, negate(s->normal));
-    b.frame = frame_around(choose(s->front, s->shading, negate(s->shading)));
+    vec3 shading = s->shading, color = s->color;
+#ifdef TEXTURES
+    if (lane_any(s->attributes.textured)) {
+        const TextureSlots slots = parameter_slots(scene, &s->attributes);
+        color = parameter_color(scene, &s->attributes, &slots, TEXTURE_BASE_COLOR, color);
+        shading = normal_map_shading(scene, &s->attributes, &slots, s->normal, shading, s->front, direction);
+    }
+#endif
+    b.frame = frame_around(choose(s->front, shading, negate(shading)));
     b.wo = frame_to_local(b.frame, negate(direction));
     b.wo.z = greater(b.wo.z, splat(1.0e-7f));      // an interpolated normal may look away from the viewer
-    b.color = s->color;
+    b.color = color;
     b.eta = s->front ? s->ior : splat(1.0f) / s->ior;
     b.kind = s->kind;
     b.specular = s->kind != MATERIAL_LAMBERT;
