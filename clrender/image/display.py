@@ -17,7 +17,18 @@ from clrender.image.tone_map import srgb_decode
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-__all__ = ["JPEG_SIDE_LIMIT", "PIXEL_LIMIT", "check_size", "deep_pixels", "is_deep", "jpeg_bytes", "open_display", "png_bytes", "png_note", "read_display"]
+__all__ = [
+    "JPEG_SIDE_LIMIT",
+    "PIXEL_LIMIT",
+    "check_size",
+    "deep_pixels",
+    "is_deep",
+    "jpeg_bytes",
+    "open_display",
+    "png_bytes",
+    "png_note",
+    "read_display",
+]
 
 PIXEL_LIMIT: Final = 1 << 30
 """Most pixels of an image that is read."""

@@ -67,6 +67,8 @@ class Integrator:
         Members of the kernels' `Settings` that it gives itself, whatever the settings say.
     materials : tuple of str
         Types of material that it takes; empty: all.
+    textures : bool
+        Whether it takes materials with textures.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
     preparation : str
@@ -80,5 +82,6 @@ class Integrator:
     takes: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
     fixed: Mapping[str, int] = field(default_factory=dict)
     materials: tuple[str, ...] = ()
+    textures: bool = True
     auto_light_sampler: str = "auto"
     preparation: str = ""

@@ -13,5 +13,6 @@ INTEGRATOR: Final = Integrator(
     leaves_out=(CAUSTICS,),
     bias="discretised",
     materials=("lambert",),
+    textures=False,
     preparation="clrender.radiosity.preparation",
 )

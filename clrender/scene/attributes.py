@@ -73,8 +73,8 @@ def triangle_attributes(
 def round_attributes(scene: Scene, shape: Sphere | Disk, transform: Affine) -> NDArray[np.float32]:
     """The same of a sphere or disk, (16,) float32: its own axes in world space, of unit length.
 
-    The longitude of a sphere grows from the half circle towards -z to the right as seen from outside, the latitude from -y
-    to y. A disk fills the square from 0 to 1 as far as a disk does; its picture stands upright along y.
+    The longitude of a sphere grows from the half circle towards -z to the right as seen from outside, the latitude from
+    -y to y. A disk fills the square from 0 to 1 as far as a disk does; its picture stands upright along y.
     """
     x, y, z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     if isinstance(shape, Disk):
@@ -89,7 +89,7 @@ def round_attributes(scene: Scene, shape: Sphere | Disk, transform: Affine) -> N
 
 
 def face_axes(normal: Vector) -> tuple[Vector, Vector]:
-    """Directions of u and v on a face with a unit normal, seen from outside: v along y, or away from the viewer on top."""
+    """Directions of u and v on a face with a unit normal, seen from outside: v along y, and on top along -z."""
     upward: Vector = (0.0, 1.0, 0.0)
     if abs(normal[1]) > 0.999:
         upward = (0.0, 0.0, -1.0 if normal[1] > 0.0 else 1.0)
@@ -117,5 +117,3 @@ def _slots(scene: Scene, shape: Shape) -> np.float32:
     numbers: Mapping[str, int] = {name: number for number, name in enumerate(scene.materials)}
     assert shape.material is not None
     return np.float32(np.uint32(numbers[shape.material]).view(np.float32))
-
-

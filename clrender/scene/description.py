@@ -35,7 +35,6 @@ from clrender.scene.values import (
     Length,
     Name,
     Part,
-    Reflectance,
     SettingValue,
     Share,
     Vector,

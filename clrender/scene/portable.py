@@ -1,4 +1,4 @@
-"""A scene on its way to another process: JSON, and the meshes it read from files, each named by its hash."""
+"""A scene on its way to another process: JSON, and the meshes and pictures of its files, each named by its hash."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Mesh
+from clrender.scene.texels import TILE_BYTES, StoredPicture, tile_shape
+from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, textures_of
 from clrender.scene.validation_errors import scene_error
+from clrender.scene.wording import place
 
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
@@ -30,14 +34,14 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     Returns
     -------
     description : dict
-        As a scene file says it; a mesh file stands there as ``sha256:`` and the hash of its content.
+        As a scene file says it; a file stands there as ``sha256:`` and the hash of its content.
     assets : dict of str to bytes
-        The meshes by hash, in NumPy's ``.npz`` format.
+        Meshes and pictures by hash, in NumPy's ``.npz`` format.
 
     Raises
     ------
     SceneError
-        A mesh file cannot be read.
+        A file cannot be read.
     """
     description = scene.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     assets: dict[str, bytes] = {}
@@ -47,6 +51,14 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
             description["shapes"][index]["file"] = _PREFIX + mesh.sha256()
             if mesh.sha256() not in assets:
                 assets[mesh.sha256()] = _packed(mesh)
+    store = scene.textures()
+    for name, material in scene.materials.items():
+        for key, texture in textures_of(material):
+            if isinstance(texture, ImageTexture | NormalMap | BumpMap):
+                picture = store.picture(texture)
+                description["materials"][name][key]["texture"] = _PREFIX + picture.sha256
+                if picture.sha256 not in assets:
+                    assets[picture.sha256] = _packed_picture(picture, store.tiles_of(picture))
     return description, assets
 
 
@@ -65,20 +77,64 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
     meshes: dict[str, MeshData] = {}
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Mesh) and shape.file is not None and shape.file not in meshes:
-            place = f"{source}: shapes[{index}].file"
+            where = f"{source}: shapes[{index}].file"
             if not shape.file.startswith(_PREFIX):
-                raise SceneError(f"{place}: names the file {shape.file!r}; here assets are named by their hash")
-            meshes[shape.file] = _unpacked(shape.file.removeprefix(_PREFIX), assets, place)
-    return scene.with_meshes(meshes)
+                raise SceneError(f"{where}: names the file {shape.file!r}; here assets are named by their hash")
+            meshes[shape.file] = _unpacked(shape.file.removeprefix(_PREFIX), assets, where)
+    pictures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}
+    for name, material in scene.materials.items():
+        for key, texture in textures_of(material):
+            if isinstance(texture, ImageTexture | NormalMap | BumpMap) and texture.texture not in pictures:
+                where = f"{source}: {place(('materials', name, key, 'texture'))}"
+                if not texture.texture.startswith(_PREFIX):
+                    raise SceneError(
+                        f"{where}: names the file {texture.texture!r}; here assets are named by their hash"
+                    )
+                sha256 = texture.texture.removeprefix(_PREFIX)
+                pictures[texture.texture] = _unpacked_picture(sha256, assets, where)
+    scene = scene.with_meshes(meshes).with_pictures(pictures)
+    for picture in pictures:
+        if _PREFIX + scene.textures().pictures[picture].sha256 != picture:
+            text = f"the asset {picture.removeprefix(_PREFIX)} has another content than its hash says; send it again"
+            raise SceneError(f"{source}: {text}")
+    return scene
 
 
 def _packed(mesh: MeshData) -> bytes:
     arrays = {"vertices": mesh.vertices, "triangles": mesh.triangles}
     if mesh.normals is not None:
         arrays["normals"] = mesh.normals
+    if mesh.uvs is not None:
+        arrays["uvs"] = mesh.uvs
+    if mesh.uvs_1 is not None:
+        arrays["uvs_1"] = mesh.uvs_1
     data = io.BytesIO()
     np.savez(data, **arrays)  # type: ignore[arg-type]  # the stub takes the names for options
     return data.getvalue()
+
+
+def _packed_picture(picture: StoredPicture, tiles: NDArray[np.uint8]) -> bytes:
+    data = io.BytesIO()
+    size = np.array([picture.width, picture.height, picture.channels])
+    np.savez(data, size=size, coding=np.array(picture.coding), tiles=tiles)
+    return data.getvalue()
+
+
+def _unpacked_picture(sha256: str, assets: Mapping[str, bytes], place: str) -> tuple[StoredPicture, NDArray[np.uint8]]:
+    if sha256 not in assets:
+        raise SceneError(f"{place}: the asset {sha256} is missing; send it along")
+    try:
+        with np.load(io.BytesIO(assets[sha256]), allow_pickle=False) as archive:
+            width, height, channels = (int(each) for each in archive["size"])
+            tiles = np.ascontiguousarray(archive["tiles"], np.uint8)
+            picture = StoredPicture(width, height, channels, str(archive["coding"]), 0, len(tiles), sha256)
+            across, down = tile_shape(picture.texel_bits)
+            sound = tiles.shape == (-(-width // across) * -(-height // down), TILE_BYTES)
+    except Exception as error:  # damaged archives fail in too many ways to list
+        raise SceneError(f"{place}: the asset {sha256} cannot be read ({error}); send it again") from None
+    if not sound:
+        raise SceneError(f"{place}: the asset {sha256} is not as large as it says; send it again")
+    return picture, tiles
 
 
 def _unpacked(sha256: str, assets: Mapping[str, bytes], place: str) -> MeshData:
@@ -86,7 +142,8 @@ def _unpacked(sha256: str, assets: Mapping[str, bytes], place: str) -> MeshData:
         raise SceneError(f"{place}: the asset {sha256} is missing; send it along")
     try:
         with np.load(io.BytesIO(assets[sha256]), allow_pickle=False) as archive:
-            mesh = MeshData(archive["vertices"], archive["triangles"], archive.get("normals"))
+            uvs, uvs_1 = archive.get("uvs"), archive.get("uvs_1")
+            mesh = MeshData(archive["vertices"], archive["triangles"], archive.get("normals"), "", uvs, uvs_1)
             same = mesh.sha256() == sha256
     except Exception as error:  # damaged archives fail in too many ways to list
         raise SceneError(f"{place}: the asset {sha256} cannot be read ({error}); send it again") from None

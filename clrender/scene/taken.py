@@ -5,6 +5,7 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
+from clrender.scene.textures import textures_of
 
 __all__ = ["check_materials"]
 
@@ -32,3 +33,9 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 f"{integrator} does not take; give the shape a material of type {' or '.join(taken)}, or use "
                 "--integrator path"
             )
+        if shape.material is not None and not INTEGRATORS[integrator].textures:
+            for key, _ in textures_of(scene.materials[shape.material]):
+                raise SceneError(
+                    f"{scene.source}: shapes[{index}].material: {shape.material!r} has a texture ({key}), which the "
+                    f"integrator {integrator} does not take; give it a constant, or use --integrator path"
+                )

@@ -1,4 +1,4 @@
-"""The pictures that a scene's textures name, as the kernels read them: texels in tiles of 64 bytes, each picture once."""  # noqa: E501
+"""The pictures that a scene's textures name, as the kernels read them: texels in tiles of 64 bytes, each once."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class TexelStore:
             if name in drawn:
                 self._add(name, drawn[name], label)
             else:
-                with files.opened(name, label) as (file, ending), _telling(label):
+                with files.opened(name, label) as (file, ending), _Telling(label):
                     self._add(name, open_picture(file, ending), label)
         self.texels = self.texels[: max(self._used, 1)]
 
@@ -130,16 +130,15 @@ class TexelStore:
         """The picture of one of the textures."""
         return self.pictures[_name(texture)]
 
-    def tiles_of(self, name: str) -> NDArray[np.uint8]:
-        """The tiles of a picture, (tiles, 64)."""
-        picture = self.pictures[name]
+    def tiles_of(self, picture: StoredPicture) -> NDArray[np.uint8]:
+        """The tiles of one of the pictures, (tiles, 64)."""
         return self.texels[picture.first_tile : picture.first_tile + picture.tiles]
 
     def _add(self, name: str, picture: Picture, label: str) -> None:
         """Write a picture behind the others, and forget it again if its content is there already."""
         first, count = self._used, _tiles(picture)
         tiles = self.texels[first : first + count]
-        with _telling(label):
+        with _Telling(label):
             _fill(tiles, picture)
         head = f"{picture.width} {picture.height} {picture.channels} {picture.coding}"
         digest = hashlib.sha256(head.encode())
@@ -172,13 +171,13 @@ class _Files:
 
     def most_tiles(self, name: str, label: str) -> int:
         """By the header: at most so many tiles."""
-        with self.opened(name, label) as (file, ending), _telling(label):
+        with self.opened(name, label) as (file, ending), _Telling(label):
             width, height, texel = picture_room(file, ending)
         across, down = tile_shape(texel.bit_length() - 1)
         return -(-width // across) * -(-height // down)
 
 
-class _telling:  # noqa: N801  # reads as a verb where it is used
+class _Telling:
     """One sentence for whatever an image library raises for damaged files, which is nearly all there is."""
 
     def __init__(self, label: str) -> None:

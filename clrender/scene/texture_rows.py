@@ -18,6 +18,7 @@ from clrender.scene.angles import sin_cos_degrees
 from clrender.scene.description import Scene
 from clrender.scene.texels import StoredPicture
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
+from clrender.scene.values import Vector
 from clrender.scene.wording import place
 
 __all__ = ["SLOTS", "FlatTextures", "flat_textures"]
@@ -159,14 +160,15 @@ def _row(texture: AnyTexture, picture: StoredPicture, key: str, values: int, alp
     return row
 
 
-def _mapping(texture: AnyTexture, picture: StoredPicture) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _mapping(texture: AnyTexture, picture: StoredPicture) -> tuple[Vector, Vector]:
     """From texture coordinates to column and row of the picture, 0 to 1, with row 0 at its top."""
     sine, cosine = sin_cos_degrees(texture.transform.rotate_degrees)
     (su, sv), (ou, ov) = texture.transform.scale, texture.transform.offset
     u, v = (cosine * su, -sine * sv, ou), (sine * su, cosine * sv, ov)
     if isinstance(texture, Checker):
-        u, v = (tuple(x / (2.0 * size) for x in row) for row, size in zip((u, v), texture.size, strict=True))
+        wide, high = (2.0 * size for size in texture.size)
+        u, v = (u[0] / wide, u[1] / wide, u[2] / wide), (v[0] / high, v[1] / high, v[2] / high)
     if isinstance(texture, Ramp):
-        u = tuple(x * (picture.width - 1) / picture.width for x in u)
-        u = (u[0], u[1], u[2] + 0.5 / picture.width)
+        share, half_texel = (picture.width - 1) / picture.width, 0.5 / picture.width
+        u = (u[0] * share, u[1] * share, u[2] * share + half_texel)
     return u, (-v[0], -v[1], 1.0 - v[2])

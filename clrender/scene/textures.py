@@ -138,9 +138,7 @@ def _form(value: Any) -> str:
 _Texture: TypeAlias = (
     Annotated[ImageTexture, Tag("<texture>")] | Annotated[Checker, Tag("<checker>")] | Annotated[Ramp, Tag("<ramp>")]
 )
-ReflectanceOrTexture: TypeAlias = Annotated[
-    Annotated[Reflectance, Tag("<constant>")] | _Texture, Discriminator(_form)
-]
+ReflectanceOrTexture: TypeAlias = Annotated[Annotated[Reflectance, Tag("<constant>")] | _Texture, Discriminator(_form)]
 ShareOrTexture: TypeAlias = Annotated[Annotated[Share, Tag("<constant>")] | _Texture, Discriminator(_form)]
 
 

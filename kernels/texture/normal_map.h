@@ -69,7 +69,8 @@ static vec3 normal_map_bumped(const Scene* scene, const Attributes* a, vuint tex
 //
 // `side` and `view` are unit vectors on one side of the surface. With β the angle from `side` to the normal, p = view · side and
 // q = view · s, s being the unit vector across `side` in the normal's plane, the mirrored view is p cos 2β + q sin 2β above the surface.
-// That is A cos(2β − δ), A² = p² + q², so the limit ε is reached at 2β = δ + acos(ε / A).
+// That is A cos(2β − δ), A² = p² + q²; the limit ε is reached where the mirrored view is ε side + √(A² − ε²) s in that plane, and the
+// normal half-way between it and the view.
 static vec3 normal_map_bent(vec3 normal, vec3 side, vec3 view) {
     const vfloat cosine = inner(normal, side), p = inner(view, side);
     const vec3 level = sub(normal, scale(side, cosine));
@@ -78,10 +79,10 @@ static vec3 normal_map_bent(vec3 normal, vec3 side, vec3 view) {
     const vfloat limit = lesser(p * 0.9f, splat(0.01f));
     const vfloat above = fma(p, fma(cosine, cosine * 2.0f, splat(-1.0f)), q * sine * cosine * 2.0f);
     const vmask sound = (above >= limit) & (cosine > 0.0f);
-    const vfloat a2 = p * p + q * q;
-    const vfloat twice = (p * limit - q * root(a2 - limit * limit)) * inverse_or_one(a2);      // cos 2β
-    const vfloat bounded_twice = bounded(twice, -1.0f, 1.0f);
-    const vec3 bent = along(scale(side, root(fma(bounded_twice, splat(0.5f), splat(0.5f)))), s, root(fma(bounded_twice, splat(-0.5f), splat(0.5f))));
+    const vfloat above2 = (p - limit) * (p + limit), far = root(fma(q, q, above2));
+    // q + far, without the loss of digits where q is negative
+    const vfloat step = q < 0.0f ? above2 * inverse_or_one(far - q) : q + far;
+    const vec3 bent = along(scale(side, p + limit), s, step);
     return choose(sound | !(p > 0.0f), normal, unit(bent));
 }
 
