@@ -19,6 +19,8 @@ __all__ = ["FILE_LIMIT", "open_named_file", "open_scene_file", "read_mesh"]
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
+UV_LIMIT: Final = 1e6
+"""Largest magnitude of a texture coordinate: single precision still knows a sixteenth there."""
 
 
 def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = None) -> tuple[BinaryIO, int]:
@@ -165,4 +167,12 @@ def _checked(mesh: MeshData, label: str) -> MeshData:
                 values = ", ".join(f"{x:g}" for x in chunk[row])
                 limit = f"finite and at most {COORDINATE_LIMIT:g} in size"
                 raise SceneError(f"{label}: {what} {start + row} is ({values}), but must be {limit}")
+    if mesh.uvs is not None:
+        for start in range(0, len(mesh.uvs), 2**20):
+            worst = np.abs(mesh.uvs[start : start + 2**20]).max(axis=(1, 2))
+            bad = ~(worst <= UV_LIMIT)
+            if bad.any():
+                row = int(np.argmax(bad))
+                found = f"triangle {start + row} has a texture coordinate of size {worst[row]:g}"
+                raise SceneError(f"{label}: {found}, but they must be finite and at most {UV_LIMIT:g} in size")
     return mesh

@@ -115,7 +115,7 @@ class BumpMap(_Mapped):
 
     texture: FileName = Field(description="file")
     scale: Annotated[Finite, Field(ge=-1e6, le=1e6)] = Field(
-        1.0, description="height of 1, in units of the surface's texture coordinates"
+        1.0, description="metres of a height of 1"
     )
     wrap: Wraps = ("repeat", "repeat")
     channel: Literal["r", "g", "b", "a", "luminance"] = "r"

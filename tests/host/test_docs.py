@@ -118,7 +118,9 @@ def test_scenes_of_the_documentation_are_valid(tmp_path: Path, place: str) -> No
 def test_built_in_scenes_are_counted_right() -> None:
     files = [path.read_text() for path in (ROOT / "scenes").glob("*.toml")]
     exact = sum("Exact answer" in text for text in files)
-    numbers = {11: "eleven", 20: "twenty"}
+    tens = ["eleven", "twelve", "thirteen", "fourteen"]
+    ones = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
+    numbers = dict(enumerate([*tens], 11)) | {20: "twenty"} | {21 + i: f"twenty-{one}" for i, one in enumerate(ones)}
     assert (
         f"{numbers[len(files)].title()} built-in scenes, {numbers[exact]} of them"
         in (ROOT / "CHANGELOG.md").read_text()

@@ -64,6 +64,11 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "primitive_shape",
         "material_rows",
         "ggx_albedo",
+        "attribute_rows",
+        "texture_rows",
+        "texture_slots",
+        "texel_values",
+        "texels",
         "light_nodes",
         "light_order",
     }
