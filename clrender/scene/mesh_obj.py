@@ -41,7 +41,7 @@ class _Found:
     sizes : list of (n,) int64
         Corners of faces.
     corners, corner_uvs, corner_normals : lists of (n,) int64
-        Vertex, texture coordinates and normal of each corner, counted from 0; -1 for texture coordinates that it has not.
+        Vertex, texture coordinates and normal of each corner, counted from 0; -1 where there are no coordinates.
     counts : dict
         Vertices, texture coordinates, normals and faces.
     largest : dict

@@ -84,9 +84,9 @@ def _mesh(
         triangles, crossed = triangulate(vertices, corners, sizes, label)
         corners = corners[triangles]
     normals = np.ascontiguousarray(table[:, 3:6]) if "nx" in columns else None
-    triangles = corners.reshape(-1, 3).astype(np.uint32)
+    faces = corners.reshape(-1, 3).astype(np.uint32)
     uvs = None
     if len(columns) not in (3, 6):
         with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
-            uvs = table[:, -2:].astype(np.float32)[triangles]
-    return MeshData(vertices, triangles, normals, crossed_warning(crossed), uvs)
+            uvs = table[:, -2:].astype(np.float32)[faces]
+    return MeshData(vertices, faces, normals, crossed_warning(crossed), uvs)

@@ -114,9 +114,7 @@ class BumpMap(_Mapped):
     """A picture of heights, whose slopes turn the normal."""
 
     texture: FileName = Field(description="file")
-    scale: Annotated[Finite, Field(ge=-1e6, le=1e6)] = Field(
-        1.0, description="metres of a height of 1"
-    )
+    scale: Annotated[Finite, Field(ge=-1e6, le=1e6)] = Field(1.0, description="metres of a height of 1")
     wrap: Wraps = ("repeat", "repeat")
     channel: Literal["r", "g", "b", "a", "luminance"] = "r"
 

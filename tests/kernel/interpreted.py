@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 from meshes import icosphere
+from PIL import Image
 
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerKind
@@ -28,6 +29,7 @@ from clrender.device.radix_sort import CHUNK
 from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.film.unit import Unit, slot_count
 from clrender.flatten import flatten
+from clrender.image.files import write_image
 from clrender.integrators import INTEGRATORS
 from clrender.photon_maps import PhotonMaps
 from clrender.radiosity.atlas import atlas_of
@@ -64,6 +66,8 @@ class Run:
         With a mesh whose triangles need more than one chunk of the builder's sort, and a tree of several levels.
     rough : bool
         With rough materials.
+    textured : bool
+        With textures and normal and bump maps.
     """
 
     kernel: str
@@ -72,6 +76,7 @@ class Run:
     samples: int = 1
     large: bool = False
     rough: bool = False
+    textured: bool = False
 
 
 RENDERS: Final = {
@@ -79,6 +84,8 @@ RENDERS: Final = {
     "path-4": Run("path", 4),
     "path-8-single": Run("path", 8, "single"),
     "path-4-rough": Run("path", 4, samples=2, rough=True),
+    "path-4-textured": Run("path", 4, samples=2, textured=True),
+    "whitted-1-textured": Run("whitted", 1, textured=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -90,6 +97,15 @@ RENDERS: Final = {
 }
 
 
+def maps(folder: Path) -> dict[str, Any]:
+    """A normal map and a bump map, written into `folder` with the picture that has 8 bits."""
+    rng = np.random.default_rng(71)
+    Image.fromarray(rng.integers(0, 256, (9, 7, 3), np.uint8)).save(folder / "p.png")
+    Image.fromarray(rng.integers(0, 65536, (5, 6), np.uint16)).save(folder / "deep.png")
+    write_image(folder / "n.exr", rng.random((5, 6, 3)))
+    return {"normal_map": {"texture": "n.exr"}, "bump_map": {"texture": "deep.png", "scale": 0.1}}
+
+
 def scene(run: Run, folder: Path) -> FlatScene:
     """Triangles, smooth and flat, spheres, disks; every material; every kind of light, in front and behind and around.
 
@@ -98,7 +114,8 @@ def scene(run: Run, folder: Path) -> FlatScene:
     points, faces = icosphere(3 if run.large else 0)
     lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in (points * 0.4 + [-0.8, 0.3, 0.2]).tolist()]
     lines += [f"vn {x:.7f} {y:.7f} {z:.7f}" for x, y, z in points.tolist()]
-    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in (faces + 1).tolist()]
+    lines += [f"vt {x:.7f} {y:.7f}" for x, y, _ in points.tolist()]
+    lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in (faces + 1).tolist()]
     (folder / "ball.obj").write_text("\n".join([*lines, ""]))
     color = (0.7, 0.6, 0.5)
     shapes = [
@@ -116,6 +133,10 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "matt": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
         "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4},
     }
+    textured = {
+        "matt": {"type": "lambert", "reflectance": {"texture": "p.png", "wrap": ["mirror", "clamp"]}, **maps(folder)},
+        "mirror": {"type": "mirror", "reflectance": {"ramp": [color, 0.5]}, "normal_map": {"texture": "p.png"}},
+    }
     described = {
         "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
         "materials": {
@@ -123,6 +144,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             "mirror": {"type": "mirror", "reflectance": color},
             "glass": {"type": "dielectric", "ior": 1.5},
             **(rough if run.rough else {}),
+            **(textured if run.textured else {}),
         },
         "shapes": shapes,
         "lights": [
