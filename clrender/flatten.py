@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.scene.angles import tan_degrees
+from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (
     Camera,
     Conductor,
@@ -27,7 +28,9 @@ from clrender.scene.description import (
     PointLight,
     Scene,
 )
-from clrender.scene.lights import flat_lights
+from clrender.scene.interiors import media_around, packed
+from clrender.scene.lights import flat_environment, flat_lights
+from clrender.scene.media import scene_media
 from clrender.scene.microfacets import SMOOTH_BELOW, fresnel, ggx_albedos, multiple_scale
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.texture_rows import flat_textures
@@ -58,11 +61,13 @@ class FlatScene:
         ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
-        ``material_rows`` (M, 16) float32, and ``ggx_albedo`` (N,) float32, one zero where no material is rough;
+        ``material_rows`` (M, 16) float32, ``media_rows`` (N, 16) float32, of one row where paths need no account of
+        what they are inside of, and ``ggx_albedo`` (N,) float32, one zero where no material is rough;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
         ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
-        (N,) uint32, the tree of lights. Little-endian, C-contiguous.
+        (N,) uint32, the tree of lights; ``environment_map`` (N,) float32, one zero where the environment has no
+        picture. Little-endian, C-contiguous.
     camera : (1,) `Camera`
         All that depends on the camera, but for `origin`.
     environment : int
@@ -153,7 +158,9 @@ def flatten(
     origin = scene_origin(scene.camera) if origin is None else origin
     camera = _camera_row(scene.camera, width, height, scene.source, origin)
     surfaces = flat_surfaces(scene, origin)
-    lights, environment, tree = flat_lights(scene, surfaces, light_sampler)
+    media = scene_media(scene)
+    around = flat_environment(scene)
+    lights, environment, tree = flat_lights(scene, surfaces, around.radiance, light_sampler)
     triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
     textures = flat_textures(scene)
     rough = any(isinstance(material, OrenNayar | Conductor) for material in scene.materials.values())
@@ -164,8 +171,9 @@ def flatten(
         "analytic_shapes": _padded(surfaces.analytic_shapes),
         "primitive_shape": _padded(surfaces.primitive_shape),
         "shapes": _padded(surfaces.shapes),
-        "materials": _padded(_materials(scene)),
+        "materials": _padded(_materials(scene, media.of_material)),
         "material_rows": _material_rows(scene),
+        "media_rows": media.rows,
         "ggx_albedo": ggx_albedos().reshape(-1) if rough else np.zeros(1, np.float32),
         "attribute_rows": _padded(surfaces.attributes),
         "texture_rows": textures.rows,
@@ -175,6 +183,7 @@ def flatten(
         "lights": _padded(lights),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
+        "environment_map": around.words,
     }
     digest = hashlib.sha256(f"{environment} {triangle_count} {analytic_count} {light_count}".encode())
     for name, array in arrays.items():
@@ -185,14 +194,18 @@ def flatten(
             digest.update(array.reshape(-1).view(np.uint8).data)
     return FlatScene(
         arrays=arrays,
-        camera=camera,
+        camera=_surrounded(camera, arrays, triangle_count, scene.camera, origin),
         environment=environment,
         triangle_count=triangle_count,
         analytic_count=analytic_count,
         light_count=light_count,
         light_levels=tree.levels if tree else 0,
         arrays_sha256=digest.hexdigest(),
-        warnings=(*surfaces.warnings, *_lost_light(scene)),
+        warnings=(
+            *surfaces.warnings,
+            *_lost_light(scene, media.no_boundary),
+            *_coinciding(scene, arrays, triangle_count),
+        ),
         origin=origin,
     )
 
@@ -207,13 +220,16 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     SceneError, UsageError
         As `flatten`.
     """
-    return dataclasses.replace(flat, camera=_camera_row(scene.camera, width, height, scene.source, flat.origin))
+    camera = _camera_row(scene.camera, width, height, scene.source, flat.origin)
+    around = _surrounded(camera, flat.arrays, flat.triangle_count, scene.camera, flat.origin)
+    return dataclasses.replace(flat, camera=around)
 
 
-def _lost_light(scene: Scene) -> list[str]:
+def _lost_light(scene: Scene, no_boundary: frozenset[str]) -> list[str]:
     """What no integrator but one finds: light of points and directions that passes glass."""
     used = {shape.material for shape in scene.shapes if shape.material is not None}
-    glass = [name for name in used if isinstance(m := scene.materials[name], Dielectric) and m.ior != m.exterior_ior]
+    glass = [name for name in used if isinstance(scene.materials[name], Dielectric)]
+    glass = [name for name in glass if name not in no_boundary]
     kinds: dict[type, str] = {DirectionalLight: "directional", PointLight: "point"}
     shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
     if not glass or not shining:
@@ -224,17 +240,28 @@ def _lost_light(scene: Scene) -> list[str]:
     ]
 
 
+def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count: int) -> list[str]:
+    """Volumes of which a ray cannot tell where one ends and the other begins."""
+    shapes = coinciding_shapes(arrays, triangle_count)
+    if shapes is None:
+        return []
+    which = f"shapes[{shapes[0]}] and shapes[{shapes[1]}]"
+    text = "faces of two dielectrics coincide, and what is seen through them is wrong"
+    return [f"{scene.source}: {which}: {text}; let one reach a little into the other"]
+
+
 def _padded(array: NDArray[Any]) -> NDArray[Any]:
     """The array, or one row of zeros in its place: OpenCL knows no empty buffer."""
     return np.ascontiguousarray(array) if len(array) else np.zeros((1, *array.shape[1:]), dtype=array.dtype)
 
 
-def _materials(scene: Scene) -> _Rows:
+def _materials(scene: Scene, medium_of: Mapping[str, int]) -> _Rows:
     """The named materials in order, then black if a shape has none."""
     black = any(shape.material is None for shape in scene.shapes)
     rows = np.zeros(len(scene.materials) + black, dtype=layout.dtype("Material"))
-    for number, material in enumerate(scene.materials.values()):
+    for number, (name, material) in enumerate(scene.materials.items()):
         row = rows[number]
+        row["medium"] = medium_of.get(name, 0)
         color = _color(material)
         default = 0.0 if isinstance(material, Dielectric) else min(1.0 - max(color), _MOST_ABSORPTION)
         row["color"] = (*color, default if material.absorption is None else material.absorption)
@@ -299,6 +326,15 @@ def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Ve
         low, high = f"{min(sizes):g}", f"{max(sizes):g}"
         text = f"the view spans {low} to {high} metres at the focus distance, too extreme for single precision"
         raise SceneError(f"{source}: camera: {text}; choose a more moderate vertical_fov or focus_distance")
+    return row
+
+
+def _surrounded(
+    row: _Rows, arrays: Mapping[str, NDArray[Any]], triangle_count: int, camera: Camera, origin: Vector
+) -> _Rows:
+    """The camera's row with the media around it; a lens is taken to be where its middle is."""
+    media = media_around(arrays, triangle_count, np.array(_difference(camera.position, origin)))
+    row[0]["interior_first"], row[0]["interior_last"] = packed(media)
     return row
 
 

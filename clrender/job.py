@@ -161,7 +161,7 @@ class RenderJob:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def to_json(self) -> tuple[str, dict[str, bytes]]:
-        """The job as JSON text, and the meshes that it names by their hashes, for another process or machine.
+        """The job as JSON text, and the files that it names by their hashes, for another process or machine.
 
         Returns
         -------
@@ -171,7 +171,7 @@ class RenderJob:
         Raises
         ------
         SceneError
-            A mesh file cannot be read.
+            A file cannot be read.
         """
         scene, assets = scene_to_portable(self.scene)
         content = {

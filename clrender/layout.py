@@ -158,8 +158,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("color", "float4", "rgb reflectance; w probability that the absorption roulette ends a path here"),
         ("kind", "uint", "MATERIAL_*"),
         ("ior", "float", "index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL"),
+        ("medium", "uint", "behind the front: row of media_rows; 0: none that paths keep account of"),
         ("padding_0", "uint", ""),
-        ("padding_1", "uint", ""),
     ),
     "Light": (
         ("radiance", "float4", "rgb: radiance W/(sr m2), point: intensity W/sr, directional: irradiance W/m2"),
@@ -181,6 +181,10 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("lens_u", "float4", "aperture radius along image right; 0: pinhole"),
         ("lens_v", "float4", "aperture radius along image up"),
         ("world", "float4", "xyz: where the origin of all coordinates on the device lies in world space"),
+        ("interior_first", "uint", "media around it, highest first, a byte each from the highest on"),
+        ("interior_last", "uint", "and four more of them"),
+        ("padding_0", "uint", ""),
+        ("padding_1", "uint", ""),
     ),
     "Settings": (
         ("width", "uint", "pixels"),
@@ -254,6 +258,11 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("FACTOR", 12, 3, "of the value"),
         ("BIAS", 15, 1, "added then"),
     ),
+    "MEDIUM": (
+        ("IOR", 0, 1, "of a dielectric: its index of refraction; row 0: 1"),
+        ("SIGMA", 1, 3, "its absorption coefficients, per metre"),
+        ("UNRANKED", 4, 1, "bits, in row 0: so many media have no priority"),
+    ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),
         ("B", 3, 3, ""),
@@ -275,6 +284,12 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("NORMAL", 12, 3, "disk"),
         ("POSITION", 6, 3, "point light"),
         ("DIRECTION", 6, 3, "directional light: of travel, unit"),
+    ),
+    "ENVIRONMENT": (
+        ("WIDTH", 0, 1, "head of the environment's picture: bits: pixels"),
+        ("HEIGHT", 1, 1, "bits"),
+        ("TURN", 2, 1, "fraction of a turn that it is rotated by, about +y"),
+        ("INVERSE", 3, 1, "one over the integral of its luminance by solid angle"),
     ),
     "NODE": (
         ("CENTER", 0, 3, "child of a node of the light BVH: sphere about its lights"),

@@ -10,13 +10,18 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender import layout
 from clrender.device.preparation import Prepared, Request
 from clrender.device.radix_sort import launch_each, sort
+from clrender.errors import SceneError
+from clrender.scene.description import PointLight
+from clrender.scene.interiors import light_inside
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer
     from clrender.device.worker import DeviceWorker
     from clrender.flatten import FlatScene
+    from clrender.scene import Scene
 
 __all__ = ["PhotonMaps", "prepare", "radius_of_pass"]
 
@@ -29,6 +34,10 @@ RADIUS_SHARE: Final = 0.01
 DEPOSITS: Final = 8
 DEPOSIT_WORDS: Final = 12
 
+_LIGHT_INSIDE: Final = (
+    "{}: shines from inside of a dielectric with priority or attenuation, where the integrator photon does not know "
+    "what its light starts in; move it out, or use --integrator path"
+)
 _MAP_WORDS: Final = 10
 _MOST_CELLS: Final = 1 << 22
 
@@ -171,8 +180,20 @@ class PhotonMaps:
         self._held, self._ready = [], None
 
 
+def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
+    """Where the scene file has a light of the arrays."""
+    row = flat.arrays["lights"][light]
+    if row["kind"] != layout.LIGHT_POINT:
+        return f"shapes[{flat.arrays['primitive_shape'][row['primitive']]}]"
+    points = [i for i, each in enumerate(scene.lights) if isinstance(each, PointLight) and any(each.intensity)]
+    kinds = flat.arrays["lights"]["kind"][: light + 1]
+    return f"lights[{points[int((kinds == layout.LIGHT_POINT).sum()) - 1]}]"
+
+
 def prepare(request: Request) -> Prepared:
     """Photon maps on each device."""
-    settings = request.settings
+    settings, flat = request.settings, request.flat
+    if (light := light_inside(flat.arrays, flat.triangle_count, flat.light_count)) is not None:
+        raise SceneError(f"{request.scene.source}: {_LIGHT_INSIDE.format(_light_place(flat, request.scene, light))}")
     maps = partial(PhotonMaps, flat=request.flat, photons=settings.photons, radius=settings.photon_radius)
     return Prepared(request.flat, request.pipeline, maps)

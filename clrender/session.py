@@ -210,7 +210,9 @@ class _Geometry:
         if (self.light_sampler, self.absorption, self.origin) != (other.light_sampler, other.absorption, other.origin):
             return False
         a, b = self.scene, other.scene
-        if all(getattr(a, name) is getattr(b, name) for name in ("shapes", "materials", "lights", "_meshes")):
+        if all(
+            getattr(a, name) is getattr(b, name) for name in ("shapes", "materials", "lights", "_meshes", "_pictures")
+        ):
             return True
         return a.content_sha256() == b.content_sha256()
 

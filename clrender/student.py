@@ -1,7 +1,7 @@
 """Student's t distribution, for tests and confidence intervals where few values are at hand.
 
-By hand because it is all that clrender needs of a statistics library: `compare --integrators` works without SciPy,
-which the tests hold it against.
+By hand because this and `clrender.chi_squared` are all that clrender needs of a statistics library:
+`compare --integrators` and `furnace` work without SciPy, which the tests hold them against.
 """
 
 from __future__ import annotations

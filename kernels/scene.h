@@ -10,6 +10,7 @@
     X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal, facing; then what it is made of */        \
     X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
     X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row */                         \
+    X(float, media_rows)     /* of dielectrics, where paths carry a list of them: material/interior.h */                            \
     X(float, ggx_albedo)     /* share of light that GGX reflects at first: material/ggx.h */                                     \
     X(float, attribute_rows) /* of primitives with textures: texture coordinates, and which textures; else one row */          \
     X(float, texture_rows)   /* of each texture: which picture, and how it lies */                                             \
@@ -23,6 +24,7 @@
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
     X(float, light_nodes)    /* tree of lights: both children of each node (light/tree.h) */                                \
     X(float, light_order)    /* its last level: the lights, as bits */                                                      \
+    X(float, environment_map) /* picture of the environment, and sums of its light: light/environment.h */                  \
     X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
     X(float, triangle_packs)                                                                                                \
     X(float, analytic_packs)                                                                                                \
@@ -35,6 +37,8 @@
 
 // The last number of a primitive's row: the kind of material below this bit, the flags of the shape from it on.
 #define ROW_FLAGS 16u
+// And from this bit on, the number of the medium behind the front; 0: none that paths keep account of.
+#define ROW_MEDIUM 24u
 
 typedef struct {
     SCENE_ARRAYS(SCENE_MEMBER_)

@@ -67,8 +67,8 @@ typedef struct {
     float4 color;               // rgb reflectance; w probability that the absorption roulette ends a path here
     uint kind;                  // MATERIAL_*
     float ior;                  // index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL
+    uint medium;                // behind the front: row of media_rows; 0: none that paths keep account of
     uint padding_0;
-    uint padding_1;
 } Material;
 
 typedef struct {
@@ -92,6 +92,10 @@ typedef struct {
     float4 lens_u;              // aperture radius along image right; 0: pinhole
     float4 lens_v;              // aperture radius along image up
     float4 world;               // xyz: where the origin of all coordinates on the device lies in world space
+    uint interior_first;        // media around it, highest first, a byte each from the highest on
+    uint interior_last;         // and four more of them
+    uint padding_0;
+    uint padding_1;
 } Camera;
 
 typedef struct {
@@ -154,6 +158,10 @@ typedef struct {
 #define TEXTURE_ROW_FACTOR 12           // of the value
 #define TEXTURE_ROW_BIAS 15             // added then
 
+#define MEDIUM_ROW_IOR 0                // of a dielectric: its index of refraction; row 0: 1
+#define MEDIUM_ROW_SIGMA 1              // its absorption coefficients, per metre
+#define MEDIUM_ROW_UNRANKED 4           // bits, in row 0: so many media have no priority
+
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3
 #define NORMAL_ROW_C 6
@@ -173,6 +181,11 @@ typedef struct {
 #define LIGHT_ROW_NORMAL 12             // disk
 #define LIGHT_ROW_POSITION 6            // point light
 #define LIGHT_ROW_DIRECTION 6           // directional light: of travel, unit
+
+#define ENVIRONMENT_ROW_WIDTH 0         // head of the environment's picture: bits: pixels
+#define ENVIRONMENT_ROW_HEIGHT 1        // bits
+#define ENVIRONMENT_ROW_TURN 2          // fraction of a turn that it is rotated by, about +y
+#define ENVIRONMENT_ROW_INVERSE 3       // one over the integral of its luminance by solid angle
 
 #define NODE_ROW_CENTER 0               // child of a node of the light BVH: sphere about its lights
 #define NODE_ROW_RADIUS 3               // negative: infinitely far

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.bench import SCENES
+from clrender.drawing.svg import BLUE, ORANGE
 from clrender.report.plots import Series, plot
-from clrender.report.svg import BLUE, ORANGE
 
 if TYPE_CHECKING:
     import numpy as np

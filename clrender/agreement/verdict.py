@@ -83,7 +83,7 @@ def light_kinds(scene: Scene) -> frozenset[str]:
         kinds.add(CAUSTICS)
     if diffuse and any(shape.emission is not None and max(shape.emission) > 0.0 for shape in scene.shapes):
         kinds.add(SOFT_SHADOWS)
-    if diffuse and any(light.type == "environment" and max(light.radiance) > 0.0 for light in scene.lights):
+    if diffuse and (around := scene.environment) and (around.file is not None or max(around.constant) > 0.0):
         kinds.add(ENVIRONMENT_ON_DIFFUSE)
     return frozenset(kinds)
 

@@ -34,6 +34,7 @@ COMMANDS: Final[dict[str, str]] = {
     "schema": "Print the JSON Schema of scene files.",
     "tonemap": "Tone-map a linear image for display.",
     "compare": "Compare an image with a reference, or integrators with each other.",
+    "furnace": "Measure the physics of materials: energy, reciprocity, sampling.",
     "report": "Reproduce the founding report: its table, figures and conclusions.",
     "merge": "Merge films of one render into one.",
     "radiosity": "Animate a diffuse scene in which a shape moves.",

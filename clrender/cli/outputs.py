@@ -57,8 +57,10 @@ def scene_files(name: str, scene: Scene) -> list[Path]:
     """Every file that a scene, loaded by this name, was read from."""
     from clrender.scene import Mesh
 
-    meshes = [shape.file for shape in scene.shapes if isinstance(shape, Mesh) and shape.file is not None]
-    return [Path(name), scene.base_folder / f"{name}.toml", *(scene.base_folder / mesh for mesh in meshes)]
+    files = [shape.file for shape in scene.shapes if isinstance(shape, Mesh) and shape.file is not None]
+    if scene.environment is not None and scene.environment.file is not None:
+        files.append(scene.environment.file)
+    return [Path(name), scene.base_folder / f"{name}.toml", *(scene.base_folder / file for file in files)]
 
 
 def _same_file(a: Path, b: Path) -> bool:

@@ -51,6 +51,12 @@ __all__ = ["render"]
     "(CLRENDER_DEVICE, else auto).",
 )
 @setting_options
+@click.option(
+    "--environment",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A lat-long .exr, .hdr or .png as environment, for scenes that have none.",
+)
 @tone_options
 @click.option("--aov", metavar="LIST", help="Layers of an .exr: albedo,normal,depth,position,object,material,samples.")
 @click.option(
@@ -74,6 +80,7 @@ def render(
     outputs: tuple[Path, ...],
     size: tuple[int, int] | None,
     devices: tuple[str, ...],
+    environment: Path | None,
     tone_map: str,
     exposure: float,
     aov: str | None,
@@ -100,6 +107,8 @@ def render(
 
         begun = time.perf_counter()
         description = load(scene, allow_paths=allow_paths)
+        if environment is not None:
+            description = description.with_environment(environment)
         load_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}

@@ -23,7 +23,7 @@ _WORK_GROUP = 16
 LARGEST_PAGE = 1 << 36
 _PAGES = 4
 _AS_THEY_ARE = (
-    *("material_rows", "ggx_albedo", "light_nodes", "light_order"),
+    *("material_rows", "media_rows", "ggx_albedo", "light_nodes", "light_order", "environment_map"),
     *("attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Arrays of the host that the kernels read as such."""
@@ -89,6 +89,10 @@ class SceneArrays:
     tree : bvh.Bvh
     rough : bool
         Whether some material needs the kernels' rough ones.
+    environment_map : bool
+        Whether the environment has a picture.
+    interiors : bool
+        Whether paths keep account of the dielectrics that they are inside of.
     textured : bool
         Whether some shape has textures.
     page_bits : int or None
@@ -110,6 +114,8 @@ class SceneArrays:
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
         self.tree = tree or bvh.build(device, source)
         self.rough = len(scene.arrays["ggx_albedo"]) > 1
+        self.environment_map = len(scene.arrays["environment_map"]) > 1
+        self.interiors = len(scene.arrays["media_rows"]) > 1
         self.textured = len(scene.arrays["attribute_rows"]) > 1 or bool(scene.arrays["attribute_rows"].any())
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -188,9 +188,9 @@ class DeviceWorker:
                 self._owned.callback(self._preparation.release)
             undone.pop_all()
 
-    def program(self, entry: str) -> Program:
-        """A kernel file that reads the scene, built for this scene and launch."""
-        return self.device.program(entry, self._defined)
+    def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
+        """A kernel file that reads the scene, built for this scene and launch, with `more` macros."""
+        return self.device.program(entry, {**self._defined, **(more or {})})
 
     def padded(self, items: int) -> int:
         """So many work-items make whole groups."""
@@ -212,6 +212,10 @@ class DeviceWorker:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
         if self._arrays.rough:
             defines["ROUGH_MATERIALS"] = 1
+        if self._arrays.environment_map:
+            defines["ENVIRONMENT_MAP"] = 1
+        if self._arrays.interiors:
+            defines["INTERIORS"] = 1
         if self._arrays.textured:
             defines["TEXTURES"] = 1
             if self._arrays.page_bits is not None:

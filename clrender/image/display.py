@@ -40,15 +40,15 @@ _JPEG_RATIO: Final = 1024
 """Pixels that a byte of a JPEG stands for, at most: a block of 64 takes one bit."""
 
 
-def check_size(width: int, height: int) -> None:
-    """Refuse what is no image, or too large to be read.
+def check_size(width: int, height: int, most: int = PIXEL_LIMIT) -> None:
+    """Refuse what is no image, or of more than `most` pixels.
 
     Raises
     ------
     ValueError
     """
-    if width < 1 or height < 1 or width * height > PIXEL_LIMIT:
-        raise ValueError(f"{width} x {height} pixels are not between 1 and {PIXEL_LIMIT}")
+    if width < 1 or height < 1 or width * height > most:
+        raise ValueError(f"{width} x {height} pixels are not between 1 and {most}")
 
 
 def png_bytes(pixels: npt.NDArray[np.uint8], notes: Mapping[str, str]) -> bytes:
@@ -88,7 +88,7 @@ def png_note(file: IO[bytes], name: str) -> str | None:
     return None if text is None else str(text)
 
 
-def read_display(file: IO[bytes]) -> npt.NDArray[np.float32]:
+def read_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32]:
     """A PNG or JPEG, of 8 or 16 bits a channel, as (H, W, 3) linear values in 0..1.
 
     Raises
@@ -96,7 +96,7 @@ def read_display(file: IO[bytes]) -> npt.NDArray[np.float32]:
     ValueError, or whatever Pillow raises
         The file is damaged or too large.
     """
-    with open_display(file) as picture:
+    with open_display(file, most) as picture:
         deep = is_deep(picture)
         pixels = deep_pixels(file, picture)[..., :3] if deep else np.asarray(picture.convert("RGB"))
     largest = 65535 if deep else 255
@@ -129,7 +129,7 @@ def deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
     return high
 
 
-def open_display(file: IO[bytes]) -> ImageFile:
+def open_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> ImageFile:
     """A PNG or JPEG, of which only the header is read, and whose size can be that of such a file.
 
     By Pillow's formats themselves: `PIL.Image.open` refuses what is larger than 179 million pixels.
@@ -142,14 +142,14 @@ def open_display(file: IO[bytes]) -> ImageFile:
     file.seek(0)
     if start[:8] == b"\x89PNG\r\n\x1a\n" and len(start) == 29:
         width, height, depth, color = struct.unpack(">IIBB", start[16:26])
-        check_size(width, height)
+        check_size(width, height, most)
         bits = depth * {2: 3, 4: 2, 6: 4}.get(color, 1)
         if height * (width * bits // 8 + 1) > _DEFLATE_RATIO * size:
             raise ValueError("it is truncated: it is too small for the size its header gives")
         return PngImageFile(file)
     if start[:2] == b"\xff\xd8":
         picture = JpegImageFile(file)
-        check_size(*picture.size)
+        check_size(*picture.size, most)
         if picture.width * picture.height > _JPEG_RATIO * size:
             raise ValueError("it is truncated: it is too small for the size its header gives")
         return picture

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.image.colorimetry import rec_709_matrix
-from clrender.image.display import check_size
+from clrender.image.display import PIXEL_LIMIT, check_size
 
 __all__ = ["exr_attribute", "exr_size", "read_exr", "write_exr"]
 
@@ -59,8 +59,8 @@ def exr_attribute(file: IO[bytes], name: str) -> str | None:
     return None if found is None else str(found)
 
 
-def exr_size(file: IO[bytes]) -> tuple[int, int]:
-    """Width and height of what `read_exr` gives, by the header alone.
+def exr_size(file: IO[bytes], most: int = PIXEL_LIMIT) -> tuple[int, int]:
+    """Width and height of what `read_exr` gives, by the header alone; `most` pixels at most.
 
     Raises
     ------
@@ -72,15 +72,15 @@ def exr_size(file: IO[bytes]) -> tuple[int, int]:
     with _quiet():
         headers = [dict(part.header) for part in _openexr().File(file, header_only=True).parts]
     part, _ = _colour_part(headers)
-    _check_sizes(headers, size)
+    _check_sizes(headers, size, most)
     return _window(headers[part]["displayWindow"])[2:]
 
 
-def read_exr(file: IO[bytes]) -> _Image:
+def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:
     """The image of a file: its display window, black where the file has no data, in linear Rec. 709.
 
-    Of a file of several parts the only one with colours counts. A luminance channel alone is grey. Other primaries are
-    converted, with their white adapted to D65 (`clrender.image.colorimetry`).
+    It has `most` pixels at most. Of a file of several parts the only one with colours counts. A luminance channel alone
+    is grey. Other primaries are converted, with their white adapted to D65 (`clrender.image.colorimetry`).
 
     Returns
     -------
@@ -97,7 +97,7 @@ def read_exr(file: IO[bytes]) -> _Image:
     with _quiet():
         headers = [dict(part.header) for part in library.File(file, header_only=True).parts]
     part, names = _colour_part(headers)
-    _check_sizes(headers, size)
+    _check_sizes(headers, size, most)
     file.seek(0)
     with _quiet(), library.File(file, separate_channels=True) as picture:
         if len(picture.parts) != len(headers):
@@ -128,13 +128,13 @@ def _colour_part(headers: list[dict[str, Any]]) -> tuple[int, tuple[str, str, st
     raise ValueError(f"its channels are {', '.join(every[:12]) or 'none'}, not R, G, B")
 
 
-def _check_sizes(headers: list[dict[str, Any]], size: int) -> None:
+def _check_sizes(headers: list[dict[str, Any]], size: int, most_pixels: int) -> None:
     """Refuse windows that are too large, or larger than a file of that size can fill, before memory is taken."""
     for header in headers:
         pixels = []
         for window in ("displayWindow", "dataWindow"):
             width, height = _window(header[window])[2:]
-            check_size(width, height)
+            check_size(width, height, most_pixels)
             pixels.append(width * height)
         compression = str(header["compression"]).split(".")[-1].split("_COMPRESSION")[0]
         most = 2 * size * _RATIOS.get(compression, _RATIO) + 4096

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from clrender.errors import ClrenderError, UsageError
 from clrender.files import atomic_write, check_writable, open_input
-from clrender.image.display import check_size, jpeg_bytes, png_note, read_display
+from clrender.image.display import PIXEL_LIMIT, check_size, jpeg_bytes, png_note, read_display
 from clrender.image.display import png_bytes as display_png
 from clrender.image.tone_map import to_display
 
@@ -31,6 +31,7 @@ __all__ = [
     "image_sha256",
     "png_bytes",
     "read_image",
+    "read_open_image",
     "read_provenance",
     "write_image",
 ]
@@ -145,14 +146,35 @@ def read_image(path: str | Path) -> _Image:
     """
     path = Path(path)
     ending = path.suffix.lower()
-    reader = read_display if ending in DISPLAY_ENDINGS else _READERS.get(ending)
-    if reader is None:
+    if ending not in _READERS:
         raise UsageError(
             f"{path}: the ending {path.suffix!r} is unknown; expected one of "
             f"{', '.join(DISPLAY_ENDINGS + LINEAR_ENDINGS)}."
         )
-    with open_input(path) as file, _whatever_a_library_trips_over(f"{path}: not a readable {ending} image"):
-        return reader(file)
+    with open_input(path) as file:
+        return read_open_image(file, ending, f"{path}: not a readable {ending} image")
+
+
+def read_open_image(file: IO[bytes], ending: str, problem: str, most: int = PIXEL_LIMIT) -> _Image:
+    """The same from a file that is open.
+
+    Parameters
+    ----------
+    file : binary file
+    ending : str
+        What kind of file it is, one of `DISPLAY_ENDINGS` and `LINEAR_ENDINGS`.
+    problem : str
+        Start of the error message.
+    most : int
+        Pixels; checked before memory is taken for them.
+
+    Raises
+    ------
+    UsageError
+        It is not what the ending says, or too large.
+    """
+    with _whatever_a_library_trips_over(problem):
+        return _READERS[ending](file, most)
     raise AssertionError("unreachable")
 
 
@@ -204,13 +226,13 @@ def png_bytes(
     return display_png(to_display(_as_image(linear), tone_map, exposure), notes)
 
 
-def _read_exr(file: IO[bytes]) -> _Image:
+def _read_exr(file: IO[bytes], most: int) -> _Image:
     from clrender.image.exr import read_exr
 
-    return read_exr(file)
+    return read_exr(file, most)
 
 
-def _read_npy(file: IO[bytes]) -> _Image:
+def _read_npy(file: IO[bytes], most: int) -> _Image:
     """NumPy's format, "NEP 1: a simple file format for NumPy arrays"; its own reader evaluates and warns too much."""
     start = file.read(8)
     if len(start) < 8 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
@@ -227,7 +249,7 @@ def _read_npy(file: IO[bytes]) -> _Image:
     integers = all(type(size) is int for size in shape)
     if not integers or len(shape) != 3 or shape[2] != 3 or kind.kind != "f" or kind.itemsize > 8:
         raise ValueError(f"it holds {str(kind)[:20]} {str(shape)[:60]}, not float32 (height, width, 3)")
-    check_size(shape[1], shape[0])
+    check_size(shape[1], shape[0], most)
     size = math.prod(shape) * kind.itemsize
     held = os.fstat(file.fileno()).st_size - 8 - width - length
     if held != size:
@@ -237,13 +259,18 @@ def _read_npy(file: IO[bytes]) -> _Image:
         return _as_image(pixels)
 
 
-def _read_hdr(file: IO[bytes]) -> _Image:
+def _read_hdr(file: IO[bytes], most: int) -> _Image:
     from clrender.image.radiance_hdr import read_hdr
 
-    return read_hdr(file)
+    return read_hdr(file, most)
 
 
-_READERS: Final[Mapping[str, Callable[[IO[bytes]], _Image]]] = {".exr": _read_exr, ".npy": _read_npy, ".hdr": _read_hdr}
+_READERS: Final[Mapping[str, Callable[[IO[bytes], int], _Image]]] = {
+    ".exr": _read_exr,
+    ".npy": _read_npy,
+    ".hdr": _read_hdr,
+    **dict.fromkeys(DISPLAY_ENDINGS, read_display),
+}
 
 
 def _as_image(linear: npt.ArrayLike) -> _Image:

@@ -59,15 +59,21 @@ def picture_room(file: IO[bytes], ending: str) -> tuple[int, int, int]:
         The file is damaged, or too large.
     """
     if ending in (".exr", ".hdr"):
-        if ending == ".exr":
-            from clrender.image.exr import exr_size as size_of
-        else:
-            from clrender.image.radiance_hdr import hdr_size as size_of
-        width, height = size_of(file)
+        width, height = _size_of_floats(file, ending)
         _check(width, height)
         return width, height, 16
     picture = open_picture(file, ending)
     return picture.width, picture.height, picture.channels * (1 if picture.coding == "unorm8" else 2)
+
+
+def _size_of_floats(file: IO[bytes], ending: str) -> tuple[int, int]:
+    if ending == ".exr":
+        from clrender.image.exr import exr_size
+
+        return exr_size(file)
+    from clrender.image.radiance_hdr import hdr_size
+
+    return hdr_size(file)
 
 
 def open_picture(file: IO[bytes], ending: str) -> Picture:

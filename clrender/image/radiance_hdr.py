@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.image.colorimetry import rec_709_matrix
-from clrender.image.display import check_size
+from clrender.image.display import PIXEL_LIMIT, check_size
 
 __all__ = ["hdr_size", "read_hdr", "write_hdr"]
 
@@ -37,8 +37,9 @@ def write_hdr(file: IO[bytes], image: npt.NDArray[np.float32]) -> None:
         file.write(_encode(image[top : top + _ROWS]).tobytes())
 
 
-def read_hdr(file: IO[bytes]) -> npt.NDArray[np.float32]:
-    """Read a picture, flat or run-length encoded, in any of the format's eight orders of pixels.
+def read_hdr(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32]:
+    """Read a picture, flat or run-length encoded, in any of the format's eight orders of pixels, and of `most` pixels
+    at most.
 
     Returns
     -------
@@ -53,6 +54,7 @@ def read_hdr(file: IO[bytes]) -> npt.NDArray[np.float32]:
     """
     scale, matrix, size = _read_start(file)
     lines, length = int(size[2]), int(size[4])
+    check_size(length, lines, most)
     data = file.read(8 * lines * length + _HEADER_LIMIT)  # no sound file is longer
     # Lines are gathered as they come: a short file cannot ask for a large picture's memory.
     encoded, at = [], 0

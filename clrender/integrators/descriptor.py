@@ -67,6 +67,10 @@ class Integrator:
         Members of the kernels' `Settings` that it gives itself, whatever the settings say.
     materials : tuple of str
         Types of material that it takes; empty: all.
+    environment_pictures : bool
+        Whether it takes an environment that is not the same everywhere.
+    volumes : bool
+        Whether its paths keep account of the dielectrics that they are inside of: priorities and absorption.
     textures : bool
         Whether it takes materials with textures.
     auto_light_sampler : str
@@ -82,6 +86,8 @@ class Integrator:
     takes: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
     fixed: Mapping[str, int] = field(default_factory=dict)
     materials: tuple[str, ...] = ()
+    environment_pictures: bool = True
+    volumes: bool = True
     textures: bool = True
     auto_light_sampler: str = "auto"
     preparation: str = ""

@@ -13,6 +13,7 @@ INTEGRATOR: Final = Integrator(
     leaves_out=(CAUSTICS,),
     bias="discretised",
     materials=("lambert",),
+    environment_pictures=False,
     textures=False,
     preparation="clrender.radiosity.preparation",
 )

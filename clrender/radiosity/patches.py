@@ -112,8 +112,8 @@ class Patches:
     @cached_property
     def environment(self) -> _Floats:
         """(3,) float64, radiance of the environment."""
-        found = [light.radiance for light in self.scene.lights if isinstance(light, EnvironmentLight)]
-        return np.array(found[0] if found else (0.0, 0.0, 0.0), np.float64)
+        light = self.scene.environment
+        return np.array(light.constant if light else (0.0, 0.0, 0.0), np.float64)
 
     @cached_property
     def shadow_rays_find_emission(self) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.report.svg import BLUE, EDGE, GREY, INK, draw
+from clrender.drawing.svg import BLUE, EDGE, GREY, INK, draw
 from clrender.scene import Box, Quad, Sphere, Tetrahedron, Transform
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from clrender.drawing.svg import BLUE, GREY, ORANGE, draw
 from clrender.report.founding import GROUPS
 from clrender.report.intervals import Interval, mean_interval
 from clrender.report.results import Results, Row, Run
-from clrender.report.svg import BLUE, GREY, ORANGE, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

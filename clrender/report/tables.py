@@ -4,33 +4,14 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from clrender.drawing.table import Table
 from clrender.report.founding import GROUPS
 from clrender.report.results import Results, Row
 from clrender.report.verdicts import Verdict
 from clrender.report.wording import factor, significant
 
-__all__ = ["Table", "noise_table", "times_table", "verdict_table"]
-
-
-@dataclass(frozen=True)
-class Table:
-    """Text in rows and columns.
-
-    Attributes
-    ----------
-    caption : str
-    header : sequence of str
-    rows : sequence of sequence of str
-    words : int
-        Number of leading columns that hold words; the others hold numbers.
-    """
-
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    words: int = 1
+__all__ = ["noise_table", "times_table", "verdict_table"]
 
 
 def times_table(results: Results) -> Table:

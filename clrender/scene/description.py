@@ -17,7 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
 
+from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
+from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.light_kinds import LIGHT_TYPES, DirectionalLight, EnvironmentLight, Light, PointLight
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.microfacets import METALS
@@ -28,13 +31,13 @@ from clrender.scene.values import (
     COORDINATE_LIMIT,
     SHAPE_LIMIT,
     Absorption,
-    Color,
     Extinction,
     Finite,
     Index,
     Length,
     Name,
     Part,
+    Reflectance,
     SettingValue,
     Share,
     Vector,
@@ -163,12 +166,37 @@ class Mirror(Part):
 
 
 class Dielectric(Part):
-    """A smooth boundary between two transparent media: `ior` behind the front side, `exterior_ior` before it."""
+    """A smooth boundary between two transparent media: `ior` behind the front side, `exterior_ior` before it.
+
+    With a `priority` it is a medium that fills closed shapes instead: where volumes overlap, the highest priority wins.
+    """
 
     type: Literal["dielectric"]
     ior: Index
     exterior_ior: Index = 1.0
+    priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
+        None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
+    )
+    attenuation_color: Reflectance | None = Field(
+        None, description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"
+    )
+    attenuation_distance: Length | None = Field(None, description="metres, in the medium behind the front")
     absorption: Absorption = None
+
+    @model_validator(mode="after")
+    def _is_a_medium(self) -> Dielectric:
+        if self.priority is not None and "exterior_ior" in self.model_fields_set:
+            sentence = "cannot be given beside priority: the volume that is outside has its own index; leave it out"
+            raise fault("material", sentence, "exterior_ior")
+        if (self.attenuation_color is None) != (self.attenuation_distance is None):
+            one, other = ("color", "distance") if self.attenuation_distance is None else ("distance", "color")
+            sentence = f"needs attenuation_{other} beside it: the share of light that is left after that distance"
+            raise fault("material", sentence, f"attenuation_{one}")
+        for i, share in enumerate(self.attenuation_color or ()):
+            if share == 0.0:
+                sentence = "is 0, which no thickness of a medium does; give a small number such as 0.001"
+                raise fault("material", sentence, "attenuation_color", i)
+        return self
 
 
 class OrenNayar(Part):
@@ -219,46 +247,6 @@ MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
 Material: TypeAlias = Annotated[Lambert | Mirror | Dielectric | OrenNayar | Conductor, Field(discriminator="type")]
 
 
-# --- lights ----------------------------------------------------------------------------------------------------------
-
-
-class PointLight(Part):
-    """Shines alike in all directions from one point."""
-
-    type: Literal["point"]
-    position: Vector
-    intensity: Color = Field(description="W/sr")
-
-
-class DirectionalLight(Part):
-    """Parallel light from infinitely far away."""
-
-    type: Literal["directional"]
-    direction: Vector = Field(description="in which the light travels")
-    irradiance: Color = Field(description="W/m2 on a surface that faces it")
-
-    @model_validator(mode="after")
-    def _has_a_direction(self) -> DirectionalLight:
-        if length(self.direction) == 0.0:
-            raise fault("light", "has length zero; give a direction such as [0, -1, 0]", "direction")
-        return self
-
-
-class EnvironmentLight(Part):
-    """The same radiance from every direction outside the scene."""
-
-    type: Literal["environment"]
-    radiance: Color = Field(description="W/(sr m2)")
-
-
-LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
-    "point": PointLight,
-    "directional": DirectionalLight,
-    "environment": EnvironmentLight,
-}
-Light: TypeAlias = Annotated[PointLight | DirectionalLight | EnvironmentLight, Field(discriminator="type")]
-
-
 # --- the whole -------------------------------------------------------------------------------------------------------
 
 
@@ -288,6 +276,7 @@ class Scene(Part):
     _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
     _source: str = PrivateAttr(default="Scene")
     _meshes: dict[str, MeshData] = PrivateAttr(default_factory=dict)
+    _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
     _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
 
@@ -305,7 +294,7 @@ class Scene(Part):
 
     @property
     def base_folder(self) -> Path:
-        """Folder against which mesh files are looked up: the scene file's own, or the working folder."""
+        """Folder against which files are looked up: the scene file's own, or the working folder."""
         return self._base_folder
 
     @property
@@ -321,13 +310,13 @@ class Scene(Part):
         source : str
             What messages call the scene.
         base_folder : pathlib.Path
-            Mesh files are looked up in it and read only from it and below ...
+            Files are looked up in it and read only from it and below ...
         allow_paths : sequence of pathlib.Path
             ... and from these folders and below.
         """
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes, scene._store = {}, []
+        scene._meshes, scene._pictures, scene._store = {}, {}, []
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -356,7 +345,7 @@ class Scene(Part):
         scene._meshes = {**self._meshes, **meshes}
         return scene
 
-    def with_pictures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
+    def with_textures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
         """The same scene with these pictures, each with its tiles, in the place of the files of these names."""
         scene = self.model_copy()
         scene._given, scene._store = {**self._given, **pictures}, []
@@ -396,6 +385,56 @@ class Scene(Part):
             self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, where)
         return self._meshes[shape.file]
 
+    @property
+    def environment(self) -> EnvironmentLight | None:
+        """The scene's only one."""
+        return next((light for light in self.lights if isinstance(light, EnvironmentLight)), None)
+
+    def environment_picture(self) -> EnvironmentPicture | None:
+        """The picture of the environment, if it has one; its file is read once and kept.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is not a usable picture.
+        """
+        light = self.environment
+        if light is None or light.file is None:
+            return None
+        if light.file not in self._pictures:
+            place = f"{self._source}: lights[{self.lights.index(light)}].file"
+            self._pictures[light.file] = EnvironmentPicture.read(
+                light.file, self._base_folder, self._allow_paths, place
+            )
+        return self._pictures[light.file]
+
+    def with_pictures(self, pictures: Mapping[str, EnvironmentPicture]) -> Scene:
+        """The same scene with these pictures in the place of the files of these names."""
+        scene = self.model_copy()
+        scene._pictures = {**self._pictures, **pictures}
+        return scene
+
+    def with_environment(self, file: str | Path) -> Scene:
+        """The same scene, which has no environment, in one with this picture.
+
+        Parameters
+        ----------
+        file : str or pathlib.Path
+            A `.exr`, `.hdr` or `.png` in latitude and longitude, anywhere.
+
+        Raises
+        ------
+        SceneError
+            If the scene has an environment, or the file cannot be read or is not a usable picture.
+        """
+        path = Path(file).absolute()
+        if self.environment is not None:
+            place = f"{self._source}: lights[{self.lights.index(self.environment)}]"
+            raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
+        picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
+        lights = (*self.lights, EnvironmentLight(type="environment", file=str(path)))
+        return self.model_copy(update={"lights": lights}).with_pictures({str(path): picture})
+
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.
 
@@ -404,8 +443,8 @@ class Scene(Part):
         Returns
         -------
         str
-            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, not by its name,
-            and a picture by its pixels.
+            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels,
+            neither by its name.
         """
         return self._hash_without({"title", "render"})
 
@@ -418,6 +457,10 @@ class Scene(Part):
         for index, shape in enumerate(self.shapes):
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()
+        picture = self.environment_picture()
+        for light in content["lights"]:
+            if light["type"] == "environment" and picture is not None:
+                light["file"] = picture.sha256()
         for name, material in self.materials.items():
             for key, texture in textures_of(material):
                 if isinstance(texture, ImageTexture | NormalMap | BumpMap):

@@ -12,12 +12,13 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.alias import alias_table
 from clrender.scene.description import DirectionalLight, PointLight, Scene
+from clrender.scene.environment import EnvironmentTable, environment_table
 from clrender.scene.light_tree import Emitters, LightTree, light_tree
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
-from clrender.scene.values import Color, length
+from clrender.scene.values import POWER_LIMIT, Color, length
 
-__all__ = ["flat_lights"]
+__all__ = ["flat_environment", "flat_lights"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
@@ -25,7 +26,27 @@ _TREE_FROM: Final = 16
 """So many lights are worth a walk down a tree at every point."""
 
 
-def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> tuple[_Rows, int, LightTree | None]:
+def flat_environment(scene: Scene) -> EnvironmentTable:
+    """The scene's environment as kernels read it; black where there is none.
+
+    Raises
+    ------
+    SceneError
+        If its picture cannot be read, or is brighter than single precision can tell.
+    """
+    light, picture = scene.environment, scene.environment_picture()
+    if light is None or picture is None:
+        return EnvironmentTable(light.constant if light else (0.0, 0.0, 0.0), np.zeros(1, np.float32))
+    brightest = max(float(picture.pixels[..., i].max()) * light.scale[i] for i in range(3))
+    if brightest > POWER_LIMIT:
+        place = f"{scene.source}: lights[{scene.lights.index(light)}].scale"
+        raise SceneError(f"{place}: makes a radiance of {brightest:g}; at most {POWER_LIMIT:g} is known")
+    return environment_table(picture, light.rotate_degrees % 360.0 / 360.0, light.scale)
+
+
+def flat_lights(
+    scene: Scene, surfaces: FlatSurfaces, environment_radiance: Color, choice: str = "auto"
+) -> tuple[_Rows, int, LightTree | None]:
     """Rows of all lights that shine: shapes in order, then the lights of the file in order.
 
     Parameters
@@ -33,6 +54,8 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> t
     scene : Scene
     surfaces : FlatSurfaces
         Of this scene; `first_light` of its shapes is written.
+    environment_radiance : (3,) float
+        Of the environment light, the mean over all directions.
     choice : str
         A light sampler of `clrender.settings`.
 
@@ -79,7 +102,8 @@ def flat_lights(scene: Scene, surfaces: FlatSurfaces, choice: str = "auto") -> t
             size = length(light.direction)
             row["position"][0, :3] = [x / size for x in light.direction]
         else:
-            color, factor, kind = light.radiance, 4.0 * math.pi * math.pi * radius * radius, layout.LIGHT_ENVIRONMENT
+            color, factor = environment_radiance, 4.0 * math.pi * math.pi * radius * radius
+            kind = layout.LIGHT_ENVIRONMENT
         if _luminance(color) == 0.0:
             continue
         if kind == layout.LIGHT_ENVIRONMENT:

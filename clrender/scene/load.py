@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.resources import scenes_folder
 from clrender.scene.description import Scene
-from clrender.scene.mesh_io import open_scene_file
+from clrender.scene.named_files import open_scene_file
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
 from clrender.scene.wording import quoted, suggestion
@@ -41,14 +41,14 @@ class _DuplicateKey(ValueError):
 
 
 def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) -> Scene:
-    """Read and validate a scene, and the meshes and pictures that it names.
+    """Read and validate a scene and the files it names.
 
     Parameters
     ----------
     path_or_name : str or pathlib.Path
         A ``.toml`` or ``.json`` file, or the name of a built-in scene (which wins: write ``./room`` for a file).
     allow_paths : sequence of str or pathlib.Path
-        Folders, besides the scene's own, from which meshes and pictures may be read.
+        Folders, besides the scene's own, from which these may be read.
 
     Returns
     -------
@@ -76,6 +76,7 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Mesh) and shape.file is not None:
             scene.mesh(index)
+    scene.environment_picture()
     scene.textures()
     return scene
 

@@ -1,8 +1,7 @@
-"""Reads the mesh files that scenes name: only from allowed folders, only regular files, only sound triangles."""
+"""Reads the mesh files that scenes name: only sound triangles."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -10,78 +9,17 @@ from typing import BinaryIO, Final
 import numpy as np
 
 from clrender.errors import SceneError
-from clrender.files import UnreadableFile, open_regular
 from clrender.scene.mesh_data import MeshData
+from clrender.scene.named_files import allowed_file, open_named_file
 from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.wording import quoted
 
-__all__ = ["FILE_LIMIT", "open_named_file", "open_scene_file", "read_mesh"]
+__all__ = ["FILE_LIMIT", "read_mesh"]
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
 UV_LIMIT: Final = 1e6
 """Largest magnitude of a texture coordinate: single precision still knows a sixteenth there."""
-
-
-def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = None) -> tuple[BinaryIO, int]:
-    """Open a file for reading if it is a regular one of sane size.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    label : str
-        Start of the error message.
-    limit : int
-        Largest size, bytes.
-    beneath : pathlib.Path, optional
-        As of `clrender.files.open_regular`.
-
-    Returns
-    -------
-    file, size
-
-    Raises
-    ------
-    SceneError
-        If it cannot be opened, or is a folder, a device, a pipe, a socket or too large.
-    """
-    try:
-        file = open_regular(path, beneath)
-    except UnreadableFile as error:
-        raise SceneError(f"{label} {error}") from None
-    size = os.fstat(file.fileno()).st_size
-    if size > limit:
-        file.close()
-        raise SceneError(f"{label} has {size} bytes, but at most {limit} are read")
-    return file, size
-
-
-def open_named_file(
-    name: str, base_folder: Path, allow_paths: Sequence[Path], label: str, limit: int
-) -> tuple[BinaryIO, int]:
-    """Open a file that a scene names, if it lies where files may come from.
-
-    Parameters
-    ----------
-    name : str
-        Relative to `base_folder` or absolute.
-    base_folder : pathlib.Path
-    allow_paths : sequence of pathlib.Path
-        Folders besides `base_folder` from which, and from below which, files may come; links are followed first.
-    label, limit
-        As of `open_scene_file`.
-
-    Returns
-    -------
-    file, size
-
-    Raises
-    ------
-    SceneError
-        If it lies elsewhere, or as of `open_scene_file`.
-    """
-    folder, path = _allowed(name, base_folder, allow_paths, label)
-    return open_scene_file(path, label, limit, folder)
 
 
 def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
@@ -105,7 +43,7 @@ def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
     label = f"{place}: {quoted(name)}"
     read = _reader(Path(name).suffix.lower())
     if read is None:
-        _allowed(name, base_folder, allow_paths, label)
+        allowed_file(name, base_folder, allow_paths, label)
         raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply or .obj")
     file, size = open_named_file(name, base_folder, allow_paths, label, FILE_LIMIT)
     with file:
@@ -131,28 +69,6 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str], MeshData] | None:
 
         return read_obj
     return None
-
-
-def _allowed(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str) -> tuple[Path, Path]:
-    """The folder in which a file may be read, and the way from there with all links followed."""
-    try:
-        folders = [folder.resolve() for folder in (base_folder, *allow_paths)]
-        path = (base_folder / name).resolve()
-    except (OSError, RuntimeError, ValueError) as error:
-        reason = getattr(error, "strerror", None)
-        if isinstance(error, RuntimeError):
-            reason = "its links go round in a circle"
-        raise SceneError(f"{label} cannot be opened: {reason or 'the name is not a valid path'}") from None
-    folder = next((folder for folder in folders if path.is_relative_to(folder)), None)
-    if folder is None:
-        # Whether such a file exists outside is not told.
-        raise SceneError(_outside(label))
-    return folder, path.relative_to(folder)
-
-
-def _outside(label: str) -> str:
-    cure = "move it there or allow its folder with --allow-path (allow_paths in Python)"
-    return f"{label} lies outside the scene's own folder; {cure}"
 
 
 def _checked(mesh: MeshData, label: str) -> MeshData:

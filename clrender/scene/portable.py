@@ -1,10 +1,11 @@
-"""A scene on its way to another process: JSON, and the meshes and pictures of its files, each named by its hash."""
+"""A scene on its way to another process: JSON, and what it read from files, each named by its hash."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +13,18 @@ from pydantic import ValidationError
 
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
+from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Mesh
-from clrender.scene.texels import TILE_BYTES, StoredPicture, tile_shape
+from clrender.scene.texels import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
 from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, textures_of
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.wording import place
+from clrender.scene.wording import place as place_in_file
 
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
+_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, "_TexturePicture")
 
 
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -55,10 +58,16 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     for name, material in scene.materials.items():
         for key, texture in textures_of(material):
             if isinstance(texture, ImageTexture | NormalMap | BumpMap):
-                picture = store.picture(texture)
-                description["materials"][name][key]["texture"] = _PREFIX + picture.sha256
-                if picture.sha256 not in assets:
-                    assets[picture.sha256] = _packed_picture(picture, store.tiles_of(picture))
+                stored = store.picture(texture)
+                description["materials"][name][key]["texture"] = _PREFIX + stored.sha256
+                if stored.sha256 not in assets:
+                    assets[stored.sha256] = _packed_texture(stored, store.tiles_of(stored))
+    picture = scene.environment_picture()
+    for light in description.get("lights", []) if picture else []:
+        if "file" in light:
+            assert picture is not None
+            light["file"] = _PREFIX + picture.sha256()
+            assets[picture.sha256()] = _zipped(pixels=picture.pixels)
     return description, assets
 
 
@@ -77,27 +86,22 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
     meshes: dict[str, MeshData] = {}
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Mesh) and shape.file is not None and shape.file not in meshes:
-            where = f"{source}: shapes[{index}].file"
-            if not shape.file.startswith(_PREFIX):
-                raise SceneError(f"{where}: names the file {shape.file!r}; here assets are named by their hash")
-            meshes[shape.file] = _unpacked(shape.file.removeprefix(_PREFIX), assets, where)
-    pictures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}
+            place = f"{source}: shapes[{index}].file"
+            meshes[shape.file] = _unpacked(_hash_in(shape.file, place), assets, place)
+    textures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}
     for name, material in scene.materials.items():
         for key, texture in textures_of(material):
-            if isinstance(texture, ImageTexture | NormalMap | BumpMap) and texture.texture not in pictures:
-                where = f"{source}: {place(('materials', name, key, 'texture'))}"
-                if not texture.texture.startswith(_PREFIX):
-                    raise SceneError(
-                        f"{where}: names the file {texture.texture!r}; here assets are named by their hash"
-                    )
-                sha256 = texture.texture.removeprefix(_PREFIX)
-                pictures[texture.texture] = _unpacked_picture(sha256, assets, where)
-    scene = scene.with_meshes(meshes).with_pictures(pictures)
-    for picture in pictures:
-        if _PREFIX + scene.textures().pictures[picture].sha256 != picture:
-            text = f"the asset {picture.removeprefix(_PREFIX)} has another content than its hash says; send it again"
-            raise SceneError(f"{source}: {text}")
-    return scene
+            if isinstance(texture, ImageTexture | NormalMap | BumpMap) and texture.texture not in textures:
+                place = f"{source}: {place_in_file(('materials', name, key, 'texture'))}"
+                unpacked = _unpacked_texture(_hash_in(texture.texture, place), assets, place)
+                textures[texture.texture] = unpacked.picture, unpacked.tiles
+    scene = scene.with_textures(textures)
+    light = scene.environment
+    if light is None or light.file is None:
+        return scene.with_meshes(meshes)
+    place = f"{source}: lights[{scene.lights.index(light)}].file"
+    picture = _unpacked_picture(_hash_in(light.file, place), assets, place)
+    return scene.with_meshes(meshes).with_pictures({light.file: picture})
 
 
 def _packed(mesh: MeshData) -> bytes:
@@ -108,45 +112,72 @@ def _packed(mesh: MeshData) -> bytes:
         arrays["uvs"] = mesh.uvs
     if mesh.uvs_1 is not None:
         arrays["uvs_1"] = mesh.uvs_1
+    return _zipped(**arrays)
+
+
+def _zipped(**arrays: NDArray[Any]) -> bytes:
     data = io.BytesIO()
     np.savez(data, **arrays)  # type: ignore[arg-type]  # the stub takes the names for options
     return data.getvalue()
 
 
-def _packed_picture(picture: StoredPicture, tiles: NDArray[np.uint8]) -> bytes:
-    data = io.BytesIO()
-    size = np.array([picture.width, picture.height, picture.channels])
-    np.savez(data, size=size, coding=np.array(picture.coding), tiles=tiles)
-    return data.getvalue()
-
-
-def _unpacked_picture(sha256: str, assets: Mapping[str, bytes], place: str) -> tuple[StoredPicture, NDArray[np.uint8]]:
-    if sha256 not in assets:
-        raise SceneError(f"{place}: the asset {sha256} is missing; send it along")
-    try:
-        with np.load(io.BytesIO(assets[sha256]), allow_pickle=False) as archive:
-            width, height, channels = (int(each) for each in archive["size"])
-            tiles = np.ascontiguousarray(archive["tiles"], np.uint8)
-            picture = StoredPicture(width, height, channels, str(archive["coding"]), 0, len(tiles), sha256)
-            across, down = tile_shape(picture.texel_bits)
-            sound = tiles.shape == (-(-width // across) * -(-height // down), TILE_BYTES)
-    except Exception as error:  # damaged archives fail in too many ways to list
-        raise SceneError(f"{place}: the asset {sha256} cannot be read ({error}); send it again") from None
-    if not sound:
-        raise SceneError(f"{place}: the asset {sha256} is not as large as it says; send it again")
-    return picture, tiles
+def _hash_in(name: str, place: str) -> str:
+    if not name.startswith(_PREFIX):
+        raise SceneError(f"{place}: names the file {name!r}; here assets are named by their hash")
+    return name.removeprefix(_PREFIX)
 
 
 def _unpacked(sha256: str, assets: Mapping[str, bytes], place: str) -> MeshData:
+    def mesh(archive: Any) -> MeshData:
+        uvs, uvs_1 = archive.get("uvs"), archive.get("uvs_1")
+        return MeshData(archive["vertices"], archive["triangles"], archive.get("normals"), "", uvs, uvs_1)
+
+    return _asset(sha256, assets, place, mesh)
+
+
+@dataclass(frozen=True)
+class _TexturePicture:
+    picture: StoredPicture
+    tiles: NDArray[np.uint8]
+
+    def sha256(self) -> str:
+        return picture_sha256(self.picture, self.tiles)
+
+
+def _packed_texture(picture: StoredPicture, tiles: NDArray[np.uint8]) -> bytes:
+    size = np.array([picture.width, picture.height, picture.channels])
+    return _zipped(size=size, coding=np.array(picture.coding), tiles=tiles)
+
+
+def _unpacked_texture(sha256: str, assets: Mapping[str, bytes], place: str) -> _TexturePicture:
+    def texture(archive: Any) -> _TexturePicture:
+        width, height, channels = (int(each) for each in archive["size"])
+        tiles = np.ascontiguousarray(archive["tiles"], np.uint8)
+        picture = StoredPicture(width, height, channels, str(archive["coding"]), 0, len(tiles), sha256)
+        across, down = tile_shape(picture.texel_bits)
+        if tiles.shape != (-(-width // across) * -(-height // down), TILE_BYTES):
+            raise ValueError("it is not as large as it says")
+        return _TexturePicture(picture, tiles)
+
+    return _asset(sha256, assets, place, texture)
+
+
+def _unpacked_picture(sha256: str, assets: Mapping[str, bytes], place: str) -> EnvironmentPicture:
+    def picture(archive: Any) -> EnvironmentPicture:
+        return EnvironmentPicture.checked(archive["pixels"], f"the asset {sha256}")
+
+    return _asset(sha256, assets, place, picture)
+
+
+def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[[Any], _Asset]) -> _Asset:
     if sha256 not in assets:
         raise SceneError(f"{place}: the asset {sha256} is missing; send it along")
     try:
         with np.load(io.BytesIO(assets[sha256]), allow_pickle=False) as archive:
-            uvs, uvs_1 = archive.get("uvs"), archive.get("uvs_1")
-            mesh = MeshData(archive["vertices"], archive["triangles"], archive.get("normals"), "", uvs, uvs_1)
-            same = mesh.sha256() == sha256
+            asset = made(archive)
+            same = asset.sha256() == sha256
     except Exception as error:  # damaged archives fail in too many ways to list
         raise SceneError(f"{place}: the asset {sha256} cannot be read ({error}); send it again") from None
     if not same:
         raise SceneError(f"{place}: the asset {sha256} has another content than its hash says; send it again")
-    return mesh
+    return asset

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import BeforeValidator, FailFast, Field, Strict, StringConstraints, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, FailFast, Field, Strict, WithJsonSchema, model_validator
 
 from clrender.scene.values import (
     COORDINATE_LIMIT,
     INLINE_LIMIT,
+    NUMBER_OR_TRIPLE,
     Color,
+    FileName,
     Finite,
     Flag,
     Length,
@@ -22,6 +24,7 @@ from clrender.scene.values import (
     cross,
     fault,
     length,
+    number_as_triple,
 )
 
 __all__ = [
@@ -46,28 +49,12 @@ def _matrix_rows(value: Any) -> Any:
     return value
 
 
-def _scale_triple(value: Any) -> Any:
-    """One number scales all three axes."""
-    return (value, value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
 class Transform(Part):
     """Scale, then rotation about x, y and z, then translation; or a whole matrix."""
 
     translate: Vector = (0.0, 0.0, 0.0)
     rotate_degrees: Vector = Field((0.0, 0.0, 0.0), description="about the x axis, then y, then z")
-    scale: Annotated[
-        Vector,
-        BeforeValidator(_scale_triple),
-        WithJsonSchema(
-            {
-                "anyOf": [
-                    {"type": "number"},
-                    {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
-                ]
-            },
-        ),
-    ] = (1.0, 1.0, 1.0)
+    scale: Annotated[Vector, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)] = (1.0, 1.0, 1.0)
     matrix: Annotated[Matrix, BeforeValidator(_matrix_rows)] | None = Field(None, description="4x4, row-major")
 
     @model_validator(mode="after")
@@ -208,7 +195,7 @@ class Mesh(Surface):
     """Triangles from a file (.ply, .obj), or written inline as vertices and faces."""
 
     type: Literal["mesh"]
-    file: Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)] | None = None
+    file: FileName | None = None
     vertices: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
     faces: Annotated[tuple[tuple[_Corner, _Corner, _Corner], ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
     uvs: Annotated[tuple[_Uv, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.attributes import is_textured, round_attributes, triangle_attributes
-from clrender.scene.description import Dielectric, Scene
+from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
+from clrender.scene.media import scene_media
 from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
 from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
 from clrender.scene.values import COORDINATE_LIMIT, Vector
@@ -56,7 +57,7 @@ class FlatSurfaces:
 def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurfaces:
     """All shapes of a scene, triangles first.
 
-    A dielectric with the same index on both sides is no boundary: shapes of it that do not shine have no primitives, so
+    Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so
     that light passes however it is looked for.
 
     Parameters
@@ -71,8 +72,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         If a shape is degenerate, out of range, or there are too many triangles.
     """
     meshes: dict[int, MeshData] = {}
+    no_boundary = scene_media(scene).no_boundary
     for index, shape in enumerate(scene.shapes):
-        if _is_no_boundary(scene, shape):
+        if _is_left_out(shape, no_boundary):
             continue
         if isinstance(shape, Mesh):
             meshes[index] = scene.mesh(index)
@@ -123,7 +125,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
-    analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t)
+    analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t, no_boundary)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     return FlatSurfaces(
@@ -141,11 +143,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     )
 
 
-def _is_no_boundary(scene: Scene, shape: Shape) -> bool:
+def _is_left_out(shape: Shape, no_boundary: frozenset[str]) -> bool:
     """Whether light passes a shape as if there were none, and it does not shine."""
-    material = None if shape.material is None else scene.materials[shape.material]
-    same = isinstance(material, Dielectric) and material.ior == material.exterior_ior
-    return same and not (shape.emission and any(shape.emission))
+    return shape.material in no_boundary and not (shape.emission and any(shape.emission))
 
 
 def _relative(transform: Affine, origin: Vector) -> Affine:
@@ -274,11 +274,16 @@ def _turned_away(vertices: NDArray[np.float32], triangles: NDArray[np.uint32], n
 
 
 def _analytic_rows(
-    scene: Scene, origin: Vector, first: NDArray[np.int64], count: NDArray[np.int64], offset: int
+    scene: Scene,
+    origin: Vector,
+    first: NDArray[np.int64],
+    count: NDArray[np.int64],
+    offset: int,
+    no_boundary: frozenset[str],
 ) -> tuple[_Rows, NDArray[np.float32]]:
     """Rows of spheres and disks, and of their attributes; notes their primitive numbers, which start at `offset`."""
     round_ = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
-    indices = [i for i in round_ if not _is_no_boundary(scene, scene.shapes[i])]
+    indices = [i for i in round_ if not _is_left_out(scene.shapes[i], no_boundary)]
     rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
     attributes = np.zeros((len(indices), 16), np.float32)
     for number, index in enumerate(indices):

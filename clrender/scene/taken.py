@@ -1,17 +1,17 @@
-"""Which materials an integrator takes."""
+"""Which materials and lights an integrator takes."""
 
 from __future__ import annotations
 
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
-from clrender.scene.description import Scene
+from clrender.scene.description import Dielectric, Scene
 from clrender.scene.textures import textures_of
 
 __all__ = ["check_materials"]
 
 
 def check_materials(scene: Scene, integrator: str) -> None:
-    """Make sure that an integrator takes the materials of all shapes.
+    """Make sure that an integrator takes the materials of all shapes, and the environment.
 
     Parameters
     ----------
@@ -22,10 +22,24 @@ def check_materials(scene: Scene, integrator: str) -> None:
     Raises
     ------
     SceneError
-        It names the first shape that it does not take, and what to do.
+        It names the first shape or light that it does not take, and what to do.
     """
-    taken = INTEGRATORS[integrator].materials
+    light = scene.environment
+    if light is not None and light.file is not None and not INTEGRATORS[integrator].environment_pictures:
+        raise SceneError(
+            f"{scene.source}: lights[{scene.lights.index(light)}].file: the integrator {integrator} takes no picture "
+            "of the environment; give its radiance instead, or use --integrator path"
+        )
+    taken, volumes = INTEGRATORS[integrator].materials, INTEGRATORS[integrator].volumes
     for index, shape in enumerate(scene.shapes):
+        material = scene.materials[shape.material] if shape.material is not None else None
+        if isinstance(material, Dielectric) and not volumes:
+            for key in ("priority", "attenuation_color"):
+                if getattr(material, key) is not None:
+                    raise SceneError(
+                        f"{scene.source}: shapes[{index}].material: {shape.material!r} has {key}, which the integrator "
+                        f"{integrator} does not take; leave it out, or use --integrator path"
+                    )
         kind = scene.materials[shape.material].type if shape.material is not None else None
         if taken and kind is not None and kind not in taken:
             raise SceneError(

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.image.pictures import PICTURE_ENDINGS, Picture, open_picture, picture_room
-from clrender.scene.mesh_io import open_named_file
+from clrender.scene.named_files import open_named_file
 from clrender.scene.textures import AnyTexture, Checker, Ramp
 from clrender.scene.wording import quoted
 
-__all__ = ["TILE_BYTES", "StoredPicture", "TexelStore", "tile_shape"]
+__all__ = ["TILE_BYTES", "StoredPicture", "TexelStore", "picture_sha256", "tile_shape"]
 
 TILE_BYTES: Final = 64
 """A line of memory."""
@@ -58,6 +58,14 @@ class StoredPicture:
     def texel_bits(self) -> int:
         """Logarithm of the bytes of a texel."""
         return (_BYTES[self.coding] * self.channels).bit_length() - 1
+
+
+def picture_sha256(picture: Picture | StoredPicture, tiles: NDArray[np.uint8]) -> str:
+    """Hash of a picture by its size, its coding and its tiles."""
+    head = f"{picture.width} {picture.height} {picture.channels} {picture.coding}"
+    digest = hashlib.sha256(head.encode())
+    digest.update(tiles.data)
+    return digest.hexdigest()
 
 
 def tile_shape(texel_bits: int) -> tuple[int, int]:
@@ -140,10 +148,7 @@ class TexelStore:
         tiles = self.texels[first : first + count]
         with _Telling(label):
             _fill(tiles, picture)
-        head = f"{picture.width} {picture.height} {picture.channels} {picture.coding}"
-        digest = hashlib.sha256(head.encode())
-        digest.update(tiles.data)
-        sha256 = digest.hexdigest()
+        sha256 = picture_sha256(picture, tiles)
         same = next((each for each in self.pictures.values() if each.sha256 == sha256), None)
         if same is None:
             self._used += count

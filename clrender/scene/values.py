@@ -15,11 +15,13 @@ from clrender.settings import Setting
 __all__ = [
     "COORDINATE_LIMIT",
     "INLINE_LIMIT",
+    "NUMBER_OR_TRIPLE",
     "POWER_LIMIT",
     "SHAPE_LIMIT",
     "Absorption",
     "Color",
     "Extinction",
+    "FileName",
     "Finite",
     "Flag",
     "Index",
@@ -34,6 +36,7 @@ __all__ = [
     "cross",
     "fault",
     "length",
+    "number_as_triple",
 ]
 
 COORDINATE_LIMIT: Final = 1e12
@@ -53,6 +56,7 @@ Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 Index = Annotated[Finite, Field(gt=0.0, le=1000.0)]
 Extinction = Annotated[Finite, Field(ge=0.0, le=1000.0)]
 Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=200)]
+FileName = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)]
 Flag = Annotated[bool, Strict()]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
 Lengths: TypeAlias = tuple[Length, Length, Length]
@@ -61,6 +65,17 @@ Reflectance: TypeAlias = tuple[Share, Share, Share]
 Absorption: TypeAlias = Annotated[Finite, Field(ge=0.0, lt=1.0)] | None
 _Row: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 Matrix: TypeAlias = tuple[_Row, _Row, _Row, _Row]
+
+
+NUMBER_OR_TRIPLE: Final[dict[str, Any]] = {
+    "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}]
+}
+"""JSON Schema of what `number_as_triple` takes."""
+
+
+def number_as_triple(value: Any) -> Any:
+    """One number stands for three."""
+    return (value, value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 class Part(BaseModel):

@@ -37,7 +37,7 @@ __kernel void rows_primitives(__global const float* vertices, __global const uin
     row[PRIMITIVE_ROW_ABSORPTION] = m.color.w;
     row[PRIMITIVE_ROW_IOR] = m.ior;
     row[PRIMITIVE_ROW_LIGHT] = as_float(light);
-    row[PRIMITIVE_ROW_KIND] = as_float(m.kind | (s.flags << ROW_FLAGS));
+    row[PRIMITIVE_ROW_KIND] = as_float(m.kind | (s.flags << ROW_FLAGS) | (m.medium << ROW_MEDIUM));
     rows_put(rows + (size_t)i * 16, row);
 }
 

@@ -27,6 +27,9 @@ typedef struct {
 #ifdef TEXTURES
     Attributes attributes;
 #endif
+#ifdef INTERIORS
+    vuint medium;        // behind the front: material/interior.h
+#endif
 } Surface;
 
 // What a row has at A, B and C, nine numbers from its first column on, at the point with these barycentric weights.
@@ -134,6 +137,9 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     s.light = vfloat_bits(row[PRIMITIVE_ROW_LIGHT]);
     const vuint kind_and_flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]);
     s.kind = kind_and_flags & ((1u << ROW_FLAGS) - 1u);
+#ifdef INTERIORS
+    s.medium = kind_and_flags >> ROW_MEDIUM;
+#endif
     const vmask round = s.primitive >= scene->settings->triangle_count;
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
 #ifdef TEXTURES

@@ -10,6 +10,7 @@
 #include "integrator/path_state.h"
 #include "light/light.h"
 #include "material/bsdf.h"
+#include "material/interior.h"
 
 // So many mirrors and glass walls are looked through: between two mirrors there is no end.
 #define FIRST_HIT_FOLLOWED 16u
@@ -43,8 +44,11 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         stats->rays += lane_count(path.alive);
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &path.ray, hit, found);
-        const vec3 outside = lane_any(path.alive & !found) ? environment_emitted(scene) : vec3_all(0.0f);
+        Surface surface = surface_at(scene, &path.ray, hit, found);
+        const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
+        const vmask straight = interior_straight(&crossing);
+        const vec3 outside =
+            lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction) : vec3_all(0.0f);
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
@@ -53,13 +57,16 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const Bsdf bsdf = bsdf_at(scene, &surface, path.ray.direction);
         vuint bits_u, bits_v;
         sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
-        const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
-        const vmask goes_on = found & bsdf.specular & (path.depth < followed) & (largest(next.weight) > 0.0f);
+        BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
+        interior_straighten(&crossing, path.ray.direction, &next.direction, &next.weight);
+        vmask goes_on = found & ((bsdf.specular & (path.depth < followed)) | straight) & (largest(next.weight) > 0.0f);
+        interior_cross(&path.interior, &crossing, next.direction, bsdf.side);
+        goes_on = goes_on & interior_goes_on(&path.interior, &crossing, path.sample.sampler, &path.throughput);
         const vmask ended = path.alive & !goes_on;
         path.throughput = choose(found, mul(path.throughput, bsdf.color), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
         if (lane_any(ended)) pool_deliver(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
-        path.depth = path.depth + 1u;
+        path.depth = straight ? path.depth : path.depth + 1u;
         path.ray = surface_leave(&surface, next.direction);
         path.alive = path.alive & !ended;
     }

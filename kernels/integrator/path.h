@@ -15,11 +15,13 @@
 #include "integrator/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
+#include "material/interior.h"
 
 // Where the paths of a packet have arrived.
 typedef struct {
     Surface surface;
     Bsdf bsdf;
+    Crossing crossing;       // what the surface is to the path's list of dielectrics
     vmask traced;            // the path's ray came here for the first time
     vmask found;             // and here is a surface; else the ray has left the scene
     vmask scatters;          // the path may go on from it
@@ -34,11 +36,13 @@ static Vertex path_vertex(const Scene* scene, const Path* path, Hit hit, PoolSta
 #ifdef TEXTURES
     surface_random(&v.surface, path->sample.sampler, path->depth);
 #endif
+    v.crossing = interior_meet(scene, &path->interior, &v.surface, found);
     v.bsdf = bsdf_at(scene, &v.surface, path->ray.direction);
     v.traced = path->alive & !split_back(&path->split);
     v.found = found & v.traced;
-    v.scatters = found & (path->depth < scene->settings->max_depth);
-    v.diffuse = v.scatters & !v.bsdf.specular;
+    const vmask straight = interior_straight(&v.crossing);
+    v.scatters = found & ((path->depth < scene->settings->max_depth) | straight);
+    v.diffuse = v.scatters & !(v.bsdf.specular | straight);
     stats->rays += lane_count(path->alive);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v.traced);
     return v;
@@ -72,8 +76,9 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
         pdf = light_pdf(scene, &light, surface, path->ray.origin, path->normal);
     }
     if (lane_any(outside)) {
-        emitted = choose(outside, environment_emitted(scene), emitted);
-        pdf = outside ? environment_pdf(scene, path->ray.origin, path->normal) : pdf;
+        const vec3 around = environment_emitted(scene, path->ray.direction);
+        emitted = choose(outside, around, emitted);
+        pdf = outside ? environment_pdf(scene, around, path->ray.origin, path->normal) : pdf;
     }
     const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)settings->light_samples), pdf);
     const vec3 counted = scale(mul(path->throughput, emitted), path->specular ? splat(1.0f) : weight);
@@ -94,6 +99,13 @@ static void path_choose_lights(const Scene* scene, const Path* path, const Verte
     EACH_PACKET(k) light_choose(scene, &walk[k], sampler[k], sampler_set(path[k].depth, SET_LIGHT), &choice[k]);
 }
 
+// What is left of a light sample's radiance when it arrives: no surface is in the way, so that all of it is in the medium that the
+// shadow ray begins in.
+static vec3 path_to_light(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light) {
+    const Interior in = interior_towards(&path->interior, &vertex->crossing, light->direction, vertex->bsdf.side);
+    return interior_transmittance(scene, &in, magnitude(sub(light->target, vertex->surface.point)), light->infinite);
+}
+
 // The share of the path's radiance that one of its light samples brings, as far as nothing is in the way.
 static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light) {
     __global const Settings* settings = scene->settings;
@@ -102,7 +114,8 @@ static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vert
     const vfloat bsdf_samples = split_bsdf_samples(&path->split, settings->bsdf_samples);
     const vfloat weight = mis_weight(splat((float)settings->light_samples), light->pdf, bsdf_samples, bsdf_pdf);
     const vfloat share = (light->delta ? splat(1.0f) : weight) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
-    return choose(light->pdf > 0.0f, scale(mul(mul(path->throughput, f), light->radiance), share), vec3_all(0.0f));
+    const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), path_to_light(scene, path, vertex, light));
+    return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
 }
 
 // Add direct light: for all packets sample lights, and trace the shadow rays to them.
@@ -138,26 +151,31 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
 static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex) {
     __global const Settings* settings = scene->settings;
     const Bsdf* bsdf = &vertex->bsdf;
-    path->specular = bsdf->specular;
+    const vmask straight = interior_straight(&vertex->crossing);
+    path->specular = bsdf->specular | straight;
     path->bsdf_samples = split_bsdf_samples(&path->split, settings->bsdf_samples);
-    split_leave(&path->split, &path->ray, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
+    split_leave(&path->split, &path->ray, path->interior, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
 
     // Sample a direction, and the weight of the radiance that arrives along it
     vuint bits_u, bits_v;
     sampler_bits(path->sample.sampler, sampler_set(path->depth, SET_BSDF), &bits_u, &bits_v);
-    const BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
+    BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
+    interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
     path->bsdf_pdf = next.pdf;
     path->normal = bsdf_receives(bsdf);
     path->ray = surface_leave(&vertex->surface, next.direction);
+    interior_cross(&path->interior, &vertex->crossing, next.direction, bsdf->side);
     vmask goes_on = vertex->scatters & (largest(path->throughput) > 0.0f);
-    if (settings->indirect_rays == 0) goes_on = goes_on & bsdf->specular;
+    if (settings->indirect_rays == 0) goes_on = goes_on & path->specular;
+    goes_on = goes_on & interior_goes_on(&path->interior, &vertex->crossing, path->sample.sampler, &path->throughput);
 
-    // Play Russian roulette
+    // Play Russian roulette, but not where nothing happened to the path
     const vuint event = path->depth;
-    path->depth = event + 1u;
+    path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
-        const vfloat survival = roulette_survival(settings->roulette, path->throughput, path->depth, vertex->surface.absorption);
+        const vfloat played = roulette_survival(settings->roulette, path->throughput, path->depth, vertex->surface.absorption);
+        const vfloat survival = straight ? splat(1.0f) : played;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
         goes_on = goes_on & (unit_interval(bits_u) < survival);
         path->throughput = scale(path->throughput, inverse_or_one(survival));
@@ -167,7 +185,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex) {
 
 // Deliver the samples of paths that ended; their lanes are free for others.
 static void path_deliver(const Pool* pool, Path* path) {
-    const vmask done = split_resume(&path->split, &path->ray, &path->depth, path->ended);
+    const vmask done = split_resume(&path->split, &path->ray, &path->interior, &path->depth, path->ended);
     if (lane_any(done)) pool_deliver(pool, &path->sample, path->radiance, done);
     path->alive = path->alive & !done;
 }
@@ -190,8 +208,9 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         // Find where each ray meets the scene
         path_find(scene, path, hit);
 
-        // Add the light that the surface there sends out by itself, or the environment where there is none
+        // Add the light that the surface there sends out by itself, or the environment where there is none; what lies on the way absorbs
         EACH_PACKET(k) {
+            path[k].throughput = interior_absorb(scene, &path[k].interior, hit[k], path[k].throughput);
             vertex[k] = path_vertex(scene, &path[k], hit[k], stats);
             path_add_emission(scene, &path[k], &vertex[k]);
         }

@@ -26,6 +26,7 @@ typedef struct {
     vmask specular;          // the ray comes from the camera or a delta: no light sample could have gone its way
     vfloat bsdf_samples;     // else: such rays that left the last vertex, as the MIS weights count them
     vfloat bsdf_pdf;         // and the density of the ray's direction, per steradian
+    Interior interior;       // the dielectrics that the ray begins in
     vmask ended;             // it ends where it is, and has to be delivered
     Split split;
 } Path;
@@ -38,6 +39,7 @@ static Path path_none(void) {
     path.bsdf_samples = path.bsdf_pdf = splat(0.0f);
     path.throughput = path.radiance = path.normal = vec3_all(0.0f);
     path.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
+    path.interior = interior_none();
     path.split = split_none();
     path.sample.slot = path.sample.number = path.sample.sampler.seed = path.sample.sampler.index = splat_uint(0u);
     return path;
@@ -68,7 +70,7 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
 }
 
 // In one lane, with the first of the camera rays that wait.
-static void path_start(const Pool* pool, CameraRays* rays, Path* path, vmask lane) {
+static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, Path* path, vmask lane) {
     const uint i = LANES - rays->left--;
     if (!rays->inside[i]) return;
     const vec3 origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
@@ -83,6 +85,7 @@ static void path_start(const Pool* pool, CameraRays* rays, Path* path, vmask lan
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
     path->specular = path->specular | lane;
+    interior_start(scene, &path->interior, lane);
     split_start(&path->split, lane);
     path->alive = path->alive | lane;
 }
@@ -91,7 +94,7 @@ static void path_start(const Pool* pool, CameraRays* rays, Path* path, vmask lan
 static int path_next(const Scene* scene, Pool* pool, CameraRays* waiting, Path* path) {
     while (lane_any(!path->alive) && (waiting->left > 0 || !pool_empty(pool))) {
         if (waiting->left == 0) path_camera_rays(scene, pool, waiting);
-        path_start(pool, waiting, path, lane_first(!path->alive));
+        path_start(scene, pool, waiting, path, lane_first(!path->alive));
     }
     return lane_any(path->alive);
 }

@@ -7,6 +7,7 @@
 
 #include "core/sampler.h"
 #include "geometry/ray.h"
+#include "material/interior.h"
 #include "types.h"
 
 #ifdef PATH_SPLITS
@@ -15,6 +16,7 @@ typedef struct {
     vmask met;               // the path has met that surface
     vmask back;              // it is back there: light was added before
     Ray ray;                 // that met it
+    Interior interior;       // on its way there
     vec3 throughput;         // share of each ray
     Sampler sampler;
     vuint depth, left;       // rays that have still to leave
@@ -24,6 +26,7 @@ static Split split_none(void) {
     Split s;
     s.met = s.back = mask_none();
     s.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
+    s.interior = interior_none();
     s.throughput = vec3_all(0.0f);
     s.sampler.seed = s.sampler.index = s.depth = s.left = splat_uint(0u);
     return s;
@@ -39,10 +42,11 @@ static vmask split_back(const Split* s) { return s->back; }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return s->met & !s->back ? splat((float)min(samples, 1u)) : splat((float)samples); }
 
 // At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it.
-static void split_leave(Split* s, const Ray* ray, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {
+static void split_leave(Split* s, const Ray* ray, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {
     const vmask opens = diffuse & !s->met;
     if (lane_any(opens)) {
         ray_replace(&s->ray, *ray, opens);
+        interior_replace(&s->interior, interior, opens);
         s->throughput = choose(opens, scale(*throughput, splat(1.0f) / (float)rays), s->throughput);
         s->sampler.seed = opens ? sampler->seed : s->sampler.seed;
         s->sampler.index = opens ? sampler->index : s->sampler.index;
@@ -60,9 +64,10 @@ static void split_leave(Split* s, const Ray* ray, vec3* throughput, Sampler* sam
 }
 
 // Paths that ended go back while rays are left there. Returns those that are at their end.
-static vmask split_resume(Split* s, Ray* ray, vuint* depth, vmask ended) {
+static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, vmask ended) {
     s->back = ended & s->met & (s->left > 0u);
     ray_replace(ray, s->ray, s->back);
+    interior_replace(interior, s->interior, s->back);
     *depth = s->back ? s->depth : *depth;
     return ended & !s->back;
 }
@@ -81,8 +86,8 @@ static Split split_none(void) {
 static void split_start(Split* s, vmask lane) {}
 static vmask split_back(const Split* s) { return mask_none(); }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return splat((float)samples); }
-static void split_leave(Split* s, const Ray* ray, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {}
-static vmask split_resume(Split* s, Ray* ray, vuint* depth, vmask ended) { return ended; }
+static void split_leave(Split* s, const Ray* ray, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {}
+static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, vmask ended) { return ended; }
 
 #endif
 

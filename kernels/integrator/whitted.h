@@ -8,6 +8,7 @@
 #include "integrator/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
+#include "material/interior.h"
 
 static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     __global const Settings* settings = scene->settings;
@@ -20,20 +21,26 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         stats->rays += lane_count(path.alive);
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &path.ray, hit, found);
-        const vec3 outside = lane_any(path.alive & !found) ? environment_emitted(scene) : vec3_all(0.0f);
+        Surface surface = surface_at(scene, &path.ray, hit, found);
+        const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
+        const vmask straight = interior_straight(&crossing);
+        path.throughput = interior_absorb(scene, &path.interior, hit, path.throughput);
+        const vec3 outside =
+            lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction) : vec3_all(0.0f);
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
         // Light a diffuse surface from the centre of every light that nothing hides
         const Bsdf bsdf = bsdf_at(scene, &surface, path.ray.direction);
-        const vmask may_scatter = found & (path.depth < settings->max_depth);
-        const vmask lit = may_scatter & !bsdf.specular;
+        const vmask may_scatter = found & ((path.depth < settings->max_depth) | straight);
+        const vmask lit = may_scatter & !(bsdf.specular | straight);
         if (lane_any(lit)) {
             vfloat unused;
             for (uint number = 0; number < settings->light_count; ++number) {
                 const LightSample light = light_from_center(scene, surface.point, surface.primitive, splat_uint(number));
-                const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &unused), light.radiance);
+                const vfloat distance = magnitude(sub(light.target, surface.point));
+                const vec3 arriving = mul(light.radiance, interior_transmittance(scene, &path.interior, distance, light.infinite));
+                const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &unused), arriving);
                 const vmask asked = lit & (light.pdf > 0.0f) & (largest(direct) > 0.0f);
                 const Ray shadow_ray = light_shadow_ray(&surface, &light);
                 const vmask blocked = traverse_occluded(&scene->bvh, &shadow_ray, asked);
@@ -46,14 +53,18 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         // Follow mirrors and glass, but not for ever
         vuint bits_u, bits_v;
         sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
-        const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
+        BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
+        interior_straighten(&crossing, path.ray.direction, &next.direction, &next.weight);
         path.throughput = mul(path.throughput, next.weight);
         path.ray = surface_leave(&surface, next.direction);
-        vmask goes_on = may_scatter & bsdf.specular & (largest(path.throughput) > 0.0f);
+        interior_cross(&path.interior, &crossing, next.direction, bsdf.side);
+        vmask goes_on = may_scatter & (bsdf.specular | straight) & (largest(path.throughput) > 0.0f);
+        goes_on = goes_on & interior_goes_on(&path.interior, &crossing, path.sample.sampler, &path.throughput);
         const vuint event = path.depth;
-        path.depth = event + 1u;
+        path.depth = straight ? event : event + 1u;
         if (roulette_matters(ROULETTE_NONE, path.depth)) {
-            const vfloat survival = roulette_survival(ROULETTE_NONE, path.throughput, path.depth, surface.absorption);
+            const vfloat played = roulette_survival(ROULETTE_NONE, path.throughput, path.depth, surface.absorption);
+            const vfloat survival = straight ? splat(1.0f) : played;
             sampler_hash_bits(path.sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
             goes_on = goes_on & (unit_interval(bits_u) < survival);
             path.throughput = scale(path.throughput, inverse_or_one(survival));

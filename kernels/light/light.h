@@ -6,6 +6,7 @@
 #include "core/sampler.h"
 #include "geometry/surface.h"
 #include "light/area.h"
+#include "light/environment.h"
 #include "light/tree.h"
 #include "scene.h"
 
@@ -113,10 +114,12 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.delta = point | directional;
     s.infinite = directional | environment;
     if (lane_any(s.infinite)) {
-        const vec3 to_infinity = choose(environment, warp_sphere(u, v), negate(center));
+        const EnvironmentSample around = environment_sample(scene, l->radiance, u, v);
+        const vec3 to_infinity = choose(environment, around.direction, negate(center));
         s.direction = choose(s.infinite, to_infinity, s.direction);
         s.target = choose(s.infinite, to_infinity, s.target);
-        s.pdf = environment ? probability * WARP_SPHERE_PDF : s.pdf;
+        s.radiance = choose(environment, around.radiance, s.radiance);
+        s.pdf = environment ? probability * around.pdf : s.pdf;
     }
     return s;
 }
@@ -190,15 +193,16 @@ static vfloat light_pdf(const Scene* scene, const LightRow* l, const Surface* s,
     return density * light_probability(scene, origin, normal, l);
 }
 
-// The same two of the environment, for a ray that leaves the scene.
-static vec3 environment_emitted(const Scene* scene) {
+// The same two of the environment, for a ray that leaves the scene: what it finds, and the density of a direction from which there comes
+// such radiance.
+static vec3 environment_emitted(const Scene* scene, vec3 direction) {
     if (scene->settings->environment == NONE) return vec3_all(0.0f);
-    return light_at(scene, splat_uint(scene->settings->environment)).radiance;
+    return environment_radiance(scene, light_at(scene, splat_uint(scene->settings->environment)).radiance, direction);
 }
-static vfloat environment_pdf(const Scene* scene, vec3 origin, vec3 normal) {
+static vfloat environment_pdf(const Scene* scene, vec3 radiance, vec3 origin, vec3 normal) {
     if (scene->settings->environment == NONE) return splat(0.0f);
     const LightRow l = light_at(scene, splat_uint(scene->settings->environment));
-    return light_probability(scene, origin, normal, &l) * WARP_SPHERE_PDF;
+    return light_probability(scene, origin, normal, &l) * environment_density(scene, radiance);
 }
 
 // The ray that has to be free for the sample to arrive. The limit leaves out a few roundings before the light.

@@ -57,7 +57,8 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     const vfloat u = unit_interval(rest), v = unit_interval(bits_v);
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
     const vmask directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
-    const vec3 a = vec3_row(l.row, LIGHT_ROW_POSITION), anywhere = warp_sphere(u2, v2);      // a direction of a directional light
+    const vec3 a = vec3_row(l.row, LIGHT_ROW_POSITION);              // of a directional light its direction
+    const vec3 anywhere = warp_sphere(u2, v2);
 
     EmissionPoint from = emission_triangle(&l, u, v);
     if (lane_any(sphere | disk)) {
@@ -71,7 +72,16 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     Emission e;
     const vmask surface = triangle | sphere | disk;
     const vec3 forwards = direction_again(frame_to_world(frame_around(from.normal), warp_cosine_hemisphere(u2, v2)));
-    const vec3 direction = choose(surface, forwards, choose(directional, a, anywhere));
+    vec3 direction = choose(surface, forwards, choose(directional, a, anywhere));
+    vec3 radiance = l.radiance;
+#ifdef ENVIRONMENT_MAP
+    // Where the environment is brighter more photons start: each direction stands for the same flux, up to its colour
+    if (lane_any(environment)) {
+        const EnvironmentSample around = environment_sample(scene, l.radiance, u2, v2);
+        direction = choose(environment, negate(around.direction), direction);
+        radiance = choose(environment, scale(around.radiance, inverse_or_one(around.pdf) * (0.25f * INV_PI)), radiance);
+    }
+#endif
     vec3 origin = choose(surface, ray_leave(from.point, from.normal, from.error, mask_none()), a);
     if (lane_any(directional | environment))
         origin = choose(directional | environment, emission_from_outside(bounds, direction, u, v), origin);
@@ -82,7 +92,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     const float disk_area = bounds.w * bounds.w * PI;
     vfloat factor = surface ? from.area * PI : splat(4.0f * PI);
     factor = directional ? splat(disk_area) : (environment ? splat(4.0f * PI) * disk_area : factor);
-    e.flux = scale(l.radiance, factor * inverse_or_one(l.row[LIGHT_ROW_PROBABILITY]));
+    e.flux = scale(radiance, factor * inverse_or_one(l.row[LIGHT_ROW_PROBABILITY]));
     return e;
 }
 

@@ -5,6 +5,7 @@
 
 #include "geometry/surface.h"
 #include "material/bsdf.h"
+#include "material/interior.h"
 #include "photon/deposit.h"
 #include "photon/emit.h"
 #include "types.h"
@@ -18,11 +19,14 @@ typedef struct {
     vuint depth;         // scattering events so far
     vuint deposits;
     vmask specular;      // all scattering events so far were at mirrors and glass
+    vmask hidden;        // it came through a surface that shadow rays do not pass
+    Interior interior;   // the dielectrics that the ray begins in
 } Photon;
 
 static Photon photon_none(void) {
     Photon p;
-    p.alive = p.specular = mask_none();
+    p.alive = p.specular = p.hidden = mask_none();
+    p.interior = interior_none();
     p.number = p.depth = p.deposits = p.sampler.seed = p.sampler.index = splat_uint(0u);
     p.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
     p.flux = vec3_all(0.0f);
@@ -40,6 +44,8 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     p->depth = start ? splat_uint(0u) : p->depth;
     p->deposits = start ? splat_uint(0u) : p->deposits;
     p->specular = p->specular | start;
+    p->hidden = p->hidden & !start;
+    interior_replace(&p->interior, interior_none(), start);       // the host sees to it that no light is in a medium
     p->alive = p->alive | start;
 }
 
@@ -77,21 +83,26 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask w
 }
 
 // Choose where the photon goes on; it does with the probability of its largest weight, and its flux keeps its size.
-static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surface, const Bsdf* bsdf, vmask found) {
+static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surface, const Bsdf* bsdf, const Crossing* crossing, vmask found) {
+    const vmask straight = interior_straight(crossing);
     vuint bits_u, bits_v;
     sampler_bits(p->sampler, sampler_set(p->depth, SET_BSDF), &bits_u, &bits_v);
-    const BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
+    BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     // bsdf_sample weighs radiance, which shrinks by eta² where it crosses glass; flux does not
     const vmask crosses = (bsdf->kind == MATERIAL_DIELECTRIC) & (inner(next.direction, bsdf->side) < 0.0f);
     const vfloat in = photon_shading(bsdf, p->ray.direction), out = photon_shading(bsdf, next.direction);
     const vfloat turned = in / greater(out, splat(1.0e-6f)) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
-    const vec3 weight = scale(next.weight, turned);
-    const vfloat most = p->depth >= 16u ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);
+    vec3 weight = scale(next.weight, turned);
+    interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
+    const vfloat most = (p->depth >= 16u) & !straight ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);
     p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
     p->ray = surface_leave(surface, next.direction);
+    interior_cross(&p->interior, crossing, next.direction, bsdf->side);
+    p->hidden = p->hidden | straight;
+    const vmask goes_on = interior_goes_on(&p->interior, crossing, p->sampler, &p->flux);
     sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_ROULETTE), &bits_u, &bits_v);
-    p->depth = p->depth + 1u;
-    return found & (p->depth < scene->settings->max_depth) & (unit_interval(bits_u) < survival);
+    p->depth = straight ? p->depth : p->depth + 1u;
+    return found & goes_on & ((p->depth < scene->settings->max_depth) | straight) & (unit_interval(bits_u) < survival);
 }
 
 // The photons [first, last) of a pass. Returns the rays.
@@ -113,9 +124,11 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         // Find where the photon arrives, and leave a deposit if that is diffuse and not the first place
         const Hit hit = traverse_nearest(&scene->bvh, &photon.ray, photon.alive);
         const vmask found = photon.alive & (hit.primitive != NONE);
-        const Surface surface = surface_at(scene, &photon.ray, hit, found);
+        Surface surface = surface_at(scene, &photon.ray, hit, found);
+        const Crossing crossing = interior_meet(scene, &photon.interior, &surface, found);
+        photon.flux = interior_absorb(scene, &photon.interior, hit, photon.flux);
         const Bsdf bsdf = bsdf_at(scene, &surface, photon.ray.direction);
-        const vmask arrives = found & !bsdf.specular & (photon.depth > 0u);
+        const vmask arrives = found & !bsdf.specular & ((photon.depth > 0u) | photon.hidden);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
             const vec3 flux = scale(photon.flux, photon_shading(&bsdf, photon.ray.direction));
@@ -125,7 +138,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
 
         // Go on, or end and say how many deposits there were
         photon.specular = photon.specular & bsdf.specular;
-        const vmask goes_on = photon_scatter(scene, &photon, &surface, &bsdf, found);
+        const vmask goes_on = photon_scatter(scene, &photon, &surface, &bsdf, &crossing, found);
         const vmask ended = photon.alive & !goes_on;
         if (lane_any(ended)) {
             int has_ended[LANES];

@@ -19,7 +19,12 @@ ROOT = Path(__file__).resolve().parents[2]
 CAMERA = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n"
 WHITE = '[materials.white]\ntype = "lambert"\nreflectance = [0.7, 0.7, 0.7]\n'
 METAL = '[materials.m]\ntype = "conductor"\n'
+GLASS = '[materials.g]\ntype = "dielectric"\nior = 1.5\n'
 MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
+SKY = CAMERA + '[[lights]]\ntype = "environment"\n{}\n'
+HDR = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n"
+WIDE = "#?RADIANCE\nPRIMARIES=0.708 0.292 0.170 0.797 0.131 0.046 0.3127 0.329\n\n-Y 1 +X 1\n"
+"""A picture whose green is none of Rec. 709."""
 HEAD = "ply\nformat {} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
 FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
 ASCII = HEAD.format("ascii", 3) + FACES.format(1)
@@ -45,6 +50,12 @@ def sphere(extra: str = "", radius: str = "1.0") -> str:
 
 def shape(text: str) -> str:
     return f"{CAMERA}[[shapes]]\n{text}"
+
+
+def sky(name: str, file: str, data: str | bytes | None, *expected: str, cli: bool = False, more: str = "") -> Bad:
+    files = {} if data is None else {file: data}
+    text = SKY.format(f'file = "{file}"\n{more}')
+    return Bad(f"sky {name}", text, ("lights[0]", *expected), files, cli=cli)
 
 
 def ply(name: str, data: str | bytes, *expected: str, cli: bool = False) -> Bad:
@@ -154,6 +165,34 @@ VALUES = [
     Bad("eta 0", CAMERA + METAL + "eta = [1, 0, 1]\nk = [1, 1, 1]\n", ("materials.m.eta", "greater than 0")),
     Bad("roughness 2", CAMERA + METAL + 'metal = "Au"\nroughness = 2\n', ("materials.m.roughness", "at most 1")),
     Bad("ior missing", CAMERA + '[materials.g]\ntype = "dielectric"\n', ("materials.g", "`ior` is missing")),
+    Bad("priority -1", CAMERA + GLASS + "priority = -1\n", ("materials.g.priority", "at least 0")),
+    Bad("priority 1.5", CAMERA + GLASS + "priority = 1.5\n", ("materials.g.priority", "whole number")),
+    Bad(
+        "priority and exterior",
+        CAMERA + GLASS + "priority = 1\nexterior_ior = 1.3\n",
+        ("materials.g.exterior_ior", "beside priority", "leave it out"),
+        cli=True,
+    ),
+    Bad(
+        "attenuation alone",
+        CAMERA + GLASS + "attenuation_color = [1, 0.5, 0.5]\n",
+        ("materials.g.attenuation_color", "needs attenuation_distance"),
+    ),
+    Bad(
+        "attenuation to nothing",
+        CAMERA + GLASS + "attenuation_color = [1, 0.5, 0]\nattenuation_distance = 1\n",
+        ("materials.g.attenuation_color[2]", "is 0", "0.001"),
+    ),
+    Bad(
+        "attenuation to more",
+        CAMERA + GLASS + "attenuation_color = [1, 1.5, 1]\nattenuation_distance = 1\n",
+        ("materials.g.attenuation_color[1]", "at most 1"),
+    ),
+    Bad(
+        "attenuation distance 0",
+        CAMERA + GLASS + "attenuation_color = [1, 1, 1]\nattenuation_distance = 0\n",
+        ("materials.g.attenuation_distance", "greater than 0"),
+    ),
     Bad(
         "exterior ior", CAMERA + '[materials.g]\ntype = "dielectric"\nior = 1.5\nexterior_ior = -1\n', ("exterior_ior",)
     ),
@@ -266,11 +305,13 @@ SHAPES = [
         CAMERA + '[[lights]]\ntype = "directional"\ndirection = [0,0,0]\nirradiance = [1,1,1]\n',
         ("lights[0].direction", "length zero"),
     ),
+    Bad("environment of nothing", SKY.format(""), ("lights[0] needs either `radiance` or `file`",)),
+    Bad("environment of both", SKY.format('file = "a.exr"\nradiance = [1, 1, 1]'), ("lights[0] has both",)),
+    Bad("environment scale", SKY.format("radiance = [1e9, 0, 0]\nscale = 1e9"), ("lights[0].scale", "1e+18")),
     Bad(
-        "environment file",
-        CAMERA + '[[lights]]\ntype = "environment"\nfile = "a.exr"\n',
-        ("lights[0].file", "unknown key"),
+        "environment negative scale", SKY.format("radiance = [1, 1, 1]\nscale = -2"), ("lights[0].scale", "at least 0")
     ),
+    Bad("environment turned by a word", SKY.format('file = "a.exr"\nrotate_degrees = "left"'), ("rotate_degrees",)),
     Bad(
         "two environments",
         CAMERA + 2 * '[[lights]]\ntype = "environment"\nradiance = [1,1,1]\n',
@@ -286,6 +327,16 @@ SHAPES = [
 TRIANGLE = "0 0 0\n1 0 0\n0 1 0\n"
 
 FILES = [
+    sky("missing", "no.hdr", None, "does not exist", cli=True),
+    sky("of no kind", "a.bmp", b"BM", ".exr, .hdr or .png"),
+    sky("outside", "../a.hdr", None, "outside the scene's own folder"),
+    sky("empty", "a.hdr", b"", "not a readable .hdr image", cli=True),
+    sky("garbage", "a.exr", b"\x76\x2f\x31\x01" + b"x" * 300, "not a readable .exr image", cli=True),
+    sky("too large", "a.hdr", HDR.format(20000, 20000), "20000 x 20000 pixels"),
+    sky("cut short", "a.hdr", HDR.format(4, 4) + "abc", "ends too early"),
+    sky("negative", "a.hdr", WIDE.encode() + b"\0\xff\0\x80", "pixel (0, 0)", "at least 0"),
+    sky("too bright", "a.hdr", HDR.format(1, 1).encode() + b"\xff" * 4, "pixel (0, 0)", "at most 1e+12"),
+    sky("scaled too much", "a.hdr", HDR.format(1, 1).encode() + b"\xff\xff\xff\x90", "scale", more="scale = 1e9"),
     Bad("mesh missing", CAMERA + MESH.format("no.ply"), ("shapes[0].file", '"no.ply"', "does not exist"), cli=True),
     Bad("mesh ending", CAMERA + MESH.format("m.stl"), ("shapes[0].file", ".ply or .obj"), {"m.stl": "solid"}),
     Bad("mesh outside", CAMERA + MESH.format("../outside.ply"), ("shapes[0].file", "outside the scene's own folder"),

@@ -63,6 +63,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "triangles",
         "primitive_shape",
         "material_rows",
+        "media_rows",
         "ggx_albedo",
         "attribute_rows",
         "texture_rows",
@@ -71,6 +72,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "texels",
         "light_nodes",
         "light_order",
+        "environment_map",
     }
     for name, array in scene.arrays.items():
         assert array.flags.c_contiguous and len(array) > 0

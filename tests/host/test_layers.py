@@ -19,7 +19,7 @@ LAYERS = (
     ("bench",),
     ("report",),
     ("__init__",),
-    ("agreement",),
+    ("agreement", "furnace"),
     ("rendering",),
     ("session",),
     ("job_render",),
@@ -39,7 +39,7 @@ LAYERS = (
     ("files",),
     ("resources",),
     ("layout",),
-    ("student",),
+    ("drawing", "chi_squared", "student"),
     ("errors", "version"),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -15,6 +15,7 @@ import pytest
 import scipy.stats
 
 import clrender
+from clrender.drawing.svg import BLUE
 from clrender.errors import UsageError
 from clrender.report import make_report
 from clrender.report.absorption import absorption_for, expected_deepest, survival_for
@@ -26,7 +27,6 @@ from clrender.report.pictures import Figure, Panel, figures, strip
 from clrender.report.plan import ONE_CORE, SPECS
 from clrender.report.plots import Series, plot, plots
 from clrender.report.results import Results, Row, Run
-from clrender.report.svg import BLUE
 from clrender.report.tables import noise_table, times_table, verdict_table
 from clrender.report.verdicts import FAILS, HOLDS, OPEN, verdicts
 from clrender.report.wording import bounds, significant

@@ -44,9 +44,9 @@ intensity = [1, 1, 1]
 NEEDED = {
     "room", "room-mirror", "room-glass", "cornell", "furnace", "furnace-room", "furnace-sphere", "furnace-glass",
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
-    "metals",
+    "metals", "sky", "drink",
 }  # fmt: skip
-EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals"}
+EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals", "sky", "drink"}
 
 
 def as_json(tmp_path: Path) -> dict[str, object]:
@@ -120,8 +120,9 @@ def test_builtin_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monke
     assert scenes.load("room").title == "The room"
 
 
-def test_meshes_are_the_ones_the_script_makes() -> None:
-    script = scenes_folder().parent / "scripts" / "make_meshes.py"
+@pytest.mark.parametrize("name", ["make_meshes.py", "make_sky.py"])
+def test_files_are_the_ones_the_script_makes(name: str) -> None:
+    script = scenes_folder().parent / "scripts" / name
     done = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 

@@ -13,7 +13,7 @@ from special_files import special
 
 from clrender.errors import SceneError
 from clrender.flatten import flatten
-from clrender.scene import Scene, mesh_io
+from clrender.scene import Scene, mesh_io, named_files
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.mesh_io import read_mesh
 
@@ -326,7 +326,7 @@ def test_a_link_put_in_the_way_between_check_and_opening_is_not_followed(
     for folder in (here / "sub", there):
         folder.mkdir(parents=True)
         (folder / "m.obj").write_text(QUAD_AND_TRIANGLE)
-    real = mesh_io.open_scene_file
+    real = named_files.open_scene_file
 
     def swapped(path: Path, label: str, limit: int, beneath: Path | None = None) -> tuple[BinaryIO, int]:
         (here / "sub").rename(here / "old")

@@ -86,6 +86,13 @@ __kernel void core_cos_sin(__global const float* values, uint count, __global fl
     lane_save(s, results + count + at);
 }
 
+// values: float [count], above or at 0. results: float [1][count]: e to the power of minus it.
+__kernel void core_exp(__global const float* values, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    lane_save(exp_minus(lane_load(values + at)), results + at);
+}
+
 // values: float [6][count], a unit normal and any vector. results: float [12][count]: tangent, bitangent, the vector to local and
 // back.
 __kernel void core_frame(__global const float* values, uint count, __global float* results) {

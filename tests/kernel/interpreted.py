@@ -29,6 +29,8 @@ from clrender.device.radix_sort import CHUNK
 from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.film.unit import Unit, slot_count
 from clrender.flatten import flatten
+from clrender.furnace.directions import incident
+from clrender.furnace.surfaces import Surfaces
 from clrender.image.files import write_image
 from clrender.integrators import INTEGRATORS
 from clrender.photon_maps import PhotonMaps
@@ -39,6 +41,7 @@ from clrender.radiosity.factors import hemicube_cells
 from clrender.radiosity.solution import RadiositySettings
 from clrender.radiosity.tracer import Tracer
 from clrender.scene import Scene
+from clrender.scene.environment import EnvironmentPicture
 from clrender.settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -66,6 +69,10 @@ class Run:
         With a mesh whose triangles need more than one chunk of the builder's sort, and a tree of several levels.
     rough : bool
         With rough materials.
+    sky : bool
+        With a picture of the environment.
+    interiors : bool
+        With dielectrics that overlap and absorb, and the camera in one of them.
     textured : bool
         With textures and normal and bump maps.
     """
@@ -76,6 +83,8 @@ class Run:
     samples: int = 1
     large: bool = False
     rough: bool = False
+    sky: bool = False
+    interiors: bool = False
     textured: bool = False
 
 
@@ -84,6 +93,12 @@ RENDERS: Final = {
     "path-4": Run("path", 4),
     "path-8-single": Run("path", 8, "single"),
     "path-4-rough": Run("path", 4, samples=2, rough=True),
+    "path-4-sky": Run("path", 4, samples=2, sky=True),
+    "path-1-sky": Run("path", 1, sky=True),
+    "photon-4-sky": Run("photon", 4, sky=True),
+    "path-4-interiors": Run("path", 4, samples=2, interiors=True),
+    "photon-4-interiors": Run("photon", 4, samples=2, interiors=True),
+    "whitted-1-interiors": Run("whitted", 1, samples=2, interiors=True),
     "path-4-textured": Run("path", 4, samples=2, textured=True),
     "whitted-1-textured": Run("whitted", 1, textured=True),
     "path-16": Run("path", 16, samples=2),
@@ -133,6 +148,21 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "matt": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
         "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4},
     }
+    if run.interiors:
+        shapes += [
+            {"type": "box", "center": (0.2, -0.1, 0.5), "size": (0.6, 0.7, 0.6), "material": "water"},
+            {"type": "sphere", "center": (0.2, 0.8, 3.0), "radius": 0.1, "material": "air"},
+            {"type": "tetrahedron", "vertices": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)), "material": "old"},
+        ]
+    media = {
+        "glass": {"type": "dielectric", "ior": 1.5, "priority": 2},
+        "water": {
+            "type": "dielectric", "ior": 1.33, "priority": 1,
+            "attenuation_color": (0.9, 0.8, 0.3), "attenuation_distance": 0.5,
+        },
+        "air": {"type": "dielectric", "ior": 1.0, "priority": 3},
+        "old": {"type": "dielectric", "ior": 1.4},
+    }  # fmt: skip
     textured = {
         "matt": {"type": "lambert", "reflectance": {"texture": "p.png", "wrap": ["mirror", "clamp"]}, **maps(folder)},
         "mirror": {"type": "mirror", "reflectance": {"ramp": [color, 0.5]}, "normal_map": {"texture": "p.png"}},
@@ -144,16 +174,19 @@ def scene(run: Run, folder: Path) -> FlatScene:
             "mirror": {"type": "mirror", "reflectance": color},
             "glass": {"type": "dielectric", "ior": 1.5},
             **(rough if run.rough else {}),
+            **(media if run.interiors else {}),
             **(textured if run.textured else {}),
         },
         "shapes": shapes,
         "lights": [
             {"type": "point", "position": (0.5, 1.8, 1.5), "intensity": (1, 1, 1)},
             {"type": "directional", "direction": (0.2, -1, -0.3), "irradiance": (0.5, 0.4, 0.3)},
-            {"type": "environment", "radiance": (0.2, 0.2, 0.2)},
+            {"type": "environment", "file": "sky"} if run.sky else {"type": "environment", "radiance": (0.2, 0.2, 0.2)},
         ],
     }
-    return flatten(Scene.model_validate(described).placed("everything", folder), WIDTH, HEIGHT)
+    pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
+    what = Scene.model_validate(described).placed("everything", folder)
+    return flatten(what.with_pictures({"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT)
 
 
 def render(device: Device, run: Run) -> str:
@@ -225,6 +258,24 @@ def radiosity(device: Device) -> str:
     return digest.hexdigest()
 
 
+def furnace(device: Device) -> str:
+    """Hash of what materials sample, and of what they evaluate to, on both sides."""
+    rough = {"type": "conductor", "metal": "Au", "roughness": 0.5}
+    materials = {"rough": rough, "glass": {"type": "dielectric", "ior": 1.5}}
+    camera = {"position": (0, 1, 2.5), "target": (0, 0.5, 0)}
+    surfaces = Surfaces(device, Scene.model_validate({"camera": camera, "materials": materials}), LaunchConfig(4, 2))
+    numbers = np.random.default_rng(71).random((2, 20))
+    digest = hashlib.sha256()
+    for name in materials:
+        for below in (False, True):
+            samples = surfaces.sample(name, incident(50.0, below), numbers)
+            values, pdf = surfaces.evaluate(name, incident(50.0, below), samples.directions)
+            assert np.array_equal(pdf, samples.density) and np.array_equal(values, samples.values)
+            digest.update(samples.directions.tobytes() + samples.weights.tobytes() + samples.pdf.tobytes())
+    surfaces.release()
+    return digest.hexdigest()
+
+
 def scan(device: Device) -> str:
     """Prefix sums of more numbers than one chunk has, which a tree needs only from thousands of primitives on."""
     numbers = np.random.default_rng(70).integers(0, 1000, 3000, dtype=np.uint32)
@@ -249,7 +300,7 @@ def arithmetic(device: Device) -> str:
 
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers, "radiosity": radiosity}
+    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers, "radiosity": radiosity, "furnace": furnace}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
 

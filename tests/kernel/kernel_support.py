@@ -121,6 +121,7 @@ def flat_scene(
         "lights": np.zeros(1, layout.dtype("Light")),
         "light_nodes": np.zeros((1, 16), np.float32),
         "material_rows": np.zeros((1, 16), np.float32),
+        "media_rows": np.zeros((1, 16), np.float32),
         "ggx_albedo": np.zeros(1, np.float32),
         "attribute_rows": np.zeros((1, 16), np.float32),
         "texture_rows": np.zeros((1, 16), np.float32),
@@ -128,6 +129,7 @@ def flat_scene(
         "texel_values": np.zeros(1, np.float32),
         "texels": np.zeros((1, 64), np.uint8),
         "light_order": np.zeros(1, np.uint32),
+        "environment_map": np.zeros(1, np.float32),
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
     camera = np.zeros(1, layout.dtype("Camera"))

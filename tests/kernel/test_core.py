@@ -248,6 +248,22 @@ def test_cos_and_sin_have_the_same_bits_everywhere(all_devices: list[Device]) ->
     on_all(all_devices, "core_cos_sin", turns, 2)
 
 
+def test_exponential(all_devices: list[Device]) -> None:
+    """Two units in the last place from NumPy's in double precision; nothing from 87 on, and exactly 1 at 0."""
+    rng = np.random.default_rng(9)
+    values = np.concatenate(
+        [rng.uniform(0.0, 87.0, 2**20), np.geomspace(1e-38, 87.0, 2**18), np.arange(2**16) * (np.log(2.0) / 2.0 / 2**9)]
+    ).astype(np.float32)
+    values[:16] = 0.0, 1.0, 87.0, 88.0, 1e3, 1e30, 3e38, *np.nextafter(np.full(9, 87.0, np.float32), np.float32(0.0))
+    got = on_all(all_devices, "core_exp", values, 1)[0]
+    exact = np.exp(-values.astype(np.float64))
+    below = values < 87.0
+    ulp = np.abs(got - exact)[below] / np.spacing(exact[below].astype(np.float32)).astype(np.float64)
+    print(f"exp_minus: worst error {ulp.max():.3f} ulp")
+    assert ulp.max() < 2.0
+    assert (got[~below] == 0.0).all() and (got[values == 0.0] == 1.0).all()
+
+
 def test_frames_are_orthonormal(all_devices: list[Device]) -> None:
     """Around every normal, those with z = ±1 and -0 included.
 

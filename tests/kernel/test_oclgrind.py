@@ -67,7 +67,7 @@ def every_kernel() -> set[str]:
 
 
 def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
-    names = ["scan", "arithmetic", "path-4", "whitted-4", "layers", "reuse-4", "photon-4", "radiosity"]
+    names = ["scan", "arithmetic", "path-4", "whitted-4", "layers", "reuse-4", "photon-4", "radiosity", "furnace"]
     launched = check(device, names, tmp_path)
     assert launched == every_kernel()
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from render_support import Studio
 from stats_support import Evidence
+
+import clrender
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -26,6 +29,7 @@ def evidence(tmp_path: Path, request: pytest.FixtureRequest) -> Evidence:
 
 
 @pytest.fixture(scope="session")
-def studio(device: Device) -> Studio:
+def studio(device: Device) -> Iterator[Studio]:
     """Renders on the device under test."""
-    return Studio(device.info.index)
+    with clrender.Session(device.info.index) as session:
+        yield Studio(session)

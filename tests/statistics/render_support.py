@@ -23,21 +23,21 @@ Vector = Sequence[float]
 
 
 class Studio:
-    """Renders on one device.
+    """Renders on one device, in one session: what two renders share is compiled and uploaded once.
 
     Parameters
     ----------
-    device : int
-        Its index in `clrender devices`.
+    session : clrender.Session
+        Of one device.
     """
 
-    def __init__(self, device: int) -> None:
-        self.device = device
+    def __init__(self, session: clrender.Session) -> None:
+        self._session = session
 
     def image(self, what: Scene, size: int | tuple[int, int] = 32, **settings: Any) -> Floats:
         """(height, width, 3) radiance; every sample has to be finite."""
         wanted = (size, size) if isinstance(size, int) else size
-        made = clrender.render(what, device=self.device, size=wanted, **settings)
+        made = self._session.render(what, size=wanted, **settings)
         assert made.stats["nonfinite_samples"] == 0
         return made.linear.astype(np.float64)
 

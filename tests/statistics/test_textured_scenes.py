@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -15,6 +15,9 @@ from stats_support import Evidence
 import clrender
 from clrender.image.files import write_image
 from clrender.scene import Scene
+
+if TYPE_CHECKING:
+    from clrender.device import Device
 
 ACROSS = {"position": [0.0, 0.0, 1.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 90.0}
 """Sees the square from -1 to 1 in the plane z = 0 and no more."""
@@ -60,7 +63,7 @@ def test_a_pixel_shows_the_mean_of_its_footprint(studio: Studio, tmp_path: Path,
 
 
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
-def test_a_texture_of_one_colour_is_that_colour_to_the_bit(studio: Studio, tmp_path: Path, integrator: str) -> None:
+def test_a_texture_of_one_colour_is_that_colour_to_the_bit(device: Device, tmp_path: Path, integrator: str) -> None:
     """And a flat normal map, or bump map, changes none, on flat and on round shapes."""
     write_image(tmp_path / "one.exr", np.tile(np.array([0.25, 0.5, 0.75], np.float32), (3, 5, 1)))
     Image.fromarray(np.full((4, 4, 3), (128, 128, 255), np.uint8)).save(tmp_path / "flat.png")
@@ -83,7 +86,7 @@ def test_a_texture_of_one_colour_is_that_colour_to_the_bit(studio: Studio, tmp_p
         {"reflectance": texture, **flat},
     ):
         what = scene(shapes, {"type": "lambert", **material}, tmp_path, lights=lights)
-        image = clrender.render(what, device=studio.device, size=(40, 40), spp=4, integrator=integrator)
+        image = clrender.render(what, device=device, size=(40, 40), spp=4, integrator=integrator)
         hashes.add(image.stats["image_sha256"])
     assert len(hashes) == 1
 
@@ -153,10 +156,10 @@ def test_random_texels_have_the_mean_of_linear_interpolation(
     evidence.equal("tiles", at_random, exact)
 
 
-def test_layers_show_textures(studio: Studio, tmp_path: Path) -> None:
+def test_layers_show_textures(device: Device, tmp_path: Path) -> None:
     dark, light = [0.2, 0.4, 0.1], [0.9, 0.5, 0.3]
     checker = lambert({"checker": [dark, light], "size": 1.0 / 8})
     what = scene([SQUARE], checker, tmp_path, lights=[SUN])
-    image = clrender.render(what, device=studio.device, size=(8, 8), spp=4, aov=["albedo"])
+    image = clrender.render(what, device=device, size=(8, 8), spp=4, aov=["albedo"])
     odd = (np.arange(8)[None, :] + np.arange(8)[::-1, None]) % 2 == 1
     np.testing.assert_allclose(image.aovs["albedo"], np.where(odd[..., None], light, dark), rtol=1e-6)

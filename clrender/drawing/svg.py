@@ -72,9 +72,7 @@ def require_matplotlib() -> None:
             importlib.import_module(module)
     except ImportError as error:
         reason = "is not installed" if error.name == "matplotlib" else f"cannot be loaded ({error})"
-        raise UsageError(
-            f"the report draws its plots with Matplotlib, which {reason}; pip install 'clrender[report]'"
-        ) from None
+        raise UsageError(f"plots are drawn with Matplotlib, which {reason}; pip install 'clrender[report]'") from None
 
 
 def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figure], None]) -> str:

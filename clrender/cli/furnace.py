@@ -1,0 +1,130 @@
+"""`clrender furnace`: the physics of materials, as a table, a page and numbers."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from clrender.cli.folder import output_folder
+from clrender.cli.interrupt import interruptible
+from clrender.cli.options import allow_path_option, setting_option
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from clrender.drawing.table import Table
+    from clrender.furnace.findings import Finding
+    from clrender.furnace.measure import Measured
+
+__all__ = ["furnace"]
+
+_PAGE: Final = "furnace.html"
+_NUMBERS: Final = "furnace.json"
+
+
+@click.command()
+@click.argument("subject", metavar="MATERIAL|SCENE")
+@click.option("--material", "names", metavar="NAME", multiple=True, help="Of a scene only this material. Repeatable.")
+@click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
+    help="Write furnace.html, a page with plots that needs no other file, and furnace.json.",
+)  # fmt: skip
+@setting_option("seed", default=0, help="Seed of the random numbers (0).")
+@click.option("-d", "--device", metavar="SPEC", help="As of `clrender render`; of several devices the first measures.")
+@click.option("--quick", is_flag=True, help="A sixteenth of the samples.")
+@click.option("--check", is_flag=True, help="Exit with 1 when there is a fault.")
+@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@allow_path_option
+def furnace(
+    subject: str, names: tuple[str, ...], as_json: bool, output: Path | None, seed: int, device: str | None,
+    quick: bool, check: bool, quiet: bool, allow_paths: tuple[Path, ...],
+) -> None:  # fmt: skip
+    """Measure the physics of materials.
+
+    MATERIAL is a type, such as conductor, with its defaults (white, gold, index 1.5), over all roughnesses; or a table
+    as in a scene file, such as '{type = "conductor", metal = "Au", roughness = 0.3}'. Of a SCENE every material is
+    measured.
+
+    Of each: the energy it sends on in a white furnace, over angle; whether it is reciprocal; whether it samples
+    directions as its density says; and what of that is a fault, with how much. Deltas, such as smooth glass, have no
+    density to test. The exit code is 0 whatever the result, unless --check is given.
+    """
+    from clrender.device import select
+    from clrender.furnace import as_json as numbers_of
+    from clrender.furnace import findings, measure, subjects_of
+
+    def say(line: str) -> None:
+        if not quiet:
+            click.echo(line, err=True)
+
+    what = subjects_of(subject, names, allow_paths)
+    if output is not None:
+        from clrender.drawing.svg import require_matplotlib
+
+        require_matplotlib()
+    folder = nullcontext() if output is None else output_folder(output, _PAGE)
+    with folder, interruptible() as interrupt:
+        chosen = select(device, notify=say)
+        said: set[str] = set()
+
+        def step(name: str) -> None:
+            if interrupt.wanted():
+                raise KeyboardInterrupt
+            if name not in said:
+                said.add(name)
+                say(f"{len(said)} of {len(what.names)}: {name}")
+
+        try:
+            measured = measure(what, chosen[0], seed=seed, side=16 if quick else 64, step=step)
+        except KeyboardInterrupt:
+            click.echo("error: interrupted; nothing was written", err=True)
+            sys.exit(interrupt.exit_code)
+        found = [findings(each, len(measured)) for each in measured]
+        numbers = [numbers_of(*each) for each in zip(measured, found, strict=True)]
+        if output is not None:
+            interrupt.has_picture.set()  # writing takes a moment, and is not cut short
+            title = f"{chosen[0].info.title}; seed {seed}"
+            _write(output, what.title, title, measured, found, numbers)
+    click.echo(json.dumps(numbers, indent=2) if as_json else _text(measured, found, numbers))
+    if check and any(each["faults"] for each in numbers):
+        sys.exit(1)
+
+
+def _text(
+    measured: Sequence[Measured], found: Sequence[Sequence[Finding]], numbers: Sequence[dict[str, Any]]
+) -> str:  # fmt: skip
+    """A table, and below it what is found of each material."""
+    from clrender.furnace import summary
+
+    lines = _aligned(summary(numbers))
+    for each, sentences in zip(measured, found, strict=True):
+        lines += ["", f"{each.name}:"]
+        lines += [f"  {'FAULT: ' if one.fault else ''}{one.sentence}" for one in sentences]
+    return "\n".join(lines)
+
+
+def _aligned(table: Table) -> list[str]:
+    rows = [table.header, *table.rows]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(table.header))]
+    return ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _write(
+    folder: Path, title: str, device: str, measured: Sequence[Measured], found: Sequence[Sequence[Finding]],
+    numbers: Sequence[dict[str, Any]],
+) -> None:  # fmt: skip
+    from clrender.files import atomic_write
+    from clrender.furnace import furnace_page
+    from clrender.version import __version__
+
+    how = [f"clrender {__version__} on {device}."]
+    page = furnace_page(title, measured, found, numbers, how)
+    for name, text in ((_PAGE, page), (_NUMBERS, json.dumps(numbers, indent=2) + "\n")):
+        with atomic_write(folder / name) as file:
+            file.write(text.encode())

@@ -1,0 +1,266 @@
+"""What measurements say of a material, in sentences: what is wrong and by how much, and what holds.
+
+A material that is right gets a fault with a chance of at most `ALARM`, shared among all materials of one run and the
+judgements on each: energy that is gained, energy that white loses, sampling against evaluation, and sampled directions
+against their density; each of these again among its angles and colours (Šidák). Rounding and the fits of albedos are
+allowed for beside noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from clrender.furnace.energy import COPIES, Energy
+from clrender.furnace.measure import Measured
+from clrender.student import critical_value
+
+__all__ = ["ALARM", "ALLOWED", "RECIPROCAL", "Finding", "corrected", "findings"]
+
+ALARM: Final = 0.01
+"""Chance that a run reports any fault although all materials are right."""
+ALLOWED: Final = 1e-3
+"""Share of the light by which energies may be off, beside noise: fits of albedos are that good."""
+RECIPROCAL: Final = 1e-4
+"""Relative difference of f(a, b) and f(b, a) that rounding may cause."""
+_JUDGEMENTS: Final = 4
+_COLORS: Final = ("red", "green", "blue")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A sentence on a material.
+
+    Attributes
+    ----------
+    kind : str
+        ``gain loss estimators weight density directions reciprocity nonfinite negative unseen`` are faults;
+        ``absorbs keeps transmits deltas sampled reciprocal integration`` are not.
+    fault : bool
+    amount : float
+        How much: a share of the light, a relative difference, a p-value or a number of samples.
+    sentence : str
+        Without the material's name.
+    """
+
+    kind: str
+    fault: bool
+    amount: float
+    sentence: str
+
+
+def corrected(level: float, count: int) -> float:
+    """Significance of each of `count` comparisons that together raise a false alarm with chance `level` (Šidák)."""
+    return -math.expm1(math.log1p(-level) / max(count, 1))
+
+
+def findings(measured: Measured, materials: int = 1) -> list[Finding]:
+    """All that can be said of a material, faults first.
+
+    Parameters
+    ----------
+    measured : Measured
+    materials : int
+        How many are measured in one run.
+    """
+    level = corrected(corrected(ALARM, materials), _JUDGEMENTS)
+    found = [
+        *_gains(measured, level),
+        *_losses(measured, level),
+        *_estimators(measured, level),
+        *_directions(measured, level),
+        *_reciprocity(measured),
+        *_samples(measured),
+        *_absorbed(measured),
+        *_shares(measured),
+    ]
+    return sorted(found, key=lambda each: not each.fault)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """An energy, and where it was measured."""
+
+    energy: Energy
+    words: str
+
+
+def _places(measured: Measured, white: bool) -> list[_Place]:
+    energies = measured.white if white else measured.energies
+    own = [_Place(each, " on the back" if each.below else "") for each in energies]
+    return own + [_Place(row.white if white else row.energy, f", roughness {row.roughness:g}") for row in measured.rows]
+
+
+def _worst(places: Sequence[_Place], level: float, sign: float) -> tuple[float, float, str] | None:
+    """Largest excess over 1 (or lack, with sign -1) that is no noise: how much, its error, where."""
+    count = sum(each.energy.sampled.size for each in places)
+    t = float(critical_value(corrected(level, count), np.array([COPIES - 1.0]))[0])
+    worst = None
+    for each in places:
+        off = sign * (each.energy.sampled - 1.0)
+        beyond = np.where(off > ALLOWED + t * each.energy.sampled_error, off, 0.0)
+        angle, color = np.unravel_index(int(beyond.argmax()), beyond.shape)
+        if beyond[angle, color] > 0.0 and (worst is None or beyond[angle, color] > worst[0]):
+            place = f"{each.energy.angles[angle]:g}° from the normal{each.words} ({_COLORS[color]})"
+            worst = float(beyond[angle, color]), float(each.energy.sampled_error[angle, color]), place
+    return worst
+
+
+def _gains(measured: Measured, level: float) -> Iterator[Finding]:
+    for white, words in ((False, ""), (True, ", were it white")):
+        worst = _worst(_places(measured, white), level / 2.0, 1.0)
+        if worst:
+            yield Finding(
+                "gain", True, worst[0],
+                f"gains energy{words}: {_percent(1.0 + worst[0], worst[1])} of the light leaves the surface at "
+                f"{worst[2]}",
+            )  # fmt: skip
+            return
+
+
+def _losses(measured: Measured, level: float) -> Iterator[Finding]:
+    places = _places(measured, white=True)
+    worst = _worst(places, level, -1.0)
+    if worst:
+        yield Finding(
+            "loss", True, worst[0],
+            f"loses energy by more than its colour: were it white, only {_percent(1.0 - worst[0], worst[1])} of the "
+            f"light would leave it at {worst[2]}",
+        )  # fmt: skip
+    elif not any(each.kind == "gain" for each in _gains(measured, level)):
+        rows = "every angle and roughness" if measured.rows else "every angle"
+        worst_off = max(float(np.abs(each.energy.sampled - 1.0).max()) for each in places)
+        yield Finding(
+            "keeps", False, worst_off,
+            f"keeps all light but what its colour absorbs: in white, 100 % leaves the surface at {rows}, "
+            f"within {100 * ALLOWED:g} % and noise",
+        )  # fmt: skip
+
+
+def _estimators(measured: Measured, level: float) -> Iterator[Finding]:
+    """Two estimates of the same integral."""
+    count = sum(each.sampled.size for each in measured.energies)
+    t = float(critical_value(corrected(level, count), np.array([COPIES - 1.0]))[0])
+    worst = None
+    for each in measured.energies:
+        apart = each.smooth - each.evaluated
+        error = np.hypot(each.sampled_error, each.evaluated_error)
+        beyond = np.abs(apart) / (ALLOWED * np.maximum(each.evaluated, 1.0) + t * error)
+        angle, color = np.unravel_index(int(beyond.argmax()), beyond.shape)
+        if beyond[angle, color] > 1.0 and (worst is None or beyond[angle, color] > worst[0]):
+            worst = float(beyond[angle, color]), each, angle, color
+    if worst:
+        _, each, angle, color = worst
+        sampled, evaluated = float(each.smooth[angle, color]), float(each.evaluated[angle, color])
+        yield Finding(
+            "estimators", True, sampled - evaluated,
+            f"bsdf_sample and bsdf_eval disagree: samples carry {100 * sampled:.2f} % of the light, evaluation finds "
+            f"{100 * evaluated:.2f} % at {each.angles[angle]:g}° from the normal{' on the back' if each.below else ''} "
+            f"({_COLORS[color]})",
+        )  # fmt: skip
+
+
+def _directions(measured: Measured, level: float) -> Iterator[Finding]:
+    tested = [each for each in measured.tests if each.tested]
+    if tested:
+        worst = min(tested, key=lambda each: each.fit.p)
+        where = f"{worst.angle:g}° from the normal{' on the back' if worst.below else ''}"
+        together = -math.expm1(len(tested) * math.log1p(-worst.fit.p)) if worst.fit.p < 1.0 else 1.0
+        if worst.fit.p < corrected(level, len(tested)):
+            yield Finding(
+                "directions", True, together,
+                f"directions do not follow the density at {where}: χ² {worst.fit.statistic:.0f} with "
+                f"{worst.fit.freedom} degrees of freedom, p = {together:.2g}; the density integrates to "
+                f"{worst.integral:.4f}",
+            )  # fmt: skip
+        else:
+            yield Finding(
+                "sampled", False, together,
+                f"directions follow the density: smallest p of {len(tested)} χ² tests {together:.2g}",
+            )  # fmt: skip
+    if any(not each.integrated for each in measured.tests):
+        where = ", ".join(
+            f"{each.angle:g}°{' on the back' if each.below else ''}" for each in measured.tests if not each.integrated
+        )
+        text = f"its density is too narrow or too uneven to be integrated at {where}: no χ² test there"
+        yield Finding("integration", False, 0.0, text)
+    deltas = max(each.delta_share for each in measured.tests)
+    if measured.only_deltas and deltas:
+        yield Finding("deltas", False, 1.0, "is a delta: there is no density to test, and no f to be reciprocal")
+    elif deltas:
+        yield Finding("deltas", False, deltas, f"up to {100 * deltas:.3g} % of its samples are deltas")
+
+
+def _reciprocity(measured: Measured) -> Iterator[Finding]:
+    found = measured.reciprocity
+    if not found.compared:
+        return
+    if found.largest > RECIPROCAL:
+        yield Finding(
+            "reciprocity", True, found.largest,
+            f"is not reciprocal: f(a, b) and f(b, a) differ by {_share(found.largest)} for directions "
+            f"{found.angles[0]:.1f}° and {found.angles[1]:.1f}° from the normal",
+        )  # fmt: skip
+    else:
+        yield Finding("reciprocal", False, found.largest, f"is reciprocal within {found.largest:.1g}")
+
+
+def _samples(measured: Measured) -> Iterator[Finding]:
+    tally = measured.tally
+    if tally.nonfinite:
+        yield Finding(
+            "nonfinite", True, tally.nonfinite, f"{tally.nonfinite} of {tally.samples} samples are not finite"
+        )
+    if tally.negative:
+        yield Finding("negative", True, tally.negative, f"{tally.negative} of {tally.samples} samples are negative")
+    if tally.unseen > ALLOWED * tally.samples:
+        yield Finding(
+            "unseen", True, tally.unseen,
+            f"{100 * tally.unseen / tally.samples:.2g} % of its samples carry light in directions to which bsdf_eval "
+            "gives a density of 0",
+        )  # fmt: skip
+    for kind, offs, text in (
+        ("weight", tally.weight_off, "a sample's weight is not f |cosθ| / pdf of bsdf_eval: half of them are off by"),
+        ("density", tally.pdf_off, "bsdf_sample and bsdf_eval give a direction different densities: half are off by"),
+    ):
+        worst = max(offs, key=abs, default=0.0)
+        if abs(worst) > ALLOWED:
+            yield Finding(kind, True, worst, f"{text} {100 * worst:+.2g} % and more")
+
+
+def _absorbed(measured: Measured) -> Iterator[Finding]:
+    """What leaves less than in white is absorbed."""
+    lost = np.array([1.0 - each.sampled for each in measured.energies])
+    own = np.array([1.0 - each.sampled for each in measured.white])
+    absorbed = lost - np.maximum(own, 0.0)
+    if absorbed.max() > ALLOWED:
+        low, high = absorbed.min(axis=(0, 1)), absorbed.max(axis=(0, 1))
+        words = [_range(low[i], high[i], color) for i, color in enumerate(_COLORS)]
+        alike = len({word.split(" of ")[0] for word in words}) == 1
+        text = _range(low[0], high[0], "the") + " light" if alike else ", ".join(words[:2]) + f" and {words[2]} light"
+        yield Finding("absorbs", False, float(absorbed.max()), f"its colour absorbs {text}")
+
+
+def _range(low: float, high: float, color: str) -> str:
+    first, last = f"{max(100 * low, 0.0):.1f}", f"{max(100 * high, 0.0):.1f}"
+    return f"{first if first == last else f'{first} to {last}'} % of {color}"
+
+
+def _shares(measured: Measured) -> Iterator[Finding]:
+    if measured.transmits:
+        through = measured.energies[0].through
+        low, high = 100 * float(through.min()), 100 * float(through.max())
+        text = f"lets {low:.1f} to {high:.1f} % of the light through, from the front"
+        yield Finding("transmits", False, high / 100.0, text)
+
+
+def _percent(share: float, error: float) -> str:
+    return f"{100 * share:.2f} % ± {100 * error:.2g} %" if error > 1e-7 else f"{100 * share:.2f} %"
+
+
+def _share(part: float) -> str:
+    return f"{100 * part:.2g} %"

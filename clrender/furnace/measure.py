@@ -1,0 +1,183 @@
+"""Measures the materials of a scene: all that the report says of each of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from clrender.furnace.directions import Floats
+from clrender.furnace.energy import ANGLES, Energy, Tally, measure_energy
+from clrender.furnace.reciprocity import Reciprocity, measure_reciprocity
+from clrender.furnace.sampling import TEST_ANGLES, SamplingTest, measure_sampling
+from clrender.furnace.subjects import Subject, whitened
+from clrender.furnace.surfaces import Surfaces
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+
+__all__ = ["LOBE_ANGLES", "Lobe", "Measured", "RoughnessRow", "measure"]
+
+LOBE_ANGLES: Final = (0.0, 30.0, 60.0, 80.0)
+_LOBE_STEPS: Final = 1440
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """What an angle of incidence is scattered to, in the plane of incidence.
+
+    Attributes
+    ----------
+    incident : float
+        Degrees from the normal.
+    angles : (n,) float64, degrees from the normal, towards the direction of the mirror
+    values : (n, 3) float64, f |cosθ| by colour, 1/sr, without deltas
+    """
+
+    incident: float
+    angles: Floats
+    values: Floats
+
+
+@dataclass(frozen=True)
+class RoughnessRow:
+    """A material with one roughness: as it is, and in white."""
+
+    roughness: float
+    energy: Energy
+    white: Energy
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Measurements of a material.
+
+    Attributes
+    ----------
+    name, kind : str
+        Of the material and its type.
+    keys : dict
+        The material's table in a scene file, JSON-able.
+    energies, white : tuple of Energy
+        Of the front, and of the back where light comes through; of the material as it is, and without its colour.
+    tests : tuple of SamplingTest
+    reciprocity : Reciprocity
+    tally : Tally
+    rows : tuple of RoughnessRow
+    lobes : tuple of Lobe
+    """
+
+    name: str
+    kind: str
+    keys: dict[str, Any]
+    energies: tuple[Energy, ...]
+    white: tuple[Energy, ...]
+    tests: tuple[SamplingTest, ...]
+    reciprocity: Reciprocity
+    tally: Tally
+    rows: tuple[RoughnessRow, ...]
+    lobes: tuple[Lobe, ...]
+
+    @property
+    def transmits(self) -> bool:
+        """Whether light comes through."""
+        return self.energies[0].transmits
+
+    @property
+    def only_deltas(self) -> bool:
+        """Whether all light goes where only sampling finds it."""
+        return all(not each.smooth.any() for each in self.energies)
+
+
+def measure(
+    subject: Subject,
+    device: Device,
+    *,
+    seed: int = 0,
+    side: int = 64,
+    step: Callable[[str], None] | None = None,
+    faults: Mapping[str, str] | None = None,
+) -> list[Measured]:
+    """Measure materials.
+
+    Parameters
+    ----------
+    subject : Subject
+    device : Device
+    seed : int
+        Of the random numbers; the measurements of a material depend on it and the material alone.
+    side : int
+        Each of 16 estimates of an energy takes its square of samples.
+    step : callable, optional
+        Told the material's name before each of its measurements; what it raises ends the work.
+    faults : mapping, optional
+        As of `clrender.furnace.surfaces.Surfaces`.
+
+    Returns
+    -------
+    list of Measured
+
+    Raises
+    ------
+    SceneError
+        When a material names a file that cannot be read.
+    RenderError, DeviceError
+        When the driver fails.
+    """
+    with ExitStack() as owned:
+        given = Surfaces(device, subject.scene, faults=faults)
+        owned.callback(given.release)
+        white = Surfaces(device, whitened(subject.scene), faults=faults)
+        owned.callback(white.release)
+        tell = step or (lambda name: None)
+        return [_measured(subject, name, given, white, seed, side, partial(tell, name)) for name in subject.names]
+
+
+def _measured(
+    subject: Subject, name: str, given: Surfaces, white: Surfaces, seed: int, side: int, tell: Callable[[], None]
+) -> Measured:
+    material: Any = subject.scene.materials[name]
+    eta, tally = subject.eta(name), Tally()
+    rng = np.random.default_rng([seed, *name.encode()])
+    front = _energy(given, name, eta, rng, tally, side, tell)
+    sides = (False, True) if front.transmits else (False,)
+    energies = (front, *(_energy(given, name, eta, rng, tally, side, tell, below=True) for _ in sides[1:]))
+    plain = tuple(_energy(white, name, eta, rng, Tally(), side, tell, below=below, evaluate=False) for below in sides)
+    tests = []
+    for below in sides:
+        for angle in TEST_ANGLES:
+            tell()
+            tests.append(measure_sampling(given, name, eta, angle, rng, tally, below=below, count=side * side * 32))
+    tell()
+    reciprocity = measure_reciprocity(given, name, eta, rng, front.transmits)
+    rows = []
+    for value, other in subject.swept.get(name, ()):
+        both = [_energy(which, other, eta, rng, tally, side // 2, tell, evaluate=False) for which in (given, white)]
+        rows.append(RoughnessRow(value, both[0], both[1]))
+    lobes = tuple(_lobe(given, name, angle, front.transmits) for angle in LOBE_ANGLES)
+    keys = material.model_dump(mode="json", exclude_defaults=True)
+    return Measured(name, material.type, keys, energies, plain, tuple(tests), reciprocity, tally, tuple(rows), lobes)
+
+
+def _energy(
+    surfaces: Surfaces, name: str, eta: float, rng: np.random.Generator, tally: Tally, side: int,
+    tell: Callable[[], None], *, below: bool = False, evaluate: bool = True,
+) -> Energy:  # fmt: skip
+    """Of one side; somebody is told first."""
+    tell()
+    return measure_energy(surfaces, name, eta, rng, tally, below=below, angles=ANGLES, side=side, evaluate=evaluate)
+
+
+def _lobe(surfaces: Surfaces, name: str, incident: float, transmits: bool) -> Lobe:
+    tilt = math.radians(incident)
+    wo = np.array([-math.sin(tilt), 0.0, math.cos(tilt)])
+    reach = 180.0 if transmits else 90.0
+    angles = (np.arange(_LOBE_STEPS) + 0.5) / _LOBE_STEPS * 2.0 * reach - reach
+    wi = np.stack([np.sin(np.radians(angles)), np.zeros(_LOBE_STEPS), np.cos(np.radians(angles))], axis=1)
+    values, _ = surfaces.evaluate(name, wo, wi)
+    return Lobe(incident, angles, np.where(np.isfinite(values), values, 0.0))

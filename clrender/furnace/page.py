@@ -1,0 +1,107 @@
+"""The physics of materials as a page: one self-contained HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any, Final
+
+from clrender.drawing.html import html_document, html_table, paragraphs
+from clrender.drawing.table import Table
+from clrender.furnace.findings import ALARM, ALLOWED, Finding
+from clrender.furnace.measure import Measured
+from clrender.furnace.numbers import summary
+from clrender.furnace.plots import energy_plot, lobe_plot, roughness_plot
+
+__all__ = ["furnace_page"]
+
+_TOPICS: Final = {
+    **dict.fromkeys(("gain", "loss", "keeps", "absorbs", "transmits"), "energy"),
+    **dict.fromkeys(("estimators", "weight", "density", "unseen"), "sampling and evaluation"),
+    **dict.fromkeys(("directions", "sampled", "deltas", "integration"), "directions"),
+    **dict.fromkeys(("reciprocity", "reciprocal"), "reciprocity"),
+    **dict.fromkeys(("nonfinite", "negative"), "samples"),
+}
+_PROMISES: Final = ("keeps", "sampled", "reciprocal")
+_ENERGY: Final = (
+    "Share of uniform light that leaves the surface towards the viewer, over the viewer's angle from the normal. "
+    "Circles: mean weight of sampled directions; crosses: integral of the evaluated BSDF, and deltas; they have to "
+    "agree. Dashed: the material without its colour. Bars: three standard errors."
+)
+_ROUGH: Final = "The same over roughness, mean of the colours. What a rough surface loses in white is a fault."
+_LOBE: Final = (
+    "The BSDF times the cosine in the plane of incidence, mean of the colours, without deltas: cube root, each curve "
+    "scaled to its maximum. The marks show where each is seen from."
+)
+
+
+def furnace_page(
+    title: str, measured: Sequence[Measured], found: Sequence[Sequence[Finding]], numbers: Sequence[dict[str, Any]],
+    how: Sequence[str],
+) -> str:  # fmt: skip
+    """The page.
+
+    Parameters
+    ----------
+    title : str
+        What the materials are of.
+    measured, found, numbers
+        Of each material: its measurements, what is said of them, and both as of `clrender.furnace.numbers.as_json`.
+    how : sequence of str
+        Sentences on device, seed and version.
+    """
+    parts = [
+        *paragraphs(
+            [
+                "Each material stands in a white furnace: uniform light from all sides. What it sends on, whether it "
+                "does so alike in both directions of light, and whether it samples directions as its density says is "
+                "measured with the kernels that render."
+            ]
+        ),
+        html_table(summary(numbers), "", []),
+    ]
+    for place, (each, sentences) in enumerate(zip(measured, found, strict=True)):
+        parts += _material(place, each, sentences)
+    parts += ["<h2>How it was measured</h2>", *paragraphs([*_method(), *how])]
+    return html_document(f"Physics of materials: {title}", parts)
+
+
+def _material(place: int, measured: Measured, found: Sequence[Finding]) -> list[str]:
+    keys = ", ".join(f"{key} = {value}" for key, value in measured.keys.items() if key != "type")
+    outcomes = ["fails" if each.fault else "holds" if each.kind in _PROMISES else "" for each in found]
+    rows = [
+        [_TOPICS[each.kind], outcome, _capital(each.sentence)] for each, outcome in zip(found, outcomes, strict=True)
+    ]
+    table = Table(f"{measured.kind}{': ' if keys else ''}{keys}", ("of", "", "found"), rows, words=3)
+    parts = [
+        f"<h2>{escape(measured.name)}</h2>",
+        html_table(table, "prose", outcomes),
+        _figure(energy_plot(measured, f"energy-{place}"), _ENERGY),
+    ]
+    if measured.rows:
+        parts.append(_figure(roughness_plot(measured, f"roughness-{place}"), _ROUGH))
+    if not measured.only_deltas:
+        parts.append(_figure(lobe_plot(measured, f"lobe-{place}"), _LOBE))
+    return parts
+
+
+def _figure(svg: str, caption: str) -> str:
+    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _capital(sentence: str) -> str:
+    return f"{sentence[:1].upper()}{sentence[1:]}."
+
+
+def _method() -> list[str]:
+    return [
+        "Energy by sampling: 16 independent estimates at each angle, each from a jittered grid of random numbers; the "
+        "spread of them gives the standard error. Energy by evaluation: directions chosen without the material's own "
+        "density, around the normal and, at all scales, around the directions of mirror and refraction. Light that "
+        "crosses the surface counts as flux: radiance times the square of the relative index.",
+        "Directions: counts in cells around the directions of mirror and refraction, against the density integrated "
+        "over each cell (Pearson's χ² test). A density that does not integrate to 1, less what deltas and samples "
+        "without light take, fails the test as well.",
+        f"The chance that a fault is reported although all is right is at most {100 * ALARM:g} % for all materials "
+        f"together. Energies may be off by {100 * ALLOWED:g} % beside noise.",
+    ]

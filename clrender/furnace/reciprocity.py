@@ -1,0 +1,103 @@
+"""Whether light may go either way: f(a, b) against f(b, a).
+
+Where light crosses the surface, with the square of the relative index.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from clrender.furnace.directions import NARROWEST, Floats, around, mirrored, refracted
+
+if TYPE_CHECKING:
+    from clrender.furnace.surfaces import Surfaces
+
+__all__ = ["Reciprocity", "measure_reciprocity"]
+
+_DARK: Final = 1e-6
+"""Values below it, in 1/sr, are the rounding of their lobe's tail."""
+_GRAZING: Final = 1e-3
+"""Cosine below which f is a quotient of roundings."""
+
+
+@dataclass(frozen=True)
+class Reciprocity:
+    """How far f(a, b) and f(b, a) are apart, over the larger of both.
+
+    Attributes
+    ----------
+    largest : float
+        Of all pairs and colours.
+    compared : int
+        Pairs with light; 0: all of the material is a delta.
+    angles : (float, float)
+        Degrees from the front's normal of the two directions that differ most.
+    """
+
+    largest: float
+    compared: int
+    angles: tuple[float, float]
+
+
+def measure_reciprocity(
+    surfaces: Surfaces, name: str, eta: float, rng: np.random.Generator, transmits: bool, groups: int = 64
+) -> Reciprocity:
+    """Compare random pairs of directions, many of them in the middle of narrow lobes.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    name : str
+    eta : float
+        Index behind the front side over the index before it.
+    rng : Generator
+    transmits : bool
+        Light comes through: pairs on the back and across the surface are compared as well.
+    groups : int
+        Directions of the viewer on each side, each with 192 of light.
+    """
+    pairs = []
+    for below in (False, True) if transmits else (False,):
+        for _ in range(groups):
+            wo = _anywhere(rng, 1)[0] * (1.0, 1.0, -1.0 if below else 1.0)
+            relative = 1.0 / eta if below else eta
+            wi = [_anywhere(rng, 64) * (1.0, 1.0, math.copysign(1.0, wo[2])), _near(mirrored(wo), rng)]
+            if transmits:
+                wi += [-wi[0], _near(refracted(wo, relative), rng)]
+            pairs.append(np.broadcast_arrays(wo, np.concatenate(wi)))
+    a, b = (np.concatenate([pair[which] for pair in pairs]) for which in (0, 1))
+    # As the kernels get them
+    a, b = a.astype(np.float32).astype(np.float64), b.astype(np.float32).astype(np.float64)
+    usable = np.minimum(np.abs(a[:, 2]), np.abs(b[:, 2])) > _GRAZING
+    a, b = a[usable], b[usable]
+    forth = surfaces.evaluate(name, a, b)[0] / np.abs(b[:, 2:])
+    back = surfaces.evaluate(name, b, a)[0] / np.abs(a[:, 2:])
+    # f carries radiance, which grows by the square of the index it enters (PBR 4ed, 9.5.2)
+    crosses = a[:, 2] * b[:, 2] < 0.0
+    forth *= np.where(crosses, np.where(a[:, 2] > 0.0, eta, 1.0 / eta) ** 2, 1.0)[:, None]
+    larger = np.maximum(np.abs(forth), np.abs(back))
+    lit = (larger > _DARK) & np.isfinite(larger)
+    if not lit.any():
+        return Reciprocity(0.0, 0, (0.0, 0.0))
+    apart = np.where(lit, np.abs(forth - back) / np.where(lit, larger, 1.0), 0.0)
+    worst = int(apart.max(axis=1).argmax())
+    angles = [math.degrees(math.acos(min(max(float(each[worst, 2]), -1.0), 1.0))) for each in (a, b)]
+    return Reciprocity(float(apart.max()), int(lit.any(axis=1).sum()), (angles[0], angles[1]))
+
+
+def _anywhere(rng: np.random.Generator, count: int) -> Floats:
+    """Uniform on the front side."""
+    vectors = rng.normal(size=(count, 3))
+    vectors[:, 2] = np.abs(vectors[:, 2])
+    unit: Floats = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return unit
+
+
+def _near(pole: Floats, rng: np.random.Generator, count: int = 128) -> Floats:
+    """Around a direction, at angles whose logarithm is uniform."""
+    angle = NARROWEST * np.exp(math.log(math.pi / NARROWEST) * rng.random(count))
+    return around(pole, angle, 2.0 * math.pi * rng.random(count))

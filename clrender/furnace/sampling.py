@@ -1,0 +1,162 @@
+"""Whether directions are sampled with the density that the material states: Pearson's test of their counts.
+
+Cells are even in the turn around the direction of the mirror, or of refraction, and in the logarithm of the angle from
+it, so that narrow lobes are resolved. The density is integrated over each cell by the midpoint rule.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.chi_squared import Fit, goodness_of_fit
+from clrender.furnace.directions import NARROWEST, Floats, around, incident, mirrored, polar, refracted
+
+if TYPE_CHECKING:
+    from clrender.furnace.energy import Tally
+    from clrender.furnace.surfaces import Surfaces
+
+__all__ = ["TEST_ANGLES", "SamplingTest", "measure_sampling"]
+
+TEST_ANGLES: Final = (0.0, 30.0, 60.0, 80.0)
+"""Degrees from the normal at which directions are tested."""
+_RINGS: Final = 30
+_SECTORS: Final = 12
+_SPAN: Final = math.log(math.pi / NARROWEST)
+_GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
+_FINE: Final = (12, 24, 48, 96)
+"""Steps of the midpoint rule along each side of a cell: as many as it takes."""
+_QUADRATURE: Final = 0.05
+"""What errors of integration may add to the statistic, in its standard deviations."""
+
+
+@dataclass(frozen=True)
+class SamplingTest:
+    """One angle.
+
+    Attributes
+    ----------
+    angle : float, degrees from the normal
+    below : bool
+        Seen from the back.
+    fit : Fit
+    integral : float
+        Of the density over all directions: 1, less the probability of deltas and of samples that carry no light.
+    delta_share : float
+        Share of samples that are deltas.
+    integrated : bool
+        Whether the density could be integrated well enough; else `fit` says nothing.
+    """
+
+    angle: float
+    below: bool
+    fit: Fit
+    integral: float
+    delta_share: float
+    integrated: bool
+
+    @property
+    def tested(self) -> bool:
+        """Whether there was anything to test: more than deltas, and a density that could be integrated."""
+        return self.integrated and self.fit.freedom > 0
+
+
+def measure_sampling(
+    surfaces: Surfaces,
+    name: str,
+    eta: float,
+    angle: float,
+    rng: np.random.Generator,
+    tally: Tally,
+    *,
+    below: bool = False,
+    count: int = 1 << 17,
+) -> SamplingTest:
+    """Test the directions that a material samples.
+
+    Parameters
+    ----------
+    surfaces : Surfaces
+    name : str
+    eta : float
+        Index behind the front side over the index before it.
+    angle : float
+        Degrees from the normal.
+    rng : Generator
+    tally : Tally
+        Counts the samples.
+    below : bool
+        From the back.
+    count : int
+        Samples.
+    """
+    wo = incident(angle, below)
+    poles = (mirrored(wo), refracted(wo, 1.0 / eta if below else eta))
+    samples = surfaces.sample(name, wo, rng.random((2, count)))
+    tally.count(samples)
+    chances, integrated = _chances(surfaces, name, wo, poles, count)
+    # Deltas, and samples that end the path in whatever direction, are the last cell: no density counts them
+    dense = (samples.density > 0.0) & (samples.pdf > 0.0) & ~samples.lost & np.isfinite(samples.directions).all(axis=1)
+    cells = _cells(wo, poles, samples.directions[dense])
+    counts = np.append(np.bincount(cells, minlength=len(chances)), count - np.count_nonzero(dense))
+    integral = float(chances.sum())
+    fit = goodness_of_fit(counts, np.append(chances, max(1.0 - integral, 0.0)))
+    return SamplingTest(angle, below, fit, integral, float(samples.delta.mean()), integrated)
+
+
+def _cells(wo: Floats, poles: tuple[Floats, Floats], directions: Floats) -> npt.NDArray[np.int64]:
+    """Number of the cell that each direction lies in."""
+    crossing = directions[:, 2] * wo[2] < 0.0
+    numbers = np.zeros(len(directions), np.int64)
+    for across, pole in zip((False, True), poles, strict=True):
+        there = crossing == across
+        angle, turn = polar(pole, directions[there])
+        ring = np.log(np.maximum(angle, NARROWEST) / NARROWEST) / _SPAN * _RINGS
+        sector = turn / (2.0 * math.pi) * _SECTORS
+        place = np.minimum(ring.astype(np.int64), _RINGS - 1) * _SECTORS
+        numbers[there] = place + np.minimum(sector.astype(np.int64), _SECTORS - 1) + across * _RINGS * _SECTORS
+    return numbers
+
+
+def _chances(
+    surfaces: Surfaces, name: str, wo: Floats, poles: tuple[Floats, Floats], count: int
+) -> tuple[Floats, bool]:
+    """Probability of each cell, and whether integration is exact enough for so many samples.
+
+    Halving the steps halves the error at least, so what that changes bounds the error that is left. Where the true
+    probabilities are p and those tested p + e, the statistic grows by count · Σ e²/p on average.
+    """
+    allowed = _QUADRATURE * math.sqrt(2.0 * 2 * _RINGS * _SECTORS)
+    before = None
+    for fine in _FINE:
+        parts = [_integrals(surfaces, name, wo, pole, bool(across), fine) for across, pole in enumerate(poles)]
+        chances: Floats = np.concatenate(parts)
+        if before is not None:
+            rest = np.maximum(1.0 - np.array([chances.sum(), before.sum()]), 0.0)
+            error = np.append(chances - before, rest[0] - rest[1])
+            if float((count * error**2 / np.maximum(np.append(chances, rest[0]), 5.0 / count)).sum()) <= allowed:
+                return chances, True
+        before = chances
+    return chances, False
+
+
+def _integrals(surfaces: Surfaces, name: str, wo: Floats, pole: Floats, across: bool, fine: int) -> Floats:
+    """Integral of the density over the cells around one pole, on the pole's side of the surface."""
+    rings, sectors = _RINGS * fine, _SECTORS * fine
+    # The steps of each column begin elsewhere, so that the density's edge at the horizon falls on none of all of them
+    begin = np.mod((np.arange(sectors) + 0.5) * _GOLDEN, 1.0)
+    angle = NARROWEST * np.exp(_SPAN * (np.arange(rings)[:, None] + begin) / rings)
+    turn = 2.0 * math.pi * (np.arange(sectors) + 0.5) / sectors
+    # dω = sin ψ dψ dφ = ψ sin ψ d(ln ψ) dφ
+    area = angle * np.sin(angle) * (_SPAN / rings) * (2.0 * math.pi / sectors)
+    wi = around(pole, angle, np.broadcast_to(turn, angle.shape)).reshape(-1, 3)
+    there = (wi[:, 2] * wo[2] < 0.0) == across
+    pdf = np.zeros(len(wi))
+    _, pdf[there] = surfaces.evaluate(name, wo, wi[there])
+    parts = np.where(np.isfinite(pdf), pdf, 0.0).reshape(rings, sectors) * area
+    sums: Floats = parts.reshape(_RINGS, fine, _SECTORS, fine).sum(axis=(1, 3)).ravel()
+    return sums

@@ -1,0 +1,170 @@
+"""Which materials are measured: a type by name, a table in TOML, or all of a scene; and what each would be in white."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from clrender.errors import UsageError
+from clrender.scene import builtin_names, load
+from clrender.scene.description import MATERIAL_TYPES, Scene
+from clrender.scene.validation_errors import scene_error
+from clrender.scene.wording import quoted, suggestion
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+__all__ = ["ROUGHNESSES", "Subject", "subjects_of", "whitened"]
+
+ROUGHNESSES: Final = (0.0, 0.04, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+"""Of a material that is given by the name of its type alone."""
+_NEEDED: Final[Mapping[str, Mapping[str, Any]]] = {
+    "lambert": {"reflectance": [1.0, 1.0, 1.0]},
+    "oren_nayar": {"reflectance": [1.0, 1.0, 1.0]},
+    "conductor": {"metal": "Au"},
+    "dielectric": {"ior": 1.5},
+}
+"""What a type needs beside its name."""
+_COLORS: Final = ("reflectance", "base_color", "f0", "specular_color", "sheen_color")
+"""Keys of colours that absorb; white where they are one."""
+_WHITE_METAL: Final = {"eta": (1e-3,) * 3, "k": (1000.0,) * 3}
+"""It reflects all but 4e-9 of the light."""
+_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,100}\Z")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Materials to measure.
+
+    Attributes
+    ----------
+    title : str
+        What they are of, for headings.
+    scene : Scene
+        Holds them.
+    names : tuple of str
+        Those to measure, in the scene's order.
+    swept : mapping of str to tuple of (float, str)
+        Of some of them: values of their roughness, and the name of the material with each of them.
+    """
+
+    title: str
+    scene: Scene
+    names: tuple[str, ...]
+    swept: Mapping[str, tuple[tuple[float, str], ...]]
+
+    def eta(self, name: str) -> float:
+        """Index of refraction behind the front side over the index before it; 1 where a material has none."""
+        return _relative_index(self.scene, name, set())
+
+
+def subjects_of(text: str, names: Sequence[str] = (), allow_paths: Sequence[Path] = ()) -> Subject:
+    """Make out what is meant.
+
+    Parameters
+    ----------
+    text : str
+        Name of a material type, an inline table such as ``{type = "conductor", metal = "Au"}``, a scene file or the
+        name of a built-in scene.
+    names : sequence of str
+        Of a scene: only these materials.
+    allow_paths : sequence of Path
+        As of `clrender.scene.load`.
+
+    Raises
+    ------
+    SceneError
+        When the table or the scene is wrong.
+    UsageError
+        When there is no such type or scene, or no such material in it.
+    """
+    if text.lstrip().startswith("{"):
+        _no_names(names, "a table")
+        return _of_table(_parsed(text), text.strip(), sweep=False)
+    if text in MATERIAL_TYPES:
+        _no_names(names, "a type")
+        return _of_table({"type": text, **_NEEDED.get(text, {})}, text, sweep=True)
+    if _NAME.match(text) and text not in builtin_names() and not Path(text).exists():
+        known = [*MATERIAL_TYPES, *builtin_names()]
+        nearest = suggestion(text, known)
+        cure = nearest if "did you mean" in nearest else f"; types: {', '.join(MATERIAL_TYPES)}"
+        raise UsageError(f"there is no material type and no built-in scene {quoted(text)}{cure}")
+    scene = load(text, allow_paths=allow_paths)
+    for name in names:
+        if name not in scene.materials:
+            raise UsageError(f"{scene.source}: there is no material {quoted(name)}{suggestion(name, scene.materials)}")
+    if not scene.materials:
+        raise UsageError(f"{scene.source}: the scene has no materials, so there is nothing to measure")
+    return Subject(scene.source, scene, tuple(n for n in scene.materials if not names or n in names), {})
+
+
+def whitened(scene: Scene) -> Scene:
+    """The same materials without a colour: what they lose of the light, they lose by something else."""
+    return scene.model_copy(update={"materials": {name: _white(each) for name, each in scene.materials.items()}})
+
+
+def _white(material: Any) -> Any:
+    fields = type(material).model_fields
+    changes: dict[str, Any] = {key: (1.0, 1.0, 1.0) for key in _COLORS if getattr(material, key, None) is not None}
+    if {"metal", "eta", "k"} <= set(fields) and "f0" not in changes:
+        changes |= {"metal": None, **_WHITE_METAL}
+    return material.model_copy(update=changes)
+
+
+def _parsed(text: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"material = {text}\n")
+        if len(parsed) > 1:
+            raise ValueError("more than one table")
+        return parsed["material"]
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        problem = re.sub(r" \(at .*\)$", "", ascii(str(error))[1:-1])[:100]
+        raise UsageError(
+            f"{quoted(text)} is no inline table of TOML ({problem}); write "
+            '\'{type = "conductor", metal = "Au", roughness = 0.3}\''
+        ) from None
+
+
+def _of_table(table: Any, title: str, sweep: bool) -> Subject:
+    """One material; with `sweep` again with every roughness, where it has one."""
+    kind = table.get("type") if isinstance(table, dict) else None
+    name = kind if isinstance(kind, str) and kind in MATERIAL_TYPES else "material"
+    rough = sweep and "roughness" in MATERIAL_TYPES[name].model_fields
+    swept = tuple((value, f"{name}, roughness {value:g}") for value in ROUGHNESSES if rough)
+    tables = {name: table, **{other: {**table, "roughness": value} for value, other in swept}}
+    camera = {"position": [0.0, 0.0, 4.0], "target": [0.0, 0.0, 0.0]}
+    try:
+        scene = Scene.model_validate({"camera": camera, "materials": tables})
+    except ValidationError as error:
+        raise scene_error(error, Scene, "command line") from None
+    return Subject(title, scene.placed("command line", scene.base_folder), (name,), {name: swept} if swept else {})
+
+
+def _no_names(names: Iterable[str], what: str) -> None:
+    if list(names):
+        raise UsageError(f"--material chooses among the materials of a scene, and this is {what}; leave it out")
+
+
+def _relative_index(scene: Scene, name: str, seen: set[str]) -> float:
+    """Of a material, or of the first one with an index among those that it is made of."""
+    material: Any = scene.materials[name]
+    seen.add(name)
+    index = getattr(material, "ior", None)
+    if isinstance(index, float | int):
+        thin = any(getattr(material, key, False) is True for key in ("thin", "thin_walled"))
+        return 1.0 if thin else float(index) / float(getattr(material, "exterior_ior", 1.0))
+    for value in dict(material).values():
+        for part in value if isinstance(value, list | tuple) else (value,):
+            if isinstance(part, str) and part in scene.materials and part not in seen:
+                eta = _relative_index(scene, part, seen)
+                if eta != 1.0:
+                    return eta
+    return 1.0

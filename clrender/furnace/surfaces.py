@@ -1,0 +1,176 @@
+"""The materials of a scene on a device, each on a quad of its own: directions sampled and evaluated by the kernels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender import layout
+from clrender.device.worker import DeviceWorker, LaunchConfig
+from clrender.flatten import flatten
+from clrender.furnace.directions import Floats
+from clrender.integrators.descriptor import Pipeline
+from clrender.scene import Camera, Quad
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.scene import Scene
+
+__all__ = ["Samples", "Surfaces"]
+
+_ENTRY: Final = "material/furnace.cl"
+_PIPELINE: Final = Pipeline(_ENTRY, "furnace_sample")
+_PADDING: Final = 16
+"""Directions are made a multiple of so many: the most lanes a work-item has."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What `bsdf_sample` chose, and what `bsdf_eval` says of it.
+
+    Attributes
+    ----------
+    directions : (n, 3) float64, unit vectors, the surface's frame
+    weights : (n, 3) float64, f |cosθ| / pdf by colour; zero where the path ends
+    pdf : (n,) float64, per steradian; 0 where the direction is a delta's
+    values : (n, 3) float64, f |cosθ| of `bsdf_eval`
+    density : (n,) float64, pdf of `bsdf_eval`
+    """
+
+    directions: Floats
+    weights: Floats
+    pdf: Floats
+    values: Floats
+    density: Floats
+
+    @property
+    def delta(self) -> npt.NDArray[np.bool_]:
+        """Where the direction is a delta's: no density, and light all the same."""
+        return np.asarray((self.pdf == 0.0) & (self.weights != 0.0).any(axis=1))
+
+    @property
+    def lost(self) -> npt.NDArray[np.bool_]:
+        """Where the path ends although light would come from there: a sample that could not be taken."""
+        return np.asarray((self.weights == 0.0).all(axis=1) & (self.values > 0.0).any(axis=1))
+
+
+class Surfaces:
+    """Flat surfaces that face z, one of each material of a scene.
+
+    Parameters
+    ----------
+    device : Device
+    scene : Scene
+        Only its materials count.
+    cut : LaunchConfig, optional
+    faults : mapping, optional
+        Macros of ``kernels/material/furnace.cl`` that falsify what materials say, for tests.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the materials.
+
+    Raises
+    ------
+    SceneError
+        When a material names a file that cannot be read.
+    RenderError, DeviceError
+        When the driver fails.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        scene: Scene,
+        cut: LaunchConfig | None = None,
+        faults: Mapping[str, str] | None = None,
+    ) -> None:
+        self.names = tuple(scene.materials)
+        side = math.isqrt(max(len(self.names) - 1, 0)) + 1
+        # Apart, so that the tree over them is an ordinary one
+        shapes = tuple(
+            Quad(
+                type="quad",
+                origin=(float(i % side), float(i // side), 0.0),
+                edge_u=(0.5, 0.0, 0.0),
+                edge_v=(0.0, 0.5, 0.0),
+                material=name,
+            )
+            for i, name in enumerate(self.names)
+        )
+        camera = Camera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
+        flat = flatten(scene.model_copy(update={"camera": camera, "shapes": shapes, "lights": ()}), 8, 8)
+        first = flat.arrays["shapes"]["first_primitive"]
+        self._primitive = {name: np.uint32(first[i]) for i, name in enumerate(self.names)}
+        settings = np.zeros(1, layout.dtype("Settings"))
+        self._device = device
+        self._worker = DeviceWorker(device, flat, settings, _PIPELINE, cut)
+        self._program = self._worker.program(_ENTRY, {"PACKETS": 1, **(faults or {})})
+
+    def sample(self, name: str, wo: Floats, numbers: Floats) -> Samples:
+        """Directions that light comes from, seen from `wo`.
+
+        Parameters
+        ----------
+        name : str
+            Of the material.
+        wo : (3,) float64
+            Unit vector, towards the viewer; z below 0: on the back side.
+        numbers : (2, n) float64
+            Within [0, 1).
+        """
+        count = numbers.shape[1]
+        bits = np.zeros((2, _padded(count)), np.uint32)
+        bits[:, :count] = (numbers * 2.0**32).astype(np.uint64)
+        four = np.append(wo, 0.0).astype(np.float32)
+        out = self._run("furnace_sample", bits, 11, [self._primitive[name], four])[:, :count]
+        return Samples(out[:3].T, out[3:6].T, out[6], out[7:10].T, out[10])
+
+    def evaluate(self, name: str, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
+        """f |cosθ| and density of directions.
+
+        Parameters
+        ----------
+        name : str
+            Of the material.
+        wo : (3,) or (n, 3) float64
+        wi : (n, 3) float64
+
+        Returns
+        -------
+        values : (n, 3) float64, 1/sr
+        pdf : (n,) float64, 1/sr
+        """
+        count = len(wi)
+        directions = np.zeros((6, _padded(count)), np.float32)
+        directions[2] = directions[5] = 1.0
+        directions[:3, :count] = np.broadcast_to(wo, wi.shape).T
+        directions[3:, :count] = wi.T
+        out = self._run("furnace_eval", directions, 4, [self._primitive[name]])[:, :count]
+        return out[:3].T, out[3]
+
+    def _run(self, kernel: str, numbers: npt.NDArray[Any], outputs: int, arguments: list[Any]) -> Floats:
+        device, count = self._device, numbers.shape[1]
+        given, results = device.upload(numbers), device.empty(4 * outputs * count)
+        out = np.empty((outputs, count), np.float32)
+        try:
+            self._worker.launch_over(self._program, kernel, count, [given, *arguments, np.uint32(count), results])
+            device.read(results, out)
+        finally:
+            device.release(given)
+            device.release(results)
+        return out.astype(np.float64)
+
+    def release(self) -> None:
+        """Give the device's memory back."""
+        self._worker.release()
+
+
+def _padded(count: int) -> int:
+    return -(-count // _PADDING) * _PADDING

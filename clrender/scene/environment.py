@@ -1,0 +1,223 @@
+"""Pictures of the environment: read from files, and turned into the table that kernels sample."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError, UsageError
+from clrender.image.files import read_open_image
+from clrender.scene.named_files import allowed_file, open_scene_file
+from clrender.scene.values import POWER_LIMIT, Color
+from clrender.scene.wording import quoted
+
+__all__ = ["ENDINGS", "HEAD_WORDS", "PIXEL_LIMIT", "EnvironmentPicture", "EnvironmentTable", "environment_table"]
+
+ENDINGS: Final = (".exr", ".hdr", ".png")
+PIXEL_LIMIT: Final = 2**28
+"""Most pixels, such as 16384 x 16384; on the device they take 12 bytes each."""
+_FILE_LIMIT: Final = 2**33
+HEAD_WORDS: Final = 16
+_CHUNK: Final = 2**19
+"""Pixels that are worked on at a time."""
+_MANTISSA: Final = 19
+_BIAS: Final = 64
+_POWERS: Final = np.ldexp(1.0, np.arange(128) - _BIAS)
+"""The units that mantissas can count."""
+
+_Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class EnvironmentPicture:
+    """Radiance in latitude and longitude, as a file holds it.
+
+    Attributes
+    ----------
+    pixels : (H, W, 3) float32
+        Linear Rec. 709, finite, not below 0; the first row is at +y, the middle column at +z, the right edge at -z.
+    """
+
+    pixels: NDArray[np.float32]
+
+    def sha256(self) -> str:
+        """Hash of size and pixels."""
+        return self._sha256
+
+    @cached_property
+    def _sha256(self) -> str:
+        digest = hashlib.sha256(f"{self.pixels.shape}".encode())
+        for row in self.pixels:
+            digest.update(np.ascontiguousarray(row, "<f4").data)
+        return digest.hexdigest()
+
+    @classmethod
+    def read(cls, name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> EnvironmentPicture:
+        """Read a picture named by a scene.
+
+        Parameters
+        ----------
+        name, base_folder, allow_paths
+            As of `clrender.scene.named_files.allowed_file`.
+        place : str
+            Where the scene names it, for the message.
+
+        Raises
+        ------
+        SceneError
+            If it may not be read, or is not a picture of radiance.
+        """
+        label = f"{place}: {quoted(name)}"
+        folder, path = allowed_file(name, base_folder, allow_paths, label)
+        ending = Path(name).suffix.lower()
+        if ending not in ENDINGS:
+            raise SceneError(f"{label} is of no kind that can be read; environments may be {_listed()}")
+        file, _ = open_scene_file(path, label, _FILE_LIMIT, folder)
+        try:
+            with file:
+                pixels = read_open_image(file, ending, f"{label} is not a readable {ending} image", PIXEL_LIMIT)
+        except UsageError as error:
+            raise SceneError(str(error).rstrip(".")) from None
+        except OSError as error:
+            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
+        return cls.checked(pixels, label)
+
+    @classmethod
+    def checked(cls, pixels: NDArray[np.float32], label: str) -> EnvironmentPicture:
+        """The picture, if all its numbers can be radiance.
+
+        Raises
+        ------
+        SceneError
+            It begins with `label`.
+        """
+        for y, row in enumerate(pixels):
+            if row.min() >= 0.0 and row.max() <= POWER_LIMIT:
+                continue
+            bad = ~((row >= 0.0) & (row <= POWER_LIMIT)).all(axis=1)
+            if bad.any():
+                x = int(np.argmax(bad))
+                values = ", ".join(f"{value:g}" for value in row[x])
+                limit = f"finite, at least 0 and at most {POWER_LIMIT:g}"
+                raise SceneError(f"{label}: pixel ({x}, {y}) is ({values}), but radiance must be {limit}")
+        return cls(pixels)
+
+
+@dataclass(frozen=True)
+class EnvironmentTable:
+    """The environment as kernels read it.
+
+    Attributes
+    ----------
+    radiance : (3,) float
+        Mean over all directions, W/(sr m²); black: there is no such light.
+    words : (N,) float32
+        As `kernels/light/environment.h` says; one zero where the radiance is the same everywhere.
+    """
+
+    radiance: Color
+    words: NDArray[np.float32]
+
+
+def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) -> EnvironmentTable:
+    """The table of a picture.
+
+    Parameters
+    ----------
+    picture : EnvironmentPicture
+    turn : float
+        Fraction of a turn by which it is rotated about +y, right-handed: from +z towards +x.
+    scale : (3,) float
+        What its radiance is multiplied by.
+
+    Returns
+    -------
+    EnvironmentTable
+        About 12 bytes for each pixel.
+    """
+    height, width, _ = picture.pixels.shape
+    lines, head = height + 2, HEAD_WORDS
+    first_pixel = head + 3 * lines
+    first_sum = first_pixel + 2 * height * width
+    words = np.zeros(first_sum + height * (width + 1), np.float32)
+    bits = words.view(np.uint32)
+    packed = bits[first_pixel:first_sum].reshape(height, width, 2)
+    along = words[first_sum:].reshape(height, width + 1)
+    row_sums = np.zeros((height, 4))  # luminance, then the colours
+    step = max(1, _CHUNK // width)
+    for top in range(0, height, step):
+        rows = slice(top, top + step)
+        red, green, blue = held = _packed(picture.pixels[rows], scale, packed[rows])
+        luminance = (0.2126 * red + 0.7152 * green) + 0.0722 * blue
+        sums = np.cumsum((luminance + np.roll(luminance, -1, axis=1)) * 0.5, axis=1)
+        along[rows, 1:] = sums
+        row_sums[rows, 0] = sums[:, -1]
+        for channel, values in enumerate(held):
+            row_sums[rows, 1 + channel] = np.cumsum(values, axis=1)[:, -1]
+    # Lines of latitude: the poles have the light of the rows beside them.
+    line_sums = row_sums[np.clip(np.arange(lines) - 1, 0, height - 1)]
+    drops = _drops(height)
+    between = (line_sums[:-1] + line_sums[1:]) * (0.5 * np.diff(drops.astype(np.float64)))[:, None]
+    before = np.cumsum(between, axis=0)
+    total, *colors = (before[-1] * (2.0 * math.pi / width)).tolist()
+    mean = (colors[0] / (4.0 * math.pi), colors[1] / (4.0 * math.pi), colors[2] / (4.0 * math.pi))
+    if total == 0.0:
+        return EnvironmentTable((0.0, 0.0, 0.0), np.zeros(1, np.float32))
+    words[head : head + lines] = drops
+    words[head + lines : head + 2 * lines] = line_sums[:, 0]
+    words[head + 2 * lines + 1 : head + 3 * lines] = before[:, 0] / before[-1, 0]
+    bits[0:2] = width, height
+    words[2], words[3] = np.float32(turn) % np.float32(1.0), 1.0 / total
+    return EnvironmentTable(mean, words)
+
+
+def _packed(pixels: NDArray[np.float32], scale: Color, packed: NDArray[np.uint32]) -> list[_Floats]:
+    """Write pixels as two words each; gives the radiance that these hold, an array for each channel.
+
+    Three mantissas of 19 bits share an exponent of 7: the error is below 2^-19 of the largest channel.
+    """
+    channels = [pixels[..., i].astype(np.float64) * scale[i] for i in range(3)]
+    largest = np.maximum(np.maximum(channels[0], channels[1]), channels[2])
+    # Just below a power of two a mantissa would round up to 2^19.
+    exponent = np.maximum(np.frexp(largest * (1.0 + 2.0**-19))[1], _MANTISSA - _BIAS)
+    unit = _POWERS[exponent + (_BIAS - _MANTISSA)]
+    for values in channels:
+        np.rint(np.divide(values, unit, out=values), out=values)
+    red, green, blue = (values.astype(np.uint32) for values in channels)
+    shift = (exponent + (_BIAS - _MANTISSA)).astype(np.uint32)
+    packed[..., 0] = red | (green << np.uint32(19))
+    packed[..., 1] = (green >> np.uint32(13)) | (blue << np.uint32(6)) | (shift << np.uint32(25))
+    for values in channels:
+        values *= unit
+    return channels
+
+
+def _drops(height: int) -> NDArray[np.float32]:
+    """(height + 2,) 1 - cosine of the angle from the first pole: of the poles and of the rows' centres.
+
+    By a series, not by NumPy's sine, which differs from machine to machine.
+    """
+    half = (height + 1) // 2
+    x = (np.arange(half) + 0.5) * (math.pi / (2.0 * height))
+    square, sine = x * x, np.ones(half)
+    for n in range(19, 1, -2):
+        sine = 1.0 - sine * square / (n * (n - 1))
+    sine *= x
+    near = 2.0 * sine * sine
+    drops = np.zeros(height + 2, np.float32)
+    drops[1 : half + 1] = near
+    drops[height + 1 - half : height + 1] = (2.0 - near)[::-1]
+    drops[height + 1] = 2.0
+    return drops
+
+
+def _listed() -> str:
+    return f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"

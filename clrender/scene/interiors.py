@@ -1,0 +1,150 @@
+"""Which media a point is inside of: the camera's list, with which its paths begin, and that of lights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+
+__all__ = ["LIST_LENGTH", "light_inside", "media_around", "medium_of_primitives", "packed"]
+
+_Arrays: TypeAlias = Mapping[str, NDArray[Any]]
+_CHUNK: Final = 2**18
+
+LIST_LENGTH: Final = 8
+"""Media that a path knows of at a point: ``INTERIOR_ENTRIES`` of ``kernels/material/interior.h``."""
+
+
+def media_around(arrays: _Arrays, triangle_count: int, point: NDArray[np.float64]) -> list[int]:
+    """Media whose volumes hold a point, each as often as its shapes surround it; the one that is there comes first.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        As of `clrender.flatten.FlatScene`.
+    triangle_count : int
+    point : (3,) float64
+        Relative to the arrays' origin, metres.
+
+    Returns
+    -------
+    list of int
+        Rows of ``media_rows``. A volume holds the points that its surfaces go round once, or more often, with their
+        backs to them; of surfaces with holes, those that they go round for the most part.
+    """
+    if len(arrays["media_rows"]) == 1:
+        return []
+    medium_of = medium_of_primitives(arrays)
+    found: list[tuple[int, float, int]] = []
+    unranked = int(arrays["media_rows"][0, 4].view(np.uint32))
+    for medium in range(1, len(arrays["media_rows"])):
+        primitives = np.flatnonzero(medium_of == medium)
+        low, high = _box(arrays, triangle_count, primitives)
+        if not ((low <= point) & (point <= high)).all():
+            continue
+        turns = _turns(arrays, primitives[primitives < triangle_count], point)
+        turns += _round_turns(arrays, primitives[primitives >= triangle_count] - triangle_count, point)
+        # Without priorities the smallest volume is taken for the innermost
+        place = (medium, 0.0) if medium > unranked else (0, -float((high - low).prod()))
+        found += [(*place, medium)] * max(0, math.floor(turns + 0.5))
+    return [medium for _, _, medium in sorted(found, reverse=True)]
+
+
+def light_inside(arrays: _Arrays, triangle_count: int, light_count: int) -> int | None:
+    """The first light that shines from inside of a medium, as far as a few points of each tell.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        As of `clrender.flatten.FlatScene`.
+    triangle_count, light_count : int
+
+    Returns
+    -------
+    int or None
+        Row of ``lights``.
+    """
+    if len(arrays["media_rows"]) == 1:
+        return None
+    bounding = np.flatnonzero(medium_of_primitives(arrays))
+    low, high = _box(arrays, triangle_count, bounding)
+    for number, light in enumerate(arrays["lights"][:light_count]):
+        points = _shining_points(arrays, triangle_count, light)
+        near = ((low <= points) & (points <= high)).all(axis=1)
+        if any(media_around(arrays, triangle_count, point) for point in points[near]):
+            return number
+    return None
+
+
+def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:
+    """(n, 3) points a little before the front of what shines; none of what is infinitely far."""
+    if light["kind"] == layout.LIGHT_POINT:
+        return np.asarray(light["position"][:3], np.float64)[None]
+    if light["kind"] not in (layout.LIGHT_AREA_TRIANGLE, layout.LIGHT_AREA_SPHERE, layout.LIGHT_AREA_DISK):
+        return np.zeros((0, 3))
+    if light["primitive"] < triangle_count:
+        a, b, c = arrays["vertices"][arrays["triangles"][light["primitive"]]].astype(np.float64)
+        normal = np.cross(b - a, c - a)
+        inwards = np.array([[0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98], [1 / 3, 1 / 3, 1 / 3]])
+        return np.asarray(inwards @ np.stack([a, b, c]) + 1e-4 * normal / np.sqrt(np.sqrt((normal * normal).sum())))
+    row = arrays["analytic_shapes"][light["primitive"] - triangle_count]
+    center, radius = row["center_radius"][:3].astype(np.float64), float(row["center_radius"][3])
+    if row["normal"][3] == 0.0:
+        return np.asarray(center + 1e-4 * radius * row["normal"][:3])[None]
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    return np.asarray(center + radius * (1.0 + 1e-4 * float(row["normal"][3])) * axes)
+
+
+def packed(media: list[int]) -> tuple[int, int]:
+    """The list as the kernels have it: two words, of a byte for each of the first `LIST_LENGTH` media."""
+    entries = [*media[:LIST_LENGTH], *[0] * (LIST_LENGTH - len(media))]
+    return int.from_bytes(bytes(entries[:4]), "big"), int.from_bytes(bytes(entries[4:]), "big")
+
+
+def medium_of_primitives(arrays: _Arrays) -> NDArray[np.uint32]:
+    """(T + R,) uint32: the medium behind each primitive's front; 0: none."""
+    medium: NDArray[np.uint32] = arrays["materials"]["medium"][arrays["shapes"]["material"]]
+    return medium[arrays["primitive_shape"]]
+
+
+def _box(
+    arrays: _Arrays, triangle_count: int, primitives: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lowest and highest coordinates of some primitives."""
+    corners = arrays["vertices"][arrays["triangles"][primitives[primitives < triangle_count]].reshape(-1)]
+    spheres = arrays["analytic_shapes"]["center_radius"][primitives[primitives >= triangle_count] - triangle_count]
+    spheres = spheres.astype(np.float64)
+    points = np.concatenate([corners, spheres[:, :3] - spheres[:, 3:], spheres[:, :3] + spheres[:, 3:]])
+    if not len(points):
+        return np.full(3, np.inf), np.full(3, -np.inf)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _turns(arrays: _Arrays, triangles: NDArray[np.intp], point: NDArray[np.float64]) -> float:
+    """How often triangles go round a point with their backs to it: the sum of their solid angles over 4π.
+
+    The angle of each is that of van Oosterom and Strackee (IEEE Trans. Biomed. Eng. 30(2), 1983).
+    """
+    total = 0.0
+    for start in range(0, len(triangles), _CHUNK):
+        corners = arrays["triangles"][triangles[start : start + _CHUNK]]
+        a, b, c = (arrays["vertices"][corners[:, i]].astype(np.float64) - point for i in range(3))
+        x, y, z = (np.sqrt((v * v).sum(axis=1)) for v in (a, b, c))
+        volume = (a * np.cross(b, c)).sum(axis=1)
+        below = x * y * z + (a * b).sum(axis=1) * z + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
+        total += float(np.arctan2(volume, below).sum()) / (2.0 * math.pi)
+    return total
+
+
+def _round_turns(arrays: _Arrays, places: NDArray[np.intp], point: NDArray[np.float64]) -> float:
+    """The same of spheres; a disk has no inside."""
+    rows = arrays["analytic_shapes"][places]
+    sphere = rows[rows["normal"][:, 3] != 0.0]
+    away = sphere["center_radius"][:, :3].astype(np.float64) - point
+    inside = (away * away).sum(axis=1) < sphere["center_radius"][:, 3].astype(np.float64) ** 2
+    return float(sphere["normal"][:, 3][inside].sum())

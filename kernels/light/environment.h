@@ -1,0 +1,221 @@
+// Light from infinitely far all around: the same radiance everywhere, or a picture of it.
+//
+// The picture is in latitude and longitude. Between the centres of its pixels radiance is interpolated linearly in the longitude and in
+// the cosine of the angle from the pole, so that a piece of the picture has the solid angle dφ d(cosθ): the radiance is then a bilinear
+// function by solid angle, too, and can be sampled in exact proportion to its luminance, without a Jacobian. Beyond the centres of the
+// first and of the last row it does not change along a meridian.
+//
+// sample: by inversion of the marginal distribution over rows, then of the conditional one along the row (PBR 4ed, 2.4.2 and A.5.2, there
+// for constant cells), so that neighbouring random numbers give neighbouring directions. pdf: luminance over its integral, per steradian;
+// zero only where the radiance is.
+#ifndef LIGHT_ENVIRONMENT_H
+#define LIGHT_ENVIRONMENT_H
+
+#include "core/warp.h"
+#include "scene.h"
+
+typedef struct {
+    vec3 direction;      // unit, towards the light
+    vec3 radiance;       // from there
+    vfloat pdf;          // per steradian
+} EnvironmentSample;
+
+#ifdef ENVIRONMENT_MAP
+
+// scene->environment_map (clrender/scene/environment.py writes it): a row of numbers, ENVIRONMENT_ROW_*; then of each of height + 2 lines
+// of latitude, which are both poles and the centres of the rows, 1 − |cosine| from the first pole on; the sum of the luminance along it;
+// and the share of the light that lies before it. Then two words of each pixel, and of each row width + 1 sums of the luminance from its
+// first pixel's centre on.
+typedef struct {
+    uint width, height;
+    __global const float *drops, *sums, *shares, *pixels, *along;
+} EnvironmentMap;
+
+// A point of the map, between two lines and between the centres of two columns.
+typedef struct {
+    vuint line, column;  // the first of each two
+    vfloat down, right;  // how far from them, 0 to 1
+} EnvironmentPlace;
+
+// Radiance at the corners of such a piece.
+typedef struct {
+    vec3 first, second;  // on the upper line
+    vec3 third, fourth;  // on the lower line
+} EnvironmentCorners;
+
+static uint environment_word(const Scene* scene, uint word) { return as_uint(scene->environment_map[word]); }
+
+static EnvironmentMap environment_map_of(const Scene* scene) {
+    EnvironmentMap map;
+    map.width = environment_word(scene, ENVIRONMENT_ROW_WIDTH);
+    map.height = environment_word(scene, ENVIRONMENT_ROW_HEIGHT);
+    const size_t lines = (size_t)map.height + 2;
+    map.drops = scene->environment_map + 16;
+    map.sums = map.drops + lines;
+    map.shares = map.sums + lines;
+    map.pixels = map.shares + lines;
+    map.along = map.pixels + (size_t)map.height * map.width * 2;
+    return map;
+}
+
+// From a to b, neither of them negative, without a difference: beside the sun a pixel keeps its digits.
+static vfloat between(vfloat a, vfloat b, vfloat share) { return fma(b, share, a * (splat(1.0f) - share)); }
+static vec3 vec3_between(vec3 a, vec3 b, vfloat share) {
+    return vec3_of(between(a.x, b.x, share), between(a.y, b.y, share), between(a.z, b.z, share));
+}
+
+static vfloat environment_luminance(vec3 radiance) {
+    return fma(radiance.x, splat(0.2126f), fma(radiance.y, splat(0.7152f), radiance.z * 0.0722f));
+}
+
+// The row that a line of latitude lies on; a pole has that of the row beside it.
+static vuint environment_row(const EnvironmentMap* map, vuint line) {
+    const vuint row = line > 0u ? line - 1u : splat_uint(0u);
+    return row < map->height ? row : splat_uint(map->height - 1u);
+}
+
+// A pixel: three mantissas of 19 bits that share an exponent of 7 (compare Ward, "Real Pixels", 1991).
+static vec3 environment_pixel(const EnvironmentMap* map, vuint row, vuint column) {
+    const vuint at = (row * map->width + column) * 2u;
+    const vuint low = vfloat_bits(lane_gather(map->pixels, at)), high = vfloat_bits(lane_gather(map->pixels, at + 1u));
+    const vfloat unit_of_it = vfloat_from_bits(((high >> 25) + (127u - 64u)) << 23);
+    const vuint green = (low >> 19) | ((high & 0x3fu) << 13);
+    return scale(vec3_of(vfloat_of(vint_from_uint(low & 0x7ffffu)), vfloat_of(vint_from_uint(green)),
+                         vfloat_of(vint_from_uint((high >> 6) & 0x7ffffu))), unit_of_it);
+}
+
+static EnvironmentCorners environment_corners(const EnvironmentMap* map, vuint line, vuint column) {
+    const vuint upper = environment_row(map, line), lower = environment_row(map, line + 1u);
+    const vuint next = column + 1u < map->width ? column + 1u : splat_uint(0u);
+    EnvironmentCorners c;
+    c.first = environment_pixel(map, upper, column);
+    c.second = environment_pixel(map, upper, next);
+    c.third = environment_pixel(map, lower, column);
+    c.fourth = environment_pixel(map, lower, next);
+    return c;
+}
+
+static vec3 environment_between(const EnvironmentCorners* c, vfloat down, vfloat right) {
+    return vec3_between(vec3_between(c->first, c->third, down), vec3_between(c->second, c->fourth, down), right);
+}
+
+// Where a direction of any length points to. Lines are counted from the nearer pole, from which 1 − |cosine| has all its digits.
+static EnvironmentPlace environment_place(const Scene* scene, const EnvironmentMap* map, vec3 direction) {
+    const vfloat sine2 = fma(direction.x, direction.x, direction.z * direction.z), up = absolute(direction.y);
+    const vfloat across2 = sine2 < 1.0e-30f ? splat(0.0f) : sine2;           // drivers do not agree about the smallest numbers
+    const vfloat size = sqrt(fma(direction.y, direction.y, across2));
+    const vfloat drop = across2 * inverse_or_one(size * (size + up));
+    const vuint nearer = vuint_from_int(vint_of(fma(turn_of(up, sqrt(across2)), splat(2.0f * (float)map->height), splat(0.5f))));
+    const vuint line = nearer < map->height ? nearer : splat_uint(map->height);
+    const vfloat before = lane_gather(map->drops, line), after = lane_gather(map->drops, line + 1u);
+    const vfloat down = bounded((drop - before) / (after - before), 0.0f, 1.0f);
+    const vmask south = direction.y < 0.0f;
+    EnvironmentPlace place;
+    place.line = south ? map->height - line : line;
+    place.down = south ? splat(1.0f) - down : down;
+
+    const float width = (float)map->width;
+    const vfloat turned = turn_of(-direction.z, direction.x) + scene->environment_map[ENVIRONMENT_ROW_TURN];
+    const vfloat at = fma(turned < 1.0f ? turned : turned - 1.0f, splat(width), splat(-0.5f));
+    const vfloat column = at < 0.0f ? at + width : at;
+    const vuint whole = vuint_from_int(vint_of(column));
+    place.column = whole < map->width ? whole : splat_uint(map->width - 1u);
+    place.right = bounded(column - vfloat_of(vint_from_uint(place.column)), 0.0f, 1.0f);
+    return place;
+}
+
+// The direction to it.
+static vec3 environment_direction(const Scene* scene, const EnvironmentMap* map, EnvironmentPlace place) {
+    const vmask south = place.line * 2u > map->height;
+    const vuint line = south ? map->height - place.line : place.line;
+    const vfloat down = south ? splat(1.0f) - place.down : place.down;
+    const vfloat drop = between(lane_gather(map->drops, line), lane_gather(map->drops, line + 1u), down);
+    const vfloat across = root(drop * (splat(2.0f) - drop)), up = splat(1.0f) - drop;
+    const vfloat column = vfloat_of(vint_from_uint(place.column)) + (place.right + 0.5f);
+    const vfloat turned = column / (float)map->width - scene->environment_map[ENVIRONMENT_ROW_TURN];
+    const vfloat below_one = turned < 1.0f ? turned : turned - 1.0f;
+    vfloat c, s;
+    cos_sin_turn(below_one < 0.0f ? below_one + 1.0f : below_one, &c, &s);
+    return vec3_of(across * s, south ? -up : up, -(across * c));
+}
+
+// Where the integral of a linear function from a to b over [0, 1] reaches its share p (PBR 4ed, A.4.2, of the two roots the stable one).
+static vfloat environment_linear(vfloat a, vfloat b, vfloat p) {
+    const vfloat inverse = inverse_or_one(greater(a, b)), a1 = a * inverse, b1 = b * inverse;
+    const vfloat below = a1 + root(between(a1 * a1, b1 * b1, p));
+    return bounded(p * (a1 + b1) * inverse_or_one(below), 0.0f, 1.0f);
+}
+
+// The last number up to which a growing table, a mixture of two, is not above `sought`: of the numbers 0 to `count` − 1. Numbers at which it
+// does not grow are never found.
+static vuint environment_find(__global const float* table, vuint a, vuint b, vfloat share, uint count, vfloat sought) {
+    vuint found = splat_uint(0u);
+    for (uint step = 1u << (31u - clz(count)); step > 0; step >>= 1) {
+        const vuint next = found + step, inside = next < count ? next : splat_uint(0u);
+        const vfloat value = between(lane_gather(table, a + inside), lane_gather(table, b + inside), share);
+        found = (next < count) & (value <= sought) ? next : found;
+    }
+    return found;
+}
+
+// The density with which a direction is sampled from which such radiance comes.
+static vfloat environment_density(const Scene* scene, vec3 radiance) {
+    return environment_luminance(radiance) * scene->environment_map[ENVIRONMENT_ROW_INVERSE];
+}
+
+// `mean` is the radiance of all directions.
+static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloat u, vfloat v) {
+    const EnvironmentMap map = environment_map_of(scene);
+    const vuint none = splat_uint(0u);
+    EnvironmentPlace place;
+
+    // Choose between which lines, by all light there, and where between them
+    place.line = environment_find(map.shares, none, none, splat(0.0f), map.height + 1u, u);
+    const vfloat before = lane_gather(map.shares, place.line), after = lane_gather(map.shares, place.line + 1u);
+    const vfloat rest = (u - before) * inverse_or_one(after - before);
+    place.down = environment_linear(lane_gather(map.sums, place.line), lane_gather(map.sums, place.line + 1u), rest);
+
+    // Choose the place along that latitude, whose light is a mixture of both lines'
+    const vuint length = splat_uint(map.width + 1u);
+    const vuint upper = environment_row(&map, place.line) * length, lower = environment_row(&map, place.line + 1u) * length;
+    const vfloat upper_all = lane_gather(map.along, upper + map.width), lower_all = lane_gather(map.along, lower + map.width);
+    const vfloat sought = between(upper_all, lower_all, place.down) * v;
+    place.column = environment_find(map.along, upper, lower, place.down, map.width, sought);
+    const vuint next = place.column + 1u;
+    const vfloat left = between(lane_gather(map.along, upper + place.column), lane_gather(map.along, lower + place.column), place.down);
+    const vfloat right = between(lane_gather(map.along, upper + next), lane_gather(map.along, lower + next), place.down);
+    const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
+    const vfloat at_left = environment_luminance(environment_between(&corners, place.down, splat(0.0f)));
+    const vfloat at_right = environment_luminance(environment_between(&corners, place.down, splat(1.0f)));
+    place.right = environment_linear(at_left, at_right, (sought - left) * inverse_or_one(right - left));
+
+    EnvironmentSample s;
+    s.direction = environment_direction(scene, &map, place);
+    s.radiance = environment_between(&corners, place.down, place.right);
+    s.pdf = environment_density(scene, s.radiance);
+    return s;
+}
+
+// Radiance from a direction of any length.
+static vec3 environment_radiance(const Scene* scene, vec3 mean, vec3 direction) {
+    const EnvironmentMap map = environment_map_of(scene);
+    const EnvironmentPlace place = environment_place(scene, &map, direction);
+    const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
+    return environment_between(&corners, place.down, place.right);
+}
+
+#else
+
+static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloat u, vfloat v) {
+    EnvironmentSample s;
+    s.direction = warp_sphere(u, v);
+    s.radiance = mean;
+    s.pdf = splat(WARP_SPHERE_PDF);
+    return s;
+}
+static vec3 environment_radiance(const Scene* scene, vec3 mean, vec3 direction) { return mean; }
+static vfloat environment_density(const Scene* scene, vec3 radiance) { return splat(WARP_SPHERE_PDF); }
+
+#endif
+
+#endif
