@@ -22,11 +22,13 @@ _DARK: Final = 1e-6
 """Values below it, in 1/sr, are the rounding of their lobe's tail."""
 _GRAZING: Final = 1e-3
 """Cosine below which f is a quotient of roundings."""
+_ROUNDINGS: Final = 4.0
+"""So many times what a rounding of both directions changes is rounding, too: near the critical angle it is percents."""
 
 
 @dataclass(frozen=True)
 class Reciprocity:
-    """How far f(a, b) and f(b, a) are apart, over the larger of both.
+    """How far f(a, b) and f(b, a) are apart, over the larger of both, beyond what rounding of a and b changes.
 
     Attributes
     ----------
@@ -74,19 +76,32 @@ def measure_reciprocity(
     a, b = a.astype(np.float32).astype(np.float64), b.astype(np.float32).astype(np.float64)
     usable = np.minimum(np.abs(a[:, 2]), np.abs(b[:, 2])) > _GRAZING
     a, b = a[usable], b[usable]
-    forth = surfaces.evaluate(name, a, b)[0] / np.abs(b[:, 2:])
-    back = surfaces.evaluate(name, b, a)[0] / np.abs(a[:, 2:])
     # f carries radiance, which grows by the square of the index it enters (PBR 4ed, 9.5.2)
     crosses = a[:, 2] * b[:, 2] < 0.0
-    forth *= np.where(crosses, np.where(a[:, 2] > 0.0, eta, 1.0 / eta) ** 2, 1.0)[:, None]
+    square = np.where(crosses, np.where(a[:, 2] > 0.0, eta, 1.0 / eta) ** 2, 1.0)[:, None]
+    rounded = [_both(surfaces, name, *pair) for pair in ((a, b), *((_shaken(a, rng), _shaken(b, rng)) for _ in "12"))]
+    (forth, back), others = (rounded[0][0] * square, rounded[0][1]), rounded[1:]
+    noise = np.max([np.maximum(np.abs(f * square - forth), np.abs(g - back)) for f, g in others], axis=0)
     larger = np.maximum(np.abs(forth), np.abs(back))
     lit = (larger > _DARK) & np.isfinite(larger)
     if not lit.any():
         return Reciprocity(0.0, 0, (0.0, 0.0))
-    apart = np.where(lit, np.abs(forth - back) / np.where(lit, larger, 1.0), 0.0)
+    beyond = np.maximum(np.abs(forth - back) - _ROUNDINGS * noise, 0.0)
+    apart = np.where(lit, beyond / np.where(lit, larger, 1.0), 0.0)
     worst = int(apart.max(axis=1).argmax())
     angles = [math.degrees(math.acos(min(max(float(each[worst, 2]), -1.0), 1.0))) for each in (a, b)]
     return Reciprocity(float(apart.max()), int(lit.any(axis=1).sum()), (angles[0], angles[1]))
+
+
+def _both(surfaces: Surfaces, name: str, a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """f(a, b) and f(b, a), without the cosine."""
+    forth, back = surfaces.evaluate(name, a, b)[0], surfaces.evaluate(name, b, a)[0]
+    return forth / np.abs(b[:, 2:]), back / np.abs(a[:, 2:])
+
+
+def _shaken(directions: Floats, rng: np.random.Generator) -> Floats:
+    """The same but for one or two units in the last place of single precision."""
+    return directions + rng.uniform(-(2.0**-23), 2.0**-23, directions.shape)
 
 
 def _anywhere(rng: np.random.Generator, count: int) -> Floats:
