@@ -13,6 +13,14 @@ from typing import Final
 import numpy as np
 
 __all__ = [
+    "ALBEDO_END",
+    "ALBEDO_GGX",
+    "ALBEDO_GGX_LOST",
+    "ALBEDO_GGX_SCHLICK",
+    "ALBEDO_GLASS",
+    "ALBEDO_GLASS_LOST",
+    "ALBEDO_SHEEN",
+    "ALBEDO_SHEEN_SCALE",
     "CONSTANTS",
     "FIRST_HIT_ALBEDO",
     "FIRST_HIT_DEPTH",
@@ -20,17 +28,25 @@ __all__ = [
     "FIRST_HIT_POSITION",
     "FIRST_HIT_PRIMITIVE",
     "GGX_TABLE_SIZE",
+    "GLASS_TABLE_LAYERS",
+    "GLASS_TABLE_SIZE",
     "LIGHT_AREA_DISK",
     "LIGHT_AREA_SPHERE",
     "LIGHT_AREA_TRIANGLE",
     "LIGHT_DIRECTIONAL",
     "LIGHT_ENVIRONMENT",
     "LIGHT_POINT",
+    "MATERIAL_BY_ROW",
     "MATERIAL_CONDUCTOR",
     "MATERIAL_DIELECTRIC",
+    "MATERIAL_FLAG_ONE_SIDED",
+    "MATERIAL_FLAG_SCHLICK",
+    "MATERIAL_FLAG_THIN",
     "MATERIAL_LAMBERT",
     "MATERIAL_MIRROR",
+    "MATERIAL_MIX",
     "MATERIAL_OREN_NAYAR",
+    "MATERIAL_PRINCIPLED",
     "NONE",
     "ROULETTE_ABSORPTION",
     "ROULETTE_NONE",
@@ -50,9 +66,31 @@ MATERIAL_MIRROR: Final = 1
 MATERIAL_DIELECTRIC: Final = 2
 MATERIAL_OREN_NAYAR: Final = 3
 MATERIAL_CONDUCTOR: Final = 4
+MATERIAL_PRINCIPLED: Final = 5
+MATERIAL_MIX: Final = 6
+MATERIAL_BY_ROW: Final = 7
+"""Kind of a primitive's material that has rows of its own, of which the first says the kind."""
+
+MATERIAL_FLAG_THIN: Final = 1
+MATERIAL_FLAG_ONE_SIDED: Final = 2
+MATERIAL_FLAG_SCHLICK: Final = 4
+"""Flags of a material's row: a wall without thickness; black from behind; a metal by its colour, not by eta and k."""
 
 GGX_TABLE_SIZE: Final = 48
 """Rows and columns of the table of GGX albedos (`clrender.scene.microfacets`)."""
+GLASS_TABLE_SIZE: Final = 32
+GLASS_TABLE_LAYERS: Final = 16
+"""Rows and columns of the tables of rough glass and of sheen, and how many indices of refraction the first has."""
+
+ALBEDO_GGX: Final = 0
+ALBEDO_GGX_LOST: Final = ALBEDO_GGX + GGX_TABLE_SIZE**2
+ALBEDO_GGX_SCHLICK: Final = ALBEDO_GGX_LOST + GGX_TABLE_SIZE
+ALBEDO_GLASS: Final = ALBEDO_GGX_SCHLICK + GGX_TABLE_SIZE
+ALBEDO_GLASS_LOST: Final = ALBEDO_GLASS + 2 * (GLASS_TABLE_LAYERS - 1) * GLASS_TABLE_SIZE**2
+ALBEDO_SHEEN: Final = ALBEDO_GLASS_LOST + 2 * GLASS_TABLE_LAYERS * GLASS_TABLE_SIZE
+ALBEDO_SHEEN_SCALE: Final = ALBEDO_SHEEN + GLASS_TABLE_SIZE**2
+ALBEDO_END: Final = ALBEDO_SHEEN_SCALE + GLASS_TABLE_SIZE
+"""Where the tables of `clrender.scene.microfacets.albedo_tables` begin, in words, and where the last ends."""
 
 LIGHT_POINT: Final = 0
 LIGHT_DIRECTIONAL: Final = 1
@@ -83,7 +121,22 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "MATERIAL_DIELECTRIC": MATERIAL_DIELECTRIC,
     "MATERIAL_OREN_NAYAR": MATERIAL_OREN_NAYAR,
     "MATERIAL_CONDUCTOR": MATERIAL_CONDUCTOR,
+    "MATERIAL_PRINCIPLED": MATERIAL_PRINCIPLED,
+    "MATERIAL_MIX": MATERIAL_MIX,
+    "MATERIAL_BY_ROW": MATERIAL_BY_ROW,
+    "MATERIAL_FLAG_THIN": MATERIAL_FLAG_THIN,
+    "MATERIAL_FLAG_ONE_SIDED": MATERIAL_FLAG_ONE_SIDED,
+    "MATERIAL_FLAG_SCHLICK": MATERIAL_FLAG_SCHLICK,
     "GGX_TABLE_SIZE": GGX_TABLE_SIZE,
+    "GLASS_TABLE_SIZE": GLASS_TABLE_SIZE,
+    "GLASS_TABLE_LAYERS": GLASS_TABLE_LAYERS,
+    "ALBEDO_GGX": ALBEDO_GGX,
+    "ALBEDO_GGX_LOST": ALBEDO_GGX_LOST,
+    "ALBEDO_GGX_SCHLICK": ALBEDO_GGX_SCHLICK,
+    "ALBEDO_GLASS": ALBEDO_GLASS,
+    "ALBEDO_GLASS_LOST": ALBEDO_GLASS_LOST,
+    "ALBEDO_SHEEN": ALBEDO_SHEEN,
+    "ALBEDO_SHEEN_SCALE": ALBEDO_SHEEN_SCALE,
     "LIGHT_POINT": LIGHT_POINT,
     "LIGHT_DIRECTIONAL": LIGHT_DIRECTIONAL,
     "LIGHT_AREA_TRIANGLE": LIGHT_AREA_TRIANGLE,
@@ -187,10 +240,30 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("KIND", 15, 1, "bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on"),
     ),
     "MATERIAL": (
-        ("ROUGHNESS", 0, 1, "Oren-Nayar: r of EON; conductor: alpha of GGX, 0 where it is smooth"),
-        ("ETA", 1, 3, "conductor: its index of refraction over that of the medium before it, real part"),
-        ("K", 4, 3, "and imaginary part"),
-        ("MULTIPLE", 7, 3, "conductor: scale of the light scattered between facets (Kulla and Conti 2017)"),
+        ("KIND", 0, 1, "bits: MATERIAL_*"),
+        ("COLOR", 1, 3, "reflectance, base colour, or f0"),
+        ("ROUGHNESS", 4, 1, "of reflection and transmission; its square is alpha of GGX"),
+        ("METALLIC", 5, 1, "share of metal"),
+        ("IOR", 6, 1, "index behind the front over index before it"),
+        ("TRANSMISSION", 7, 1, "share of what is no metal that is glass"),
+        ("SPECULAR", 8, 1, "strength of reflection by what is no metal"),
+        ("SPECULAR_COLOR", 9, 3, "its colour where it is seen straight on"),
+        ("DIFFUSE_ROUGHNESS", 12, 1, "r of EON"),
+        ("COAT", 13, 1, "share of the surface with a clear coat"),
+        ("COAT_ROUGHNESS", 14, 1, ""),
+        ("FLAGS", 15, 1, "bits: MATERIAL_FLAG_*"),
+        ("WEIGHT", 1, 1, "mix: share of the second material"),
+        ("FIRST", 2, 1, "mix, bits: row of the first"),
+        ("SECOND", 3, 1, "mix, bits: row of the second"),
+    ),
+    "LAYER": (
+        ("SHEEN_COLOR", 0, 3, "second row of a material"),
+        ("SHEEN_ROUGHNESS", 3, 1, ""),
+        ("ANISOTROPY", 4, 1, "strength: 0 alike in all directions, 1 most"),
+        ("ROTATION", 5, 1, "of the direction of most roughness from the tangent, in turns"),
+        ("ETA", 6, 3, "metal: its index of refraction over that of the medium before it, real part"),
+        ("K", 9, 3, "and imaginary part"),
+        ("FRESNEL", 12, 3, "and the cosine-weighted average of its Fresnel term"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

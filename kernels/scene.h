@@ -9,8 +9,8 @@
 #define SCENE_ARRAYS(X)                                                                                                     \
     X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal, facing; then what it is made of */        \
     X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
-    X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row */                         \
-    X(float, ggx_albedo)     /* share of light that GGX reflects at first: material/ggx.h */                                     \
+    X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row: two each */               \
+    X(float, albedo_tables)  /* how much light the lobes of rough materials reflect: material/albedo.h */                        \
     X(float, light_rows)     /* radiance, kind, probability or place in the tree, primitive, geometry */                      \
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
     X(float, light_nodes)    /* tree of lights: both children of each node (light/tree.h) */                                \

@@ -10,7 +10,22 @@
 #define MATERIAL_DIELECTRIC 2u
 #define MATERIAL_OREN_NAYAR 3u
 #define MATERIAL_CONDUCTOR 4u
+#define MATERIAL_PRINCIPLED 5u
+#define MATERIAL_MIX 6u
+#define MATERIAL_BY_ROW 7u
+#define MATERIAL_FLAG_THIN 1u
+#define MATERIAL_FLAG_ONE_SIDED 2u
+#define MATERIAL_FLAG_SCHLICK 4u
 #define GGX_TABLE_SIZE 48u
+#define GLASS_TABLE_SIZE 32u
+#define GLASS_TABLE_LAYERS 16u
+#define ALBEDO_GGX 0u
+#define ALBEDO_GGX_LOST 2304u
+#define ALBEDO_GGX_SCHLICK 2352u
+#define ALBEDO_GLASS 2400u
+#define ALBEDO_GLASS_LOST 33120u
+#define ALBEDO_SHEEN 34144u
+#define ALBEDO_SHEEN_SCALE 35168u
 #define LIGHT_POINT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_AREA_TRIANGLE 2u
@@ -106,10 +121,29 @@ typedef struct {
 #define PRIMITIVE_ROW_LIGHT 14          // bits: index of the light it is, or NONE
 #define PRIMITIVE_ROW_KIND 15           // bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on
 
-#define MATERIAL_ROW_ROUGHNESS 0        // Oren-Nayar: r of EON; conductor: alpha of GGX, 0 where it is smooth
-#define MATERIAL_ROW_ETA 1              // conductor: its index of refraction over that of the medium before it, real part
-#define MATERIAL_ROW_K 4                // and imaginary part
-#define MATERIAL_ROW_MULTIPLE 7         // conductor: scale of the light scattered between facets (Kulla and Conti 2017)
+#define MATERIAL_ROW_KIND 0             // bits: MATERIAL_*
+#define MATERIAL_ROW_COLOR 1            // reflectance, base colour, or f0
+#define MATERIAL_ROW_ROUGHNESS 4        // of reflection and transmission; its square is alpha of GGX
+#define MATERIAL_ROW_METALLIC 5         // share of metal
+#define MATERIAL_ROW_IOR 6              // index behind the front over index before it
+#define MATERIAL_ROW_TRANSMISSION 7     // share of what is no metal that is glass
+#define MATERIAL_ROW_SPECULAR 8         // strength of reflection by what is no metal
+#define MATERIAL_ROW_SPECULAR_COLOR 9   // its colour where it is seen straight on
+#define MATERIAL_ROW_DIFFUSE_ROUGHNESS 12// r of EON
+#define MATERIAL_ROW_COAT 13            // share of the surface with a clear coat
+#define MATERIAL_ROW_COAT_ROUGHNESS 14
+#define MATERIAL_ROW_FLAGS 15           // bits: MATERIAL_FLAG_*
+#define MATERIAL_ROW_WEIGHT 1           // mix: share of the second material
+#define MATERIAL_ROW_FIRST 2            // mix, bits: row of the first
+#define MATERIAL_ROW_SECOND 3           // mix, bits: row of the second
+
+#define LAYER_ROW_SHEEN_COLOR 0         // second row of a material
+#define LAYER_ROW_SHEEN_ROUGHNESS 3
+#define LAYER_ROW_ANISOTROPY 4          // strength: 0 alike in all directions, 1 most
+#define LAYER_ROW_ROTATION 5            // of the direction of most roughness from the tangent, in turns
+#define LAYER_ROW_ETA 6                 // metal: its index of refraction over that of the medium before it, real part
+#define LAYER_ROW_K 9                   // and imaginary part
+#define LAYER_ROW_FRESNEL 12            // and the cosine-weighted average of its Fresnel term
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

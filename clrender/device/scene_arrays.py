@@ -44,8 +44,8 @@ class SceneArrays:
     buffers : dict of str to Buffer
         By the names of ``kernels/scene.h``, but for ``settings``, which belongs to a render.
     tree : bvh.Bvh
-    rough : bool
-        Whether some material needs the kernels' rough ones.
+    materials : bool
+        Whether some material has rows of its own, so that the kernels need all lobes.
 
     Raises
     ------
@@ -62,7 +62,7 @@ class SceneArrays:
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
         self.tree = tree or bvh.build(device, source)
-        self.rough = len(scene.arrays["ggx_albedo"]) > 1
+        self.materials = len(scene.arrays["albedo_tables"]) > 1
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so there has to be one.
@@ -71,7 +71,7 @@ class SceneArrays:
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             "material_rows": arrays.pop("material_rows"),
-            "ggx_albedo": arrays.pop("ggx_albedo"),
+            "albedo_tables": arrays.pop("albedo_tables"),
             "light_nodes": arrays.pop("light_nodes"),
             "light_order": arrays.pop("light_order"),
             "nodes": self.tree.nodes,

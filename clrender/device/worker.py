@@ -210,8 +210,8 @@ class DeviceWorker:
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
-        if self._arrays.rough:
-            defines["ROUGH_MATERIALS"] = 1
+        if self._arrays.materials:
+            defines["MATERIALS"] = 1
         if self._settings["indirect_rays"][0] > 1:
             defines["PATH_SPLITS"] = 1
         if self._prefetches:

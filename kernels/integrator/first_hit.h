@@ -56,7 +56,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
         const vmask goes_on = found & bsdf.specular & (path.depth < followed) & (largest(next.weight) > 0.0f);
         const vmask ended = path.alive & !goes_on;
-        path.throughput = choose(found, mul(path.throughput, surface.color), path.throughput);
+        path.throughput = choose(found, mul(path.throughput, bsdf_albedo(&bsdf)), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
         if (lane_any(ended)) pool_deliver(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
         path.depth = path.depth + 1u;

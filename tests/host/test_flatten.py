@@ -63,7 +63,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "triangles",
         "primitive_shape",
         "material_rows",
-        "ggx_albedo",
+        "albedo_tables",
         "light_nodes",
         "light_order",
     }
@@ -421,7 +421,7 @@ def test_rough_materials_have_rows() -> None:
     assert materials["ior"][1:].view(np.uint32).tolist() == [1, 2, 3]
     # A smooth surface, and one smoother than single precision resolves, are deltas
     assert rows[:, 0].tolist() == [0.0, 0.25, 0.0, 0.75]
-    assert len(arrays["ggx_albedo"]) == layout.GGX_TABLE_SIZE**2
+    assert len(arrays["albedo_tables"]) == layout.GGX_TABLE_SIZE**2
     # Straight back, gold reflects ((n - 1)² + k²) / ((n + 1)² + k²)
     n, k = 0.21, 3.272
     assert materials["color"][1][0] == pytest.approx(((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2), rel=1e-6)

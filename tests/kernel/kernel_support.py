@@ -120,8 +120,8 @@ def flat_scene(
         "materials": np.zeros(1, layout.dtype("Material")),
         "lights": np.zeros(1, layout.dtype("Light")),
         "light_nodes": np.zeros((1, 16), np.float32),
-        "material_rows": np.zeros((1, 16), np.float32),
-        "ggx_albedo": np.zeros(1, np.float32),
+        "material_rows": np.zeros((2, 16), np.float32),
+        "albedo_tables": np.zeros(1, np.float32),
         "light_order": np.zeros(1, np.uint32),
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}

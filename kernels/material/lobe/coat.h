@@ -1,0 +1,40 @@
+// A clear coat: microfacets with Schlick's Fresnel term of an index of 1.5, as glTF's KHR_materials_clearcoat has it. What it does not
+// reflect, between its facets either, passes on to what it covers.
+// Frame: local, z = shading normal on the side of `wo`. eval: f in 1/sr, without the cosine. pdf: per steradian.
+#ifndef MATERIAL_LOBE_COAT_H
+#define MATERIAL_LOBE_COAT_H
+
+#include "material/albedo.h"
+#include "material/fresnel.h"
+#include "material/ggx.h"
+
+#define COAT_F0 0.04f
+
+typedef struct {
+    vmask there;
+    vfloat share;            // of the surface that has it
+    vfloat alpha;
+} Coat;
+
+// The share of light along a direction that it reflects.
+static vfloat coat_albedo(const Coat* c, __global const float* tables, vfloat cosine) {
+    vfloat all, grazing;
+    albedo_ggx(tables, c->alpha, cosine, &all, &grazing);
+    return c->there ? c->share * fma(grazing, splat(1.0f - COAT_F0), all * COAT_F0) : splat(0.0f);
+}
+
+static Alpha coat_facets(const Coat* c) {
+    Alpha a;
+    a.x = a.y = c->alpha;
+    return a;
+}
+
+static vfloat coat_eval(const Coat* c, vec3 wo, vec3 wi, vfloat* pdf) {
+    const vec3 m = unit(add(wo, wi));
+    const vfloat once = ggx_reflection(coat_facets(c), wo, wi, m, pdf);
+    const vfloat fresnel = fma(fresnel_grazing(bounded(inner(wo, m), 0.0f, 1.0f)), splat(1.0f - COAT_F0), splat(COAT_F0));
+    *pdf = c->there ? *pdf : splat(0.0f);
+    return c->there ? c->share * fresnel * once : splat(0.0f);
+}
+
+#endif
