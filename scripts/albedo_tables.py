@@ -1,18 +1,25 @@
 #!/usr/bin/env python3
 """Make `clrender/scene/albedo_tables.npz`: how much light the lobes of rough materials reflect, from each direction.
 
-All tables have rows of √alpha from 0 to 1 and columns of √(μ (1 + alpha) / (μ + alpha)) from 0 to 1, of the cosine μ.
-Integrals over visible normals are means over a grid in the sampler's square (Dupuy and Benyoub, CGF 42(8), 2023), in
-double precision; the tables keep sixteen bits. What is an average is the average of the table as it is interpolated.
+Rows go over √alpha from 0 to 1, columns over √(μ (1 + alpha) / (μ + alpha)) from 0 to 1, of the cosine μ. Integrals
+over visible normals are means over a grid in the sampler's square (Dupuy and Benyoub, CGF 42(8), 2023), in double
+precision; the tables keep sixteen bits. An average is that of the table as it is interpolated, weighted by the cosine.
 
-    ggx            (48, 48, 2) uint16  share that mirror-like facets reflect at first; the same weighted by (1 - c)^5,
-                                       c the cosine at the facet (for Schlick's Fresnel term)
-    ggx_average    (48, 2) float32     1 minus the cosine-weighted average of the first; average of the second
-    glass          (2, 16, 32, 32) uint16  share that rough glass reflects and transmits at first: seen from the thinner
-                                       medium and from the denser; by t = (n - 1) / (n + 1) of its index n, from 0 to 1
-    glass_average  (2, 16, 32) float32 1 minus the average
-    sheen          (32, 32) uint16     share that sheen reflects, times sheen_scale
-    sheen_scale    (32,) float32       by which sheen is scaled, so that it reflects no more light than arrives
+    ggx         (R, C) uint16        share E that mirror-like facets reflect at first
+    schlick     (S, S) uint16        (B / E)^(1/5), where B is E weighted by (1 - c)^5 of the cosine c at the facet, for
+                                     Schlick's Fresnel term; columns over μ
+    ggx_lost    (R,) float32         1 - E_avg
+    ggx_schlick (R,) float32         B_avg
+    turned      (A, R, Q, C) uint16  E of anisotropic facets: by the strength s of anisotropy from 0 to 1, where
+                                     alpha_x = alpha_y + (1 - alpha_y) s²; √alpha_y; the square of the cosine between x
+                                     and the direction in the plane; columns over their mean alpha
+    turned_lost (A, R) float32       1 - E_avg
+    glass       (2, L, R, C) uint16  share E that rough glass reflects and transmits at first: seen from the thinner
+                                     medium and from the denser; by √((n - 1) / (n + 1)) of its index n, from 0 to 1
+    glass_lost  (2, L, R) float32    1 - E_avg
+    sheen       (R, C) uint16        share that sheen reflects, times sheen_scale
+    sheen_scale (R,) float32         by which sheen is scaled, so that it reflects no more light than arrives
+    sheen_mean  (R,) float32         average of the table
 
 `--check` compares with the file in place of writing it.
 """
@@ -26,7 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.layout import GGX_TABLE_SIZE, GLASS_TABLE_LAYERS, GLASS_TABLE_SIZE
+from clrender import layout
 
 FILE = Path(__file__).resolve().parent.parent / "clrender" / "scene" / "albedo_tables.npz"
 LEAST_ALPHA = 1e-5
@@ -34,32 +41,44 @@ LEAST_ALPHA = 1e-5
 _Floats = NDArray[np.float64]
 
 
-def facets(cosine: float, alpha: float, grid: int) -> tuple[_Floats, _Floats]:
-    """Direction (3, 1, 1) at that cosine, and the normals (3, grid, grid) that are seen along it, equally likely."""
+def facets(wo: _Floats, alpha: _Floats, grid: int) -> _Floats:
+    """Normals (3, grid, grid) that are seen along a direction, equally likely."""
     u = (np.arange(grid) + 0.5) / grid
     turn, v = np.meshgrid(u, u, indexing="ij")
-    sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
-    stretched = np.array([alpha * sine, 0.0, cosine])
+    stretched = alpha * wo
     stretched /= np.linalg.norm(stretched)
     z = (1.0 - v) * (1.0 + stretched[2]) - stretched[2]
     r = np.sqrt(np.maximum(1.0 - z * z, 0.0))
-    # Both halves of the turn are alike
-    x, y = r * np.cos(np.pi * turn) + stretched[0], r * np.sin(np.pi * turn)
-    normal = np.array([alpha * x, alpha * y, np.maximum(z + stretched[2], 0.0)])
+    # Both halves of the turn are alike where the direction is along x and alpha is the same on all sides
+    around = (np.pi if wo[1] == 0.0 and alpha[0] == alpha[1] else 2.0 * np.pi) * turn
+    x, y = r * np.cos(around) + stretched[0], r * np.sin(around) + stretched[1]
+    normal = np.array([alpha[0] * x, alpha[1] * y, np.maximum(z + stretched[2], 0.0)])
     normal /= np.sqrt((normal**2).sum(axis=0))
-    return np.array([sine, 0.0, cosine])[:, None, None], normal
+    return normal
 
 
-def smith(w: _Floats, alpha: float) -> _Floats:
+def alike(alpha: float) -> _Floats:
+    """The same roughness on all sides."""
+    return np.array([alpha, alpha, 1.0])
+
+
+def seen_at(cosine: float, along_x: float = 1.0) -> _Floats:
+    """A direction of that cosine, and of that square of the cosine of its angle to x in the plane."""
+    sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
+    return np.array([sine * np.sqrt(along_x), sine * np.sqrt(1.0 - along_x), cosine])
+
+
+def smith(w: _Floats, alpha: _Floats) -> _Floats:
     """Λ of GGX."""
-    slope2 = alpha * alpha * (w[0] ** 2 + w[1] ** 2) / np.maximum(np.abs(w[2]), 1e-12) ** 2
+    slope2 = ((alpha[0] * w[0]) ** 2 + (alpha[1] * w[1]) ** 2) / np.maximum(np.abs(w[2]), 1e-12) ** 2
     of: _Floats = (np.sqrt(1.0 + slope2) - 1.0) / 2.0
     return of
 
 
-def albedo(cosine: float, alpha: float, grid: int = 512) -> tuple[float, float]:
+def albedo(wo: _Floats, alpha: _Floats, grid: int = 384) -> tuple[float, float]:
     """Of mirror-like facets, and weighted by (1 - c)^5."""
-    wo, m = facets(cosine, alpha, grid)
+    m = facets(wo, alpha, grid)
+    wo = wo[:, None, None]
     at = (m * wo).sum(axis=0)
     wi = 2.0 * at * m - wo
     seen = (1.0 + smith(wo, alpha)) / (1.0 + smith(wo, alpha) + smith(wi, alpha))
@@ -67,9 +86,10 @@ def albedo(cosine: float, alpha: float, grid: int = 512) -> tuple[float, float]:
     return float(reflected.mean()), float((reflected * np.maximum(1.0 - at, 0.0) ** 5).mean())
 
 
-def glass_albedo(cosine: float, alpha: float, eta: float, grid: int = 96) -> float:
+def glass_albedo(cosine: float, alpha: _Floats, eta: float, grid: int = 96) -> float:
     """Of facets of glass: `eta` is the index beyond over the index on this side."""
-    wo, m = facets(cosine, alpha, grid)
+    m = facets(seen_at(cosine), alpha, grid)
+    wo = seen_at(cosine)[:, None, None]
     at = (m * wo).sum(axis=0)
     sine2 = np.maximum(1.0 - at * at, 0.0) / (eta * eta)
     beyond = np.sqrt(np.maximum(1.0 - sine2, 0.0))
@@ -133,53 +153,90 @@ def average(row: _Floats, alpha: float) -> float:
     return float(2.0 * (value * cosine * slope).mean())
 
 
-def packed(table: _Floats) -> NDArray[np.uint16]:
+def packed(table: Any) -> NDArray[np.uint16]:
     """In sixteen bits."""
-    return np.rint(np.clip(table, 0.0, 1.0) * 65535.0).astype("<u2")
+    return np.rint(np.clip(np.asarray(table), 0.0, 1.0) * 65535.0).astype("<u2")
 
 
-def averages(table: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Of the rows of a table; the numbers of a row are its last axis."""
-    size = table.shape[-1]
-    rows = (table / 65535.0).reshape(-1, size)
-    of = [average(row, alphas(size)[i % size]) for i, row in enumerate(rows)]
+def lost(table: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """1 - E_avg of the rows of a table of (…, rows, columns)."""
+    rows, columns = table.shape[-2:]
+    flat = (65535.0 - table.reshape(-1, columns)) / 65535.0
+    of = [average(row, alphas(rows)[i % rows]) for i, row in enumerate(flat)]
     return np.array(of, dtype="<f4").reshape(table.shape[:-1])
 
 
 def ggx_tables() -> dict[str, NDArray[Any]]:
-    """``ggx`` and ``ggx_average``."""
-    size = GGX_TABLE_SIZE
-    table = packed(np.array([[albedo(c, a) for c in cosines(a, size)] for a in alphas(size)]))
-    lost = averages(65535 - table[..., 0])
-    return {"ggx": table, "ggx_average": np.stack([lost, averages(table[..., 1])], axis=1)}
+    """``ggx``, ``schlick`` and their averages."""
+    rows, columns, size = layout.GGX_ROWS, layout.GGX_COLUMNS, layout.SCHLICK_SIZE
+    table = packed([[albedo(seen_at(c), alike(a))[0] for c in cosines(a, columns)] for a in alphas(rows)])
+    mus = np.maximum(np.arange(size) / (size - 1), 1e-4)
+    both = np.array([[albedo(seen_at(c), alike(a)) for c in mus] for a in alphas(size)])
+    schlick = packed((both[..., 1] / both[..., 0]) ** 0.2)
+    steps = (np.arange(1 << 12) + 0.5) / (1 << 12)
+    means = []
+    for y, alpha, row in zip(np.arange(rows) / (rows - 1), alphas(rows), table / 65535.0, strict=True):
+        x = np.sqrt(steps * (1.0 + alpha) / (steps + alpha))
+        e = np.interp(x * (columns - 1), np.arange(columns), row)
+        lower = min(int(y * (size - 1)), size - 2)
+        part = y * (size - 1) - lower
+        ratio = (schlick[lower] * (1.0 - part) + schlick[lower + 1] * part) / 65535.0
+        g = np.interp(steps * (size - 1), np.arange(size), ratio)
+        means.append(2.0 * (e * g**5 * steps).mean())
+    return {"ggx": table, "schlick": schlick, "ggx_lost": lost(table), "ggx_schlick": np.array(means, dtype="<f4")}
+
+
+def turned_tables() -> dict[str, NDArray[Any]]:
+    """``turned`` and ``turned_lost``."""
+    strengths, rows, turns, columns = (
+        layout.TURNED_STRENGTHS,
+        layout.TURNED_ROWS,
+        layout.TURNED_TURNS,
+        layout.TURNED_COLUMNS,
+    )
+    table = np.zeros((strengths, rows, turns, columns))
+    averages = np.zeros((strengths, rows))
+    for i in range(strengths):
+        for j, least in enumerate(np.maximum(alphas(rows), 1e-3)):
+            most = least + (1.0 - least) * (i / (strengths - 1)) ** 2
+            alpha, mean = np.array([most, least, 1.0]), (most + least) / 2.0
+            for k in range(turns):
+                along_x = k / (turns - 1)
+                table[i, j, k] = [albedo(seen_at(c, along_x), alpha, 160)[0] for c in cosines(mean, columns)]
+            # The mean over all turns: of the angle, not of its cosine's square
+            angles = (np.arange(64) + 0.5) / 64 * np.pi / 2.0
+            at = np.cos(angles) ** 2 * (turns - 1)
+            kept = packed(table[i, j]) / 65535.0
+            around = np.mean([[np.interp(x, np.arange(turns), kept[:, c]) for c in range(columns)] for x in at], axis=0)
+            averages[i, j] = average(1.0 - around, mean)
+    return {"turned": packed(table), "turned_lost": averages.astype("<f4")}
 
 
 def glass_tables() -> dict[str, NDArray[Any]]:
-    """``glass`` and ``glass_average``."""
-    size = GLASS_TABLE_SIZE
+    """``glass`` and ``glass_lost``."""
+    layers, rows, columns = layout.GLASS_LAYERS, layout.GLASS_ROWS, layout.GLASS_COLUMNS
     sides = []
     for denser in (False, True):
-        for layer in range(GLASS_TABLE_LAYERS):
-            t = min(max(layer / (GLASS_TABLE_LAYERS - 1), 1e-4), 1.0 - 1e-7)
-            eta = (1.0 + t) / (1.0 - t)
-            at = 1.0 / eta if denser else eta
-            sides.append([[glass_albedo(c, a, at) for c in cosines(a, size)] for a in alphas(size)])
-    table = packed(np.array(sides).reshape(2, GLASS_TABLE_LAYERS, size, size))
-    return {"glass": table, "glass_average": averages(65535 - table)}
+        for layer in range(layers):
+            t = min(max((layer / (layers - 1)) ** 2, 1e-4), 1.0 - 1e-7)
+            eta = (1.0 - t) / (1.0 + t) if denser else (1.0 + t) / (1.0 - t)
+            sides.append([[glass_albedo(c, alike(a), eta) for c in cosines(a, columns)] for a in alphas(rows)])
+    table = packed(np.array(sides).reshape(2, layers, rows, columns))
+    return {"glass": table, "glass_lost": lost(table)}
 
 
 def sheen_tables() -> dict[str, NDArray[Any]]:
-    """``sheen`` and ``sheen_scale``."""
-    size = GLASS_TABLE_SIZE
-    rows = [np.maximum(alphas(size), 0.0025)[i] for i in range(size)]
-    table = np.array([[sheen_albedo(c, a) for c in np.maximum(cosines(a, size), 1e-3)] for a in rows])
+    """``sheen``, ``sheen_scale`` and ``sheen_mean``."""
+    rows, columns = layout.SHEEN_ROWS, layout.SHEEN_COLUMNS
+    table = np.array([[sheen_albedo(max(c, 1e-3), max(a, 0.0025)) for c in cosines(a, columns)] for a in alphas(rows)])
     scale = 1.0 / np.maximum(table.max(axis=1) * 1.005, 1.0)
-    return {"sheen": packed(table * scale[:, None]), "sheen_scale": scale.astype("<f4")}
+    kept = packed(table * scale[:, None])
+    return {"sheen": kept, "sheen_scale": scale.astype("<f4"), "sheen_mean": 1.0 - lost(kept)}
 
 
 def tables() -> dict[str, NDArray[Any]]:
     """All of them, by the names in the file."""
-    return {**ggx_tables(), **glass_tables(), **sheen_tables()}
+    return {**ggx_tables(), **turned_tables(), **glass_tables(), **sheen_tables()}
 
 
 if __name__ == "__main__":

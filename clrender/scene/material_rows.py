@@ -35,8 +35,8 @@ class MaterialArrays:
     ----------
     materials : (M,) `Material`
         The named ones in order, then black if a shape has none.
-    rows : (2 R, 16) float32
-        MATERIAL_ROW_* and LAYER_ROW_* of ``kernels/types.h``, two rows of zeros where no material has any.
+    rows : (2 M, 16) float32
+        MATERIAL_ROW_* and LAYER_ROW_* of ``kernels/types.h``, a row of zeros where no material has any.
     by_row : bool
         Whether any has.
     """
@@ -68,7 +68,7 @@ def flat_materials(scene: Scene) -> MaterialArrays:
     black = any(shape.material is None for shape in scene.shapes)
     materials = np.zeros(len(scene.materials) + black, dtype=layout.dtype("Material"))
     by_row = any(has_row(material) for material in scene.materials.values())
-    rows = np.zeros((len(scene.materials) if by_row else 1, 32), np.float32)
+    rows = np.zeros((len(scene.materials), 32) if by_row else (1, 16), np.float32)
     numbers = {name: number for number, name in enumerate(scene.materials)}
     for number, material in enumerate(scene.materials.values()):
         row = materials[number]
@@ -158,7 +158,6 @@ def _(material: Conductor, row: _Row, _numbers: dict[str, int]) -> None:
     flags = 0 if material.two_sided else layout.MATERIAL_FLAG_ONE_SIDED
     if material.index is None:
         flags |= layout.MATERIAL_FLAG_SCHLICK
-        # Deltas take Fresnel's equations alone
     else:
         eta, k = material.index
         _put(row, ETA=eta, K=k, FRESNEL=[fresnel_average(n, m) for n, m in zip(eta, k, strict=True)])

@@ -37,27 +37,22 @@ def albedo_tables() -> NDArray[np.float32]:
     Returns
     -------
     (n,) float32
-        One table after the other from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END`. Two numbers of sixteen bits
-        share a word: E and its part by Schlick's term of GGX; of glass those of neighbouring indices of refraction.
+        One table after the other from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END`. Of the tables of sixteen bits
+        each word holds two neighbours along a row.
     """
+    names = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
     with np.load(Path(__file__).with_name("albedo_tables.npz")) as file:
-        of: dict[str, NDArray[Any]] = {name: file[name] for name in file.files}
-    glass = of["glass"].astype(np.uint32)
-    parts = [
-        _words(of["ggx"][..., 0], of["ggx"][..., 1]),
-        of["ggx_average"].T,
-        _words(glass[:, :-1], glass[:, 1:]),
-        of["glass_average"],
-        _words(of["sheen"], np.zeros_like(of["sheen"])),
-        of["sheen_scale"],
-    ]
-    tables = np.concatenate([part.reshape(-1).view(np.float32) for part in map(np.ascontiguousarray, parts)])
+        parts = [_words(file[name]) for name in (*names, "sheen", "sheen_scale", "sheen_mean")]
+    tables = np.concatenate(parts)
     assert len(tables) == layout.ALBEDO_END
     return tables
 
 
-def _words(low: NDArray[Any], high: NDArray[Any]) -> NDArray[np.uint32]:
-    return low.astype(np.uint32) | high.astype(np.uint32) << np.uint32(16)
+def _words(table: NDArray[Any]) -> NDArray[np.float32]:
+    if table.dtype == np.uint16:
+        low, high = (part.astype(np.uint32) for part in (table[..., :-1], table[..., 1:]))
+        table = (low | high << np.uint32(16)).view(np.float32)
+    return table.astype(np.float32, copy=False).reshape(-1)
 
 
 def fresnel(cosine: float, eta: float, k: float) -> float:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
+from clrender.scene.material_rows import has_row
+from clrender.scene.materials import Dielectric
 
 __all__ = ["check_materials"]
 
@@ -25,10 +27,17 @@ def check_materials(scene: Scene, integrator: str) -> None:
     """
     taken = INTEGRATORS[integrator].materials
     for index, shape in enumerate(scene.shapes):
-        kind = scene.materials[shape.material].type if shape.material is not None else None
-        if taken and kind is not None and kind not in taken:
-            raise SceneError(
-                f"{scene.source}: shapes[{index}].material: {shape.material!r} is of type {kind}, which the integrator "
-                f"{integrator} does not take; give the shape a material of type {' or '.join(taken)}, or use "
-                "--integrator path"
-            )
+        if not taken or shape.material is None:
+            continue
+        material = scene.materials[shape.material]
+        of = f"of type {material.type}"
+        if material.type in taken and has_row(material):
+            rough = isinstance(material, Dielectric) and material.rough
+            of += " with roughness" if rough else " and thin" if isinstance(material, Dielectric) else ", not two_sided"
+        elif material.type in taken:
+            continue
+        raise SceneError(
+            f"{scene.source}: shapes[{index}].material: {shape.material!r} is {of}, which the integrator "
+            f"{integrator} does not take; give the shape a {'smooth ' if 'dielectric' in taken else ''}material "
+            f"of type {' or '.join(taken)}, or use --integrator path"
+        )

@@ -24,8 +24,7 @@
 typedef struct {
     __global const float* tables;
     vmask there;             // the lobes below are all that the point scatters with; else it is what Bsdf says
-    vfloat alpha;            // of the base, across the direction of most roughness
-    Alpha facets;
+    Facets facets;           // of the base
     Diffuse diffuse;
     Reflection reflection;
     Glass glass;
@@ -50,6 +49,21 @@ static vfloat closure_below(const Closure* c, vfloat cosine) {
     return left;
 }
 
+// What a diffuse surface gets through both, twice: lobe/diffuse.h.
+static vfloat closure_under(const Closure* c) {
+    vfloat passes = splat(1.0f);
+    if (lane_any(c->sheen.there)) {
+        const vfloat most = largest(c->sheen.color), mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
+        const vfloat alike = most * fma(c->diffuse.roughness, splat(DIFFUSE_ALIKE_EON_SHEEN), splat(DIFFUSE_ALIKE_SHEEN));
+        passes = c->sheen.there ? fma(-most, mean, splat(1.0f)) * (splat(1.0f) + alike) : passes;
+    }
+    if (lane_any(c->coat.there)) {
+        const vfloat alike = c->coat.share * fma(c->diffuse.roughness, splat(DIFFUSE_ALIKE_EON), splat(DIFFUSE_ALIKE));
+        passes = passes * (splat(1.0f) - coat_average(&c->coat, c->tables)) * (c->coat.there ? splat(1.0f) + alike : splat(1.0f));
+    }
+    return c->below / passes;
+}
+
 // Which lobes there are, and their numbers as far as they do not depend on `wo`. `front`: seen from the front.
 static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask front) {
     Closure c;
@@ -58,9 +72,11 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     const vfloat alpha = p->roughness * p->roughness, none = splat(0.0f), one = splat(1.0f);
     const vmask glass = p->kind == MATERIAL_DIELECTRIC, thin = parameters_flag(p, MATERIAL_FLAG_THIN);
     const vmask lit = front | !parameters_flag(p, MATERIAL_FLAG_ONE_SIDED);
-    c.alpha = greater(alpha, splat(CLOSURE_SMOOTH));
-    c.facets.x = fma(p->anisotropy * p->anisotropy, one - c.alpha, c.alpha);
-    c.facets.y = c.alpha;
+    c.facets.alpha.y = greater(alpha, splat(CLOSURE_SMOOTH));
+    c.facets.alpha.x = fma(p->anisotropy * p->anisotropy, one - c.facets.alpha.y, c.facets.alpha.y);
+    c.facets.mean = (c.facets.alpha.x + c.facets.alpha.y) * 0.5f;
+    c.facets.turned = p->anisotropy > 0.0f;
+    c.facets.strength = p->anisotropy;
 
     // The shares of metal, glass, and of what is neither, of the base
     const vfloat metallic = layered ? p->metallic : metal ? one : none;
@@ -88,6 +104,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     d->roughness = p->diffuse_roughness;
     d->f0 = f0, d->f90 = f90;
     d->passed = vec3_all(1.0f);
+    d->under = one;
 
     // Glass. Where it bends nothing, its facets would have no direction
     Glass* g = &c.glass;
@@ -98,7 +115,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     g->there = lit & (clear > 0.0f) & (layered | ((alpha >= CLOSURE_SMOOTH) & (thin | (absolute(turned - 1.0f) >= CLOSURE_LEAST_BEND))));
     g->color = p->color;
     g->share = clear;
-    g->alpha = c.alpha;
+    g->alpha = c.facets.mean;
     g->missing = g->passes = g->back = g->through = g->squeezed = none;
 
     // Sheen and coat
@@ -121,19 +138,18 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     c->with_through = none;
     vfloat glassy = none, glass_spread = none;
     if (lane_any(c->reflection.there)) {
-        vfloat all, grazing;
-        albedo_ggx(c->tables, c->alpha, wo.z, &all, &grazing);
-        const vfloat lost = albedo_ggx_lost(c->tables, c->alpha);
+        const vfloat all = albedo_facets(c->tables, &c->facets, wo), grazing = albedo_grazing(c->tables, c->facets.mean, wo.z);
+        const vfloat lost = albedo_facets_lost(c->tables, &c->facets);
         const vec3 average = choose(c->reflection.measured, p->fresnel, fresnel_schlick_average(p->color, vec3_all(1.0f)));
         const vfloat metallic = p->kind == MATERIAL_CONDUCTOR ? splat(1.0f) : p->metallic;
         c->reflection.missing = splat(1.0f) - all;
         c->reflection.multiple = scale(reflection_multiple(average, lost), metallic);
-        const vec3 schlick = along(scale(c->reflection.f0, all), sub(c->reflection.f90, c->reflection.f0), grazing);
+        const vec3 schlick = along(scale(c->reflection.f0, all), sub(c->reflection.f90, c->reflection.f0), all * grazing);
         const vec3 single = choose(c->reflection.measured, scale(reflection_fresnel(&c->reflection, wo.z), all), schlick);
         reflected = choose(c->reflection.there, single, reflected);
         spread = choose(c->reflection.there, scale(c->reflection.multiple, c->reflection.missing * lost * PI), spread);
         if (lane_any(c->diffuse.there & c->diffuse.covered)) {
-            diffuse_cover(&c->diffuse, c->tables, c->alpha, all, grazing);
+            diffuse_cover(&c->diffuse, c->tables, c->facets.mean, splat(1.0f) - lost, all, grazing);
             const vec3 left = choose(c->diffuse.covered, sub(vec3_all(1.0f), diffuse_layer(&c->diffuse, all, grazing)), vec3_all(1.0f));
             spread = choose(c->diffuse.there, add(spread, mul(c->diffuse.color, left)), spread);
         }
@@ -150,11 +166,12 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     vfloat coat = none, sheen = none;
     if (lane_any(c->coat.there)) coat = c->inside ? none : coat_albedo(&c->coat, c->tables, wo.z);
     if (lane_any(c->sheen.there)) {
-        c->sheen.scale = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_SCALE), GLASS_TABLE_SIZE, c->sheen.alpha);
+        c->sheen.scale = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_SCALE), SHEEN_ROWS, c->sheen.alpha);
         c->sheen.hidden = sheen_hidden(&c->sheen, wo.z);
         sheen = c->sheen.there & !c->inside ? sheen_albedo(&c->sheen, c->tables, wo.z) * (splat(1.0f) - coat) : none;
     }
     c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
+    c->diffuse.under = c->inside ? splat(1.0f) : closure_under(c);
     c->albedo = add(add(vec3_of(coat, coat, coat), scale(c->sheen.color, sheen)), scale(add(add(reflected, spread), passed), c->below));
     c->albedo = choose(c->there, c->albedo, vec3_all(0.0f));
 
@@ -184,21 +201,21 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     // The base
     vfloat all = splat(0.0f), grazing = splat(0.0f);
     if (lane_any(c->reflection.there)) {
-        albedo_ggx(c->tables, c->alpha, cosine, &all, &grazing);
-        f = reflection_eval(&c->reflection, c->facets, wo, up, splat(1.0f) - all, &one);
+        all = albedo_facets(c->tables, &c->facets, up);
+        if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, c->facets.mean, cosine);
+        f = reflection_eval(&c->reflection, c->facets.alpha, wo, up, splat(1.0f) - all, &one);
         density = above ? fma(c->with_reflection, one, density) : density;
     }
-    if (lane_any(c->diffuse.there)) f = add(f, diffuse_eval(&c->diffuse, wo, up, all, grazing));
     f = choose(above, f, vec3_all(0.0f));
     if (lane_any(c->glass.there)) {
-        f = add(f, glass_eval(&c->glass, c->tables, c->facets, wo, wi, &one));
+        f = add(f, glass_eval(&c->glass, c->tables, c->facets.alpha, wo, wi, &one));
         density = fma(c->with_glass, one, density);
     }
 
     // Sheen and coat on it
-    const vmask covers = c->sheen.there | c->coat.there;
-    if (lane_any(covers)) {
-        const vfloat other = closure_below(c, cosine);
+    vfloat other = splat(1.0f);
+    if (lane_any(c->sheen.there | c->coat.there)) {
+        other = closure_below(c, cosine);
         const vmask passes = !above & !c->glass.thin;
         const vfloat within = above ? splat(1.0f) : other;
         f = scale(f, c->inside ? within : passes ? c->below : lesser(c->below, other));
@@ -213,6 +230,8 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
             density = above ? fma(c->with_coat, one, density) : density;
         }
     }
+    if (lane_any(c->diffuse.there))
+        f = choose(above, add(f, diffuse_eval(&c->diffuse, wo, up, all, grazing, c->inside ? splat(1.0f) : other)), f);
     *pdf = density;
     return f;
 }
@@ -244,13 +263,13 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
     wi.z = through ? -wi.z : wi.z;
     if (lane_any(reflection | coat)) {
         Alpha a;
-        a.x = coat ? c->coat.alpha : c->facets.x;
-        a.y = coat ? c->coat.alpha : c->facets.y;
+        a.x = coat ? c->coat.alpha : c->facets.alpha.x;
+        a.y = coat ? c->coat.alpha : c->facets.alpha.y;
         const vec3 m = ggx_sample(a, wo, u, v);
         const vec3 mirrored = sub(scale(m, inner(wo, m) * 2.0f), wo);
         wi = choose(reflection | coat, choose(mirrored.z > 0.0f, mirrored, vec3_all(0.0f)), wi);
     }
-    if (lane_any(glass)) wi = choose(glass, glass_sample(&c->glass, c->facets, wo, u, v, w), wi);
+    if (lane_any(glass)) wi = choose(glass, glass_sample(&c->glass, c->facets.alpha, wo, u, v, w), wi);
     if (lane_any(sheen)) {
         const vec3 even = warp_sphere(u * 0.5f, v);
         wi = choose(sheen, vec3_of(even.x, even.y, greater(even.z, splat(1.0e-7f))), wi);

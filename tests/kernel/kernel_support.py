@@ -120,7 +120,7 @@ def flat_scene(
         "materials": np.zeros(1, layout.dtype("Material")),
         "lights": np.zeros(1, layout.dtype("Light")),
         "light_nodes": np.zeros((1, 16), np.float32),
-        "material_rows": np.zeros((2, 16), np.float32),
+        "material_rows": np.zeros((1, 16), np.float32),
         "albedo_tables": np.zeros(1, np.float32),
         "light_order": np.zeros(1, np.uint32),
     }

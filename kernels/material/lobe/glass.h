@@ -24,32 +24,30 @@ typedef struct {
     vfloat squeezed;         // 1/eta², thin: 1
 } Glass;
 
-// The layer of the tables for an index, and how far the next is.
+// The layer of the tables for an index, and how far the next is; on the side where the other has `eta` times the index.
 static vuint glass_layer(vfloat eta, vfloat* further) {
-    const vfloat t = absolute(eta - 1.0f) / (eta + 1.0f) * (float)(GLASS_TABLE_LAYERS - 1u);
-    const vint layer = vint_of(lesser(t, splat((float)(GLASS_TABLE_LAYERS - 2u))));
+    const vfloat t = root(absolute(eta - 1.0f) / (eta + 1.0f)) * (float)(GLASS_LAYERS - 1u);
+    const vint layer = vint_of(lesser(t, splat((float)(GLASS_LAYERS - 2u))));
     *further = t - vfloat_of(layer);
-    return vuint_from_int(layer);
+    return vuint_from_int(layer) + (eta < 1.0f ? splat_uint(GLASS_LAYERS) : splat_uint(0u));
 }
 
-// 1 − E(μ) of light on the side where the other has `eta` times the index.
+// 1 − E(μ) of light on that side.
 static vfloat glass_missing(const Glass* g, __global const float* tables, vfloat eta, vfloat cosine) {
-    vfloat low, high, further, all, grazing;
-    const vuint layer = glass_layer(eta, &further) + (eta < 1.0f ? splat_uint(GLASS_TABLE_LAYERS - 1u) : splat_uint(0u));
-    albedo_pair(tables, layer * (GLASS_TABLE_SIZE * GLASS_TABLE_SIZE) + ALBEDO_GLASS, GLASS_TABLE_SIZE, g->alpha, cosine, &low, &high);
+    vfloat further;
+    const uint words = GLASS_COLUMNS - 1u, next = GLASS_ROWS * words;
+    const vuint first = glass_layer(eta, &further) * next + ALBEDO_GLASS;
+    const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = albedo_column(g->alpha, cosine) * (float)words;
+    const vfloat low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x), high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
     vfloat e = fma(further, high - low, low);
-    if (lane_any(g->there & g->thin)) {
-        albedo_ggx(tables, g->alpha, cosine, &all, &grazing);
-        e = g->thin ? all : e;
-    }
+    if (lane_any(g->there & g->thin)) e = g->thin ? albedo_ggx(tables, g->alpha, cosine) : e;
     return splat(1.0f) - e;
 }
 // 1 − E_avg.
 static vfloat glass_lost(const Glass* g, __global const float* tables, vfloat eta) {
     vfloat further;
-    const vuint layer = glass_layer(eta, &further) + (eta < 1.0f ? splat_uint(GLASS_TABLE_LAYERS) : splat_uint(0u));
-    const vuint first = layer * GLASS_TABLE_SIZE + ALBEDO_GLASS_LOST;
-    const vfloat low = albedo_line(tables, first, GLASS_TABLE_SIZE, g->alpha), high = albedo_line(tables, first + GLASS_TABLE_SIZE, GLASS_TABLE_SIZE, g->alpha);
+    const vuint first = glass_layer(eta, &further) * GLASS_ROWS + ALBEDO_GLASS_LOST;
+    const vfloat low = albedo_line(tables, first, GLASS_ROWS, g->alpha), high = albedo_line(tables, first + GLASS_ROWS, GLASS_ROWS, g->alpha);
     const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low);
     return greater(lost, splat(1.0e-7f));
 }
