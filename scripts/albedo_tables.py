@@ -6,8 +6,8 @@ over visible normals are means over a grid in the sampler's square (Dupuy and Be
 precision; the tables keep sixteen bits. An average is that of the table as it is interpolated, weighted by the cosine.
 
     ggx         (R, C) uint16        share E that mirror-like facets reflect at first
-    schlick     (S, S) uint16        (B / E)^(1/5), where B is E weighted by (1 - c)^5 of the cosine c at the facet, for
-                                     Schlick's Fresnel term; columns over μ
+    schlick     (R, C) uint16        (B / E)^(1/5), where B is E weighted by (1 - c)^5 of the cosine c at the facet, for
+                                     Schlick's Fresnel term; columns over √μ
     ggx_lost    (R,) float32         1 - E_avg
     ggx_schlick (R,) float32         B_avg
     turned      (A, R, Q, C) uint16  E of anisotropic facets: by the strength s of anisotropy from 0 to 1, where
@@ -15,7 +15,8 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
                                      and the direction in the plane; columns over their mean alpha
     turned_lost (A, R) float32       1 - E_avg
     glass       (2, L, R, C) uint16  share E that rough glass reflects and transmits at first: seen from the thinner
-                                     medium and from the denser; by √((n - 1) / (n + 1)) of its index n, from 0 to 1
+                                     medium and from the denser; by √((n - 1) / (n + 1)) of its index n, from 0 to 1;
+                                     columns over the mean of √μ and of that above
     glass_lost  (2, L, R) float32    1 - E_avg
     sheen       (R, C) uint16        share that sheen reflects, times sheen_scale
     sheen_scale (R,) float32         by which sheen is scaled, so that it reflects no more light than arrives
@@ -137,6 +138,19 @@ def cosines(alpha: float, size: int) -> _Floats:
     return of
 
 
+def mixed_column(alpha: float, cosine: _Floats) -> _Floats:
+    """The column's coordinate for glass."""
+    of: _Floats = 0.5 * (np.sqrt(cosine) + np.sqrt(cosine * (1.0 + alpha) / (cosine + alpha)))
+    return of
+
+
+def mixed_cosines(alpha: float, size: int) -> _Floats:
+    """Of the columns of a row of glass."""
+    cosine = np.linspace(0.0, 1.0, 1 << 16) ** 4
+    of: _Floats = np.maximum(np.interp(np.arange(size) / (size - 1), mixed_column(alpha, cosine), cosine), 1e-7)
+    return of
+
+
 def alphas(size: int) -> _Floats:
     """Of the rows."""
     of: _Floats = np.maximum((np.arange(size) / (size - 1)) ** 2, LEAST_ALPHA)
@@ -153,24 +167,33 @@ def average(row: _Floats, alpha: float) -> float:
     return float(2.0 * (value * cosine * slope).mean())
 
 
+def mixed_average(row: _Floats, alpha: float) -> float:
+    """The same of glass, over the fourth root of the cosine."""
+    at = (np.arange(1 << 13) + 0.5) / (1 << 13)
+    value = np.interp(mixed_column(alpha, at**4) * (len(row) - 1), np.arange(len(row)), row)
+    return float(2.0 * (value * at**4 * 4.0 * at**3).mean())
+
+
 def packed(table: Any) -> NDArray[np.uint16]:
     """In sixteen bits."""
-    return np.rint(np.clip(np.asarray(table), 0.0, 1.0) * 65535.0).astype("<u2")
+    of: NDArray[np.uint16] = np.rint(np.clip(np.asarray(table), 0.0, 1.0) * 65535.0).astype("<u2")
+    return of
 
 
-def lost(table: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """1 - E_avg of the rows of a table of (…, rows, columns)."""
+def lost(table: NDArray[np.uint16], mixed: bool = False) -> NDArray[np.float32]:
+    """1 - E_avg of the rows of a table of (…, rows, columns); `mixed`: whose columns are those of glass."""
     rows, columns = table.shape[-2:]
     flat = (65535.0 - table.reshape(-1, columns)) / 65535.0
-    of = [average(row, alphas(rows)[i % rows]) for i, row in enumerate(flat)]
+    means = mixed_average if mixed else average
+    of = [means(row, alphas(rows)[i % rows]) for i, row in enumerate(flat)]
     return np.array(of, dtype="<f4").reshape(table.shape[:-1])
 
 
 def ggx_tables() -> dict[str, NDArray[Any]]:
     """``ggx``, ``schlick`` and their averages."""
-    rows, columns, size = layout.GGX_ROWS, layout.GGX_COLUMNS, layout.SCHLICK_SIZE
+    rows, columns, size, cells = layout.GGX_ROWS, layout.GGX_COLUMNS, layout.SCHLICK_ROWS, layout.SCHLICK_COLUMNS
     table = packed([[albedo(seen_at(c), alike(a))[0] for c in cosines(a, columns)] for a in alphas(rows)])
-    mus = np.maximum(np.arange(size) / (size - 1), 1e-4)
+    mus = np.maximum((np.arange(cells) / (cells - 1)) ** 2, 1e-7)
     both = np.array([[albedo(seen_at(c), alike(a)) for c in mus] for a in alphas(size)])
     schlick = packed((both[..., 1] / both[..., 0]) ** 0.2)
     steps = (np.arange(1 << 12) + 0.5) / (1 << 12)
@@ -181,7 +204,7 @@ def ggx_tables() -> dict[str, NDArray[Any]]:
         lower = min(int(y * (size - 1)), size - 2)
         part = y * (size - 1) - lower
         ratio = (schlick[lower] * (1.0 - part) + schlick[lower + 1] * part) / 65535.0
-        g = np.interp(steps * (size - 1), np.arange(size), ratio)
+        g = np.interp(np.sqrt(steps) * (cells - 1), np.arange(cells), ratio)
         means.append(2.0 * (e * g**5 * steps).mean())
     return {"ggx": table, "schlick": schlick, "ggx_lost": lost(table), "ggx_schlick": np.array(means, dtype="<f4")}
 
@@ -220,9 +243,9 @@ def glass_tables() -> dict[str, NDArray[Any]]:
         for layer in range(layers):
             t = min(max((layer / (layers - 1)) ** 2, 1e-4), 1.0 - 1e-7)
             eta = (1.0 - t) / (1.0 + t) if denser else (1.0 + t) / (1.0 - t)
-            sides.append([[glass_albedo(c, alike(a), eta) for c in cosines(a, columns)] for a in alphas(rows)])
+            sides.append([[glass_albedo(c, alike(a), eta) for c in mixed_cosines(a, columns)] for a in alphas(rows)])
     table = packed(np.array(sides).reshape(2, layers, rows, columns))
-    return {"glass": table, "glass_lost": lost(table)}
+    return {"glass": table, "glass_lost": lost(table, mixed=True)}
 
 
 def sheen_tables() -> dict[str, NDArray[Any]]:

@@ -40,8 +40,9 @@ static vfloat albedo_ggx_lost(__global const float* tables, vfloat alpha) { retu
 // B(μ) / E(μ), where B is what E would be with facets that reflect (1 − c)^5, c the cosine at the facet: with Schlick's Fresnel term,
 // f0 + (f90 − f0) (1 − c)^5, a surface reflects f0 E + (f90 − f0) B at first.
 static vfloat albedo_grazing(__global const float* tables, vfloat alpha, vfloat cosine) {
-    const float last = (float)(SCHLICK_SIZE - 1u);
-    const vfloat root5 = albedo_at(tables, splat_uint(ALBEDO_SCHLICK), SCHLICK_SIZE, SCHLICK_SIZE - 1u, SCHLICK_SIZE - 1u, root(alpha) * last, cosine * last);
+    const uint words = SCHLICK_COLUMNS - 1u;
+    const vfloat y = root(alpha) * (float)(SCHLICK_ROWS - 1u), x = root(cosine) * (float)words;
+    const vfloat root5 = albedo_at(tables, splat_uint(ALBEDO_SCHLICK), SCHLICK_ROWS, words, words, y, x);
     const vfloat square = root5 * root5;
     return square * square * root5;
 }

@@ -153,7 +153,7 @@ VALUES = [
     Bad("metal unknown", CAMERA + METAL + 'metal = "Zz"\n', ("materials.m.metal", "Ag")),
     Bad("metal without k", CAMERA + METAL + "eta = [1, 1, 1]\n", ("materials.m", "needs a metal", "both eta and k")),
     Bad("f0 and metal", CAMERA + METAL + 'metal = "Au"\nf0 = [1, 1, 1]\n', ("materials.m.f0", "beside metal")),
-    Bad("mix of none", CAMERA + MIX.format("a", "m", "no"), ("materials.a.materials[1]", "'no'", "does not exist")),
+    Bad("mix of none", CAMERA + MIX.format("a", "m", "no"), ("materials.a.materials[1]", '"no"', "does not exist")),
     Bad(
         "mix of itself",
         CAMERA + MIX.format("a", "b", "m") + MIX.format("b", "a", "m").split("[materials.m]")[0],

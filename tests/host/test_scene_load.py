@@ -45,8 +45,9 @@ NEEDED = {
     "room", "room-mirror", "room-glass", "cornell", "furnace", "furnace-room", "furnace-sphere", "furnace-glass",
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals",
+    "surfaces",
 }  # fmt: skip
-EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals"}
+EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals", "surfaces"}
 
 
 def as_json(tmp_path: Path) -> dict[str, object]:

@@ -70,7 +70,8 @@ def directions(seed: int, count: int, least: float = 1e-3) -> Floats:
     """Directions (count, 3) of the upper hemisphere, exact in single precision."""
     all_of = np.random.default_rng(seed).normal(size=(count, 3))
     all_of[:, 2] = np.abs(all_of[:, 2]) + least
-    return (all_of / np.linalg.norm(all_of, axis=1, keepdims=True)).astype(np.float32).astype(np.float64)
+    unit: Floats = (all_of / np.linalg.norm(all_of, axis=1, keepdims=True)).astype(np.float32).astype(np.float64)
+    return unit
 
 
 def run(

@@ -37,7 +37,7 @@ static vfloat glass_missing(const Glass* g, __global const float* tables, vfloat
     vfloat further;
     const uint words = GLASS_COLUMNS - 1u, next = GLASS_ROWS * words;
     const vuint first = glass_layer(eta, &further) * next + ALBEDO_GLASS;
-    const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = albedo_column(g->alpha, cosine) * (float)words;
+    const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = (root(cosine) + albedo_column(g->alpha, cosine)) * (0.5f * (float)words);
     const vfloat low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x), high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
     vfloat e = fma(further, high - low, low);
     if (lane_any(g->there & g->thin)) e = g->thin ? albedo_ggx(tables, g->alpha, cosine) : e;
