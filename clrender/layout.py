@@ -209,9 +209,9 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
     "Material": (
         ("color", "float4", "rgb reflectance; w probability that the absorption roulette ends a path here"),
         ("kind", "uint", "MATERIAL_*"),
-        ("ior", "float", "index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL"),
+        ("ior", "float", "index inside (behind the front side) over index outside"),
         ("padding_0", "uint", ""),
-        ("padding_1", "uint", ""),
+        ("row", "uint", "of kind MATERIAL_BY_ROW: which pair of material_rows it has"),
     ),
     "Light": (
         ("radiance", "float4", "rgb: radiance W/(sr m2), point: intensity W/sr, directional: irradiance W/m2"),
@@ -274,9 +274,9 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("NORMAL", 4, 3, "disk: unit normal; sphere: 0"),
         ("FACING", 7, 1, "sphere: +1 front outside, -1 front inside"),
         ("COLOR", 9, 3, "reflectance"),
+        ("MATERIAL", 9, 1, "bits, in its place of MATERIAL_BY_ROW: which pair of rows"),
         ("ABSORPTION", 12, 1, "probability that the absorption roulette ends a path here"),
         ("IOR", 13, 1, "index behind the front over index before it"),
-        ("MATERIAL", 13, 1, "bits, in its place for kinds of material that have rows: which row"),
         ("LIGHT", 14, 1, "bits: index of the light it is, or NONE"),
         ("KIND", 15, 1, "bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on"),
     ),

@@ -70,9 +70,9 @@ typedef struct {
 typedef struct {
     float4 color;               // rgb reflectance; w probability that the absorption roulette ends a path here
     uint kind;                  // MATERIAL_*
-    float ior;                  // index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL
+    float ior;                  // index inside (behind the front side) over index outside
     uint padding_0;
-    uint padding_1;
+    uint row;                   // of kind MATERIAL_BY_ROW: which pair of material_rows it has
 } Material;
 
 typedef struct {
@@ -129,9 +129,9 @@ typedef struct {
 #define PRIMITIVE_ROW_NORMAL 4          // disk: unit normal; sphere: 0
 #define PRIMITIVE_ROW_FACING 7          // sphere: +1 front outside, -1 front inside
 #define PRIMITIVE_ROW_COLOR 9           // reflectance
+#define PRIMITIVE_ROW_MATERIAL 9        // bits, in its place of MATERIAL_BY_ROW: which pair of rows
 #define PRIMITIVE_ROW_ABSORPTION 12     // probability that the absorption roulette ends a path here
 #define PRIMITIVE_ROW_IOR 13            // index behind the front over index before it
-#define PRIMITIVE_ROW_MATERIAL 13       // bits, in its place for kinds of material that have rows: which row
 #define PRIMITIVE_ROW_LIGHT 14          // bits: index of the light it is, or NONE
 #define PRIMITIVE_ROW_KIND 15           // bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on
 

@@ -76,12 +76,12 @@ def flat_materials(scene: Scene) -> MaterialArrays:
         default = 0.0 if _passes(scene, material) else min(1.0 - max(color), _MOST_ABSORPTION)
         row["color"] = (*color, default if material.absorption is None else material.absorption)
         row["kind"] = _KINDS[type(material)]
-        row["ior"] = material.ior / material.exterior_ior if isinstance(material, Dielectric) else 1.0
+        row["ior"] = _index(material)
         if by_row:
             _put(rows[number], KIND=_bits(int(row["kind"])), COLOR=color, IOR=float(row["ior"]), FLAGS=_bits(0))
             _fill(material, rows[number], numbers)
         if has_row(material):
-            row["kind"], row["ior"] = layout.MATERIAL_BY_ROW, _bits(number)
+            row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
     if black:
         materials[-1]["kind"], materials[-1]["ior"] = layout.MATERIAL_LAMBERT, 1.0
         materials[-1]["color"] = (0.0, 0.0, 0.0, _MOST_ABSORPTION)
@@ -107,6 +107,13 @@ def _bits(number: int) -> np.float32:
 def _put(row: _Row, **of: Any) -> None:
     for name, value in of.items():
         row[_COLUMNS[name]] = value
+
+
+def _index(material: Material) -> float:
+    """Of refraction behind the front over that before it."""
+    if isinstance(material, Dielectric):
+        return material.ior / material.exterior_ior
+    return material.ior if isinstance(material, Principled) else 1.0
 
 
 def _passes(scene: Scene, material: Material) -> bool:
@@ -174,7 +181,6 @@ def _(material: Principled, row: _Row, _numbers: dict[str, int]) -> None:
         row,
         ROUGHNESS=material.roughness,
         METALLIC=material.metallic,
-        IOR=material.ior,
         TRANSMISSION=material.transmission,
         SPECULAR=material.specular,
         SPECULAR_COLOR=material.specular_color,

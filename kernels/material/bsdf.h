@@ -72,8 +72,7 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
     b->color = choose(black, vec3_all(0.0f), p.color);
     b->kind = black ? splat_uint(MATERIAL_LAMBERT) : p.kind;
     b->thin = by_row & parameters_flag(&p, MATERIAL_FLAG_THIN);
-    const vfloat eta = s->front ? p.ior : splat(1.0f) / p.ior;
-    b->eta = b->thin ? splat(1.0f) : by_row ? eta : b->eta;
+    b->eta = b->thin ? splat(1.0f) : s->front ? p.ior : splat(1.0f) / p.ior;
     const vmask delta = (b->kind == MATERIAL_MIRROR) | (b->kind == MATERIAL_DIELECTRIC) | (b->kind == MATERIAL_CONDUCTOR);
     b->specular = delta & !b->closure.there;
 }

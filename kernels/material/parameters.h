@@ -28,9 +28,11 @@ static vuint parameters_hash(vec3 point, vec3 direction) {
 
 // Of mixed materials one is met, as often as its weight says: which, is a function of the point and of the ray that arrives there (as
 // PBR 4ed, 10.5.1 does), so that all that happens at a vertex happens to one material. `first` is the row of each lane's material.
-static void parameters_unmix(const Scene* scene, vec3 point, vec3 direction, vmask has_row, vuint* row, vfloat first[16]) {
+// Returns where there was a choice.
+static vmask parameters_unmix(const Scene* scene, vec3 point, vec3 direction, vmask has_row, vuint* row, vfloat first[16]) {
     vmask mixed = has_row & (vfloat_bits(first[MATERIAL_ROW_KIND]) == MATERIAL_MIX);
-    if (!lane_any(mixed)) return;
+    const vmask mixtures = mixed;
+    if (!lane_any(mixed)) return mixtures;
     vfloat u = unit_interval(parameters_hash(point, direction));
     while (lane_any(mixed)) {
         const vfloat weight = first[MATERIAL_ROW_WEIGHT];
@@ -42,15 +44,16 @@ static void parameters_unmix(const Scene* scene, vec3 point, vec3 direction, vma
         lane_rows(scene->material_rows, *row * 2u, first);
         mixed = has_row & (vfloat_bits(first[MATERIAL_ROW_KIND]) == MATERIAL_MIX);
     }
+    return mixtures;
 }
 
 // `direction`: of the ray that arrives. Lanes whose material has no row get their kind, colour and index; the rest says nothing there.
 static Parameters material_at(const Scene* scene, const Surface* s, vec3 direction) {
     const vmask has_row = s->kind == MATERIAL_BY_ROW;
-    vuint row = has_row ? vfloat_bits(s->ior) : splat_uint(0u);
+    vuint row = has_row ? vfloat_bits(s->color.x) : splat_uint(0u);
     vfloat a[16], b[16];
     lane_rows(scene->material_rows, row * 2u, a);
-    parameters_unmix(scene, s->point, direction, has_row, &row, a);
+    const vmask mixed = parameters_unmix(scene, s->point, direction, has_row, &row, a);
     lane_rows(scene->material_rows, row * 2u + 1u, b);
     Parameters p;
     p.kind = has_row ? vfloat_bits(a[MATERIAL_ROW_KIND]) : s->kind;
@@ -58,7 +61,7 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     p.color = choose(has_row, vec3_row(a, MATERIAL_ROW_COLOR), s->color);
     p.roughness = has_row ? a[MATERIAL_ROW_ROUGHNESS] : splat(0.0f);
     p.metallic = a[MATERIAL_ROW_METALLIC];
-    p.ior = has_row ? a[MATERIAL_ROW_IOR] : s->ior;
+    p.ior = mixed ? a[MATERIAL_ROW_IOR] : s->ior;      // of one material, what the integrator takes it for
     p.transmission = a[MATERIAL_ROW_TRANSMISSION];
     p.specular = a[MATERIAL_ROW_SPECULAR];
     p.specular_color = vec3_row(a, MATERIAL_ROW_SPECULAR_COLOR);

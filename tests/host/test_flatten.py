@@ -422,7 +422,8 @@ def test_materials_that_need_them_have_rows() -> None:
     arrays = flatten(scenes.Scene.model_validate(described), 8, 8).arrays
     materials, rows = arrays["materials"], arrays["material_rows"].reshape(-1, 32)
     assert materials["kind"].tolist() == [0, *[layout.MATERIAL_BY_ROW] * 5, 2, layout.MATERIAL_BY_ROW]
-    assert [materials["ior"].view(np.uint32)[i] for i in (1, 2, 3, 4, 5, 7)] == [1, 2, 3, 4, 5, 7]
+    assert materials["row"].tolist() == [0, 1, 2, 3, 4, 5, 0, 7]
+    assert materials["ior"].tolist() == pytest.approx([1, 1, 1, 1.25, 1, 1, 1.5, 1.5])
     assert rows[:, 0].view(np.uint32).tolist() == [0, 4, 3, 2, 0, 6, 2, 5]
     assert rows[[1, 3, 7], 4].tolist() == pytest.approx([0.5, 0.4, 0.5])
     assert rows[2, 12] == 0.75 and rows[3, 6] == pytest.approx(1.25) and rows[7, 13] == 0.5

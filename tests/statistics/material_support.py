@@ -94,7 +94,8 @@ def run(
     arrays = (numbers, flat.arrays["material_rows"], flat.arrays["albedo_tables"])
     buffers = [device.upload(np.ascontiguousarray(array)) for array in arrays]
     results = device.empty(4 * outputs * count)
-    given = [*buffers, np.uint32(0), np.uint32(front), *more, np.uint32(count), results]
+    ior = flat.arrays["materials"]["ior"][0]
+    given = [*buffers, np.float32(ior), np.uint32(front), *more, np.uint32(count), results]
     device.launch(device.program(SOURCE, {"LANES": LANES}), kernel, count // LANES, 16, given)
     out = np.empty((outputs, count), np.float32)
     device.read(results, out)

@@ -2,8 +2,8 @@
 #define MATERIALS
 #include "material/bsdf.h"
 
-// `material`: row of the material's parameters. `front`: seen from the front.
-static Bsdf material_bsdf(__global const float* material_rows, __global const float* albedo_tables, uint material, uint front, vec3 wo) {
+// The material is that of the first rows. `ior`: of it. `front`: seen from the front.
+static Bsdf material_bsdf(__global const float* material_rows, __global const float* albedo_tables, float ior, uint front, vec3 wo) {
     Scene scene;
     scene.material_rows = material_rows;
     scene.albedo_tables = albedo_tables;
@@ -12,17 +12,17 @@ static Bsdf material_bsdf(__global const float* material_rows, __global const fl
     s.front = front ? mask_all() : mask_none();
     s.normal = s.shading = vec3_of(splat(0.0f), splat(0.0f), splat(front ? 1.0f : -1.0f));
     s.color = vec3_all(0.0f);
-    s.ior = vfloat_from_bits(splat_uint(material));
+    s.ior = splat(ior);
     s.kind = splat_uint(MATERIAL_BY_ROW);
     return bsdf_at(&scene, &s, negate(wo));
 }
 
 // bits: uint [2][count]. results: float [8][count]: direction, weight and density of a sample, and what of the weight is due to eta.
 __kernel void material_sample(__global const float* bits, __global const float* material_rows, __global const float* albedo_tables,
-                              uint material, uint front, float4 wo, uint count, __global float* results) {
+                              float ior, uint front, float4 wo, uint count, __global float* results) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
-    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, material, front, vec3_from(wo));
+    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, ior, front, vec3_from(wo));
     const BsdfSample s = bsdf_sample(&bsdf, vfloat_bits(lane_load(bits + at)), vfloat_bits(lane_load(bits + count + at)));
     const vfloat world = inner(s.direction, bsdf.side), squeezed = world < 0.0f ? splat(1.0f) / (bsdf.eta * bsdf.eta) : splat(1.0f);
     const vfloat out[8] = {s.direction.x, s.direction.y, s.direction.z, s.weight.x, s.weight.y, s.weight.z, s.pdf, squeezed};
@@ -31,12 +31,12 @@ __kernel void material_sample(__global const float* bits, __global const float* 
 
 // directions: float [6][count], wo and wi. results: float [7][count]: f |cosθ|, the density of wi, and the albedo of wo.
 __kernel void material_eval(__global const float* directions, __global const float* material_rows, __global const float* albedo_tables,
-                            uint material, uint front, uint count, __global float* results) {
+                            float ior, uint front, uint count, __global float* results) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
     vfloat in[6];
     for (int k = 0; k < 6; ++k) in[k] = lane_load(directions + (size_t)k * count + at);
-    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, material, front, vec3_of(in[0], in[1], in[2]));
+    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, ior, front, vec3_of(in[0], in[1], in[2]));
     vfloat pdf;
     const vec3 f = bsdf_eval(&bsdf, vec3_of(in[3], in[4], in[5]), &pdf), albedo = bsdf_albedo(&bsdf);
     const vfloat out[7] = {f.x, f.y, f.z, pdf, albedo.x, albedo.y, albedo.z};

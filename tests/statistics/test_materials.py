@@ -54,11 +54,13 @@ BOUNDED = {
     "coat on half metal": principled(0.1, metallic=0.5, coat=0.5, diffuse_roughness=0.5),
     **{f"sheen {r}": principled(0.3, sheen_color=WHITE, sheen_roughness=r) for r in (0.1, 0.4, 1.0)},
     "sheen alone": principled(0.3, sheen_color=WHITE, sheen_roughness=0.2, base_color=(0.0, 0.0, 0.0), specular=0.0),
-    "sheen and coat": principled(0.3, sheen_color=WHITE, sheen_roughness=0.6, coat=1.0, diffuse_roughness=1.0),
+    "sheen and coat": principled(
+        0.3, sheen_color=WHITE, sheen_roughness=0.6, coat=1.0, coat_roughness=0.6, diffuse_roughness=1.0
+    ),
     "rough plastic": principled(0.05, diffuse_roughness=1.0),
     "rough plastic, ior 2.5": principled(0.3, diffuse_roughness=1.0, ior=2.5),
-    "blend": principled(0.2, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.3, sheen_color=WHITE),
-    "blend, thin": principled(0.2, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.3, thin=True),
+    "blend": principled(0.2, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, sheen_color=WHITE),
+    "blend, thin": principled(0.2, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, thin=True),
 }
 """White materials that may lose some, and gain nothing."""
 ANISOTROPIC = {

@@ -72,11 +72,13 @@ def test_mitsuba_microfacets(device: Device) -> None:
     np.testing.assert_allclose(facets(device, around, (0.1, 0.3))[1], numbers(G1_TURNS), atol=1e-5)
     np.testing.assert_allclose(facets(device, around, (0.1, 0.1))[1], 0.46130955, atol=1e-5)
     m = np.array(NORMALS)
-    # Where it is steep, D of the direction as printed, to 5e-9, is not known better
-    np.testing.assert_allclose(facets(device, m, (0.1, 0.3))[0] * m[:, 2], numbers(D_TIMES_COSINE), rtol=1e-5)
+    density = 1.0 / (0.03 * math.pi * ((m[:, 0] / 0.1) ** 2 + (m[:, 1] / 0.3) ** 2 + m[:, 2] ** 2) ** 2)
+    np.testing.assert_allclose(facets(device, m, (0.1, 0.3))[0], density, rtol=1e-6)
+    # Of the table itself single precision has left the exact density by 1.05e-5 in one place
+    np.testing.assert_allclose(density * m[:, 2], numbers(D_TIMES_COSINE), rtol=1.1e-5)
 
 
-def turned(x: float, y: float) -> dict[str, float]:
+def turned(x: float, y: float) -> dict[str, Any]:
     """The parameters that make alpha x along x and y along y, x the larger."""
     return {"alpha": y, "anisotropy": math.sqrt((x - y) / (1.0 - y))}
 
@@ -86,7 +88,7 @@ def glass(alpha: float, **of: Any) -> dict[str, Any]:
 
 
 GGX5, X3, Y15 = math.sqrt(0.5), math.sqrt(0.3), math.sqrt(0.15)
-SOME = {"eta": [2.0] * 3, "k": [4.0] * 3}
+SOME: dict[str, Any] = {"eta": [2.0] * 3, "k": [4.0] * 3}
 PBRT: dict[str, tuple[dict[str, Any], bool]] = {
     "Lambertian": (oren_nayar(0.0), True),
     "conductor, rough 0.5": (conductor(GGX5, **SOME), True),
@@ -117,10 +119,13 @@ MITSUBA: dict[str, tuple[dict[str, Any], bool, tuple[float, float, float]]] = {
 
 
 def judge(evidence: Evidence, device: Device, name: str, material: dict[str, Any], front: bool, wo: Floats) -> None:
-    """χ² over pbrt's cells: 80 over the cosine, 160 around; a million samples."""
+    """χ² over pbrt's cells: 80 over the cosine, 160 around; a million samples.
+
+    Of a horizontal direction the density is steep at the horizon, and is integrated over more points.
+    """
     cells = (80, 160)
     wi, weight, _ = sampled(device, material, wo, 900, 2**20, front=front)
-    expected = chances(device, material, wo, cells, 16, front=front)
+    expected = chances(device, material, wo, cells, 16 if wo[2] > 0.01 else 48, front=front)
     counts, lost = counted(wi, weight, cells)
     both = np.append(expected.ravel(), max(1.0 - expected.sum(), 0.0))
     evidence.histogram(name, np.append(counts, lost), both / both.sum())
