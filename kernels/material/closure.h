@@ -144,9 +144,8 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
         const vfloat metallic = p->kind == MATERIAL_CONDUCTOR ? splat(1.0f) : p->metallic;
         c->reflection.missing = splat(1.0f) - all;
         c->reflection.multiple = scale(reflection_multiple(average, lost), metallic);
-        const vec3 schlick = along(scale(c->reflection.f0, all), sub(c->reflection.f90, c->reflection.f0), all * grazing);
-        const vec3 single = choose(c->reflection.measured, scale(reflection_fresnel(&c->reflection, wo.z), all), schlick);
-        reflected = choose(c->reflection.there, single, reflected);
+        const vec3 f0 = choose(c->reflection.measured, p->color, c->reflection.f0), f90 = choose(c->reflection.measured, vec3_all(1.0f), c->reflection.f90);
+        reflected = choose(c->reflection.there, along(scale(f0, all), sub(f90, f0), all * grazing), reflected);
         spread = choose(c->reflection.there, scale(c->reflection.multiple, c->reflection.missing * lost * PI), spread);
         if (lane_any(c->diffuse.there & c->diffuse.covered)) {
             diffuse_cover(&c->diffuse, c->tables, c->facets.mean, splat(1.0f) - lost, all, grazing);

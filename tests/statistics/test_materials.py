@@ -59,8 +59,8 @@ BOUNDED = {
     ),
     "rough plastic": principled(0.05, diffuse_roughness=1.0),
     "rough plastic, ior 2.5": principled(0.3, diffuse_roughness=1.0, ior=2.5),
-    "blend": principled(0.2, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, sheen_color=WHITE),
-    "blend, thin": principled(0.2, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, thin=True),
+    "blend": principled(0.4, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, sheen_color=WHITE),
+    "blend, thin": principled(0.4, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, thin=True),
 }
 """White materials that may lose some, and gain nothing."""
 ANISOTROPIC = {
