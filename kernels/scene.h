@@ -9,9 +9,9 @@
 #define SCENE_ARRAYS(X)                                                                                                     \
     X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal, facing; then what it is made of */        \
     X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
-    X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row */                         \
+    X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row: two each */               \
+    X(float, albedo_tables)  /* how much light the lobes of rough materials reflect: material/albedo.h */                        \
     X(float, media_rows)     /* of dielectrics, where paths carry a list of them: material/interior.h */                            \
-    X(float, ggx_albedo)     /* share of light that GGX reflects at first: material/ggx.h */                                     \
     X(float, attribute_rows) /* of primitives with textures: texture coordinates, and which textures; else one row */          \
     X(float, texture_rows)   /* of each texture: which picture, and how it lies */                                             \
     X(float, texture_slots)  /* of each material: which textures stand for its parameters */                                   \

@@ -23,7 +23,7 @@ _WORK_GROUP = 16
 LARGEST_PAGE = 1 << 36
 _PAGES = 4
 _AS_THEY_ARE = (
-    *("material_rows", "media_rows", "ggx_albedo", "light_nodes", "light_order", "environment_map"),
+    *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
     *("attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Arrays of the host that the kernels read as such."""
@@ -87,8 +87,8 @@ class SceneArrays:
     buffers : dict of str to Buffer
         By the names of ``kernels/scene.h``, but for ``settings``, which belongs to a render.
     tree : bvh.Bvh
-    rough : bool
-        Whether some material needs the kernels' rough ones.
+    materials : bool
+        Whether some material has rows of its own, so that the kernels need all lobes.
     environment_map : bool
         Whether the environment has a picture.
     interiors : bool
@@ -113,7 +113,7 @@ class SceneArrays:
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
         self.tree = tree or bvh.build(device, source)
-        self.rough = len(scene.arrays["ggx_albedo"]) > 1
+        self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
         self.interiors = len(scene.arrays["media_rows"]) > 1
         self.textured = len(scene.arrays["attribute_rows"]) > 1 or bool(scene.arrays["attribute_rows"].any())

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine
+from clrender.scene.materials import material_textures
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
-from clrender.scene.textures import textures_of
 from clrender.scene.values import Vector, cross, length
 from clrender.scene.wording import quoted
 
@@ -25,7 +25,7 @@ _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)
 
 def is_textured(scene: Scene, shape: Shape) -> bool:
     """Whether the material of a shape has textures."""
-    return shape.material is not None and any(textures_of(scene.materials[shape.material]))
+    return shape.material is not None and any(material_textures(scene.materials, shape.material))
 
 
 def triangle_attributes(
@@ -57,7 +57,7 @@ def triangle_attributes(
     shape = scene.shapes[index]
     assert shape.material is not None
     sets = (corner_uvs(shape, mesh), mesh.uvs_1)
-    for key, texture in textures_of(scene.materials[shape.material]):
+    for key, texture in material_textures(scene.materials, shape.material):
         if sets[texture.uv_set] is None:
             which = "texture coordinates" if texture.uv_set == 0 else "second set of texture coordinates (uvs_1)"
             text = f"has no {which}, which {key} of the material {quoted(shape.material)} needs"

@@ -16,6 +16,7 @@ from clrender.errors import SceneError
 from clrender.image.tone_map import srgb_decode
 from clrender.scene.angles import sin_cos_degrees
 from clrender.scene.description import Scene
+from clrender.scene.materials import OrenNayar
 from clrender.scene.texels import StoredPicture
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
 from clrender.scene.values import Vector
@@ -25,12 +26,13 @@ __all__ = ["SLOTS", "FlatTextures", "flat_textures"]
 
 SLOTS: Final[Mapping[str, int]] = {
     "reflectance": layout.TEXTURE_SLOTS["BASE_COLOR"],
+    "f0": layout.TEXTURE_SLOTS["BASE_COLOR"],
     "normal_map": layout.TEXTURE_SLOTS["NORMAL"],
     "bump_map": layout.TEXTURE_SLOTS["BUMP"],
     **{name.lower(): slot for name, slot in layout.TEXTURE_SLOTS.items()},
 }
 """Which column of a row of textures a key of a material is."""
-_COLORS: Final = ("reflectance", "base_color", "specular_color", "sheen_color")
+_COLORS: Final = ("reflectance", "f0", "base_color", "specular_color", "sheen_color")
 """Keys that hold colours; a file's 8 or 16 bits are sRGB there if nothing else is said."""
 
 
@@ -77,7 +79,8 @@ def flat_textures(scene: Scene) -> FlatTextures:
             if srgb and picture.coding in ("half", "float"):
                 where = f"{scene.source}: {place(('materials', name, key, 'color_space'))}"
                 raise SceneError(f'{where} is "srgb", but the picture holds linear light; leave it out')
-            slots[number, SLOTS[key]] = len(rows)
+            of_diffuse = isinstance(material, OrenNayar) and key == "roughness"
+            slots[number, SLOTS["diffuse_roughness" if of_diffuse else key]] = len(rows)
             rows.append(_row(texture, picture, key, values.of(picture.coding, srgb), values.of(picture.coding, False)))
     sha256 = hashlib.sha256("".join(each.sha256 for each in store.pictures.values()).encode()).hexdigest()
     whole = np.array(rows, np.float32) if rows else np.zeros((1, 16), np.float32)

@@ -12,9 +12,10 @@ typedef struct {
     vfloat texture[16];
 } TextureSlots;
 
-static TextureSlots parameter_slots(const Scene* scene, const Attributes* a) {
+// `material`: the number of each lane's material.
+static TextureSlots parameter_slots(const Scene* scene, const Attributes* a, vuint material) {
     TextureSlots slots;
-    lane_rows(scene->texture_slots, a->textured ? vfloat_bits(a->row[ATTRIBUTE_ROW_SLOTS]) : splat_uint(0u), slots.texture);
+    lane_rows(scene->texture_slots, a->textured ? material : splat_uint(0u), slots.texture);
     return slots;
 }
 

@@ -145,8 +145,11 @@ def scene(run: Run, folder: Path) -> FlatScene:
         {"type": "mesh", "file": "ball.obj", "material": "matt"},
     ]
     rough = {
-        "matt": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
-        "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4},
+        "clay": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
+        "paint": {"type": "principled", "coat": 0.5, "sheen_color": color, "transmission": 0.3, "metallic": 0.2},
+        "matt": {"type": "mix", "materials": ("clay", "paint")},
+        "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4, "anisotropy": 0.5},
+        "glass": {"type": "dielectric", "ior": 1.5, "roughness": 0.4},
     }
     if run.interiors:
         shapes += [

@@ -163,3 +163,56 @@ def test_layers_show_textures(device: Device, tmp_path: Path) -> None:
     image = clrender.render(what, device=device, size=(8, 8), spp=4, aov=["albedo"])
     odd = (np.arange(8)[None, :] + np.arange(8)[::-1, None]) % 2 == 1
     np.testing.assert_allclose(image.aovs["albedo"], np.where(odd[..., None], light, dark), rtol=1e-6)
+
+
+@pytest.mark.parametrize("each", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_every_parameter_may_be_a_texture(device: Device, tmp_path: Path, each: bool) -> None:
+    """Ramps of one value give the bits of the constant, and other textures do not; also below mixtures."""
+    principled: dict[str, Any] = {
+        "base_color": [0.75, 0.5, 0.25],
+        "metallic": 0.25,
+        "roughness": 0.375,
+        "specular": 0.5,
+        "specular_color": [1.0, 0.75, 0.5],
+        "transmission": 0.25,
+        "diffuse_roughness": 0.5,
+        "coat": 0.75,
+        "coat_roughness": 0.25,
+        "sheen_color": [0.25, 0.25, 0.5],
+        "sheen_roughness": 0.5,
+        "anisotropy": 0.5,
+    }
+    others: dict[str, dict[str, Any]] = {
+        "n": {"type": "conductor", "f0": [0.75, 0.5, 0.25], "roughness": 0.25, "anisotropy": 0.25},
+        "o": {"type": "oren_nayar", "reflectance": [0.5, 0.25, 0.75], "roughness": 0.5},
+        "p": {"type": "dielectric", "ior": 1.5, "roughness": 0.5},
+        "q": {"type": "mirror", "reflectance": [0.5, 0.75, 0.25]},
+        "r": {"type": "mix", "materials": ["o", "n"], "weight": 0.25},
+    }
+    shapes = [sphere([i % 3 - 1, 0.5 - i // 3, 0], 0.45, material=name) for i, name in enumerate("mnopqr")]
+    sky = [{"type": "environment", "radiance": [1.0, 0.75, 0.5]}, {**SUN, "direction": [0.3, -1, -1]}]
+    camera = {"position": [0, 0, 5], "target": [0, 0, 0], "vertical_fov": 28.0}
+
+    def ramp(value: Any) -> dict[str, Any]:
+        return {"ramp": [value, value]}
+
+    def shown(changed: Any, keys: set[str]) -> str:
+        def of(material: dict[str, Any]) -> dict[str, Any]:
+            fixed = {"type", "ior", "materials"}
+            return {key: changed(value) if key in keys - fixed else value for key, value in material.items()}
+
+        materials = {name: of(other) for name, other in others.items()}
+        what = scene(
+            shapes, of({"type": "principled", **principled}), tmp_path, camera, lights=sky, materials=materials
+        )
+        image = clrender.render(what, device=device, size=(48, 32), spp=4)
+        assert image.stats["nonfinite_samples"] == 0
+        return str(image.stats["image_sha256"])
+
+    keys = {*principled, "reflectance", "f0", "weight"}
+    constant = shown(lambda value: value, keys)
+    assert shown(ramp, keys) == constant
+    if not each:
+        return
+    apart = {key: shown(lambda value: {"checker": [0.0, 1.0], "size": 0.1}, {key}) for key in keys}
+    assert len({constant, *apart.values()}) == len(keys) + 1
