@@ -14,6 +14,10 @@
 #ifdef MATERIALS
 #include "material/closure.h"
 #endif
+#ifdef TEXTURES
+#include "texture/normal_map.h"
+#include "texture/parameter.h"
+#endif
 
 typedef struct {
     Frame frame;         // around the shading normal, on the side of wo
