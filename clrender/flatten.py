@@ -7,7 +7,7 @@ import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,34 +18,23 @@ from clrender.scene.angles import tan_degrees
 from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (
     Camera,
-    Conductor,
-    Dielectric,
     DirectionalLight,
-    Lambert,
-    Material,
-    Mirror,
-    OrenNayar,
     PointLight,
     Scene,
 )
 from clrender.scene.interiors import media_around, packed
 from clrender.scene.lights import flat_environment, flat_lights
+from clrender.scene.material_rows import flat_materials
+from clrender.scene.materials import Dielectric
 from clrender.scene.media import scene_media
-from clrender.scene.microfacets import SMOOTH_BELOW, fresnel, ggx_albedos, multiple_scale
+from clrender.scene.microfacets import albedo_tables
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
+from clrender.scene.texture_rows import flat_textures
 from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
 
 __all__ = ["FlatScene", "flatten", "scene_origin"]
 
 _Rows: TypeAlias = NDArray[np.void]
-_MOST_ABSORPTION: Final = 0.999
-_KINDS: Final[Mapping[type, int]] = {
-    Lambert: layout.MATERIAL_LAMBERT,
-    Mirror: layout.MATERIAL_MIRROR,
-    Dielectric: layout.MATERIAL_DIELECTRIC,
-    OrenNayar: layout.MATERIAL_OREN_NAYAR,
-    Conductor: layout.MATERIAL_CONDUCTOR,
-}
 
 
 @dataclass(frozen=True)
@@ -58,8 +47,10 @@ class FlatScene:
         ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
-        ``material_rows`` (M, 16) float32, ``media_rows`` (N, 16) float32, of one row where paths need no account of
-        what they are inside of, and ``ggx_albedo`` (N,) float32, one zero where no material is rough;
+        ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
+        ``media_rows`` (N, 16) float32, of one row where paths need no account of what they are inside of;
+        ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
+        ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
         ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
         (N,) uint32, the tree of lights; ``environment_map`` (N,) float32, one zero where the environment has no
         picture. Little-endian, C-contiguous.
@@ -157,7 +148,8 @@ def flatten(
     around = flat_environment(scene)
     lights, environment, tree = flat_lights(scene, surfaces, around.radiance, light_sampler)
     triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
-    rough = any(isinstance(material, OrenNayar | Conductor) for material in scene.materials.values())
+    textures = flat_textures(scene)
+    materials = flat_materials(scene, media.of_material)
     arrays = {
         "vertices": _padded(surfaces.vertices),
         "normals": _padded(surfaces.normals),
@@ -165,10 +157,15 @@ def flatten(
         "analytic_shapes": _padded(surfaces.analytic_shapes),
         "primitive_shape": _padded(surfaces.primitive_shape),
         "shapes": _padded(surfaces.shapes),
-        "materials": _padded(_materials(scene, media.of_material)),
-        "material_rows": _material_rows(scene),
+        "materials": _padded(materials.materials),
+        "material_rows": materials.rows,
+        "albedo_tables": albedo_tables() if materials.by_row else np.zeros(1, np.float32),
         "media_rows": media.rows,
-        "ggx_albedo": ggx_albedos().reshape(-1) if rough else np.zeros(1, np.float32),
+        "attribute_rows": _padded(surfaces.attributes),
+        "texture_rows": textures.rows,
+        "texture_slots": textures.slots,
+        "texel_values": textures.values,
+        "texels": textures.texels,
         "lights": _padded(lights),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
@@ -177,7 +174,10 @@ def flatten(
     digest = hashlib.sha256(f"{environment} {triangle_count} {analytic_count} {light_count}".encode())
     for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
-        digest.update(array.reshape(-1).view(np.uint8).data)
+        if name == "texels":
+            digest.update(textures.sha256.encode())  # they may be many, and are hashed already
+        else:
+            digest.update(array.reshape(-1).view(np.uint8).data)
     return FlatScene(
         arrays=arrays,
         camera=_surrounded(camera, arrays, triangle_count, scene.camera, origin),
@@ -239,50 +239,6 @@ def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count
 def _padded(array: NDArray[Any]) -> NDArray[Any]:
     """The array, or one row of zeros in its place: OpenCL knows no empty buffer."""
     return np.ascontiguousarray(array) if len(array) else np.zeros((1, *array.shape[1:]), dtype=array.dtype)
-
-
-def _materials(scene: Scene, medium_of: Mapping[str, int]) -> _Rows:
-    """The named materials in order, then black if a shape has none."""
-    black = any(shape.material is None for shape in scene.shapes)
-    rows = np.zeros(len(scene.materials) + black, dtype=layout.dtype("Material"))
-    for number, (name, material) in enumerate(scene.materials.items()):
-        row = rows[number]
-        row["medium"] = medium_of.get(name, 0)
-        color = _color(material)
-        default = 0.0 if isinstance(material, Dielectric) else min(1.0 - max(color), _MOST_ABSORPTION)
-        row["color"] = (*color, default if material.absorption is None else material.absorption)
-        row["kind"] = _KINDS[type(material)]
-        row["ior"] = material.ior / material.exterior_ior if isinstance(material, Dielectric) else 1.0
-        if row["kind"] >= layout.MATERIAL_OREN_NAYAR:
-            row["ior"] = np.uint32(number).view(np.float32)  # PRIMITIVE_ROW_MATERIAL
-    if black:
-        rows[-1]["kind"], rows[-1]["ior"] = layout.MATERIAL_LAMBERT, 1.0
-        rows[-1]["color"] = (0.0, 0.0, 0.0, _MOST_ABSORPTION)
-    return rows
-
-
-def _color(material: Material) -> Vector:
-    """What share of light it reflects, as far as one colour can say: of a metal, straight back."""
-    if isinstance(material, Dielectric):
-        return (1.0, 1.0, 1.0)
-    if isinstance(material, Conductor):
-        red, green, blue = (fresnel(1.0, eta, k) for eta, k in zip(*material.index, strict=True))
-        return (red, green, blue)
-    return material.reflectance
-
-
-def _material_rows(scene: Scene) -> NDArray[np.float32]:
-    """MATERIAL_ROW_* of `kernels/types.h`, one for each named material."""
-    rows = np.zeros((max(len(scene.materials), 1), 16), np.float32)
-    for row, material in zip(rows, scene.materials.values(), strict=False):
-        if isinstance(material, OrenNayar):
-            row[0] = material.roughness
-        if isinstance(material, Conductor):
-            alpha = material.roughness * material.roughness
-            row[1:4], row[4:7] = material.index
-            if alpha >= SMOOTH_BELOW:
-                row[0], row[7:10] = alpha, multiple_scale(*material.index, alpha)
-    return rows
 
 
 def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:

@@ -13,31 +13,68 @@ from typing import Final
 import numpy as np
 
 __all__ = [
+    "ALBEDO_END",
+    "ALBEDO_GGX",
+    "ALBEDO_GGX_LOST",
+    "ALBEDO_GGX_SCHLICK",
+    "ALBEDO_GLASS",
+    "ALBEDO_GLASS_LOST",
+    "ALBEDO_SCHLICK",
+    "ALBEDO_SHEEN",
+    "ALBEDO_SHEEN_MEAN",
+    "ALBEDO_SHEEN_SCALE",
+    "ALBEDO_TURNED",
+    "ALBEDO_TURNED_LOST",
     "CONSTANTS",
     "FIRST_HIT_ALBEDO",
     "FIRST_HIT_DEPTH",
     "FIRST_HIT_NORMAL",
     "FIRST_HIT_POSITION",
     "FIRST_HIT_PRIMITIVE",
-    "GGX_TABLE_SIZE",
+    "GGX_COLUMNS",
+    "GGX_ROWS",
+    "GLASS_COLUMNS",
+    "GLASS_LAYERS",
+    "GLASS_ROWS",
     "LIGHT_AREA_DISK",
     "LIGHT_AREA_SPHERE",
     "LIGHT_AREA_TRIANGLE",
     "LIGHT_DIRECTIONAL",
     "LIGHT_ENVIRONMENT",
     "LIGHT_POINT",
+    "MATERIAL_BY_ROW",
     "MATERIAL_CONDUCTOR",
     "MATERIAL_DIELECTRIC",
+    "MATERIAL_FLAG_ONE_SIDED",
+    "MATERIAL_FLAG_SCHLICK",
+    "MATERIAL_FLAG_THIN",
     "MATERIAL_LAMBERT",
     "MATERIAL_MIRROR",
+    "MATERIAL_MIX",
     "MATERIAL_OREN_NAYAR",
+    "MATERIAL_PRINCIPLED",
     "NONE",
     "ROULETTE_ABSORPTION",
     "ROULETTE_NONE",
     "ROULETTE_THROUGHPUT",
     "ROWS",
+    "SCHLICK_COLUMNS",
+    "SCHLICK_ROWS",
     "SHAPE_SMOOTH",
+    "SHAPE_TEXTURED",
+    "SHEEN_COLUMNS",
+    "SHEEN_ROWS",
     "STRUCTS",
+    "TEXEL_FLOAT",
+    "TEXEL_FOUR",
+    "TEXTURE_CHANNELS",
+    "TEXTURE_FILTERS",
+    "TEXTURE_SLOTS",
+    "TEXTURE_WRAPS",
+    "TURNED_COLUMNS",
+    "TURNED_ROWS",
+    "TURNED_STRENGTHS",
+    "TURNED_TURNS",
     "dtype",
     "types_header",
 ]
@@ -50,9 +87,44 @@ MATERIAL_MIRROR: Final = 1
 MATERIAL_DIELECTRIC: Final = 2
 MATERIAL_OREN_NAYAR: Final = 3
 MATERIAL_CONDUCTOR: Final = 4
+MATERIAL_PRINCIPLED: Final = 5
+MATERIAL_MIX: Final = 6
+MATERIAL_BY_ROW: Final = 7
+"""Kind of a primitive's material that has rows of its own, of which the first says the kind."""
 
-GGX_TABLE_SIZE: Final = 48
-"""Rows and columns of the table of GGX albedos (`clrender.scene.microfacets`)."""
+MATERIAL_FLAG_THIN: Final = 1
+MATERIAL_FLAG_ONE_SIDED: Final = 2
+MATERIAL_FLAG_SCHLICK: Final = 4
+"""Flags of a material's row: a wall without thickness; black from behind; a metal by its colour, not by eta and k."""
+
+GGX_ROWS: Final = 48
+GGX_COLUMNS: Final = 48
+SCHLICK_ROWS: Final = 32
+SCHLICK_COLUMNS: Final = 48
+TURNED_STRENGTHS: Final = 9
+TURNED_ROWS: Final = 12
+TURNED_TURNS: Final = 5
+TURNED_COLUMNS: Final = 24
+GLASS_LAYERS: Final = 24
+GLASS_ROWS: Final = 32
+GLASS_COLUMNS: Final = 48
+SHEEN_ROWS: Final = 32
+SHEEN_COLUMNS: Final = 32
+"""Sizes of the tables of albedos (``scripts/albedo_tables.py``)."""
+
+ALBEDO_GGX: Final = 0
+ALBEDO_SCHLICK: Final = ALBEDO_GGX + GGX_ROWS * (GGX_COLUMNS - 1)
+ALBEDO_GGX_LOST: Final = ALBEDO_SCHLICK + SCHLICK_ROWS * (SCHLICK_COLUMNS - 1)
+ALBEDO_GGX_SCHLICK: Final = ALBEDO_GGX_LOST + GGX_ROWS
+ALBEDO_TURNED: Final = ALBEDO_GGX_SCHLICK + GGX_ROWS
+ALBEDO_TURNED_LOST: Final = ALBEDO_TURNED + TURNED_STRENGTHS * TURNED_ROWS * TURNED_TURNS * (TURNED_COLUMNS - 1)
+ALBEDO_GLASS: Final = ALBEDO_TURNED_LOST + TURNED_STRENGTHS * TURNED_ROWS
+ALBEDO_GLASS_LOST: Final = ALBEDO_GLASS + 2 * GLASS_LAYERS * GLASS_ROWS * (GLASS_COLUMNS - 1)
+ALBEDO_SHEEN: Final = ALBEDO_GLASS_LOST + 2 * GLASS_LAYERS * GLASS_ROWS
+ALBEDO_SHEEN_SCALE: Final = ALBEDO_SHEEN + SHEEN_ROWS * (SHEEN_COLUMNS - 1)
+ALBEDO_SHEEN_MEAN: Final = ALBEDO_SHEEN_SCALE + SHEEN_ROWS
+ALBEDO_END: Final = ALBEDO_SHEEN_MEAN + SHEEN_ROWS
+"""Where the tables of `clrender.scene.microfacets.albedo_tables` begin, in words, and where the last ends."""
 
 LIGHT_POINT: Final = 0
 LIGHT_DIRECTIONAL: Final = 1
@@ -67,6 +139,34 @@ ROULETTE_ABSORPTION: Final = 2
 
 SHAPE_SMOOTH: Final = 1
 """Flag of a shape whose vertices carry normals to interpolate."""
+SHAPE_TEXTURED: Final = 2
+"""Flag of a shape whose material has textures: its primitives have rows of attributes."""
+
+TEXTURE_SLOTS: Final[Mapping[str, int]] = {
+    "BASE_COLOR": 0,
+    "ROUGHNESS": 1,
+    "METALLIC": 2,
+    "SPECULAR": 3,
+    "SPECULAR_COLOR": 4,
+    "TRANSMISSION": 5,
+    "COAT": 6,
+    "COAT_ROUGHNESS": 7,
+    "SHEEN_COLOR": 8,
+    "SHEEN_ROUGHNESS": 9,
+    "ANISOTROPY": 10,
+    "DIFFUSE_ROUGHNESS": 12,
+    "WEIGHT": 13,
+    "NORMAL": 14,
+    "BUMP": 15,
+}
+"""Columns of a material's row of textures: which of its parameters each stands for."""
+
+TEXEL_FOUR: Final = 8
+TEXEL_FLOAT: Final = 16
+TEXTURE_WRAPS: Final = {"repeat": 0, "clamp": 1, "mirror": 2}
+TEXTURE_FILTERS: Final = {"nearest": 0, "linear": 1, "exact": 2}
+TEXTURE_CHANNELS: Final = {None: 0, "r": 1, "g": 2, "b": 3, "a": 4, "luminance": 5}
+"""Parts of TEXTURE_ROW_FORMAT: the lowest three bits are the logarithm of a texel's bytes."""
 
 FIRST_HIT_ALBEDO: Final = 0
 FIRST_HIT_NORMAL: Final = 1
@@ -78,12 +178,42 @@ FIRST_HIT_PRIMITIVE: Final = 4
 CONSTANTS: Final[Mapping[str, int]] = {
     "NONE": NONE,
     "SHAPE_SMOOTH": SHAPE_SMOOTH,
+    "SHAPE_TEXTURED": SHAPE_TEXTURED,
     "MATERIAL_LAMBERT": MATERIAL_LAMBERT,
     "MATERIAL_MIRROR": MATERIAL_MIRROR,
     "MATERIAL_DIELECTRIC": MATERIAL_DIELECTRIC,
     "MATERIAL_OREN_NAYAR": MATERIAL_OREN_NAYAR,
     "MATERIAL_CONDUCTOR": MATERIAL_CONDUCTOR,
-    "GGX_TABLE_SIZE": GGX_TABLE_SIZE,
+    "MATERIAL_PRINCIPLED": MATERIAL_PRINCIPLED,
+    "MATERIAL_MIX": MATERIAL_MIX,
+    "MATERIAL_BY_ROW": MATERIAL_BY_ROW,
+    "MATERIAL_FLAG_THIN": MATERIAL_FLAG_THIN,
+    "MATERIAL_FLAG_ONE_SIDED": MATERIAL_FLAG_ONE_SIDED,
+    "MATERIAL_FLAG_SCHLICK": MATERIAL_FLAG_SCHLICK,
+    "GGX_ROWS": GGX_ROWS,
+    "GGX_COLUMNS": GGX_COLUMNS,
+    "SCHLICK_ROWS": SCHLICK_ROWS,
+    "SCHLICK_COLUMNS": SCHLICK_COLUMNS,
+    "TURNED_STRENGTHS": TURNED_STRENGTHS,
+    "TURNED_ROWS": TURNED_ROWS,
+    "TURNED_TURNS": TURNED_TURNS,
+    "TURNED_COLUMNS": TURNED_COLUMNS,
+    "GLASS_LAYERS": GLASS_LAYERS,
+    "GLASS_ROWS": GLASS_ROWS,
+    "GLASS_COLUMNS": GLASS_COLUMNS,
+    "SHEEN_ROWS": SHEEN_ROWS,
+    "SHEEN_COLUMNS": SHEEN_COLUMNS,
+    "ALBEDO_GGX": ALBEDO_GGX,
+    "ALBEDO_SCHLICK": ALBEDO_SCHLICK,
+    "ALBEDO_GGX_LOST": ALBEDO_GGX_LOST,
+    "ALBEDO_GGX_SCHLICK": ALBEDO_GGX_SCHLICK,
+    "ALBEDO_TURNED": ALBEDO_TURNED,
+    "ALBEDO_TURNED_LOST": ALBEDO_TURNED_LOST,
+    "ALBEDO_GLASS": ALBEDO_GLASS,
+    "ALBEDO_GLASS_LOST": ALBEDO_GLASS_LOST,
+    "ALBEDO_SHEEN": ALBEDO_SHEEN,
+    "ALBEDO_SHEEN_SCALE": ALBEDO_SHEEN_SCALE,
+    "ALBEDO_SHEEN_MEAN": ALBEDO_SHEEN_MEAN,
     "LIGHT_POINT": LIGHT_POINT,
     "LIGHT_DIRECTIONAL": LIGHT_DIRECTIONAL,
     "LIGHT_AREA_TRIANGLE": LIGHT_AREA_TRIANGLE,
@@ -93,6 +223,11 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "ROULETTE_NONE": ROULETTE_NONE,
     "ROULETTE_THROUGHPUT": ROULETTE_THROUGHPUT,
     "ROULETTE_ABSORPTION": ROULETTE_ABSORPTION,
+    **{f"TEXTURE_{name}": slot for name, slot in TEXTURE_SLOTS.items()},
+    "TEXEL_FOUR": TEXEL_FOUR,
+    "TEXEL_FLOAT": TEXEL_FLOAT,
+    **{f"WRAP_{name.upper()}": number for name, number in TEXTURE_WRAPS.items()},
+    **{f"FILTER_{name.upper()}": number for name, number in TEXTURE_FILTERS.items()},
     "FIRST_HIT_ALBEDO": FIRST_HIT_ALBEDO,
     "FIRST_HIT_NORMAL": FIRST_HIT_NORMAL,
     "FIRST_HIT_POSITION": FIRST_HIT_POSITION,
@@ -115,9 +250,9 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
     "Material": (
         ("color", "float4", "rgb reflectance; w probability that the absorption roulette ends a path here"),
         ("kind", "uint", "MATERIAL_*"),
-        ("ior", "float", "index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL"),
+        ("ior", "float", "index inside (behind the front side) over index outside"),
         ("medium", "uint", "behind the front: row of media_rows; 0: none that paths keep account of"),
-        ("padding_0", "uint", ""),
+        ("row", "uint", "of kind MATERIAL_BY_ROW: which pair of material_rows it has"),
     ),
     "Light": (
         ("radiance", "float4", "rgb: radiance W/(sr m2), point: intensity W/sr, directional: irradiance W/m2"),
@@ -184,17 +319,57 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("NORMAL", 4, 3, "disk: unit normal; sphere: 0"),
         ("FACING", 7, 1, "sphere: +1 front outside, -1 front inside"),
         ("COLOR", 9, 3, "reflectance"),
+        ("MATERIAL", 9, 1, "bits, in its place of MATERIAL_BY_ROW: which pair of rows"),
         ("ABSORPTION", 12, 1, "probability that the absorption roulette ends a path here"),
         ("IOR", 13, 1, "index behind the front over index before it"),
-        ("MATERIAL", 13, 1, "bits, in its place for kinds of material that have rows: which row"),
         ("LIGHT", 14, 1, "bits: index of the light it is, or NONE"),
         ("KIND", 15, 1, "bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on"),
     ),
     "MATERIAL": (
-        ("ROUGHNESS", 0, 1, "Oren-Nayar: r of EON; conductor: alpha of GGX, 0 where it is smooth"),
-        ("ETA", 1, 3, "conductor: its index of refraction over that of the medium before it, real part"),
-        ("K", 4, 3, "and imaginary part"),
-        ("MULTIPLE", 7, 3, "conductor: scale of the light scattered between facets (Kulla and Conti 2017)"),
+        ("KIND", 0, 1, "bits: MATERIAL_*"),
+        ("COLOR", 1, 3, "reflectance, base colour, or f0"),
+        ("ROUGHNESS", 4, 1, "of reflection and transmission; its square is alpha of GGX"),
+        ("METALLIC", 5, 1, "share of metal"),
+        ("IOR", 6, 1, "index behind the front over index before it"),
+        ("TRANSMISSION", 7, 1, "share of what is no metal that is glass"),
+        ("SPECULAR", 8, 1, "strength of reflection by what is no metal"),
+        ("SPECULAR_COLOR", 9, 3, "its colour where it is seen straight on"),
+        ("DIFFUSE_ROUGHNESS", 12, 1, "r of EON"),
+        ("COAT", 13, 1, "share of the surface with a clear coat"),
+        ("COAT_ROUGHNESS", 14, 1, ""),
+        ("FLAGS", 15, 1, "bits: MATERIAL_FLAG_*"),
+        ("WEIGHT", 1, 1, "mix: share of the second material"),
+        ("FIRST", 2, 1, "mix, bits: row of the first"),
+        ("SECOND", 3, 1, "mix, bits: row of the second"),
+    ),
+    "LAYER": (
+        ("SHEEN_COLOR", 0, 3, "second row of a material"),
+        ("SHEEN_ROUGHNESS", 3, 1, ""),
+        ("ANISOTROPY", 4, 1, "strength: 0 alike in all directions, 1 most"),
+        ("ROTATION", 5, 1, "of the direction of most roughness from the tangent, in turns"),
+        ("ETA", 6, 3, "metal: its index of refraction over that of the medium before it, real part"),
+        ("K", 9, 3, "and imaginary part"),
+        ("FRESNEL", 12, 3, "and the cosine-weighted average of its Fresnel term"),
+    ),
+    "ATTRIBUTE": (
+        ("UV", 0, 6, "triangle: texture coordinates at A, B and C"),
+        ("UV_1", 6, 6, "and of the second set"),
+        ("X", 0, 3, "sphere: axes of its longitude and latitude; disk: axes of its texture coordinates"),
+        ("Y", 3, 3, ""),
+        ("Z", 6, 3, ""),
+        ("SLOTS", 15, 1, "bits: the row of textures of its material"),
+    ),
+    "TEXTURE": (
+        ("FIRST", 0, 1, "bits: its first tile"),
+        ("WIDTH", 1, 1, "bits: texels"),
+        ("HEIGHT", 2, 1, "bits"),
+        ("FORMAT", 3, 1, "bits: 0-2 logarithm of the bytes of a texel, 3 TEXEL_FOUR, 4 TEXEL_FLOAT, 5-6 WRAP_* of u,"),
+        ("VALUES", 4, 1, "bits: where the table of what its numbers stand for begins;   7-8 of v, 9-10 FILTER_*,"),
+        ("ALPHAS", 5, 1, "bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates"),
+        ("U", 6, 3, "column of the picture, 0 to 1: what to multiply u and v by, and what to add"),
+        ("V", 9, 3, "row of the picture, 0 at its top, likewise"),
+        ("FACTOR", 12, 3, "of the value"),
+        ("BIAS", 15, 1, "added then"),
     ),
     "MEDIUM": (
         ("IOR", 0, 1, "of a dielectric: its index of refraction; row 0: 1"),

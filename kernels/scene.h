@@ -9,9 +9,17 @@
 #define SCENE_ARRAYS(X)                                                                                                     \
     X(float, primitive_rows) /* triangle: A, B, C; round: centre, radius, normal, facing; then what it is made of */        \
     X(float, normal_rows)    /* triangle: normals at A, B, C; one row where no shape is smooth */                           \
-    X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row */                         \
+    X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row: two each */               \
+    X(float, albedo_tables)  /* how much light the lobes of rough materials reflect: material/albedo.h */                        \
     X(float, media_rows)     /* of dielectrics, where paths carry a list of them: material/interior.h */                            \
-    X(float, ggx_albedo)     /* share of light that GGX reflects at first: material/ggx.h */                                     \
+    X(float, attribute_rows) /* of primitives with textures: texture coordinates, and which textures; else one row */          \
+    X(float, texture_rows)   /* of each texture: which picture, and how it lies */                                             \
+    X(float, texture_slots)  /* of each material: which textures stand for its parameters */                                   \
+    X(float, texel_values)   /* what numbers of 8 and 16 bits in pictures stand for */                                         \
+    X(uint, texels_0)        /* the pictures, in pages: texture/texel.h */                                                     \
+    X(uint, texels_1)                                                                                                       \
+    X(uint, texels_2)                                                                                                       \
+    X(uint, texels_3)                                                                                                       \
     X(float, light_rows)     /* radiance, kind, probability or place in the tree, primitive, geometry */                      \
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
     X(float, light_nodes)    /* tree of lights: both children of each node (light/tree.h) */                                \

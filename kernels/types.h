@@ -5,12 +5,42 @@
 
 #define NONE 4294967295u
 #define SHAPE_SMOOTH 1u
+#define SHAPE_TEXTURED 2u
 #define MATERIAL_LAMBERT 0u
 #define MATERIAL_MIRROR 1u
 #define MATERIAL_DIELECTRIC 2u
 #define MATERIAL_OREN_NAYAR 3u
 #define MATERIAL_CONDUCTOR 4u
-#define GGX_TABLE_SIZE 48u
+#define MATERIAL_PRINCIPLED 5u
+#define MATERIAL_MIX 6u
+#define MATERIAL_BY_ROW 7u
+#define MATERIAL_FLAG_THIN 1u
+#define MATERIAL_FLAG_ONE_SIDED 2u
+#define MATERIAL_FLAG_SCHLICK 4u
+#define GGX_ROWS 48u
+#define GGX_COLUMNS 48u
+#define SCHLICK_ROWS 32u
+#define SCHLICK_COLUMNS 48u
+#define TURNED_STRENGTHS 9u
+#define TURNED_ROWS 12u
+#define TURNED_TURNS 5u
+#define TURNED_COLUMNS 24u
+#define GLASS_LAYERS 24u
+#define GLASS_ROWS 32u
+#define GLASS_COLUMNS 48u
+#define SHEEN_ROWS 32u
+#define SHEEN_COLUMNS 32u
+#define ALBEDO_GGX 0u
+#define ALBEDO_SCHLICK 2256u
+#define ALBEDO_GGX_LOST 3760u
+#define ALBEDO_GGX_SCHLICK 3808u
+#define ALBEDO_TURNED 3856u
+#define ALBEDO_TURNED_LOST 16276u
+#define ALBEDO_GLASS 16384u
+#define ALBEDO_GLASS_LOST 88576u
+#define ALBEDO_SHEEN 90112u
+#define ALBEDO_SHEEN_SCALE 91104u
+#define ALBEDO_SHEEN_MEAN 91136u
 #define LIGHT_POINT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_AREA_TRIANGLE 2u
@@ -20,6 +50,29 @@
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
 #define ROULETTE_ABSORPTION 2u
+#define TEXTURE_BASE_COLOR 0u
+#define TEXTURE_ROUGHNESS 1u
+#define TEXTURE_METALLIC 2u
+#define TEXTURE_SPECULAR 3u
+#define TEXTURE_SPECULAR_COLOR 4u
+#define TEXTURE_TRANSMISSION 5u
+#define TEXTURE_COAT 6u
+#define TEXTURE_COAT_ROUGHNESS 7u
+#define TEXTURE_SHEEN_COLOR 8u
+#define TEXTURE_SHEEN_ROUGHNESS 9u
+#define TEXTURE_ANISOTROPY 10u
+#define TEXTURE_DIFFUSE_ROUGHNESS 12u
+#define TEXTURE_WEIGHT 13u
+#define TEXTURE_NORMAL 14u
+#define TEXTURE_BUMP 15u
+#define TEXEL_FOUR 8u
+#define TEXEL_FLOAT 16u
+#define WRAP_REPEAT 0u
+#define WRAP_CLAMP 1u
+#define WRAP_MIRROR 2u
+#define FILTER_NEAREST 0u
+#define FILTER_LINEAR 1u
+#define FILTER_EXACT 2u
 #define FIRST_HIT_ALBEDO 0u
 #define FIRST_HIT_NORMAL 1u
 #define FIRST_HIT_POSITION 2u
@@ -41,9 +94,9 @@ typedef struct {
 typedef struct {
     float4 color;               // rgb reflectance; w probability that the absorption roulette ends a path here
     uint kind;                  // MATERIAL_*
-    float ior;                  // index inside (behind the front side) over index outside; or bits: PRIMITIVE_ROW_MATERIAL
+    float ior;                  // index inside (behind the front side) over index outside
     uint medium;                // behind the front: row of media_rows; 0: none that paths keep account of
-    uint padding_0;
+    uint row;                   // of kind MATERIAL_BY_ROW: which pair of material_rows it has
 } Material;
 
 typedef struct {
@@ -104,16 +157,53 @@ typedef struct {
 #define PRIMITIVE_ROW_NORMAL 4          // disk: unit normal; sphere: 0
 #define PRIMITIVE_ROW_FACING 7          // sphere: +1 front outside, -1 front inside
 #define PRIMITIVE_ROW_COLOR 9           // reflectance
+#define PRIMITIVE_ROW_MATERIAL 9        // bits, in its place of MATERIAL_BY_ROW: which pair of rows
 #define PRIMITIVE_ROW_ABSORPTION 12     // probability that the absorption roulette ends a path here
 #define PRIMITIVE_ROW_IOR 13            // index behind the front over index before it
-#define PRIMITIVE_ROW_MATERIAL 13       // bits, in its place for kinds of material that have rows: which row
 #define PRIMITIVE_ROW_LIGHT 14          // bits: index of the light it is, or NONE
 #define PRIMITIVE_ROW_KIND 15           // bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on
 
-#define MATERIAL_ROW_ROUGHNESS 0        // Oren-Nayar: r of EON; conductor: alpha of GGX, 0 where it is smooth
-#define MATERIAL_ROW_ETA 1              // conductor: its index of refraction over that of the medium before it, real part
-#define MATERIAL_ROW_K 4                // and imaginary part
-#define MATERIAL_ROW_MULTIPLE 7         // conductor: scale of the light scattered between facets (Kulla and Conti 2017)
+#define MATERIAL_ROW_KIND 0             // bits: MATERIAL_*
+#define MATERIAL_ROW_COLOR 1            // reflectance, base colour, or f0
+#define MATERIAL_ROW_ROUGHNESS 4        // of reflection and transmission; its square is alpha of GGX
+#define MATERIAL_ROW_METALLIC 5         // share of metal
+#define MATERIAL_ROW_IOR 6              // index behind the front over index before it
+#define MATERIAL_ROW_TRANSMISSION 7     // share of what is no metal that is glass
+#define MATERIAL_ROW_SPECULAR 8         // strength of reflection by what is no metal
+#define MATERIAL_ROW_SPECULAR_COLOR 9   // its colour where it is seen straight on
+#define MATERIAL_ROW_DIFFUSE_ROUGHNESS 12// r of EON
+#define MATERIAL_ROW_COAT 13            // share of the surface with a clear coat
+#define MATERIAL_ROW_COAT_ROUGHNESS 14
+#define MATERIAL_ROW_FLAGS 15           // bits: MATERIAL_FLAG_*
+#define MATERIAL_ROW_WEIGHT 1           // mix: share of the second material
+#define MATERIAL_ROW_FIRST 2            // mix, bits: row of the first
+#define MATERIAL_ROW_SECOND 3           // mix, bits: row of the second
+
+#define LAYER_ROW_SHEEN_COLOR 0         // second row of a material
+#define LAYER_ROW_SHEEN_ROUGHNESS 3
+#define LAYER_ROW_ANISOTROPY 4          // strength: 0 alike in all directions, 1 most
+#define LAYER_ROW_ROTATION 5            // of the direction of most roughness from the tangent, in turns
+#define LAYER_ROW_ETA 6                 // metal: its index of refraction over that of the medium before it, real part
+#define LAYER_ROW_K 9                   // and imaginary part
+#define LAYER_ROW_FRESNEL 12            // and the cosine-weighted average of its Fresnel term
+
+#define ATTRIBUTE_ROW_UV 0              // triangle: texture coordinates at A, B and C
+#define ATTRIBUTE_ROW_UV_1 6            // and of the second set
+#define ATTRIBUTE_ROW_X 0               // sphere: axes of its longitude and latitude; disk: axes of its texture coordinates
+#define ATTRIBUTE_ROW_Y 3
+#define ATTRIBUTE_ROW_Z 6
+#define ATTRIBUTE_ROW_SLOTS 15          // bits: the row of textures of its material
+
+#define TEXTURE_ROW_FIRST 0             // bits: its first tile
+#define TEXTURE_ROW_WIDTH 1             // bits: texels
+#define TEXTURE_ROW_HEIGHT 2            // bits
+#define TEXTURE_ROW_FORMAT 3            // bits: 0-2 logarithm of the bytes of a texel, 3 TEXEL_FOUR, 4 TEXEL_FLOAT, 5-6 WRAP_* of u,
+#define TEXTURE_ROW_VALUES 4            // bits: where the table of what its numbers stand for begins;   7-8 of v, 9-10 FILTER_*,
+#define TEXTURE_ROW_ALPHAS 5            // bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates
+#define TEXTURE_ROW_U 6                 // column of the picture, 0 to 1: what to multiply u and v by, and what to add
+#define TEXTURE_ROW_V 9                 // row of the picture, 0 at its top, likewise
+#define TEXTURE_ROW_FACTOR 12           // of the value
+#define TEXTURE_ROW_BIAS 15             // added then
 
 #define MEDIUM_ROW_IOR 0                // of a dielectric: its index of refraction; row 0: 1
 #define MEDIUM_ROW_SIGMA 1              // its absorption coefficients, per metre

@@ -53,6 +53,12 @@ def tables(schema: dict[str, Any]) -> str:
         ("The image", "[image]", ["Image"]),
         ("Render settings", "[render]", ["Render"]),
         ("Materials", "[materials.NAME]", _kinds(schema["properties"]["materials"]["additionalProperties"])),
+        ("Pictures as textures", "{ texture = … }", ["ImageTexture"]),
+        ("Transforms of texture coordinates", "transform = { … }", ["TextureTransform"]),
+        ("Checkers", "{ checker = … }", ["Checker"]),
+        ("Ramps", "{ ramp = … }", ["Ramp"]),
+        ("Normal maps", "normal_map = { … }", ["NormalMap"]),
+        ("Bump maps", "bump_map = { … }", ["BumpMap"]),
         ("Shapes", "[[shapes]]", _kinds(schema["properties"]["shapes"]["items"])),
         ("Transforms", "transform = { … }", ["Transform"]),
         ("Lights", "[[lights]]", _kinds(schema["properties"]["lights"]["items"])),
@@ -126,7 +132,11 @@ def _default(value: dict[str, Any]) -> str:
 def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
     """In words, what a value may be."""
     if "$ref" in value:
-        return f"table, see {str(value['$ref']).rpartition('/')[2].lower()}"
+        name = re.sub(r"(?<!^)(?=[A-Z])", " ", str(value["$ref"]).rpartition("/")[2]).lower()
+        name = name.replace("texture transform", "transforms of texture coordinates")
+        return f"table, see {name}s" if name.endswith(" map") else f"table, see {name}"
+    if "oneOf" in value:
+        return " or ".join([*(_type(each, schema) for each in value["oneOf"] if "$ref" not in each), "a texture"])
     if "anyOf" in value:
         return " or ".join(_type(each, schema) for each in value["anyOf"] if each.get("type") != "null")
     if "enum" in value:

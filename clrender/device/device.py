@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["Argument", "Buffer", "Device", "Program"]
 
 _T = TypeVar("_T")
+_WORTH_SHARING: Final = 1 << 20
+"""Bytes from which on it matters that nothing is copied."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +153,25 @@ class Device:
         self.write(buffer, array)
         return buffer
 
+    def share(self, array: npt.NDArray[Any]) -> Buffer:
+        """Buffer that holds `array`, for reading; a CPU's driver may use the host's memory itself, without a copy.
+
+        The array must not change as long as the buffer is used.
+
+        Raises
+        ------
+        RenderError
+            As `empty`.
+        """
+        if not self.is_cpu or array.nbytes < _WORTH_SHARING or "oclgrind" in self.info.platform.lower():
+            return self.upload(array)
+        self._check_size(array.nbytes)
+        flags = self._cl.mem_flags.READ_ONLY | self._cl.mem_flags.USE_HOST_PTR
+        handle = self._call(
+            f"a buffer of {_mib(array.nbytes)}", lambda: self._cl.Buffer(self._context, flags, hostbuf=array)
+        )
+        return self._held(handle, array.nbytes)
+
     def empty(self, nbytes: int) -> Buffer:
         """Buffer of `nbytes` bytes, contents undefined.
 
@@ -159,13 +180,18 @@ class Device:
         RenderError
             When it is larger than the device allows, or the device has not the memory.
         """
+        self._check_size(nbytes)
+        size = max(nbytes, 16)  # OpenCL knows no empty buffer
+        return self._held(self._call(f"a buffer of {_mib(size)}", lambda: self._create(size)), size)
+
+    def _check_size(self, nbytes: int) -> None:
         if nbytes > self.max_allocation_bytes:
             raise RenderError(
                 f"{self.info.title} allows {_mib(self.max_allocation_bytes)} in one buffer, {_mib(nbytes)} are needed; "
                 "take a smaller scene or tile, or another device"
             )
-        size = max(nbytes, 16)  # OpenCL knows no empty buffer
-        handle = self._call(f"a buffer of {_mib(size)}", lambda: self._create(size))
+
+    def _held(self, handle: cl.Buffer, size: int) -> Buffer:
         self._held_bytes += size
         self.allocated_bytes = max(self.allocated_bytes, self._held_bytes)
         buffer = Buffer(handle, size)

@@ -10,15 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.device import bvh
+from clrender.errors import RenderError
 from clrender.resources import kernels_folder
 
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device
     from clrender.flatten import FlatScene
 
-__all__ = ["SceneArrays", "scene_array_names"]
+__all__ = ["LARGEST_PAGE", "SceneArrays", "scene_array_names", "texel_pages"]
 
 _WORK_GROUP = 16
+LARGEST_PAGE = 1 << 36
+_PAGES = 4
+_AS_THEY_ARE = (
+    *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
+    *("attribute_rows", "texture_rows", "texture_slots", "texel_values"),
+)
+"""Arrays of the host that the kernels read as such."""
 
 
 @cache
@@ -27,6 +35,41 @@ def scene_array_names() -> tuple[str, ...]:
     text = (kernels_folder() / "scene.h").read_text(encoding="utf-8")
     block = text[text.index("#define SCENE_ARRAYS(X)") : text.index("#define SCENE_MEMBER_")]
     return tuple(re.findall(r"X\(\w+, (\w+)\)", block))
+
+
+def texel_pages(device: Device, texels: NDArray[np.uint8]) -> tuple[list[Buffer], int | None]:
+    """Texels on a device, in as few of four buffers as its largest allows.
+
+    Parameters
+    ----------
+    device : Device
+    texels : (tiles, 64) uint8
+        Where a device can use them in the host's memory they stay there.
+
+    Returns
+    -------
+    pages : list of four Buffer
+        The first again in the place of those that are not needed.
+    bits : int or None
+        Logarithm of the tiles of a page; None where one holds all.
+
+    Raises
+    ------
+    RenderError
+        Four pages do not hold them, or the device has not the memory.
+    """
+    largest = min(device.max_allocation_bytes, LARGEST_PAGE) // texels.shape[1]
+    if len(texels) <= largest:
+        return [device.share(texels)] * 4, None
+    bits = max(largest, 1).bit_length() - 1
+    count = -(-len(texels) >> bits)
+    if count > _PAGES:
+        raise RenderError(
+            f"{device.info.title} takes {_PAGES * 64 << bits} bytes of textures, but the scene has {texels.nbytes}; "
+            "use smaller pictures, or another device"
+        )
+    pages = [device.share(texels[page << bits : (page + 1) << bits]) for page in range(count)]
+    return [*pages, *[pages[0]] * (_PAGES - count)], bits
 
 
 class SceneArrays:
@@ -44,12 +87,16 @@ class SceneArrays:
     buffers : dict of str to Buffer
         By the names of ``kernels/scene.h``, but for ``settings``, which belongs to a render.
     tree : bvh.Bvh
-    rough : bool
-        Whether some material needs the kernels' rough ones.
+    materials : bool
+        Whether some material has rows of its own, so that the kernels need all lobes.
     environment_map : bool
         Whether the environment has a picture.
     interiors : bool
         Whether paths keep account of the dielectrics that they are inside of.
+    textured : bool
+        Whether some shape has textures.
+    page_bits : int or None
+        As of `texel_pages`.
 
     Raises
     ------
@@ -61,14 +108,16 @@ class SceneArrays:
         self._device = device
         self._lent = tree
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
-        arrays = {name: device.upload(array) for name, array in scene.arrays.items()}
+        arrays = {name: device.upload(array) for name, array in scene.arrays.items() if name != "texels"}
         vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
         self.tree = tree or bvh.build(device, source)
-        self.rough = len(scene.arrays["ggx_albedo"]) > 1
+        self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
         self.interiors = len(scene.arrays["media_rows"]) > 1
+        self.textured = len(scene.arrays["attribute_rows"]) > 1 or bool(scene.arrays["attribute_rows"].any())
+        pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so there has to be one.
@@ -76,12 +125,8 @@ class SceneArrays:
             "normal_rows": device.empty(64 * (max(triangles, 1) if smooth else 1)),
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
-            "material_rows": arrays.pop("material_rows"),
-            "media_rows": arrays.pop("media_rows"),
-            "ggx_albedo": arrays.pop("ggx_albedo"),
-            "light_nodes": arrays.pop("light_nodes"),
-            "light_order": arrays.pop("light_order"),
-            "environment_map": arrays.pop("environment_map"),
+            **{name: arrays.pop(name) for name in _AS_THEY_ARE},
+            **{f"texels_{number}": page for number, page in enumerate(pages)},
             "nodes": self.tree.nodes,
             "triangle_packs": self.tree.triangle_packs,
             "analytic_packs": self.tree.analytic_packs,
@@ -114,7 +159,7 @@ class SceneArrays:
     def release(self) -> None:
         """Give the device's memory back."""
         lent = [self.tree.nodes, self.tree.triangle_packs, self.tree.analytic_packs] if self._lent else []
-        for buffer in self.buffers.values():
+        for buffer in dict.fromkeys(self.buffers.values()):  # pages that are not needed are the first once more
             if buffer not in lent:
                 self._device.release(buffer)
         self.buffers.clear()

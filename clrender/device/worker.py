@@ -210,12 +210,16 @@ class DeviceWorker:
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
             defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
-        if self._arrays.rough:
-            defines["ROUGH_MATERIALS"] = 1
+        if self._arrays.materials:
+            defines["MATERIALS"] = 1
         if self._arrays.environment_map:
             defines["ENVIRONMENT_MAP"] = 1
         if self._arrays.interiors:
             defines["INTERIORS"] = 1
+        if self._arrays.textured:
+            defines["TEXTURES"] = 1
+            if self._arrays.page_bits is not None:
+                defines["TEXEL_PAGE_BITS"] = self._arrays.page_bits
         if self._settings["indirect_rays"][0] > 1:
             defines["PATH_SPLITS"] = 1
         if self._prefetches:

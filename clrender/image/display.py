@@ -17,7 +17,18 @@ from clrender.image.tone_map import srgb_decode
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-__all__ = ["JPEG_SIDE_LIMIT", "PIXEL_LIMIT", "check_size", "jpeg_bytes", "png_bytes", "png_note", "read_display"]
+__all__ = [
+    "JPEG_SIDE_LIMIT",
+    "PIXEL_LIMIT",
+    "check_size",
+    "deep_pixels",
+    "is_deep",
+    "jpeg_bytes",
+    "open_display",
+    "png_bytes",
+    "png_note",
+    "read_display",
+]
 
 PIXEL_LIMIT: Final = 1 << 30
 """Most pixels of an image that is read."""
@@ -73,7 +84,7 @@ def jpeg_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
 
 def png_note(file: IO[bytes], name: str) -> str | None:
     """A text of a PNG, or None when it has none of that name."""
-    text = _opened(file).info.get(name)
+    text = open_display(file).info.get(name)
     return None if text is None else str(text)
 
 
@@ -85,34 +96,40 @@ def read_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.flo
     ValueError, or whatever Pillow raises
         The file is damaged or too large.
     """
-    with _opened(file, most) as picture:
-        # A raw mode such as `RGB;16B` is how Pillow names what is in the file.
-        deep = any(";16" in str(tile.args) for tile in picture.tile)
-        pixels = _deep_pixels(file, picture) if deep else np.asarray(picture.convert("RGB"))
+    with open_display(file, most) as picture:
+        deep = is_deep(picture)
+        pixels = deep_pixels(file, picture)[..., :3] if deep else np.asarray(picture.convert("RGB"))
     largest = 65535 if deep else 255
     linear: npt.NDArray[np.float32] = srgb_decode(np.arange(largest + 1) / largest).astype(np.float32)[pixels]
-    return linear if linear.ndim == 3 else np.repeat(linear[..., None], 3, axis=2)
+    return linear if linear.shape[2] == 3 else np.repeat(linear, 3, axis=2)
 
 
-def _deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
-    """Pixels of a PNG with 16 bits a channel: (H, W) of a grey one, else (H, W, 3).
+def is_deep(picture: ImageFile) -> bool:
+    """Whether the file has 16 bits a channel: a raw mode such as `RGB;16B` is how Pillow names what is in it."""
+    return any(";16" in str(tile.args) for tile in picture.tile)
+
+
+def deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
+    """Pixels of a PNG with 16 bits a channel: (H, W, 1) of a grey one, else (H, W, 3 or 4).
 
     Of colours Pillow gives the first byte of each channel. Told that the bytes come in the other order, it gives the
     second.
     """
     modes = {str(tile.args) for tile in picture.tile}
     if modes == {"I;16B"}:
-        return np.asarray(picture).astype(np.uint16)
+        return np.asarray(picture).astype(np.uint16)[..., None]
     if not modes <= {"RGB;16B", "RGBA;16B"}:
         raise ValueError("it is grey with alpha in 16 bits, which is not read: save it without alpha")
-    high = np.asarray(picture)[..., :3].astype(np.uint16)
+    high = np.asarray(picture).astype(np.uint16)
     file.seek(0)
-    again = _opened(file)
+    again = open_display(file)
     again.tile = [tile._replace(args=str(tile.args).replace("16B", "16L")) for tile in again.tile]
-    return np.asarray(high << 8 | np.asarray(again)[..., :3], np.uint16)
+    high <<= 8
+    high |= np.asarray(again)
+    return high
 
 
-def _opened(file: IO[bytes], most: int = PIXEL_LIMIT) -> ImageFile:
+def open_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> ImageFile:
     """A PNG or JPEG, of which only the header is read, and whose size can be that of such a file.
 
     By Pillow's formats themselves: `PIL.Image.open` refuses what is larger than 179 million pixels.

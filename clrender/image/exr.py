@@ -18,7 +18,7 @@ import numpy.typing as npt
 from clrender.image.colorimetry import rec_709_matrix
 from clrender.image.display import PIXEL_LIMIT, check_size
 
-__all__ = ["exr_attribute", "read_exr", "write_exr"]
+__all__ = ["exr_attribute", "exr_size", "read_exr", "write_exr"]
 
 _Image = npt.NDArray[np.float32]
 _RATIOS: Final[Mapping[str, int]] = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1400, "PIZ": 512}
@@ -57,6 +57,23 @@ def exr_attribute(file: IO[bytes], name: str) -> str | None:
     with _quiet():
         found = _openexr().File(file, header_only=True).header().get(name)
     return None if found is None else str(found)
+
+
+def exr_size(file: IO[bytes], most: int = PIXEL_LIMIT) -> tuple[int, int]:
+    """Width and height of what `read_exr` gives, by the header alone; `most` pixels at most.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        The header is damaged, or promises more than such a file can hold.
+    """
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    with _quiet():
+        headers = [dict(part.header) for part in _openexr().File(file, header_only=True).parts]
+    part, _ = _colour_part(headers)
+    _check_sizes(headers, size, most)
+    return _window(headers[part]["displayWindow"])[2:]
 
 
 def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:

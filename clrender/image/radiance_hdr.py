@@ -14,7 +14,7 @@ import numpy.typing as npt
 from clrender.image.colorimetry import rec_709_matrix
 from clrender.image.display import PIXEL_LIMIT, check_size
 
-__all__ = ["read_hdr", "write_hdr"]
+__all__ = ["hdr_size", "read_hdr", "write_hdr"]
 
 _HEADER_LIMIT: Final = 1 << 16
 _ROWS: Final = 64  # written at a time
@@ -52,12 +52,7 @@ def read_hdr(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32
     ValueError, EOFError
         Not such a picture, or only a part of one.
     """
-    if not file.readline(_HEADER_LIMIT).startswith(b"#?"):
-        raise ValueError("it does not begin with #?RADIANCE")
-    scale, matrix = _read_header(file)
-    size = re.fullmatch(rb"([-+][XY]) (\d{1,9}) ([-+][XY]) (\d{1,9})\s*", file.readline(_HEADER_LIMIT))
-    if size is None or size[1][1:] == size[3][1:]:
-        raise ValueError("its size is not given as -Y height +X width")
+    scale, matrix, size = _read_start(file)
     lines, length = int(size[2]), int(size[4])
     check_size(length, lines, most)
     data = file.read(8 * lines * length + _HEADER_LIMIT)  # no sound file is longer
@@ -67,6 +62,33 @@ def read_hdr(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32
         line, at = _read_line(data, at, length)
         encoded.append(line)
     return _oriented(_decoded(encoded, length, scale, matrix), size[1].decode(), size[3].decode())
+
+
+def hdr_size(file: IO[bytes]) -> tuple[int, int]:
+    """Width and height of what `read_hdr` gives, by the header alone.
+
+    Raises
+    ------
+    ValueError
+        The header is damaged.
+    """
+    size = _read_start(file)[2]
+    lines, length = int(size[2]), int(size[4])
+    return (length, lines) if size[1].endswith(b"Y") else (lines, length)
+
+
+def _read_start(
+    file: IO[bytes],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None, re.Match[bytes]]:
+    """What `_read_header` gives, and the line of the size, taken apart."""
+    if not file.readline(_HEADER_LIMIT).startswith(b"#?"):
+        raise ValueError("it does not begin with #?RADIANCE")
+    scale, matrix = _read_header(file)
+    size = re.fullmatch(rb"([-+][XY]) (\d{1,9}) ([-+][XY]) (\d{1,9})\s*", file.readline(_HEADER_LIMIT))
+    if size is None or size[1][1:] == size[3][1:]:
+        raise ValueError("its size is not given as -Y height +X width")
+    check_size(int(size[4]), int(size[2]))
+    return scale, matrix, size
 
 
 def _read_header(file: IO[bytes]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:

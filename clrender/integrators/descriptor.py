@@ -71,6 +71,8 @@ class Integrator:
         Whether it takes an environment that is not the same everywhere.
     volumes : bool
         Whether its paths keep account of the dielectrics that they are inside of: priorities and absorption.
+    textures : bool
+        Whether it takes materials with textures.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
     preparation : str
@@ -86,5 +88,6 @@ class Integrator:
     materials: tuple[str, ...] = ()
     environment_pictures: bool = True
     volumes: bool = True
+    textures: bool = True
     auto_light_sampler: str = "auto"
     preparation: str = ""

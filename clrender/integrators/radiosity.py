@@ -14,5 +14,6 @@ INTEGRATOR: Final = Integrator(
     bias="discretised",
     materials=("lambert",),
     environment_pictures=False,
+    textures=False,
     preparation="clrender.radiosity.preparation",
 )

@@ -100,7 +100,7 @@ class Patches:
 
     def _lambert(self, name: str) -> tuple[float, float, float]:
         material = self.scene.materials[name]
-        assert isinstance(material, Lambert)
+        assert isinstance(material, Lambert) and isinstance(material.reflectance, tuple)
         return material.reflectance
 
     @cached_property

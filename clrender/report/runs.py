@@ -195,7 +195,8 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
 
 
 def _row(name: str, spec: Spec, absorption: float | None, cores: int, scene: Scene) -> Row:
-    brightest = max(max(each.reflectance) for each in scene.materials.values() if each.type == "lambert")
+    colors = [each.reflectance for each in scene.materials.values() if each.type == "lambert"]
+    brightest = max(max(color) for color in colors if isinstance(color, tuple))
     growth = 0.0 if absorption is None else brightest**2 / (1.0 - absorption)
     return Row(name, spec.samples, spec.shadow_rays, absorption, cores, growth)
 

@@ -5,21 +5,25 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.scene.description import (
     Camera,
-    Conductor,
-    Dielectric,
     DirectionalLight,
     EnvironmentLight,
     Image,
-    Lambert,
     Light,
-    Material,
-    Mirror,
-    OrenNayar,
     PointLight,
     Render,
     Scene,
 )
 from clrender.scene.load import builtin_names, load
+from clrender.scene.materials import (
+    Conductor,
+    Dielectric,
+    Lambert,
+    Material,
+    Mirror,
+    Mix,
+    OrenNayar,
+    Principled,
+)
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
 
@@ -38,8 +42,10 @@ __all__ = [
     "Mesh",
     "MeshData",
     "Mirror",
+    "Mix",
     "OrenNayar",
     "PointLight",
+    "Principled",
     "Quad",
     "Render",
     "Scene",

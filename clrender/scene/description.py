@@ -11,37 +11,36 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
 
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.light_kinds import LIGHT_TYPES, DirectionalLight, EnvironmentLight, Light, PointLight
+from clrender.scene.materials import MATERIAL_TYPES, MIX_DEPTH, Dielectric, Lambert, Material, Mirror, Mix
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
-from clrender.scene.microfacets import METALS
 from clrender.scene.shapes import Mesh, Shape
+from clrender.scene.texels import StoredPicture, TexelStore
+from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, textures_of
 from clrender.scene.values import (
     COORDINATE_LIMIT,
     SHAPE_LIMIT,
-    Absorption,
-    Extinction,
     Finite,
-    Index,
     Length,
     Name,
     Part,
-    Reflectance,
     SettingValue,
-    Share,
     Vector,
     cross,
     fault,
     length,
 )
-from clrender.scene.wording import quoted, suggestion
+from clrender.scene.wording import place, quoted, suggestion
 from clrender.settings import PIXEL_LIMIT, SETTINGS, not_taken
 
 __all__ = [
@@ -138,105 +137,6 @@ else:
     )
 
 
-# --- materials -------------------------------------------------------------------------------------------------------
-
-
-class Lambert(Part):
-    """Ideal diffuse reflection."""
-
-    type: Literal["lambert"]
-    reflectance: Reflectance
-    absorption: Absorption = Field(None, description="probability that the absorption roulette ends a path here")
-
-
-class Mirror(Part):
-    """Ideal specular reflection."""
-
-    type: Literal["mirror"]
-    reflectance: Reflectance = (1.0, 1.0, 1.0)
-    absorption: Absorption = None
-
-
-class Dielectric(Part):
-    """A smooth boundary between two transparent media: `ior` behind the front side, `exterior_ior` before it.
-
-    With a `priority` it is a medium that fills closed shapes instead: where volumes overlap, the highest priority wins.
-    """
-
-    type: Literal["dielectric"]
-    ior: Index
-    exterior_ior: Index = 1.0
-    priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
-        None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
-    )
-    attenuation_color: Reflectance | None = Field(
-        None, description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"
-    )
-    attenuation_distance: Length | None = Field(None, description="metres, in the medium behind the front")
-    absorption: Absorption = None
-
-    @model_validator(mode="after")
-    def _is_a_medium(self) -> Dielectric:
-        if self.priority is not None and "exterior_ior" in self.model_fields_set:
-            sentence = "cannot be given beside priority: the volume that is outside has its own index; leave it out"
-            raise fault("material", sentence, "exterior_ior")
-        if (self.attenuation_color is None) != (self.attenuation_distance is None):
-            one, other = ("color", "distance") if self.attenuation_distance is None else ("distance", "color")
-            sentence = f"needs attenuation_{other} beside it: the share of light that is left after that distance"
-            raise fault("material", sentence, f"attenuation_{one}")
-        for i, share in enumerate(self.attenuation_color or ()):
-            if share == 0.0:
-                sentence = "is 0, which no thickness of a medium does; give a small number such as 0.001"
-                raise fault("material", sentence, "attenuation_color", i)
-        return self
-
-
-class OrenNayar(Part):
-    """Diffuse reflection by a rough surface that loses no energy (EON: Portsmouth, Kutz and Hill 2025)."""
-
-    type: Literal["oren_nayar"]
-    reflectance: Reflectance
-    roughness: Share = Field(0.5, description="0: as `lambert`; 1: roughest")
-    absorption: Absorption = None
-
-
-class Conductor(Part):
-    """A metal: a measured one by name, or any by `eta` and `k`, smooth or rough (GGX), without loss of energy."""
-
-    type: Literal["conductor"]
-    metal: Literal["Ag", "Au", "Cu"] | None = None
-    eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the index of refraction")
-    k: tuple[Extinction, Extinction, Extinction] | None = Field(None, description="and its imaginary part")
-    roughness: Share = Field(0.2, description="its square is alpha of GGX; 0: smooth")
-    absorption: Absorption = None
-
-    @model_validator(mode="after")
-    def _is_a_metal(self) -> Conductor:
-        if self.metal is not None and (self.eta is not None or self.k is not None):
-            raise fault("material", "is given beside eta or k; a metal has its own", "metal")
-        if self.metal is None and (self.eta is None or self.k is None):
-            raise fault("material", f"needs a metal ({', '.join(METALS)}), or both eta and k")
-        return self
-
-    @property
-    def index(self) -> tuple[Vector, Vector]:
-        """Real and imaginary part of the index of refraction."""
-        if self.metal is not None:
-            return METALS[self.metal]
-        assert self.eta is not None and self.k is not None
-        return self.eta, self.k
-
-
-MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
-    "lambert": Lambert,
-    "mirror": Mirror,
-    "dielectric": Dielectric,
-    "oren_nayar": OrenNayar,
-    "conductor": Conductor,
-}
-Material: TypeAlias = Annotated[Lambert | Mirror | Dielectric | OrenNayar | Conductor, Field(discriminator="type")]
-
-
 # --- the whole -------------------------------------------------------------------------------------------------------
 
 
@@ -267,6 +167,8 @@ class Scene(Part):
     _source: str = PrivateAttr(default="Scene")
     _meshes: dict[str, MeshData] = PrivateAttr(default_factory=dict)
     _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
+    _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
+    _store: list[TexelStore] = PrivateAttr(default_factory=list)
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -274,11 +176,30 @@ class Scene(Part):
             if shape.material is not None and shape.material not in self.materials:
                 sentence = f"names a material {quoted(shape.material)} that does not exist"
                 raise fault("reference", sentence + suggestion(shape.material, self.materials), "shapes", i, "material")
+        self._mixtures_resolve()
         environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight)]
         for i in environments[1:]:
             sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
             raise fault("light", sentence, "lights", i)
         return self
+
+    def _mixtures_resolve(self) -> None:
+        """Each material of a mixture exists, and none contains itself."""
+        for name, material in self.materials.items():
+            if not isinstance(material, Mix):
+                continue
+            for i, part in enumerate(material.materials):
+                if part not in self.materials:
+                    sentence = f"names a material {quoted(part)} that does not exist"
+                    sentence += suggestion(part, self.materials)
+                    raise fault("reference", sentence, "materials", name, "materials", i)
+        for name in self.materials:
+            parts, depth = {name}, 0
+            while mixed := {p for n in parts if isinstance(m := self.materials[n], Mix) for p in m.materials}:
+                parts, depth = mixed, depth + 1
+                if name in parts or depth > MIX_DEPTH:
+                    reason = "contains itself" if name in parts else f"is nested more than {MIX_DEPTH} deep"
+                    raise fault("reference", f"{reason}; give two other materials", "materials", name, "materials")
 
     @property
     def base_folder(self) -> Path:
@@ -304,7 +225,7 @@ class Scene(Part):
         """
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes, scene._pictures = {}, {}
+        scene._meshes, scene._pictures, scene._store = {}, {}, []
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -333,6 +254,29 @@ class Scene(Part):
         scene._meshes = {**self._meshes, **meshes}
         return scene
 
+    def with_textures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
+        """The same scene with these pictures, each with its tiles, in the place of the files of these names."""
+        scene = self.model_copy()
+        scene._given, scene._store = {**self._given, **pictures}, []
+        return scene
+
+    def textures(self) -> TexelStore:
+        """The pictures that its materials name; the files are read once and kept.
+
+        Raises
+        ------
+        SceneError
+            If a file cannot be read or is no sound picture.
+        """
+        if not self._store:
+            textures = [
+                (f"{self._source}: {place(('materials', name, key, 'texture'))}", texture)
+                for name, material in self.materials.items()
+                for key, texture in textures_of(material)
+            ]
+            self._store.append(TexelStore(textures, self._base_folder, self._allow_paths, self._given))
+        return self._store[0]
+
     def mesh(self, index: int) -> MeshData:
         """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.
 
@@ -343,11 +287,11 @@ class Scene(Part):
         """
         shape = self.shapes[index]
         assert isinstance(shape, Mesh)
-        place = f"{self._source}: shapes[{index}]"
         if shape.file is None:
-            return inline_mesh(shape.vertices, shape.faces)
+            return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1)
         if shape.file not in self._meshes:
-            self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, f"{place}.file")
+            where = f"{self._source}: shapes[{index}].file"
+            self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, where)
         return self._meshes[shape.file]
 
     @property
@@ -426,4 +370,8 @@ class Scene(Part):
         for light in content["lights"]:
             if light["type"] == "environment" and picture is not None:
                 light["file"] = picture.sha256()
+        for name, material in self.materials.items():
+            for key, texture in textures_of(material):
+                if isinstance(texture, ImageTexture | NormalMap | BumpMap):
+                    content["materials"][name][key]["texture"] = self.textures().picture(texture).sha256
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -77,6 +77,7 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
         if isinstance(shape, Mesh) and shape.file is not None:
             scene.mesh(index)
     scene.environment_picture()
+    scene.textures()
     return scene
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.scene.description import Dielectric, Material, Scene
+from clrender.scene.description import Scene
+from clrender.scene.materials import Dielectric, Material
 from clrender.scene.values import Vector
 
 __all__ = ["MEDIA_LIMIT", "Media", "absorption_coefficients", "scene_media"]
@@ -59,7 +60,9 @@ def scene_media(scene: Scene) -> Media:
     """
     used = {shape.material for shape in scene.shapes}
     shining = {shape.material for shape in scene.shapes if shape.emission and any(shape.emission)}
-    media = {n: _medium(m) for n, m in scene.materials.items() if n in used and isinstance(m, Dielectric)}
+    media = {
+        n: _medium(m) for n, m in scene.materials.items() if n in used and isinstance(m, Dielectric) and not m.thin
+    }
     dark = {name for name in media if _is_matched(scene.materials[name])}
     ranked = _by_priority(media)
     # Of a medium of index 1 that loses to all others nothing is seen.

@@ -29,6 +29,8 @@ class MeshData:
         Indices below V.
     normals : (V, 3) float32 or float64, or None
         Finite, of any length; zero where the file has none.
+    uvs, uvs_1 : (T, 3, 2) float32, or None
+        Texture coordinates of each triangle's corners, finite; a second set.
     warning : str
         What a user should know of the mesh; mostly empty.
     """
@@ -37,15 +39,22 @@ class MeshData:
     triangles: NDArray[np.uint32]
     normals: NDArray[np.floating] | None = None
     warning: str = ""
+    uvs: NDArray[np.float32] | None = None
+    uvs_1: NDArray[np.float32] | None = None
 
     def sha256(self) -> str:
-        """Hash of the three arrays (in float64, so that the width in the file does not count)."""
+        """Hash of the arrays (in float64, so that the width in the file does not count)."""
         return self._sha256
 
     @cached_property
     def _sha256(self) -> str:
         digest = hashlib.sha256(f"{self.vertices.shape} {self.triangles.shape} {self.normals is None}".encode())
-        for array, kind in ((self.vertices, "<f8"), (self.normals, "<f8"), (self.triangles, "<u4")):
+        arrays = [(self.vertices, "<f8"), (self.normals, "<f8"), (self.triangles, "<u4")]
+        for name, uvs in (("uvs", self.uvs), ("uvs_1", self.uvs_1)):
+            if uvs is not None:
+                digest.update(name.encode())
+                arrays.append((uvs, "<f4"))
+        for array, kind in arrays:
             for start in range(0, 0 if array is None else len(array), 2**18):
                 assert array is not None
                 digest.update(np.ascontiguousarray(array[start : start + 2**18], dtype=kind).tobytes())
@@ -58,6 +67,13 @@ def crossed_warning(count: int) -> str:
     return f"{what} and cannot be covered once; check the model there" if count else ""
 
 
-def inline_mesh(vertices: Sequence[Sequence[float]], faces: Sequence[Sequence[int]]) -> MeshData:
-    """A mesh written into the scene file; its indices have been checked by the model."""
-    return MeshData(np.array(vertices, dtype=np.float64), np.array(faces, dtype=np.uint32))
+def inline_mesh(
+    vertices: Sequence[Sequence[float]],
+    faces: Sequence[Sequence[int]],
+    uvs: Sequence[Sequence[float]] = (),
+    uvs_1: Sequence[Sequence[float]] = (),
+) -> MeshData:
+    """A mesh written into the scene file, with texture coordinates of its vertices; the model has checked its indices."""  # noqa: E501
+    corners = np.array(faces, dtype=np.uint32)
+    first, second = (np.array(each, np.float32)[corners] if each else None for each in (uvs, uvs_1))
+    return MeshData(np.array(vertices, dtype=np.float64), corners, uvs=first, uvs_1=second)

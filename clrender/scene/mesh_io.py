@@ -10,7 +10,7 @@ import numpy as np
 
 from clrender.errors import SceneError
 from clrender.scene.mesh_data import MeshData
-from clrender.scene.named_files import allowed_file, open_scene_file
+from clrender.scene.named_files import allowed_file, open_named_file
 from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.wording import quoted
 
@@ -18,6 +18,8 @@ __all__ = ["FILE_LIMIT", "read_mesh"]
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
+UV_LIMIT: Final = 1e6
+"""Largest magnitude of a texture coordinate: single precision still knows a sixteenth there."""
 
 
 def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
@@ -39,11 +41,11 @@ def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
         If it may not be read or is not a sound mesh.
     """
     label = f"{place}: {quoted(name)}"
-    folder, path = allowed_file(name, base_folder, allow_paths, label)
     read = _reader(Path(name).suffix.lower())
     if read is None:
+        allowed_file(name, base_folder, allow_paths, label)
         raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply or .obj")
-    file, size = open_scene_file(path, label, FILE_LIMIT, folder)
+    file, size = open_named_file(name, base_folder, allow_paths, label, FILE_LIMIT)
     with file:
         if size == 0:
             raise SceneError(f"{label} is empty; it must hold a mesh")
@@ -81,4 +83,12 @@ def _checked(mesh: MeshData, label: str) -> MeshData:
                 values = ", ".join(f"{x:g}" for x in chunk[row])
                 limit = f"finite and at most {COORDINATE_LIMIT:g} in size"
                 raise SceneError(f"{label}: {what} {start + row} is ({values}), but must be {limit}")
+    if mesh.uvs is not None:
+        for start in range(0, len(mesh.uvs), 2**20):
+            worst = np.abs(mesh.uvs[start : start + 2**20]).max(axis=(1, 2))
+            bad = ~(worst <= UV_LIMIT)
+            if bad.any():
+                row = int(np.argmax(bad))
+                found = f"triangle {start + row} has a texture coordinate of size {worst[row]:g}"
+                raise SceneError(f"{label}: {found}, but they must be finite and at most {UV_LIMIT:g} in size")
     return mesh

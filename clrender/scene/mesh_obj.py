@@ -1,4 +1,4 @@
-"""Wavefront OBJ files: positions, normals and faces; what else the format knows is passed over.
+"""Wavefront OBJ files: positions, texture coordinates, normals and faces; what else the format knows is passed over.
 
 Format: Wavefront Technologies, "Object Files (.obj)", appendix B1 of the Advanced Visualizer's manual.
 """
@@ -6,6 +6,7 @@ Format: Wavefront Technologies, "Object Files (.obj)", appendix B1 of the Advanc
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import BinaryIO, Final
 
@@ -25,7 +26,8 @@ _NUMBER: Final = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[
 # Vertex, texture coordinate, normal; some programs write the slashes of what is missing too: 1/ or 1//.
 _CORNER: Final = re.compile(r"(-?[0-9]{1,18})(?:/(-?[0-9]{1,18})?(?:/(-?[0-9]{1,18})?)?)?")
 _FACE_BYTES: Final = b"0123456789-/ \t\n\x0b"
-_NO_NORMAL: Final = 0
+_INDEXED: Final = ("v", "vt", "vn")
+"""What the corners of faces name, in this order."""
 
 
 @dataclass
@@ -35,23 +37,26 @@ class _Found:
     Attributes
     ----------
     positions, normals : lists of (n, 3) float64
+    uvs : list of (n, 2) float64
     sizes : list of (n,) int64
         Corners of faces.
-    corners, corner_normals : lists of (n,) int64
-        Vertex, and normal, of each corner, counted from 0.
+    corners, corner_uvs, corner_normals : lists of (n,) int64
+        Vertex, texture coordinates and normal of each corner, counted from 0; -1 where there are no coordinates.
     counts : dict
-        Vertices, normals and faces.
+        Vertices, texture coordinates, normals and faces.
     largest : dict
         Of vertices and normals: the largest index named, and the line that names it.
     """
 
     positions: list[NDArray[np.float64]] = field(default_factory=list)
     normals: list[NDArray[np.float64]] = field(default_factory=list)
+    uvs: list[NDArray[np.float64]] = field(default_factory=list)
     sizes: list[_Whole] = field(default_factory=list)
     corners: list[_Whole] = field(default_factory=list)
+    corner_uvs: list[_Whole] = field(default_factory=list)
     corner_normals: list[_Whole] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("v", "vn", "f"), 0))
-    largest: dict[str, tuple[int, int]] = field(default_factory=lambda: {"v": (-1, 0), "vn": (-1, 0)})
+    counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("v", "vt", "vn", "f"), 0))
+    largest: dict[str, tuple[int, int]] = field(default_factory=lambda: dict.fromkeys(("v", "vt", "vn"), (-1, 0)))
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,7 @@ def read_obj(file: BinaryIO, size: int, label: str) -> MeshData:
     found = _Found()
     for block in line_blocks(file, label, obj=True):
         _read_block(block, found, label)
-        for kind, what in (("v", "vertices"), ("vn", "normals"), ("f", "faces")):
+        for kind, what in (("v", "vertices"), ("vt", "texture coordinates"), ("vn", "normals"), ("f", "faces")):
             if found.counts[kind] > TRIANGLE_LIMIT:
                 raise SceneError(f"{label} holds more than {TRIANGLE_LIMIT} {what}; at most that many are read")
     for kind, what in (("v", "vertices"), ("f", "faces")):
@@ -114,6 +119,7 @@ def _mesh(found: _Found, label: str) -> MeshData:
     total = len(corners) - 2 * len(sizes)
     if total > TRIANGLE_LIMIT:
         raise SceneError(f"{label} holds {total} triangles, but at most {TRIANGLE_LIMIT} are read")
+    uvs, warning = _corner_uvs(found)
     triangles, crossed = None, 0
     if (sizes > 3).any():
         triangles, crossed = triangulate(vertices, corners, sizes, label)
@@ -123,7 +129,26 @@ def _mesh(found: _Found, label: str) -> MeshData:
             vertices, np.concatenate(found.normals), corners, np.concatenate(found.corner_normals)
         )
     faces = corners.reshape(-1, 3) if triangles is None else corners[triangles]
-    return MeshData(vertices, faces.astype(np.uint32), normals, crossed_warning(crossed))
+    warnings = [each for each in (crossed_warning(crossed), warning) if each]
+    if uvs is not None:
+        uvs = uvs.reshape(-1, 3, 2) if triangles is None else uvs[triangles]
+    return MeshData(vertices, faces.astype(np.uint32), normals, "; ".join(warnings), uvs)
+
+
+def _corner_uvs(found: _Found) -> tuple[NDArray[np.float32] | None, str]:
+    """Texture coordinates of every corner, if any has them; and of how many there are none."""
+    if not found.uvs:
+        return None, ""
+    index = np.concatenate(found.corner_uvs)
+    table = np.concatenate(found.uvs)
+    held = (index >= 0) & (index < len(table))
+    if not held.any():
+        return None, ""
+    with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
+        uvs = table[np.where(held, index, 0)].astype(np.float32)
+    missing = len(index) - int(np.count_nonzero(held))
+    uvs[~held] = 0.0
+    return uvs, f"{missing} corners of faces have no texture coordinates, and got (0, 0)" if missing else ""
 
 
 def _with_normals(
@@ -154,15 +179,15 @@ def _read_block(block: Block, found: _Found, label: str) -> None:
     third = data[np.minimum(keys + 2, len(data) - 1)]
     is_kind = {
         "v": (first == ord("v")) & (second <= 32),
+        "vt": (first == ord("v")) & (second == ord("t")) & (third <= 32),
         "vn": (first == ord("v")) & (second == ord("n")) & (third <= 32),
         "f": (first == ord("f")) & (second <= 32),
     }
-    vertices_before = found.counts["v"] + np.cumsum(is_kind["v"])
-    normals_before = found.counts["vn"] + np.cumsum(is_kind["vn"])
+    before = {kind: found.counts[kind] + np.cumsum(is_kind[kind]) for kind in _INDEXED}
     blanked = data.copy()
-    for kind, keyword in (("v", "v"), ("vn", "vn"), ("f", "f")):
+    for keyword in is_kind:
         for letter in range(len(keyword)):
-            blanked[keys[is_kind[kind]] + letter] = ord(" ")
+            blanked[keys[is_kind[keyword]] + letter] = ord(" ")
 
     def lines(kind: str) -> _Lines:
         chosen = filled[is_kind[kind]]
@@ -175,45 +200,50 @@ def _read_block(block: Block, found: _Found, label: str) -> None:
             text = blanked[np.repeat(mask, line_ends + 1 - line_starts)]
         return _Lines(line_starts[chosen], words[chosen] - 1, text.tobytes())
 
-    for kind, into in (("v", found.positions), ("vn", found.normals)):
+    for kind, into, size in (("v", found.positions, 3), ("vt", found.uvs, 2), ("vn", found.normals, 3)):
         if is_kind[kind].any():
-            into.append(_vectors(lines(kind), block, label))
+            into.append(_vectors(lines(kind), size, block, label))
             found.counts[kind] += len(into[-1])
     if is_kind["f"].any():
-        before = vertices_before[is_kind["f"]], normals_before[is_kind["f"]]
-        _add_faces(lines("f"), before, block, found, label)
+        of_faces = {kind: counts[is_kind["f"]] for kind, counts in before.items()}
+        _add_faces(lines("f"), of_faces, block, found, label)
 
 
-def _vectors(lines: _Lines, block: Block, label: str) -> NDArray[np.float64]:
-    """The first three numbers of each line; more may follow (a weight, a colour)."""
+def _vectors(lines: _Lines, size: int, block: Block, label: str) -> NDArray[np.float64]:
+    """The first three numbers, or two, of each line; more may follow (a weight, a colour)."""
     numbers = parse_numbers(lines.text)
-    if numbers is None or (lines.words < 3).any() or not np.isfinite(numbers).all():
+    if size == 2 and (lines.words == 1).all() and numbers is not None:
+        return np.stack([numbers, np.zeros_like(numbers)], axis=1)  # of a picture that is a line
+    if numbers is None or (lines.words < size).any() or not np.isfinite(numbers).all():
+        what = f"is not a {'position or normal' if size == 3 else 'pair of texture coordinates'} of {size} numbers"
         for place in lines.places.tolist():
             words = block.line(place).split()[1:]
-            if len(words) < 3 or not all(_NUMBER.fullmatch(word) and np.isfinite(float(word)) for word in words):
-                raise _bad_line(block, place, label, "is not a position or normal of 3 numbers")
+            if len(words) < size or not all(_NUMBER.fullmatch(word) and np.isfinite(float(word)) for word in words):
+                raise _bad_line(block, place, label, what)
         raise _bad_line(block, int(lines.places[0]), label, "or one after it holds what is no number")
-    if (lines.words == 3).all():
-        return numbers.reshape(-1, 3)
+    if (lines.words == size).all():
+        return numbers.reshape(-1, size)
     first = np.cumsum(lines.words) - lines.words
-    return np.asarray(numbers[first[:, None] + np.arange(3)])
+    return np.asarray(numbers[first[:, None] + np.arange(size)])
 
 
 def _bad_line(block: Block, place: int, label: str, what: str) -> SceneError:
     return SceneError(f"{label}: line {block.line_number(place)} {what}: {quoted(block.line(place))}")
 
 
-def _add_faces(lines: _Lines, before: tuple[_Whole, _Whole], block: Block, found: _Found, label: str) -> None:
-    """Corners of the faces of a block; `before` says how many vertices and normals stand before each face."""
+def _add_faces(lines: _Lines, before: Mapping[str, _Whole], block: Block, found: _Found, label: str) -> None:
+    """Corners of the faces of a block; `before` says how many vertices and the like stand before each face."""
     parsed = _uniform_corners(lines) if (lines.words >= 3).all() else None
     if parsed is None:
         parsed = _any_corners(lines, block, label)
-    for column, kind in enumerate(("v", "vn")[: parsed.shape[1]]):
+    for column, kind in enumerate(_INDEXED):
         index = parsed[:, column]
+        if kind == "vn" and not index.any():
+            continue
         face = np.repeat(np.arange(len(lines.words)), lines.words)
         if (index <= 0).any():
-            index = np.where(index < 0, before[column][face] + 1 + index, index)
-            if (index < 1).any():
+            index = np.where(index < 0, before[kind][face] + 1 + index, index)
+            if kind != "vt" and (index < 1).any():
                 wrong = int(np.argmax(index < 1))
                 what = {"v": "vertex", "vn": "normal"}[kind]
                 named = f"names {what} {parsed[wrong, column]}, which the file does not hold"
@@ -221,7 +251,7 @@ def _add_faces(lines: _Lines, before: tuple[_Whole, _Whole], block: Block, found
         top = int(np.argmax(index))
         if index[top] - 1 > found.largest[kind][0]:
             found.largest[kind] = (int(index[top]) - 1, block.line_number(int(lines.places[face[top]])))
-        (found.corners, found.corner_normals)[column].append(index - 1)
+        (found.corners, found.corner_uvs, found.corner_normals)[column].append(index - 1)
     with_normals, without = sum(map(len, found.corner_normals)), sum(map(len, found.corners))
     if with_normals not in (0, without):
         raise SceneError(f"{label} gives normals to some corners of its faces only; give them to all or to none")
@@ -230,12 +260,12 @@ def _add_faces(lines: _Lines, before: tuple[_Whole, _Whole], block: Block, found
 
 
 def _uniform_corners(lines: _Lines) -> _Whole | None:
-    """Vertex (and normal) of each corner, where all of a block are written alike; None where they are not.
+    """Vertex, texture coordinates and normal of each corner, where all of a block are written alike; else None.
 
     Returns
     -------
-    (corners, 1 or 2) int64
-        As the file counts.
+    (corners, 3) int64
+        As the file counts; 0 where there is none.
     """
     total = int(lines.words.sum())
     if lines.text.translate(None, _FACE_BYTES):
@@ -246,7 +276,7 @@ def _uniform_corners(lines: _Lines) -> _Whole | None:
         return None
     slashes = np.flatnonzero(data == ord("/"))
     if not len(slashes):
-        return _columns(parse_whole(lines.text), total, 1)
+        return _spread(_columns(parse_whole(lines.text), total, 1), (0,))
     each, odd = divmod(len(slashes), total)
     if odd or each > 2:
         return None
@@ -258,11 +288,18 @@ def _uniform_corners(lines: _Lines) -> _Whole | None:
     count = 0 if numbers is None else len(numbers) // total
     # Every word begins with a number and holds one more, at most, after each slash: the total tells of each.
     table = _columns(numbers, total, count)
-    if table is None or count == 1 or (each == 1 and count == 2):
-        return None if table is None else table[:, :1]
-    if count == 3:
-        return table[:, [0, 2]]
-    return table if (inside[:, 1] - inside[:, 0] == 1).all() else None
+    if count == 2 and each == 2:
+        return _spread(table, (0, 2)) if (inside[:, 1] - inside[:, 0] == 1).all() else None
+    return _spread(table, range(count))
+
+
+def _spread(table: _Whole | None, columns: Sequence[int]) -> _Whole | None:
+    """A table's columns as these of three; the others are 0."""
+    if table is None or len(columns) == 3:
+        return table
+    whole = np.zeros((len(table), 3), np.int64)
+    whole[:, list(columns)] = table
+    return whole
 
 
 def _columns(numbers: _Whole | None, rows: int, columns: int) -> _Whole | None:
@@ -273,8 +310,8 @@ def _columns(numbers: _Whole | None, rows: int, columns: int) -> _Whole | None:
 
 
 def _any_corners(lines: _Lines, block: Block, label: str) -> _Whole:
-    """Vertex and normal of each corner, one by one; finds the line that is wrong."""
-    kept: list[tuple[int, int]] = []
+    """The same of each corner, one by one; finds the line that is wrong."""
+    kept: list[tuple[int, int, int]] = []
     words = iter(lines.text.split())
     for place, count in zip(lines.places.tolist(), lines.words.tolist(), strict=True):
         good = count >= 3
@@ -283,13 +320,11 @@ def _any_corners(lines: _Lines, block: Block, label: str) -> _Whole:
             indices = [int(each) for each in match.groups() if each] if match else [0]
             good = good and 0 not in indices
             if match:
-                kept.append((int(match[1]), int(match[3] or _NO_NORMAL)))
+                kept.append((int(match[1]), int(match[2] or 0), int(match[3] or 0)))
         if not good:
             raise _bad_line(block, place, label, "is not a face of 3 or more vertex indices")
     table = np.array(kept, np.int64)
-    without = table[:, 1] == _NO_NORMAL
-    if without.all():
-        return table[:, :1]
-    if without.any():
+    without = table[:, 2] == 0
+    if without.any() and not without.all():
         raise SceneError(f"{label} gives normals to some corners of its faces only; give them to all or to none")
     return table

@@ -1,11 +1,11 @@
-"""PLY files, ASCII and binary: positions, normals and faces of any size.
+"""PLY files, ASCII and binary: positions, normals, texture coordinates and faces of any size.
 
 Format: G. Turk, "The PLY Polygon File Format" (1994). All that is read streams by: memory goes to the mesh alone.
 """
 
 from __future__ import annotations
 
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from clrender.scene.ply_records import Lists
 from clrender.scene.polygons import triangulate
 
 __all__ = ["read_ply"]
+
+_UVS: Final = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+"""Names that programs give to texture coordinates."""
 
 
 def read_ply(file: BinaryIO, size: int, label: str) -> MeshData:
@@ -45,7 +48,9 @@ def read_ply(file: BinaryIO, size: int, label: str) -> MeshData:
     vertex, face = header.element("vertex"), header.element("face")
     assert vertex is not None and face is not None
     normal = ["nx", "ny", "nz"]
-    columns = ["x", "y", "z", *(normal if {entry.name for entry in vertex.properties} >= set(normal) else ())]
+    held = {entry.name for entry in vertex.properties}
+    uv = next((pair for pair in _UVS if held >= set(pair)), ())
+    columns = ["x", "y", "z", *(normal if held >= set(normal) else ()), *uv]
     ascii_file = header.encoding == "ascii"
     reader = AsciiRecords(file, header, label) if ascii_file else BinaryRecords(file, header, size, label)
     table = np.empty((0, 3), np.float32)
@@ -58,10 +63,12 @@ def read_ply(file: BinaryIO, size: int, label: str) -> MeshData:
         else:
             reader.skip(element)
     reader.end()
-    return _mesh(table, *lists, label)
+    return _mesh(table, *lists, columns, label)
 
 
-def _mesh(table: NDArray[np.floating], corners: NDArray[np.int64], sizes: NDArray[np.int64], label: str) -> MeshData:
+def _mesh(
+    table: NDArray[np.floating], corners: NDArray[np.int64], sizes: NDArray[np.int64], columns: list[str], label: str
+) -> MeshData:
     if (sizes < 3).any():
         raise SceneError(f"{label}: face {int(np.argmax(sizes < 3))} has fewer than three vertices")
     total = len(corners) - 2 * len(sizes)
@@ -76,5 +83,10 @@ def _mesh(table: NDArray[np.floating], corners: NDArray[np.int64], sizes: NDArra
     if (sizes > 3).any():
         triangles, crossed = triangulate(vertices, corners, sizes, label)
         corners = corners[triangles]
-    normals = np.ascontiguousarray(table[:, 3:]) if table.shape[1] > 3 else None
-    return MeshData(vertices, corners.reshape(-1, 3).astype(np.uint32), normals, crossed_warning(crossed))
+    normals = np.ascontiguousarray(table[:, 3:6]) if "nx" in columns else None
+    faces = corners.reshape(-1, 3).astype(np.uint32)
+    uvs = None
+    if len(columns) not in (3, 6):
+        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
+            uvs = table[:, -2:].astype(np.float32)[faces]
+    return MeshData(vertices, faces, normals, crossed_warning(crossed), uvs)

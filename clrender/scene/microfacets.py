@@ -1,19 +1,19 @@
-"""What the host knows of rough metals: measured ones by name, and how much light roughness keeps between its facets."""
+"""What the host knows of rough materials: measured metals by name, and how much light microfacets reflect."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.layout import GGX_TABLE_SIZE
+from clrender import layout
 
-__all__ = ["METALS", "SMOOTH_BELOW", "fresnel", "ggx_albedos", "multiple_scale"]
+__all__ = ["METALS", "SMOOTH_BELOW", "albedo_tables", "fresnel", "fresnel_average"]
 
 _Triple: TypeAlias = tuple[float, float, float]
 
@@ -31,18 +31,28 @@ _STEPS: Final = 256
 
 
 @cache
-def ggx_albedos() -> NDArray[np.float32]:
-    """Share of light that GGX microfacets, perfect mirrors, reflect after one bounce.
+def albedo_tables() -> NDArray[np.float32]:
+    """How much light the lobes of rough materials reflect: the tables of ``scripts/albedo_tables.py``.
 
     Returns
     -------
-    (n, n) float32
-        n is `clrender.layout.GGX_TABLE_SIZE`. Rows: √alpha from 0 to 1; columns: √(μ (1 + alpha) / (μ + alpha)) from 0
-        to 1, of the cosine μ. Made by ``scripts/ggx_albedo.py``.
+    (n,) float32
+        One table after the other from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END`. Of the tables of sixteen bits
+        each word holds two neighbours along a row.
     """
-    table: NDArray[np.float32] = np.load(Path(__file__).with_name("ggx_albedo.npy"))
-    assert table.shape == (GGX_TABLE_SIZE, GGX_TABLE_SIZE)
-    return table
+    names = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
+    with np.load(Path(__file__).with_name("albedo_tables.npz")) as file:
+        parts = [_words(file[name]) for name in (*names, "sheen", "sheen_scale", "sheen_mean")]
+    tables = np.concatenate(parts)
+    assert len(tables) == layout.ALBEDO_END
+    return tables
+
+
+def _words(table: NDArray[Any]) -> NDArray[np.float32]:
+    if table.dtype == np.uint16:
+        low, high = (part.astype(np.uint32) for part in (table[..., :-1], table[..., 1:]))
+        table = (low | high << np.uint32(16)).view(np.float32)
+    return table.astype(np.float32, copy=False).reshape(-1)
 
 
 def fresnel(cosine: float, eta: float, k: float) -> float:
@@ -64,33 +74,7 @@ def fresnel(cosine: float, eta: float, k: float) -> float:
     return 0.5 * (t1 - t2) / (t1 + t2) * (1.0 + (t3 - t4) / (t3 + t4))
 
 
-def multiple_scale(eta: _Triple, k: _Triple, alpha: float) -> _Triple:
-    """Scale of the lobe of light that is reflected more than once, by colour: F_ms / (π (1 - E_avg)).
-
-    The lobe is this times (1 - E(μo)) (1 - E(μi)). With F_ms = F_avg² E_avg / (1 - F_avg (1 - E_avg)) a white metal
-    reflects all light (Kulla and Conti, SIGGRAPH course 2017).
-    """
-    albedo = _cosine_mean(lambda cosine: _first_albedo(alpha, cosine))
-    scales = []
-    for one_eta, one_k in zip(eta, k, strict=True):
-        average = _cosine_mean(lambda cosine, n=one_eta, m=one_k: fresnel(cosine, n, m))  # type: ignore[misc]
-        multiple = average * average * albedo / (1.0 - average * (1.0 - albedo))
-        scales.append(multiple / (math.pi * max(1.0 - albedo, 1e-6)))
-    return (scales[0], scales[1], scales[2])
-
-
-def _cosine_mean(of: Callable[[float], float]) -> float:
-    """2 ∫ f(μ) μ dμ: the mean over directions as likely as their cosine."""
+def fresnel_average(eta: float, k: float) -> float:
+    """The mean of `fresnel` over directions as likely as their cosine."""
     middles = [(i + 0.5) / _STEPS for i in range(_STEPS)]
-    return 2.0 * math.fsum(of(x) * x for x in middles) / _STEPS
-
-
-def _first_albedo(alpha: float, cosine: float) -> float:
-    """As `kernels/material/ggx.h`, `ggx_first_albedo`."""
-    table, last = ggx_albedos(), GGX_TABLE_SIZE - 1
-    y = math.sqrt(alpha) * last
-    x = math.sqrt(cosine * (1.0 + alpha) / (cosine + alpha)) * last
-    row, column = min(int(y), last - 1), min(int(x), last - 1)
-    (a, b), (c, d) = table[row : row + 2, column : column + 2].tolist()
-    upper, lower = a + (b - a) * (x - column), c + (d - c) * (x - column)
-    return float(upper + (lower - upper) * (y - row))
+    return 2.0 * math.fsum(fresnel(x, eta, k) * x for x in middles) / _STEPS

@@ -10,7 +10,7 @@ from typing import BinaryIO
 from clrender.errors import SceneError
 from clrender.files import UnreadableFile, open_regular
 
-__all__ = ["allowed_file", "open_scene_file"]
+__all__ = ["allowed_file", "open_named_file", "open_scene_file"]
 
 
 def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = None) -> tuple[BinaryIO, int]:
@@ -83,3 +83,28 @@ def allowed_file(name: str, base_folder: Path, allow_paths: Sequence[Path], labe
         cure = "move it there or allow its folder with --allow-path (allow_paths in Python)"
         raise SceneError(f"{label} lies outside the scene's own folder; {cure}")
     return folder, path.relative_to(folder)
+
+
+def open_named_file(
+    name: str, base_folder: Path, allow_paths: Sequence[Path], label: str, limit: int
+) -> tuple[BinaryIO, int]:
+    """Open a file that a scene names, if it lies where files may come from.
+
+    Parameters
+    ----------
+    name, base_folder, allow_paths, label
+        As of `allowed_file`.
+    limit : int
+        Largest size, bytes.
+
+    Returns
+    -------
+    file, size
+
+    Raises
+    ------
+    SceneError
+        As of `allowed_file` and `open_scene_file`.
+    """
+    folder, path = allowed_file(name, base_folder, allow_paths, label)
+    return open_scene_file(path, label, limit, folder)

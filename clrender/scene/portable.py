@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -15,12 +16,15 @@ from clrender.scene.description import Scene
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Mesh
+from clrender.scene.texels import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
+from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, textures_of
 from clrender.scene.validation_errors import scene_error
+from clrender.scene.wording import place as place_in_file
 
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
-_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture)
+_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, "_TexturePicture")
 
 
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -50,6 +54,14 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
             description["shapes"][index]["file"] = _PREFIX + mesh.sha256()
             if mesh.sha256() not in assets:
                 assets[mesh.sha256()] = _packed(mesh)
+    store = scene.textures()
+    for name, material in scene.materials.items():
+        for key, texture in textures_of(material):
+            if isinstance(texture, ImageTexture | NormalMap | BumpMap):
+                stored = store.picture(texture)
+                description["materials"][name][key]["texture"] = _PREFIX + stored.sha256
+                if stored.sha256 not in assets:
+                    assets[stored.sha256] = _packed_texture(stored, store.tiles_of(stored))
     picture = scene.environment_picture()
     for light in description.get("lights", []) if picture else []:
         if "file" in light:
@@ -76,6 +88,14 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
         if isinstance(shape, Mesh) and shape.file is not None and shape.file not in meshes:
             place = f"{source}: shapes[{index}].file"
             meshes[shape.file] = _unpacked(_hash_in(shape.file, place), assets, place)
+    textures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}
+    for name, material in scene.materials.items():
+        for key, texture in textures_of(material):
+            if isinstance(texture, ImageTexture | NormalMap | BumpMap) and texture.texture not in textures:
+                place = f"{source}: {place_in_file(('materials', name, key, 'texture'))}"
+                unpacked = _unpacked_texture(_hash_in(texture.texture, place), assets, place)
+                textures[texture.texture] = unpacked.picture, unpacked.tiles
+    scene = scene.with_textures(textures)
     light = scene.environment
     if light is None or light.file is None:
         return scene.with_meshes(meshes)
@@ -88,6 +108,10 @@ def _packed(mesh: MeshData) -> bytes:
     arrays = {"vertices": mesh.vertices, "triangles": mesh.triangles}
     if mesh.normals is not None:
         arrays["normals"] = mesh.normals
+    if mesh.uvs is not None:
+        arrays["uvs"] = mesh.uvs
+    if mesh.uvs_1 is not None:
+        arrays["uvs_1"] = mesh.uvs_1
     return _zipped(**arrays)
 
 
@@ -105,9 +129,37 @@ def _hash_in(name: str, place: str) -> str:
 
 def _unpacked(sha256: str, assets: Mapping[str, bytes], place: str) -> MeshData:
     def mesh(archive: Any) -> MeshData:
-        return MeshData(archive["vertices"], archive["triangles"], archive.get("normals"))
+        uvs, uvs_1 = archive.get("uvs"), archive.get("uvs_1")
+        return MeshData(archive["vertices"], archive["triangles"], archive.get("normals"), "", uvs, uvs_1)
 
     return _asset(sha256, assets, place, mesh)
+
+
+@dataclass(frozen=True)
+class _TexturePicture:
+    picture: StoredPicture
+    tiles: NDArray[np.uint8]
+
+    def sha256(self) -> str:
+        return picture_sha256(self.picture, self.tiles)
+
+
+def _packed_texture(picture: StoredPicture, tiles: NDArray[np.uint8]) -> bytes:
+    size = np.array([picture.width, picture.height, picture.channels])
+    return _zipped(size=size, coding=np.array(picture.coding), tiles=tiles)
+
+
+def _unpacked_texture(sha256: str, assets: Mapping[str, bytes], place: str) -> _TexturePicture:
+    def texture(archive: Any) -> _TexturePicture:
+        width, height, channels = (int(each) for each in archive["size"])
+        tiles = np.ascontiguousarray(archive["tiles"], np.uint8)
+        picture = StoredPicture(width, height, channels, str(archive["coding"]), 0, len(tiles), sha256)
+        across, down = tile_shape(picture.texel_bits)
+        if tiles.shape != (-(-width // across) * -(-height // down), TILE_BYTES):
+            raise ValueError("it is not as large as it says")
+        return _TexturePicture(picture, tiles)
+
+    return _asset(sha256, assets, place, texture)
 
 
 def _unpacked_picture(sha256: str, assets: Mapping[str, bytes], place: str) -> EnvironmentPicture:

@@ -13,6 +13,7 @@ from clrender.scene.values import (
     NUMBER_OR_TRIPLE,
     Color,
     FileName,
+    Finite,
     Flag,
     Length,
     Lengths,
@@ -187,6 +188,9 @@ class Tetrahedron(Surface):
 _Corner = Annotated[int, Strict(), Field(ge=0, lt=2**31)]
 
 
+_Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(ge=-1e6, le=1e6)]]
+
+
 class Mesh(Surface):
     """Triangles from a file (.ply, .obj), or written inline as vertices and faces."""
 
@@ -194,10 +198,16 @@ class Mesh(Surface):
     file: FileName | None = None
     vertices: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
     faces: Annotated[tuple[tuple[_Corner, _Corner, _Corner], ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
+    uvs: Annotated[tuple[_Uv, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (), description="texture coordinates of each of the `vertices`"
+    )
+    uvs_1: Annotated[tuple[_Uv, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (), description="a second set of them"
+    )
 
     @model_validator(mode="after")
     def _has_one_source(self) -> Mesh:
-        given = self.model_fields_set & {"vertices", "faces"}
+        given = self.model_fields_set & {"vertices", "faces", "uvs", "uvs_1"}
         if self.file is not None:
             for key in sorted(given):
                 raise fault("mesh", "cannot be given together with `file`; keep one of them", key)
@@ -214,6 +224,10 @@ class Mesh(Surface):
                 if corner >= len(self.vertices):
                     text = f"is {corner}, but the mesh has only the vertices 0 to {len(self.vertices) - 1}"
                     raise fault("mesh", text, "faces", i, j)
+        for key in ("uvs", "uvs_1"):
+            if getattr(self, key) and len(getattr(self, key)) != len(self.vertices):
+                text = f"has {len(getattr(self, key))} entries, but there are {len(self.vertices)} vertices"
+                raise fault("mesh", text, key)
         return self
 
 

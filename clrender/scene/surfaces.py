@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
+from clrender.scene.attributes import is_textured, round_attributes, triangle_attributes
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
 from clrender.scene.media import scene_media
@@ -35,6 +36,9 @@ class FlatSurfaces:
         Primitives of each shape.
     origin : (3,) float
         World space, metres: what all coordinates are relative to.
+    attributes : (T + R, 16) float32
+        Texture coordinates and the like of textured primitives (`clrender.scene.attributes`); no rows where there are
+        none.
     """
 
     vertices: NDArray[np.float32]
@@ -47,6 +51,7 @@ class FlatSurfaces:
     count: NDArray[np.int64]
     warnings: tuple[str, ...]
     origin: Vector
+    attributes: NDArray[np.float32]
 
 
 def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurfaces:
@@ -91,6 +96,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
     warnings: list[str] = []
+    textured = [is_textured(scene, shape) for shape in scene.shapes]
+    attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
+    shapes["flags"][textured] = layout.SHAPE_TEXTURED
     v = t = 0
     for index, mesh in meshes.items():
         place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]
@@ -100,9 +108,13 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         there = triangles[t : t + len(mesh.triangles)]
         transform = _relative(affine(shape.transform), origin)
         _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
-        kept = _kept(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
+        sound = _sound(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
+        kept = len(there) if sound is None else int(np.count_nonzero(sound))
+        if textured[index]:
+            flipped = shape.flip_normals != (transform.determinant < 0.0)
+            attributes[t : t + kept] = triangle_attributes(scene, index, mesh, sound, flipped)
         if mesh.normals is not None:
-            shapes["flags"][index] = layout.SHAPE_SMOOTH
+            shapes["flags"][index] |= layout.SHAPE_SMOOTH
             some = normals[v : v + len(here)]
             _place_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
             if turned := _turned_away(here, there[:kept], some):
@@ -113,7 +125,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
-    analytic_shapes = _analytic_rows(scene, origin, first, count, t, no_boundary)
+    analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t, no_boundary)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     return FlatSurfaces(
@@ -127,6 +139,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         count=count,
         warnings=tuple(warnings),
         origin=origin,
+        attributes=np.concatenate([attributes[:t], of_round]) if any(textured) else attributes,
     )
 
 
@@ -196,21 +209,21 @@ def _in_range(largest: float, place: str) -> None:
         raise SceneError(f"{place} {text}; make it or its transform smaller")
 
 
-def _kept(
+def _sound(
     vertices: NDArray[np.float32],
     triangles: NDArray[np.uint32],
     *,
     place: str,
     warnings: list[str] | None,
-) -> int:
-    """Move triangles with an area to the front; how many they are. Without a list of warnings, all must have one."""
+) -> NDArray[np.bool_] | None:
+    """Move triangles with an area to the front; which they are, None for all. Without a list of warnings, all must have one."""  # noqa: E501
     sound = np.empty(len(triangles), dtype=bool)
     for start in range(0, len(triangles), _CHUNK):
         normal = _normals_of(vertices, triangles[start : start + _CHUNK], np.float32)
         sound[start : start + _CHUNK] = np.abs(normal).max(axis=1) >= SMALLEST
     kept = int(np.count_nonzero(sound))
     if kept == len(triangles):
-        return kept
+        return None
     if warnings is None or kept == 0:
         which = "a triangle of it" if warnings is None else "every triangle"
         raise SceneError(f"{place} is degenerate: {which} has no area in single precision; move its vertices apart")
@@ -218,7 +231,7 @@ def _kept(
     noun = "triangles" if lost > 1 else "triangle"
     warnings.append(f"{place}: {lost} of {len(triangles)} {noun} left out, without area in single precision")
     triangles[:kept] = triangles[sound]
-    return kept
+    return sound
 
 
 def _place_normals(
@@ -267,11 +280,12 @@ def _analytic_rows(
     count: NDArray[np.int64],
     offset: int,
     no_boundary: frozenset[str],
-) -> _Rows:
-    """Rows of spheres and disks; notes their primitive numbers, which start at `offset`."""
+) -> tuple[_Rows, NDArray[np.float32]]:
+    """Rows of spheres and disks, and of their attributes; notes their primitive numbers, which start at `offset`."""
     round_ = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
     indices = [i for i in round_ if not _is_left_out(scene.shapes[i], no_boundary)]
     rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
+    attributes = np.zeros((len(indices), 16), np.float32)
     for number, index in enumerate(indices):
         shape, place = scene.shapes[index], f"{scene.source}: shapes[{index}]"
         assert isinstance(shape, Sphere | Disk)
@@ -286,5 +300,7 @@ def _analytic_rows(
             rows[number]["normal"][:3] = [sign * x for x in transform.normal(shape.normal)]
         else:
             rows[number]["normal"][3] = sign
+        if is_textured(scene, shape):
+            attributes[number] = round_attributes(scene, shape, transform)
         first[index], count[index] = offset + number, 1
-    return rows
+    return rows, attributes

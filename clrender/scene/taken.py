@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
-from clrender.scene.description import Dielectric, Scene
+from clrender.scene.description import Scene
+from clrender.scene.material_rows import has_row
+from clrender.scene.materials import Dielectric, material_textures
 
 __all__ = ["check_materials"]
 
@@ -39,10 +41,22 @@ def check_materials(scene: Scene, integrator: str) -> None:
                         f"{scene.source}: shapes[{index}].material: {shape.material!r} has {key}, which the integrator "
                         f"{integrator} does not take; leave it out, or use --integrator path"
                     )
-        kind = scene.materials[shape.material].type if shape.material is not None else None
-        if taken and kind is not None and kind not in taken:
+        textures = [] if shape.material is None else list(material_textures(scene.materials, shape.material))
+        if textures and not INTEGRATORS[integrator].textures:
             raise SceneError(
-                f"{scene.source}: shapes[{index}].material: {shape.material!r} is of type {kind}, which the integrator "
-                f"{integrator} does not take; give the shape a material of type {' or '.join(taken)}, or use "
-                "--integrator path"
+                f"{scene.source}: shapes[{index}].material: {shape.material!r} has a texture ({textures[0][0]}), which "
+                f"the integrator {integrator} does not take; give it a constant, or use --integrator path"
             )
+        if not taken or material is None:
+            continue
+        of = f"of type {material.type}"
+        if material.type in taken and has_row(material):
+            rough = isinstance(material, Dielectric) and material.rough
+            of += " with roughness" if rough else " and thin" if isinstance(material, Dielectric) else ", not two_sided"
+        elif material.type in taken:
+            continue
+        raise SceneError(
+            f"{scene.source}: shapes[{index}].material: {shape.material!r} is {of}, which the integrator "
+            f"{integrator} does not take; give the shape a {'smooth ' if 'dielectric' in taken else ''}material "
+            f"of type {' or '.join(taken)}, or use --integrator path"
+        )

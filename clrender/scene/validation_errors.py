@@ -108,8 +108,12 @@ def _resolved(
     """The location without the names of union members; the table of its last step; what kinds that could be."""
     table: type[BaseModel] | None = root
     kinds: Mapping[str, type[BaseModel]] = {}
+    forms: Mapping[str, type[BaseModel]] | None = None
     kept: list[int | str] = []
     for number, step in enumerate(location):
+        if forms is not None and isinstance(step, str) and step.startswith("<"):
+            table, forms = forms.get(step), None  # a texture in the place of a constant (`textures.py`)
+            continue
         if kinds and step in kinds and len(kept) >= 2:
             table, kinds = kinds[str(step)], {}
             continue
@@ -118,6 +122,7 @@ def _resolved(
             tables = list(_tables(table.model_fields[str(step)].annotation))
             tagged = {tag: each for each in tables for tag in _tags(each)}
             kinds = tagged if len(tables) > 1 else {}
+            forms = {f"<{name}>": each for each in tables for name in list(each.model_fields)} if not tagged else None
             if number < len(location) - 1:
                 table = None if kinds else (tables[0] if tables else table)
     return tuple(kept), table, kinds

@@ -24,7 +24,7 @@ typedef struct {
 #define SET_LOBE 3u                        // free: which lobe of the BSDF
 #define SET_ROULETTE 4u                    // Russian roulette
 #define SET_MEDIUM 5u                      // free: distance and phase function
-#define SET_TEXTURE 6u                     // free: texel, opacity
+#define SET_TEXTURE 6u                     // texel; free: opacity
 #define SET_SPARE 7u
 
 // Wellons' low-bias mixer of 32 bits (hash-prospector, 2018).

@@ -4,9 +4,13 @@
 
 #include "core/frame.h"
 #include "core/lane.h"
+#include "core/sampler.h"
 #include "geometry/ray.h"
 #include "geometry/traverse.h"
 #include "scene.h"
+#ifdef TEXTURES
+#include "texture/mapping.h"
+#endif
 
 typedef struct {
     vec3 point;
@@ -20,6 +24,9 @@ typedef struct {
     vec3 color;
     vfloat absorption, ior;
     vuint kind;          // MATERIAL_*
+#ifdef TEXTURES
+    Attributes attributes;
+#endif
 #ifdef INTERIORS
     vuint medium;        // behind the front: material/interior.h
 #endif
@@ -49,6 +56,10 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat ro
     s->normal = unit(normal);
     s->shading = s->normal;
     s->from = s->primitive;
+#ifdef TEXTURES
+    s->attributes.ab = ab, s->attributes.ac = ac;
+    s->attributes.weight_b = weight_b, s->attributes.weight_c = weight_c;
+#endif
     if (lane_any(smooth)) {
         vfloat n[16];
         lane_rows(scene->normal_rows, smooth ? s->primitive : splat_uint(0u), n);
@@ -77,7 +88,34 @@ static void surface_round(const Ray* ray, vfloat distance, const vfloat row[16],
     s->normal = choose(round, normal, s->normal);
     s->shading = choose(round, normal, s->shading);
     s->from = (round & !disk) ? splat_uint(NONE) : s->from;      // a sphere can be hit again from inside
+#ifdef TEXTURES
+    s->attributes.sphere = round & !disk, s->attributes.disk = disk;
+    s->attributes.radius = radius;
+    s->attributes.out = choose(disk, scale(sub(on_disk, center), inverse_or_one(radius)), outward);
+#endif
 }
+
+#ifdef TEXTURES
+// What textures need to know of each lane's primitive. All four texels around a point are read, if surface_random does not say otherwise.
+static void surface_attributes(const Scene* scene, vmask textured, Surface* s) {
+    Attributes* a = &s->attributes;
+    a->textured = textured;
+    a->sphere = a->disk = mask_none();
+    a->out = vec3_all(0.0f);
+    a->radius = splat(0.0f);
+    a->taps.u = a->taps.v = splat(0.0f);
+    a->taps.random = 0;
+    lane_rows(scene->attribute_rows, textured ? s->primitive : splat_uint(0u), a->row);
+}
+
+// Choose among texels at random from here on: at the vertex of a path at this depth.
+static void surface_random(Surface* s, Sampler sampler, vuint depth) {
+    vuint bits_u, bits_v;
+    sampler_hash_bits(sampler, sampler_set(depth, SET_TEXTURE), &bits_u, &bits_v);
+    s->attributes.taps.u = unit_interval(bits_u), s->attributes.taps.v = unit_interval(bits_v);
+    s->attributes.taps.random = 1;
+}
+#endif
 
 // The rows that surface_at will read, asked for before it is needed where there are many.
 static void surface_prefetch(const Scene* scene, Hit hit) {
@@ -104,6 +142,9 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
 #endif
     const vmask round = s.primitive >= scene->settings->triangle_count;
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
+#ifdef TEXTURES
+    surface_attributes(scene, active & ((kind_and_flags & (SHAPE_TEXTURED << ROW_FLAGS)) != 0u), &s);
+#endif
     surface_triangle(scene, ray, row, smooth, &s);
     if (lane_any(round)) surface_round(ray, hit.distance, row, round, &s);
     s.front = inner(s.normal, ray->direction) < 0.0f;

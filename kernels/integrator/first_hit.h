@@ -63,7 +63,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         interior_cross(&path.interior, &crossing, next.direction, bsdf.side);
         goes_on = goes_on & interior_goes_on(&path.interior, &crossing, path.sample.sampler, &path.throughput);
         const vmask ended = path.alive & !goes_on;
-        path.throughput = choose(found, mul(path.throughput, surface.color), path.throughput);
+        path.throughput = choose(found, mul(path.throughput, bsdf_albedo(&bsdf)), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
         if (lane_any(ended)) pool_deliver(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
         path.depth = straight ? path.depth : path.depth + 1u;

@@ -1,17 +1,23 @@
 // Every scatterer behind one triple: bsdf_at, bsdf_eval, bsdf_sample. World space; directions point away from the surface.
 //
-// Rough materials are built only where a scene has them (-D ROUGH_MATERIALS): a scene without pays nothing for them.
+// Materials that have rows of parameters, and all lobes that they are made of, are built only where a scene has them (-D MATERIALS): a
+// scene without pays nothing for them.
 #ifndef MATERIAL_BSDF_H
 #define MATERIAL_BSDF_H
 
 #include "core/frame.h"
 #include "core/sampler.h"
 #include "geometry/surface.h"
-#include "material/conductor.h"
 #include "material/dielectric.h"
-#include "material/eon.h"
 #include "material/lambert.h"
 #include "material/mirror.h"
+#ifdef MATERIALS
+#include "material/closure.h"
+#endif
+#ifdef TEXTURES
+#include "texture/normal_map.h"
+#include "texture/parameter.h"
+#endif
 
 typedef struct {
     Frame frame;         // around the shading normal, on the side of wo
@@ -21,9 +27,9 @@ typedef struct {
     vfloat eta;          // index beyond over index on wo's side
     vuint kind;
     vmask specular;      // all of it is a delta: only sampling it finds where light comes from
-#ifdef ROUGH_MATERIALS
-    vfloat roughness;
-    Conductor conductor;
+#ifdef MATERIALS
+    Closure closure;
+    vmask thin;          // a smooth wall without thickness, whose own index is closure.glass.eta
 #endif
 } Bsdf;
 
@@ -33,49 +39,106 @@ typedef struct {
     vfloat pdf;          // per steradian; 0 where the BSDF is specular (but whether it is, the mask says)
 } BsdfSample;
 
-#ifdef ROUGH_MATERIALS
-// What the material of each lane has beyond a colour and an index.
-static void bsdf_read_row(const Scene* scene, const Surface* s, Bsdf* b) {
-    const vmask has_row = s->kind >= MATERIAL_OREN_NAYAR;
-    vfloat row[16];
-    lane_rows(scene->material_rows, has_row ? vfloat_bits(s->ior) : splat_uint(0u), row);
-    b->roughness = row[MATERIAL_ROW_ROUGHNESS];
-    b->conductor = conductor_at(scene->ggx_albedo, row, b->wo);
-    b->specular = b->specular & ((s->kind != MATERIAL_OREN_NAYAR) & ((s->kind != MATERIAL_CONDUCTOR) | (b->roughness == 0.0f)));
+#ifdef MATERIALS
+// The same frame with its x axis where a surface is roughest, `turn` from the tangent that goes round the y axis.
+static Frame bsdf_turned_frame(vec3 n, vfloat turn) {
+    // About the axis itself, round the x axis
+    const vmask pole = fma(n.x, n.x, n.z * n.z) < 1.0e-6f;
+    const vec3 around = choose(pole, vec3_of(splat(0.0f), n.z, -n.y), vec3_of(n.z, splat(0.0f), -n.x));
+    const vec3 tangent = unit(around), bitangent = outer(n, tangent);
+    vfloat c, s;
+    cos_sin_turn(turn, &c, &s);
+    Frame f;
+    f.tangent = along(scale(tangent, c), bitangent, s);
+    f.bitangent = along(scale(bitangent, c), tangent, -s);
+    f.normal = n;
+    return f;
+}
+
+static vec3 bsdf_wo(Frame frame, vec3 direction) {
+    vec3 wo = frame_to_local(frame, negate(direction));
+    wo.z = greater(wo.z, splat(1.0e-7f));
+    return wo;
+}
+
+// What materials with rows are, instead.
+static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction, const Parameters* p, Bsdf* b) {
+    const vmask anisotropic = p->anisotropy > 0.0f;
+    if (lane_any(anisotropic)) {
+        const Frame turned = bsdf_turned_frame(b->frame.normal, p->rotation);
+        b->frame.tangent = choose(anisotropic, turned.tangent, b->frame.tangent);
+        b->frame.bitangent = choose(anisotropic, turned.bitangent, b->frame.bitangent);
+        b->wo = choose(anisotropic, bsdf_wo(b->frame, direction), b->wo);
+    }
+    const vmask by_row = s->kind == MATERIAL_BY_ROW, black = parameters_flag(p, MATERIAL_FLAG_ONE_SIDED) & !s->front;
+    b->closure = closure_at(scene, p, b->wo, s->front);
+    b->color = choose(black, vec3_all(0.0f), p->color);
+    b->kind = black ? splat_uint(MATERIAL_LAMBERT) : p->kind;
+    b->thin = by_row & parameters_flag(p, MATERIAL_FLAG_THIN);
+    b->eta = b->thin ? splat(1.0f) : s->front ? p->ior : splat(1.0f) / p->ior;
+    const vmask delta = (b->kind == MATERIAL_MIRROR) | (b->kind == MATERIAL_DIELECTRIC) | (b->kind == MATERIAL_CONDUCTOR);
+    b->specular = delta & !b->closure.there;
 }
 #endif
 
 static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
     Bsdf b;
     b.side = choose(s->front, s->normal, negate(s->normal));
-    b.frame = frame_around(choose(s->front, s->shading, negate(s->shading)));
+    vec3 shading = s->shading, color = s->color;
+#ifdef MATERIALS
+    const Parameters p = material_at(scene, s, direction);
+#ifdef TEXTURES
+    shading = p.shading;
+#endif
+#elif defined(TEXTURES)
+    if (lane_any(s->attributes.textured)) {
+        const TextureSlots slots = parameter_slots(scene, &s->attributes, vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]));
+        color = parameter_color(scene, &s->attributes, &slots, TEXTURE_BASE_COLOR, color);
+        shading = normal_map_shading(scene, &s->attributes, &slots, s->normal, shading, s->front, direction);
+    }
+#endif
+    b.frame = frame_around(choose(s->front, shading, negate(shading)));
     b.wo = frame_to_local(b.frame, negate(direction));
     b.wo.z = greater(b.wo.z, splat(1.0e-7f));      // an interpolated normal may look away from the viewer
-    b.color = s->color;
+    b.color = color;
     b.eta = s->front ? s->ior : splat(1.0f) / s->ior;
     b.kind = s->kind;
     b.specular = s->kind != MATERIAL_LAMBERT;
-#ifdef ROUGH_MATERIALS
-    bsdf_read_row(scene, s, &b);
+#ifdef MATERIALS
+    bsdf_read_rows(scene, s, direction, &p, &b);
 #endif
     return b;
 }
 
 // The normal of the side that light has to arrive on to be scattered; zero: on either.
-static vec3 bsdf_receives(const Bsdf* b) { return choose(b->kind == MATERIAL_DIELECTRIC, vec3_all(0.0f), b->side); }
+static vec3 bsdf_receives(const Bsdf* b) {
+#ifdef MATERIALS
+    return choose((b->kind == MATERIAL_DIELECTRIC) | b->closure.glass.there, vec3_all(0.0f), b->side);
+#else
+    return choose(b->kind == MATERIAL_DIELECTRIC, vec3_all(0.0f), b->side);
+#endif
+}
+
+// About the share of light along `wo` that is scattered, by colour; glass that is smooth passes all.
+static vec3 bsdf_albedo(const Bsdf* b) {
+#ifdef MATERIALS
+    return choose(b->closure.there, b->closure.albedo, b->color);
+#else
+    return b->color;
+#endif
+}
 
 // f in 1/sr times |cosθ| of a local direction, and the density with which bsdf_sample chooses it. Deltas do not count.
 static vec3 bsdf_eval_local(const Bsdf* b, vec3 wi, vfloat* pdf) {
-    vec3 f = lambert_eval(b->color, wi);
+    const vec3 f = lambert_eval(b->color, wi);
     *pdf = lambert_pdf(wi);
-#ifdef ROUGH_MATERIALS
-    const vmask rough_diffuse = b->kind == MATERIAL_OREN_NAYAR;
-    if (lane_any(rough_diffuse)) f = choose(rough_diffuse, eon_eval(b->color, b->roughness, b->wo, wi), f);
-    const vmask metal = b->kind == MATERIAL_CONDUCTOR;
-    if (lane_any(metal)) {
-        vfloat metal_pdf;
-        f = choose(metal, conductor_eval(&b->conductor, b->wo, wi, &metal_pdf), f);
-        *pdf = metal ? metal_pdf : *pdf;
+#ifdef MATERIALS
+    const vmask lobes = b->closure.there;
+    if (lane_any(lobes)) {
+        vfloat density;
+        const vec3 sum = choose(lobes, closure_eval(&b->closure, b->wo, wi, &density), f);
+        *pdf = lobes ? density : *pdf;
+        return scale(sum, lobes ? absolute(wi.z) : greater(wi.z, splat(0.0f)));
     }
 #endif
     return scale(f, greater(wi.z, splat(0.0f)));
@@ -84,8 +147,14 @@ static vec3 bsdf_eval_local(const Bsdf* b, vec3 wi, vfloat* pdf) {
 // The same of a direction in the world.
 static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     vfloat density;
-    const vec3 f = bsdf_eval_local(b, frame_to_local(b->frame, direction), &density);
+    const vec3 wi = frame_to_local(b->frame, direction);
+    const vec3 f = bsdf_eval_local(b, wi, &density);
+#ifdef MATERIALS
+    const vmask above = inner(direction, b->side) > 0.0f;
+    const vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | (b->closure.glass.there & !above & (wi.z < 0.0f)));
+#else
     const vmask seen = !b->specular & (inner(direction, b->side) > 0.0f);
+#endif
     *pdf = seen ? density : splat(0.0f);
     return choose(seen, f, vec3_all(0.0f));
 }
@@ -98,8 +167,14 @@ static vec3 bsdf_sample_delta(const Bsdf* b, vfloat u, vec3* wi) {
     const vmask glass = b->kind == MATERIAL_DIELECTRIC;
     *wi = choose(glass, through, mirrored);
     vec3 weight = choose(glass, glass_weight, mirror_weight);
-#ifdef ROUGH_MATERIALS
-    weight = choose(b->kind == MATERIAL_CONDUCTOR, conductor_fresnel(&b->conductor, b->wo.z), weight);
+#ifdef MATERIALS
+    const vmask metal = b->kind == MATERIAL_CONDUCTOR;
+    if (lane_any(metal)) weight = choose(metal, reflection_fresnel(&b->closure.reflection, b->wo.z), weight);
+    if (lane_any(glass & b->thin)) {
+        const vmask reflect = u < glass_fresnel(&b->closure.glass, b->wo.z), wall = glass & b->thin;
+        *wi = choose(wall, choose(reflect, mirrored, negate(b->wo)), *wi);
+        weight = choose(wall, choose(reflect, vec3_all(1.0f), b->color), weight);
+    }
 #endif
     return weight;
 }
@@ -110,15 +185,16 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
     vec3 wi;
     s.weight = lambert_sample(b->color, u, v, &wi);
     s.pdf = lambert_pdf(wi);
-#ifdef ROUGH_MATERIALS
-    const vmask rough = !b->specular & (b->kind >= MATERIAL_OREN_NAYAR);
-    if (lane_any(rough)) {
-        const vmask metal = rough & (b->kind == MATERIAL_CONDUCTOR);
-        if (lane_any(metal)) wi = choose(metal, conductor_sample(&b->conductor, b->wo, u, v), wi);
+#ifdef MATERIALS
+    const vmask lobes = b->closure.there;
+    if (lane_any(lobes)) {
+        const vec3 sampled = closure_sample(&b->closure, b->wo, u, v, unit_interval(hash_pair(bits_u, bits_v)));
+        const vmask lost = (sampled.x == 0.0f) & (sampled.y == 0.0f) & (sampled.z == 0.0f);
+        wi = choose(lobes & !lost, sampled, wi);
         vfloat pdf;
         const vec3 f = bsdf_eval_local(b, wi, &pdf);
-        s.weight = choose(rough, scale(f, inverse_or_one(pdf)), s.weight);
-        s.pdf = rough ? pdf : s.pdf;
+        s.weight = choose(lobes, choose(lost | !(pdf > 0.0f), vec3_all(0.0f), scale(f, inverse_or_one(pdf))), s.weight);
+        s.pdf = lobes ? pdf : s.pdf;
     }
 #endif
     if (lane_any(b->specular)) {

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 CAMERA = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n"
 WHITE = '[materials.white]\ntype = "lambert"\nreflectance = [0.7, 0.7, 0.7]\n'
+MIX = '[materials.{}]\ntype = "mix"\nmaterials = ["{}", "{}"]\n[materials.m]\ntype = "mirror"\n'
 METAL = '[materials.m]\ntype = "conductor"\n'
 GLASS = '[materials.g]\ntype = "dielectric"\nior = 1.5\n'
 MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
@@ -162,6 +163,16 @@ VALUES = [
     Bad("metal and eta", CAMERA + METAL + 'metal = "Au"\neta = [1, 1, 1]\n', ("materials.m.metal", "beside eta or k")),
     Bad("metal unknown", CAMERA + METAL + 'metal = "Zz"\n', ("materials.m.metal", "Ag")),
     Bad("metal without k", CAMERA + METAL + "eta = [1, 1, 1]\n", ("materials.m", "needs a metal", "both eta and k")),
+    Bad("f0 and metal", CAMERA + METAL + 'metal = "Au"\nf0 = [1, 1, 1]\n', ("materials.m.f0", "beside metal")),
+    Bad("mix of none", CAMERA + MIX.format("a", "m", "no"), ("materials.a.materials[1]", '"no"', "does not exist")),
+    Bad(
+        "mix of itself",
+        CAMERA + MIX.format("a", "b", "m") + MIX.format("b", "a", "m").split("[materials.m]")[0],
+        ("materials.a", "itself"),
+    ),
+    Bad("mix of one", CAMERA + '[materials.a]\ntype = "mix"\nmaterials = ["a"]\n', ("materials.a.materials",)),
+    Bad("coat 2", CAMERA + '[materials.m]\ntype = "principled"\ncoat = 2\n', ("materials.m.coat", "at most 1")),
+    Bad("ior 0.5", CAMERA + '[materials.m]\ntype = "principled"\nior = 0.5\n', ("materials.m.ior", "at least 1")),
     Bad("eta 0", CAMERA + METAL + "eta = [1, 0, 1]\nk = [1, 1, 1]\n", ("materials.m.eta", "greater than 0")),
     Bad("roughness 2", CAMERA + METAL + 'metal = "Au"\nroughness = 2\n', ("materials.m.roughness", "at most 1")),
     Bad("ior missing", CAMERA + '[materials.g]\ntype = "dielectric"\n', ("materials.g", "`ior` is missing")),

@@ -108,6 +108,8 @@ def test_every_integrator_is_in_its_tables() -> None:
 def test_scenes_of_the_documentation_are_valid(tmp_path: Path, place: str) -> None:
     bunny = (ROOT / "scenes" / "bumpy.ply").read_bytes()
     (tmp_path / "bunny.ply").write_bytes(bunny)
+    for picture in ("tiles.png", "tiles-normal.png"):
+        (tmp_path / picture).write_bytes((ROOT / "scenes" / picture).read_bytes())
     blocks = code((ROOT / place).read_text(), "toml")
     assert blocks
     for block in blocks:

@@ -63,8 +63,13 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "triangles",
         "primitive_shape",
         "material_rows",
+        "albedo_tables",
         "media_rows",
-        "ggx_albedo",
+        "attribute_rows",
+        "texture_rows",
+        "texture_slots",
+        "texel_values",
+        "texels",
         "light_nodes",
         "light_order",
         "environment_map",
@@ -407,24 +412,48 @@ def test_the_film_takes_what_a_scene_may_shine_with() -> None:
         flat({**UNIT_CUBE, "emission": [POWER_LIMIT * 1.01, 0, 0]})
 
 
-def test_rough_materials_have_rows() -> None:
+def test_materials_that_need_them_have_rows() -> None:
     described = {
         "camera": {"position": (0, 0, 3), "target": (0, 0, 0)},
         "materials": {
             "plain": {"type": "lambert", "reflectance": (0.5, 0.5, 0.5)},
             "gold": {"type": "conductor", "metal": "Au", "roughness": 0.5},
-            "smooth": {"type": "conductor", "metal": "Au", "roughness": 0.03},
             "clay": {"type": "oren_nayar", "reflectance": (0.5, 0.4, 0.3), "roughness": 0.75},
+            "frosted": {"type": "dielectric", "ior": 1.5, "exterior_ior": 1.2, "roughness": 0.4},
+            "card": {"type": "lambert", "reflectance": (0.5, 0.5, 0.5), "two_sided": False},
+            "both": {"type": "mix", "materials": ("gold", "clay"), "weight": 0.25},
+            "glass": {"type": "dielectric", "ior": 1.5},
+            "paint": {"type": "principled", "coat": 0.5, "anisotropy_rotation": -90},
         },
     }
     arrays = flatten(scenes.Scene.model_validate(described), 8, 8).arrays
-    materials, rows = arrays["materials"], arrays["material_rows"]
-    assert materials["ior"][0] == 1.0
-    assert materials["ior"][1:].view(np.uint32).tolist() == [1, 2, 3]
-    # A smooth surface, and one smoother than single precision resolves, are deltas
-    assert rows[:, 0].tolist() == [0.0, 0.25, 0.0, 0.75]
-    assert len(arrays["ggx_albedo"]) == layout.GGX_TABLE_SIZE**2
+    materials, rows = arrays["materials"], arrays["material_rows"].reshape(-1, 32)
+    assert materials["kind"].tolist() == [0, *[layout.MATERIAL_BY_ROW] * 5, 2, layout.MATERIAL_BY_ROW]
+    assert materials["row"].tolist() == [0, 1, 2, 3, 4, 5, 0, 7]
+    assert materials["ior"].tolist() == pytest.approx([1, 1, 1, 1.25, 1, 1, 1.5, 1.5])
+    assert rows[:, 0].view(np.uint32).tolist() == [0, 4, 3, 2, 0, 6, 2, 5]
+    assert rows[[1, 3, 7], 4].tolist() == pytest.approx([0.5, 0.4, 0.5])
+    assert rows[2, 12] == 0.75 and rows[3, 6] == pytest.approx(1.25) and rows[7, 13] == 0.5
+    assert rows[4, 15].view(np.uint32) == layout.MATERIAL_FLAG_ONE_SIDED
+    assert rows[5, 1] == 0.25 and rows[5, 2:4].view(np.uint32).tolist() == [1, 2]
+    assert rows[7, 16 + 5] == 0.75  # a quarter turn back, in turns
+    assert len(arrays["albedo_tables"]) == layout.ALBEDO_END
     # Straight back, gold reflects ((n - 1)² + k²) / ((n + 1)² + k²)
     n, k = 0.21, 3.272
     assert materials["color"][1][0] == pytest.approx(((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2), rel=1e-6)
-    assert (rows[1, 7:10] > 0.0).all() and (rows[2, 7:10] == 0.0).all()
+    assert rows[1, 1] == materials["color"][1][0] and (rows[1, 28:31] > 0.0).all()
+
+
+def test_simple_materials_have_no_rows() -> None:
+    described = {
+        "camera": {"position": (0, 0, 3), "target": (0, 0, 0)},
+        "materials": {
+            "white": {"type": "lambert", "reflectance": (0.5, 0.5, 0.5)},
+            "mirror": {"type": "mirror"},
+            "glass": {"type": "dielectric", "ior": 1.5, "roughness": 0.03},
+        },
+    }
+    arrays = flatten(scenes.Scene.model_validate(described), 8, 8).arrays
+    assert arrays["materials"]["kind"].tolist() == [0, 1, 2]
+    assert arrays["materials"]["ior"].tolist() == [1.0, 1.0, 1.5]
+    assert arrays["material_rows"].shape == (1, 16) and len(arrays["albedo_tables"]) == 1

@@ -141,7 +141,7 @@ def test_white_materials() -> None:
     white = whitened(subjects_of("metals").scene)
     assert white.materials["clay"].reflectance == (1.0, 1.0, 1.0)  # type: ignore[union-attr]
     gold = white.materials["gold"]
-    assert gold.metal is None and max(gold.index[0]) < 0.01 and min(gold.index[1]) > 100.0  # type: ignore[union-attr]
+    assert gold.metal is None and max(gold.index[0]) < 0.01 and min(gold.index[1]) > 100.0  # type: ignore[union-attr, index]
 
 
 @pytest.mark.parametrize(

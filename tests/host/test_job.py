@@ -146,22 +146,29 @@ def test_what_an_integrator_does_not_take_is_refused(scene: Scene, how: dict[str
         RenderJob.of(scene, **how)
 
 
-@pytest.mark.parametrize("kind", ["oren_nayar", "conductor"])
+@pytest.mark.parametrize("kind", ["oren_nayar", "conductor", "principled", "mix", "dielectric", "lambert"])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_materials_that_an_integrator_does_not_take_are_refused(integrator: str, kind: str) -> None:
     materials = {
         "oren_nayar": {"type": "oren_nayar", "reflectance": (0.5, 0.5, 0.5)},
         "conductor": {"type": "conductor", "metal": "Au"},
+        "principled": {"type": "principled"},
+        "mix": {"type": "mix", "materials": ("plain", "plain")},
+        "dielectric": {"type": "dielectric", "ior": 1.5, "roughness": 0.5},
+        "lambert": {"type": "lambert", "reflectance": (0.5, 0.5, 0.5), "two_sided": False},
     }
+    plain = {"type": "mirror"}
     scene = Scene.model_validate(
         {
             "camera": {"position": (0, 0, 3), "target": (0, 0, 0)},
-            "materials": {"rough": materials[kind]},
+            "materials": {"rough": materials[kind], "plain": plain},
             "shapes": [{"type": "sphere", "center": (0, 0, 0), "radius": 1, "material": "rough"}],
         }
     )
     if integrator in ("photon", "reuse", "radiosity"):
-        with pytest.raises(SceneError, match=rf"shapes\[0\].material: 'rough' is of type {kind}, .* use --integrator"):
+        with pytest.raises(
+            SceneError, match=rf"shapes\[0\].material: 'rough' is of type {kind}.*, .* use --integrator"
+        ):
             RenderJob.of(scene, integrator=integrator)
     else:
         assert RenderJob.of(scene, integrator=integrator).integrator is INTEGRATORS[integrator]

@@ -44,9 +44,9 @@ intensity = [1, 1, 1]
 NEEDED = {
     "room", "room-mirror", "room-glass", "cornell", "furnace", "furnace-room", "furnace-sphere", "furnace-glass",
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
-    "metals", "sky", "drink",
+    "metals", "sky", "drink", "surfaces",
 }  # fmt: skip
-EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals", "sky", "drink"}
+EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals", "sky", "drink", "surfaces"}
 
 
 def as_json(tmp_path: Path) -> dict[str, object]:

@@ -67,7 +67,7 @@ def expected(all_devices: list[Device]) -> dict[str, str]:
     return hashes
 
 
-FEW = ("room", "bumpy", "metals", "S4")
+FEW = ("room", "bumpy", "surfaces", "S4")
 """Those that differ most: a small tree, a large one, rough materials, many lights. `scripts/same_bits` has all."""
 
 # --- how work is cut -------------------------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device
 def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene: str) -> None:
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
     for device in all_devices:
-        if GPU_LIKE in device.info.platform and (scene not in FEW or scene == "metals"):
+        if GPU_LIKE in device.info.platform and (scene not in FEW or scene in ("surfaces", "textures")):
             continue  # at one sample a work-item it is slow, and over rough materials its compiler takes minutes
         other = Cutting(tile=32, samples_per_pass=16, work_group=64)
         if GPU_LIKE not in device.info.platform:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 from meshes import icosphere
+from PIL import Image
 
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerKind
@@ -30,6 +31,7 @@ from clrender.film.unit import Unit, slot_count
 from clrender.flatten import flatten
 from clrender.furnace.directions import incident
 from clrender.furnace.surfaces import Surfaces
+from clrender.image.files import write_image
 from clrender.integrators import INTEGRATORS
 from clrender.photon_maps import PhotonMaps
 from clrender.radiosity.atlas import atlas_of
@@ -71,6 +73,8 @@ class Run:
         With a picture of the environment.
     interiors : bool
         With dielectrics that overlap and absorb, and the camera in one of them.
+    textured : bool
+        With textures and normal and bump maps.
     """
 
     kernel: str
@@ -81,6 +85,7 @@ class Run:
     rough: bool = False
     sky: bool = False
     interiors: bool = False
+    textured: bool = False
 
 
 RENDERS: Final = {
@@ -94,6 +99,8 @@ RENDERS: Final = {
     "path-4-interiors": Run("path", 4, samples=2, interiors=True),
     "photon-4-interiors": Run("photon", 4, samples=2, interiors=True),
     "whitted-1-interiors": Run("whitted", 1, samples=2, interiors=True),
+    "path-4-textured": Run("path", 4, samples=2, textured=True),
+    "whitted-1-textured": Run("whitted", 1, textured=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -105,6 +112,15 @@ RENDERS: Final = {
 }
 
 
+def maps(folder: Path) -> dict[str, Any]:
+    """A normal map and a bump map, written into `folder` with the picture that has 8 bits."""
+    rng = np.random.default_rng(71)
+    Image.fromarray(rng.integers(0, 256, (9, 7, 3), np.uint8)).save(folder / "p.png")
+    Image.fromarray(rng.integers(0, 65536, (5, 6), np.uint16)).save(folder / "deep.png")
+    write_image(folder / "n.exr", rng.random((5, 6, 3)))
+    return {"normal_map": {"texture": "n.exr"}, "bump_map": {"texture": "deep.png", "scale": 0.1}}
+
+
 def scene(run: Run, folder: Path) -> FlatScene:
     """Triangles, smooth and flat, spheres, disks; every material; every kind of light, in front and behind and around.
 
@@ -113,7 +129,8 @@ def scene(run: Run, folder: Path) -> FlatScene:
     points, faces = icosphere(3 if run.large else 0)
     lines = [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in (points * 0.4 + [-0.8, 0.3, 0.2]).tolist()]
     lines += [f"vn {x:.7f} {y:.7f} {z:.7f}" for x, y, z in points.tolist()]
-    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in (faces + 1).tolist()]
+    lines += [f"vt {x:.7f} {y:.7f}" for x, y, _ in points.tolist()]
+    lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in (faces + 1).tolist()]
     (folder / "ball.obj").write_text("\n".join([*lines, ""]))
     color = (0.7, 0.6, 0.5)
     shapes = [
@@ -128,8 +145,11 @@ def scene(run: Run, folder: Path) -> FlatScene:
         {"type": "mesh", "file": "ball.obj", "material": "matt"},
     ]
     rough = {
-        "matt": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
-        "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4},
+        "clay": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
+        "paint": {"type": "principled", "coat": 0.5, "sheen_color": color, "transmission": 0.3, "metallic": 0.2},
+        "matt": {"type": "mix", "materials": ("clay", "paint")},
+        "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4, "anisotropy": 0.5},
+        "glass": {"type": "dielectric", "ior": 1.5, "roughness": 0.4},
     }
     if run.interiors:
         shapes += [
@@ -146,6 +166,10 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "air": {"type": "dielectric", "ior": 1.0, "priority": 3},
         "old": {"type": "dielectric", "ior": 1.4},
     }  # fmt: skip
+    textured = {
+        "matt": {"type": "lambert", "reflectance": {"texture": "p.png", "wrap": ["mirror", "clamp"]}, **maps(folder)},
+        "mirror": {"type": "mirror", "reflectance": {"ramp": [color, 0.5]}, "normal_map": {"texture": "p.png"}},
+    }
     described = {
         "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
         "materials": {
@@ -154,6 +178,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             "glass": {"type": "dielectric", "ior": 1.5},
             **(rough if run.rough else {}),
             **(media if run.interiors else {}),
+            **(textured if run.textured else {}),
         },
         "shapes": shapes,
         "lights": [

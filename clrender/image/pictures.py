@@ -1,0 +1,177 @@
+"""Pictures for textures: any kind of file, with the numbers as the file has them, a band of rows at a time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import IO, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.image.display import check_size, deep_pixels, is_deep, open_display
+
+__all__ = ["PICTURE_ENDINGS", "PICTURE_LIMIT", "Picture", "open_picture", "picture_room"]
+
+PICTURE_ENDINGS: Final = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr")
+PICTURE_LIMIT: Final = 1 << 28
+"""Most pixels of a picture: 16384 x 16384."""
+_BAND: Final = 256
+_WEBP_RATIO: Final = 1 << 15
+"""Pixels that a byte of a WebP stands for, more than any sound one's."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture whose header has been read.
+
+    Attributes
+    ----------
+    width, height : int
+    channels : int
+        1 (grey) or 4.
+    coding : str
+        ``unorm8`` or ``unorm16`` (0 to 1 in that many bits), ``half`` or ``float``.
+    bands : callable
+        Gives its rows from top to bottom, some at a time: (h, width, channels) arrays of uint8, uint16 (also for
+        ``half``) or float32; all but the last have `_BAND` rows.
+    """
+
+    width: int
+    height: int
+    channels: int
+    coding: str
+    bands: Callable[[], Iterator[npt.NDArray[Any]]]
+
+
+def picture_room(file: IO[bytes], ending: str) -> tuple[int, int, int]:
+    """Width, height and most bytes of a texel of a picture, by its header alone.
+
+    Parameters
+    ----------
+    file, ending
+        As of `open_picture`.
+
+    Raises
+    ------
+    ValueError, or whatever a library raises
+        The file is damaged, or too large.
+    """
+    if ending in (".exr", ".hdr"):
+        width, height = _size_of_floats(file, ending)
+        _check(width, height)
+        return width, height, 16
+    picture = open_picture(file, ending)
+    return picture.width, picture.height, picture.channels * (1 if picture.coding == "unorm8" else 2)
+
+
+def _size_of_floats(file: IO[bytes], ending: str) -> tuple[int, int]:
+    if ending == ".exr":
+        from clrender.image.exr import exr_size
+
+        return exr_size(file)
+    from clrender.image.radiance_hdr import hdr_size
+
+    return hdr_size(file)
+
+
+def open_picture(file: IO[bytes], ending: str) -> Picture:
+    """Read a picture's header, and of `.exr` and `.hdr` all of it.
+
+    Parameters
+    ----------
+    file : binary file
+        Has to stay open until the bands are read.
+    ending : str
+        One of `PICTURE_ENDINGS`; of `.png`, `.jpg` and `.webp` the content decides.
+
+    Raises
+    ------
+    ValueError, or whatever a library raises
+        The file is damaged, or too large.
+    """
+    if ending == ".exr":
+        from clrender.image.exr import read_exr
+
+        return _of_floats(read_exr(file))
+    if ending == ".hdr":
+        from clrender.image.radiance_hdr import read_hdr
+
+        return _of_floats(read_hdr(file))
+    start = file.read(16)
+    file.seek(0)
+    picture = _open_webp(file) if start[:4] == b"RIFF" and start[8:12] == b"WEBP" else open_display(file)
+    width, height = picture.size
+    _check(width, height)
+    if is_deep(picture):
+        grey = picture.mode.startswith("I")
+
+        def deep() -> Iterator[npt.NDArray[Any]]:
+            pixels = deep_pixels(file, picture)
+            for top in range(0, height, _BAND):
+                yield _padded(pixels[top : top + _BAND], 65535)
+
+        return Picture(width, height, 1 if grey else 4, "unorm16", deep)
+    grey = picture.mode in ("1", "L") and "transparency" not in picture.info
+
+    def bands() -> Iterator[npt.NDArray[Any]]:
+        picture.load()
+        mode = "L" if grey else "RGBA"
+        for top in range(0, height, _BAND):
+            band = picture.crop((0, top, width, min(top + _BAND, height)))
+            if not grey and band.mode not in ("RGB", "RGBA", "P", "LA", "PA", "L"):
+                band = band.convert("RGB")  # of CMYK and the like there is no way to RGBA
+            pixels = np.asarray(band if band.mode == mode else band.convert(mode))
+            yield pixels[..., None] if grey else pixels
+
+    return Picture(width, height, 1 if grey else 4, "unorm8", bands)
+
+
+def _check(width: int, height: int) -> None:
+    check_size(width, height)
+    if width * height > PICTURE_LIMIT:
+        raise ValueError(f"it has {width} x {height} pixels, but at most {PICTURE_LIMIT} are read")
+
+
+def _open_webp(file: IO[bytes]) -> Any:
+    """A WebP; its decoder looks at nothing but the header until pixels are asked for."""
+    from PIL.WebPImagePlugin import WebPImageFile
+
+    size = os.fstat(file.fileno()).st_size
+    picture = WebPImageFile(file)
+    if picture.width * picture.height > _WEBP_RATIO * size:
+        raise ValueError("it is truncated: it is too small for the size its header gives")
+    return picture
+
+
+def _of_floats(image: npt.NDArray[np.float32]) -> Picture:
+    """A picture of floats, in fewer bits where no number changes by that, in one channel where all three are equal."""
+    height, width, _ = image.shape
+    _check(width, height)
+    grey = half = True
+    for top in range(0, height, _BAND):
+        band = image[top : top + _BAND]
+        finite = np.isfinite(band).all(axis=2)
+        if not finite.all():
+            y, x = np.argwhere(~finite)[0]
+            raise ValueError(f"its pixel ({x}, {top + y}) is no finite number")
+        grey = grey and bool((band == band[..., :1]).all())
+        with np.errstate(over="ignore"):
+            half = half and bool((band.astype(np.float16) == band).all())
+
+    def bands() -> Iterator[npt.NDArray[Any]]:
+        for top in range(0, height, _BAND):
+            rows = image[top : top + _BAND, :, : 1 if grey else 3]
+            yield _padded(rows.astype(np.float16).view(np.uint16) if half else rows, 0x3C00 if half else 1)
+
+    return Picture(width, height, 1 if grey else 4, "half" if half else "float", bands)
+
+
+def _padded(rows: npt.NDArray[Any], opaque: int) -> npt.NDArray[Any]:
+    """Rows with an alpha of 1 where they have colours and none."""
+    if rows.shape[2] != 3:
+        return rows
+    whole = np.empty((*rows.shape[:2], 4), rows.dtype)
+    whole[..., :3], whole[..., 3] = rows, opaque
+    return whole

@@ -1,0 +1,119 @@
+"""Texture coordinates of the primitives of textured shapes: of meshes as their files say, of other shapes their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.scene.description import Scene
+from clrender.scene.geometry import Affine
+from clrender.scene.materials import material_textures
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
+from clrender.scene.values import Vector, cross, length
+from clrender.scene.wording import quoted
+
+__all__ = ["corner_uvs", "is_textured", "round_attributes", "triangle_attributes"]
+
+_SLOTS = 15
+_BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
+"""Of the faces, in the order of `geometry.polyhedron`: two triangles each."""
+
+
+def is_textured(scene: Scene, shape: Shape) -> bool:
+    """Whether the material of a shape has textures."""
+    return shape.material is not None and any(material_textures(scene.materials, shape.material))
+
+
+def triangle_attributes(
+    scene: Scene, index: int, mesh: MeshData, kept: NDArray[np.bool_] | None, flipped: bool
+) -> NDArray[np.float32]:
+    """ATTRIBUTE_ROW_* of kernels/types.h of the triangles of a textured shape.
+
+    Parameters
+    ----------
+    scene : Scene
+    index : int
+        Of the shape.
+    mesh : MeshData
+        Its triangles.
+    kept : (T,) bool, optional
+        Which of them the scene keeps; default: all.
+    flipped : bool
+        Whether their corners come in reverse order there.
+
+    Returns
+    -------
+    (kept triangles, 16) float32
+
+    Raises
+    ------
+    SceneError
+        A texture needs coordinates that the mesh does not have.
+    """
+    shape = scene.shapes[index]
+    assert shape.material is not None
+    sets = (corner_uvs(shape, mesh), mesh.uvs_1)
+    for key, texture in material_textures(scene.materials, shape.material):
+        if sets[texture.uv_set] is None:
+            which = "texture coordinates" if texture.uv_set == 0 else "second set of texture coordinates (uvs_1)"
+            text = f"has no {which}, which {key} of the material {quoted(shape.material)} needs"
+            raise SceneError(f"{scene.source}: shapes[{index}] {text}; export the mesh with them")
+    rows = np.zeros((len(mesh.triangles), 16), np.float32)
+    for first, uvs in ((0, sets[0]), (6, sets[1])):
+        if uvs is not None:
+            rows[:, first : first + 6] = (uvs[:, ::-1] if flipped else uvs).reshape(-1, 6)
+    rows[:, _SLOTS] = _slots(scene, shape)
+    return rows if kept is None else rows[kept]
+
+
+def round_attributes(scene: Scene, shape: Sphere | Disk, transform: Affine) -> NDArray[np.float32]:
+    """The same of a sphere or disk, (16,) float32: its own axes in world space, of unit length.
+
+    The longitude of a sphere grows from the half circle towards -z to the right as seen from outside, the latitude from
+    -y to y. A disk fills the square from 0 to 1 as far as a disk does; its picture stands upright along y.
+    """
+    x, y, z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    if isinstance(shape, Disk):
+        z = tuple(n / length(shape.normal) for n in shape.normal)  # type: ignore[assignment]
+        x, y = face_axes(z)
+    row = np.zeros(16, np.float32)
+    for first, axis in ((0, x), (3, y), (6, z)):
+        image = [sum(a * b for a, b in zip(line, axis, strict=True)) for line in transform.linear]
+        row[first : first + 3] = np.array(image) / transform.scale
+    row[_SLOTS] = _slots(scene, shape)
+    return row
+
+
+def face_axes(normal: Vector) -> tuple[Vector, Vector]:
+    """Directions of u and v on a face with a unit normal, seen from outside: v along y, and on top along -z."""
+    upward: Vector = (0.0, 1.0, 0.0)
+    if abs(normal[1]) > 0.999:
+        upward = (0.0, 0.0, -1.0 if normal[1] > 0.0 else 1.0)
+    u = cross(upward, normal)
+    u = tuple(a / length(u) for a in u)  # type: ignore[assignment]
+    return u, cross(normal, u)
+
+
+def corner_uvs(shape: Shape, mesh: MeshData) -> NDArray[np.float32] | None:
+    """Texture coordinates of the corners of a shape's triangles, (T, 3, 2) float32; None where a mesh has none."""
+    if isinstance(shape, Mesh):
+        return mesh.uvs
+    if isinstance(shape, Quad):
+        return np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], np.float32)
+    if isinstance(shape, Box):
+        places = (mesh.vertices[mesh.triangles] - np.array(shape.center)) / np.array(shape.size)
+        axes = np.repeat(np.array([face_axes(normal) for normal in _BOX_NORMALS]), 2, axis=0)
+        # Halves and zeros: exact in any order
+        return np.asarray(0.5 + np.einsum("tcx,tax->tca", places, axes), np.float32)
+    return np.tile(np.array([(0, 0), (1, 0), (0, 1)], np.float32), (len(mesh.triangles), 1, 1))
+
+
+def _slots(scene: Scene, shape: Shape) -> np.float32:
+    """Number of the material, as bits."""
+    numbers: Mapping[str, int] = {name: number for number, name in enumerate(scene.materials)}
+    assert shape.material is not None
+    return np.float32(np.uint32(numbers[shape.material]).view(np.float32))

@@ -1,0 +1,209 @@
+"""Turns the materials of a scene into the rows that kernels read: `Material` of each, and more where one needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import singledispatch
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.scene.materials import Conductor, Dielectric, Lambert, Material, Mirror, Mix, OrenNayar, Principled
+from clrender.scene.microfacets import fresnel, fresnel_average
+from clrender.scene.textures import Checker, ImageTexture, Ramp
+from clrender.scene.values import Vector
+
+if TYPE_CHECKING:
+    from clrender.scene.description import Scene
+
+__all__ = ["MaterialArrays", "flat_materials", "has_row"]
+
+_Row: TypeAlias = NDArray[np.float32]
+_MOST_ABSORPTION: Final = 0.999
+_UNKNOWN: Final = 0.5
+"""In the place of what a texture says."""
+_COLUMNS: Final = {
+    **{name: slice(at, at + count) for name, at, count, _ in layout.ROWS["MATERIAL"]},
+    **{name: slice(16 + at, 16 + at + count) for name, at, count, _ in layout.ROWS["LAYER"]},
+}
+
+
+@dataclass(frozen=True)
+class MaterialArrays:
+    """The materials of a scene as the kernels see them.
+
+    Attributes
+    ----------
+    materials : (M,) `Material`
+        The named ones in order, then black if a shape has none.
+    rows : (2 M, 16) float32
+        MATERIAL_ROW_* and LAYER_ROW_* of ``kernels/types.h``, a row of zeros where no material has any.
+    by_row : bool
+        Whether any has.
+    """
+
+    materials: NDArray[np.void]
+    rows: _Row
+    by_row: bool
+
+
+def has_row(material: Material) -> bool:
+    """Whether a material needs more numbers than a colour and an index.
+
+    Parameters
+    ----------
+    material : Material
+    """
+    if isinstance(material, Lambert | Mirror):
+        return not material.two_sided
+    return not isinstance(material, Dielectric) or material.rough or material.thin
+
+
+def flat_materials(scene: Scene, medium_of: Mapping[str, int]) -> MaterialArrays:
+    """Arrays of a scene's materials.
+
+    Parameters
+    ----------
+    scene : Scene
+    medium_of : mapping of str to int
+        As of `clrender.scene.media.Media.of_material`.
+    """
+    black = any(shape.material is None for shape in scene.shapes)
+    materials = np.zeros(len(scene.materials) + black, dtype=layout.dtype("Material"))
+    by_row = any(has_row(material) for material in scene.materials.values())
+    rows = np.zeros((len(scene.materials), 32) if by_row else (1, 16), np.float32)
+    numbers = {name: number for number, name in enumerate(scene.materials)}
+    for number, (name, material) in enumerate(scene.materials.items()):
+        row = materials[number]
+        row["medium"] = medium_of.get(name, 0)
+        color = _color(scene, material)
+        default = 0.0 if _passes(scene, material) else min(1.0 - max(color), _MOST_ABSORPTION)
+        row["color"] = (*color, default if material.absorption is None else material.absorption)
+        row["kind"] = _KINDS[type(material)]
+        row["ior"] = _index(material)
+        if by_row:
+            _put(rows[number], KIND=_bits(int(row["kind"])), COLOR=color, IOR=float(row["ior"]), FLAGS=_bits(0))
+            _fill(material, rows[number], numbers)
+        if has_row(material):
+            row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
+    if black:
+        materials[-1]["kind"], materials[-1]["ior"] = layout.MATERIAL_LAMBERT, 1.0
+        materials[-1]["color"] = (0.0, 0.0, 0.0, _MOST_ABSORPTION)
+    return MaterialArrays(materials, rows.reshape(-1, 16), by_row)
+
+
+_KINDS: Final[dict[type, int]] = {
+    Lambert: layout.MATERIAL_LAMBERT,
+    Mirror: layout.MATERIAL_MIRROR,
+    Dielectric: layout.MATERIAL_DIELECTRIC,
+    OrenNayar: layout.MATERIAL_OREN_NAYAR,
+    Conductor: layout.MATERIAL_CONDUCTOR,
+    Principled: layout.MATERIAL_PRINCIPLED,
+    Mix: layout.MATERIAL_MIX,
+}
+
+
+def _bits(number: int) -> np.float32:
+    """A whole number's bits as a float's."""
+    return np.uint32(number).view(np.float32)
+
+
+def _put(row: _Row, **of: Any) -> None:
+    for name, value in of.items():
+        row[_COLUMNS[name]] = _UNKNOWN if isinstance(value, ImageTexture | Checker | Ramp) else value
+
+
+def _index(material: Material) -> float:
+    """Of refraction behind the front over that before it."""
+    if isinstance(material, Dielectric):
+        return material.ior / material.exterior_ior
+    return material.ior if isinstance(material, Principled) else 1.0
+
+
+def _passes(scene: Scene, material: Material) -> bool:
+    """Whether light goes through."""
+    if isinstance(material, Mix):
+        return any(_passes(scene, scene.materials[name]) for name in material.materials)
+    return isinstance(material, Dielectric) or (isinstance(material, Principled) and material.transmission != 0.0)
+
+
+def _color(scene: Scene, material: Material) -> Vector:
+    """What share of light it reflects, as far as one colour can say: of a metal, straight back."""
+    if isinstance(material, Dielectric):
+        return (1.0, 1.0, 1.0)
+    if isinstance(material, Mix):
+        first, second = (_color(scene, scene.materials[name]) for name in material.materials)
+        weight = material.weight if isinstance(material.weight, float) else _UNKNOWN
+        red, green, blue = (a + (b - a) * weight for a, b in zip(first, second, strict=True))
+        return (red, green, blue)
+    if isinstance(material, Conductor):
+        if material.index is None:
+            return material.f0 if isinstance(material.f0, tuple) else (_UNKNOWN,) * 3
+        red, green, blue = (fresnel(1.0, eta, k) for eta, k in zip(*material.index, strict=True))
+        return (red, green, blue)
+    color = material.base_color if isinstance(material, Principled) else material.reflectance
+    return color if isinstance(color, tuple) else (_UNKNOWN,) * 3
+
+
+@singledispatch
+def _fill(material: Any, row: _Row, _numbers: dict[str, int]) -> None:
+    """What one type of material has of its own."""
+    _put(row, FLAGS=_sides(material))
+
+
+def _sides(material: Material) -> np.float32:
+    return _bits(0 if getattr(material, "two_sided", True) else layout.MATERIAL_FLAG_ONE_SIDED)
+
+
+@_fill.register
+def _(material: Dielectric, row: _Row, _numbers: dict[str, int]) -> None:
+    _put(row, ROUGHNESS=material.roughness, FLAGS=_bits(layout.MATERIAL_FLAG_THIN if material.thin else 0))
+
+
+@_fill.register
+def _(material: OrenNayar, row: _Row, _numbers: dict[str, int]) -> None:
+    _put(row, DIFFUSE_ROUGHNESS=material.roughness, FLAGS=_sides(material))
+
+
+@_fill.register
+def _(material: Conductor, row: _Row, _numbers: dict[str, int]) -> None:
+    flags = 0 if material.two_sided else layout.MATERIAL_FLAG_ONE_SIDED
+    if material.index is None:
+        flags |= layout.MATERIAL_FLAG_SCHLICK
+    else:
+        eta, k = material.index
+        _put(row, ETA=eta, K=k, FRESNEL=[fresnel_average(n, m) for n, m in zip(eta, k, strict=True)])
+    turn = (material.anisotropy_rotation / 360.0) % 1.0
+    _put(row, ROUGHNESS=material.roughness, ANISOTROPY=material.anisotropy, ROTATION=turn, FLAGS=_bits(flags))
+
+
+@_fill.register
+def _(material: Principled, row: _Row, _numbers: dict[str, int]) -> None:
+    flags = (layout.MATERIAL_FLAG_THIN if material.thin else 0) | (
+        0 if material.two_sided else layout.MATERIAL_FLAG_ONE_SIDED
+    )
+    _put(
+        row,
+        ROUGHNESS=material.roughness,
+        METALLIC=material.metallic,
+        TRANSMISSION=material.transmission,
+        SPECULAR=material.specular,
+        SPECULAR_COLOR=material.specular_color,
+        DIFFUSE_ROUGHNESS=material.diffuse_roughness,
+        COAT=material.coat,
+        COAT_ROUGHNESS=material.coat_roughness,
+        FLAGS=_bits(flags),
+        SHEEN_COLOR=material.sheen_color,
+        SHEEN_ROUGHNESS=material.sheen_roughness,
+        ANISOTROPY=material.anisotropy,
+        ROTATION=(material.anisotropy_rotation / 360.0) % 1.0,
+    )
+
+
+@_fill.register
+def _(material: Mix, row: _Row, numbers: dict[str, int]) -> None:
+    first, second = (numbers[name] for name in material.materials)
+    _put(row, COLOR=0.0, WEIGHT=material.weight, FIRST=_bits(first), SECOND=_bits(second))

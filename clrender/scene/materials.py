@@ -1,0 +1,228 @@
+"""What surfaces are made of: the tables `[materials.NAME]` of a scene file, validated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import Field, Strict, model_validator
+
+from clrender.scene.microfacets import METALS, SMOOTH_BELOW
+from clrender.scene.textures import (
+    AnyTexture,
+    BumpMap,
+    NormalMap,
+    ReflectanceOrTexture,
+    ShareOrTexture,
+    textures_of,
+)
+from clrender.scene.values import (
+    Absorption,
+    Extinction,
+    Finite,
+    Flag,
+    Index,
+    Length,
+    Name,
+    Part,
+    Reflectance,
+    Vector,
+    fault,
+)
+
+__all__ = [
+    "MATERIAL_TYPES",
+    "MIX_DEPTH",
+    "Conductor",
+    "Dielectric",
+    "Lambert",
+    "Material",
+    "Mirror",
+    "Mix",
+    "OrenNayar",
+    "Principled",
+    "material_textures",
+]
+
+MIX_DEPTH: Final = 16
+"""Deepest nesting of mixtures."""
+
+_Degrees = Annotated[Finite, Field(ge=-360.0, le=360.0)]
+_METAL: TypeAlias = Literal["Ag", "Au", "Cu"]
+
+
+class _Surface(Part):
+    """What every material has."""
+
+    absorption: Absorption = Field(None, description="probability that the absorption roulette ends a path here")
+
+
+class _Bumpy(_Surface):
+    """What every material has that is not made of others."""
+
+    normal_map: NormalMap | None = None
+    bump_map: BumpMap | None = None
+
+
+class _Opaque(_Bumpy):
+    """What every material has that is seen from both sides."""
+
+    two_sided: Flag = Field(True, description="false: black from behind")
+
+
+class Lambert(_Opaque):
+    """Ideal diffuse reflection."""
+
+    type: Literal["lambert"]
+    reflectance: ReflectanceOrTexture
+
+
+class Mirror(_Opaque):
+    """Ideal specular reflection."""
+
+    type: Literal["mirror"]
+    reflectance: ReflectanceOrTexture = (1.0, 1.0, 1.0)
+
+
+class Dielectric(_Bumpy):
+    """A boundary between two transparent media, smooth or rough: `ior` behind the front, `exterior_ior` before it.
+
+    With a `priority` it is a medium that fills closed shapes instead: where volumes overlap, the highest priority wins.
+    """
+
+    type: Literal["dielectric"]
+    ior: Index
+    exterior_ior: Index = 1.0
+    roughness: ShareOrTexture = Field(0.0, description="its square is alpha of GGX; 0: smooth")
+    thin: Flag = Field(False, description="a wall with both boundaries and no thickness, which does not bend light")
+    priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
+        None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
+    )
+    attenuation_color: Reflectance | None = Field(
+        None, description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"
+    )
+    attenuation_distance: Length | None = Field(None, description="metres, in the medium behind the front")
+
+    @model_validator(mode="after")
+    def _is_a_medium(self) -> Dielectric:
+        if self.thin:
+            for key in ("priority", "attenuation_color", "attenuation_distance"):
+                if getattr(self, key) is not None:
+                    raise fault("material", "cannot be given beside thin: such a wall has no inside; leave it out", key)
+        if self.priority is not None and "exterior_ior" in self.model_fields_set:
+            sentence = "cannot be given beside priority: the volume that is outside has its own index; leave it out"
+            raise fault("material", sentence, "exterior_ior")
+        if (self.attenuation_color is None) != (self.attenuation_distance is None):
+            one, other = ("color", "distance") if self.attenuation_distance is None else ("distance", "color")
+            sentence = f"needs attenuation_{other} beside it: the share of light that is left after that distance"
+            raise fault("material", sentence, f"attenuation_{one}")
+        for i, share in enumerate(self.attenuation_color or ()):
+            if share == 0.0:
+                sentence = "is 0, which no thickness of a medium does; give a small number such as 0.001"
+                raise fault("material", sentence, "attenuation_color", i)
+        return self
+
+    @property
+    def rough(self) -> bool:
+        """Whether it scatters light, and is no delta, in some place at least."""
+        return not isinstance(self.roughness, float) or self.roughness * self.roughness >= SMOOTH_BELOW
+
+
+class OrenNayar(_Opaque):
+    """Diffuse reflection by a rough surface that loses no energy (EON: Portsmouth, Kutz and Hill 2025)."""
+
+    type: Literal["oren_nayar"]
+    reflectance: ReflectanceOrTexture
+    roughness: ShareOrTexture = Field(0.5, description="0: as `lambert`; 1: roughest")
+
+
+class Conductor(_Opaque):
+    """A metal: a measured one by name, any by `eta` and `k`, or by its colour `f0`; smooth or rough (GGX)."""
+
+    type: Literal["conductor"]
+    metal: _METAL | None = None
+    eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the index of refraction")
+    k: tuple[Extinction, Extinction, Extinction] | None = Field(None, description="and its imaginary part")
+    f0: ReflectanceOrTexture | None = Field(None, description="reflectance straight on, of Schlick's Fresnel term")
+    roughness: ShareOrTexture = Field(0.2, description="its square is alpha of GGX; 0: smooth")
+    anisotropy: ShareOrTexture = Field(0.0, description="how much rougher it is along its direction")
+    anisotropy_rotation: _Degrees = Field(0.0, description="degrees, of that direction from the one around the y axis")
+
+    @model_validator(mode="after")
+    def _is_a_metal(self) -> Conductor:
+        if self.metal is not None and (self.eta is not None or self.k is not None):
+            raise fault("material", "is given beside eta or k; a metal has its own", "metal")
+        if self.f0 is not None and (self.metal is not None or self.eta is not None or self.k is not None):
+            raise fault("material", "is given beside metal, eta or k; give one of them", "f0")
+        if self.f0 is None and self.metal is None and (self.eta is None or self.k is None):
+            raise fault("material", f"needs a metal ({', '.join(METALS)}), or both eta and k, or f0")
+        return self
+
+    @property
+    def index(self) -> tuple[Vector, Vector] | None:
+        """Real and imaginary part of the index of refraction; None where it has a colour."""
+        if self.metal is not None:
+            return METALS[self.metal]
+        return (self.eta, self.k) if self.eta is not None and self.k is not None else None
+
+
+class Principled(_Opaque):
+    """Metal, plastic, glass, cloth and blends of them: glTF 2.0's metallic-roughness with its extensions."""
+
+    type: Literal["principled"]
+    base_color: ReflectanceOrTexture = (1.0, 1.0, 1.0)
+    metallic: ShareOrTexture = 0.0
+    roughness: ShareOrTexture = Field(0.5, description="its square is alpha of GGX")
+    ior: Annotated[Index, Field(ge=1.0)] = 1.5
+    specular: ShareOrTexture = Field(1.0, description="strength of the reflection that is not metallic")
+    specular_color: ReflectanceOrTexture = Field((1.0, 1.0, 1.0), description="its colour, straight on")
+    transmission: ShareOrTexture = Field(
+        0.0, description="share of what is not metal that is clear, tinted by base_color"
+    )
+    thin: Flag = Field(False, description="what is clear is a wall without thickness, which does not bend light")
+    diffuse_roughness: ShareOrTexture = Field(0.0, description="0: as `lambert`; 1: roughest")
+    coat: ShareOrTexture = Field(0.0, description="share of the surface under a clear coat")
+    coat_roughness: ShareOrTexture = 0.0
+    sheen_color: ReflectanceOrTexture = (0.0, 0.0, 0.0)
+    sheen_roughness: ShareOrTexture = 0.3
+    anisotropy: ShareOrTexture = Field(0.0, description="how much rougher it is along its direction")
+    anisotropy_rotation: _Degrees = Field(0.0, description="degrees, of that direction from the one around the y axis")
+
+
+class Mix(_Surface):
+    """Two materials, of which each point shows one or the other."""
+
+    type: Literal["mix"]
+    materials: tuple[Name, Name] = Field(description="names of two materials, which may be mixtures, too")
+    weight: ShareOrTexture = Field(0.5, description="share of the second")
+
+
+MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
+    "lambert": Lambert,
+    "mirror": Mirror,
+    "dielectric": Dielectric,
+    "oren_nayar": OrenNayar,
+    "conductor": Conductor,
+    "principled": Principled,
+    "mix": Mix,
+}
+Material: TypeAlias = Annotated[
+    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Mix, Field(discriminator="type")
+]
+
+
+def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[tuple[str, AnyTexture]]:
+    """Textures of a material, and of those that it mixes, by the keys that hold them.
+
+    Parameters
+    ----------
+    materials : mapping of str to Material
+        Of a scene.
+    name : str
+        Of one of them.
+    """
+    material = materials[name]
+    yield from textures_of(material)
+    if isinstance(material, Mix):
+        for part in material.materials:
+            yield from material_textures(materials, part)

@@ -1,0 +1,264 @@
+"""The pictures that a scene's textures name, as the kernels read them: texels in tiles of 64 bytes, each once."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.image.pictures import PICTURE_ENDINGS, Picture, open_picture, picture_room
+from clrender.scene.named_files import open_named_file
+from clrender.scene.textures import AnyTexture, Checker, Ramp
+from clrender.scene.wording import quoted
+
+__all__ = ["TILE_BYTES", "StoredPicture", "TexelStore", "picture_sha256", "tile_shape"]
+
+TILE_BYTES: Final = 64
+"""A line of memory."""
+FILE_LIMIT: Final = 2**32
+_BYTES_LIMIT: Final = 2**36
+"""Most bytes of all texels of a scene: tile numbers stay below 2^30."""
+_BYTES: Final[Mapping[str, int]] = {"unorm8": 1, "unorm16": 2, "half": 2, "float": 4}
+_KINDS: Final[Mapping[str, str]] = {"unorm8": "u1", "unorm16": "<u2", "half": "<u2", "float": "<f4"}
+
+
+@dataclass(frozen=True)
+class StoredPicture:
+    """A picture in a store.
+
+    Attributes
+    ----------
+    width, height : int
+    channels : int
+        1 or 4.
+    coding : str
+        As of `clrender.image.pictures.Picture`.
+    first_tile, tiles : int
+    sha256 : str
+        Of all of that but its place, and of its pixels.
+    """
+
+    width: int
+    height: int
+    channels: int
+    coding: str
+    first_tile: int
+    tiles: int
+    sha256: str
+
+    @property
+    def texel_bits(self) -> int:
+        """Logarithm of the bytes of a texel."""
+        return (_BYTES[self.coding] * self.channels).bit_length() - 1
+
+
+def picture_sha256(picture: Picture | StoredPicture, tiles: NDArray[np.uint8]) -> str:
+    """Hash of a picture by its size, its coding and its tiles."""
+    head = f"{picture.width} {picture.height} {picture.channels} {picture.coding}"
+    digest = hashlib.sha256(head.encode())
+    digest.update(tiles.data)
+    return digest.hexdigest()
+
+
+def tile_shape(texel_bits: int) -> tuple[int, int]:
+    """Width and height of a tile whose texels have ``2 ** texel_bits`` bytes, as kernels/texture/texel.h has them."""
+    down = (6 - texel_bits) // 2
+    return 1 << (6 - texel_bits - down), 1 << down
+
+
+class TexelStore:
+    """Pictures by the names that textures give them, and their texels.
+
+    Parameters
+    ----------
+    textures : sequence of (str, texture)
+        The scene's textures, each with its place for messages.
+    base_folder, allow_paths
+        As of `clrender.scene.mesh_io.read_mesh`.
+    given : mapping of str to (StoredPicture, (tiles, 64) uint8)
+        In the place of files of these names.
+
+    Attributes
+    ----------
+    pictures : dict of str to StoredPicture
+        By the name of the file, or what stands for a checker or ramp; those of one content share a picture.
+    texels : (tiles, 64) uint8
+        Aligned to a page of memory, so that a processor's driver can use it where it is; one tile at least.
+
+    Raises
+    ------
+    SceneError
+        A file may not be read, is no sound picture, or there are too many texels.
+    """
+
+    def __init__(
+        self,
+        textures: Sequence[tuple[str, AnyTexture]],
+        base_folder: Path,
+        allow_paths: Sequence[Path],
+        given: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]],
+    ) -> None:
+        self.pictures: dict[str, StoredPicture] = {}
+        places: dict[str, str] = {}
+        drawn: dict[str, Picture] = {name: _given(*each) for name, each in given.items()}
+        for place, texture in textures:
+            name = _name(texture)
+            places.setdefault(name, f"{place}: {quoted(name)}")
+            if isinstance(texture, Checker | Ramp):
+                drawn[name] = _drawn(texture)
+        files = _Files(base_folder, allow_paths)
+        room = 0
+        for name, label in places.items():
+            room += _tiles(drawn[name]) if name in drawn else files.most_tiles(name, label)
+            if room * TILE_BYTES > _BYTES_LIMIT:
+                text = f"more than {_BYTES_LIMIT} bytes of texels, which is the most; use smaller pictures"
+                raise SceneError(f"{label} and the scene's other pictures need {text}")
+        self._used = 0
+        try:
+            self.texels = _aligned(max(room, 1))
+        except MemoryError:
+            raise SceneError(f"{next(iter(places.values()))} and others are too large for this machine") from None
+        for name, label in places.items():
+            if name in drawn:
+                self._add(name, drawn[name], label)
+            else:
+                with files.opened(name, label) as (file, ending), _Telling(label):
+                    self._add(name, open_picture(file, ending), label)
+        self.texels = self.texels[: max(self._used, 1)]
+
+    def picture(self, texture: AnyTexture) -> StoredPicture:
+        """The picture of one of the textures."""
+        return self.pictures[_name(texture)]
+
+    def tiles_of(self, picture: StoredPicture) -> NDArray[np.uint8]:
+        """The tiles of one of the pictures, (tiles, 64)."""
+        return self.texels[picture.first_tile : picture.first_tile + picture.tiles]
+
+    def _add(self, name: str, picture: Picture, label: str) -> None:
+        """Write a picture behind the others, and forget it again if its content is there already."""
+        first, count = self._used, _tiles(picture)
+        tiles = self.texels[first : first + count]
+        with _Telling(label):
+            _fill(tiles, picture)
+        sha256 = picture_sha256(picture, tiles)
+        same = next((each for each in self.pictures.values() if each.sha256 == sha256), None)
+        if same is None:
+            self._used += count
+        size = (picture.width, picture.height, picture.channels, picture.coding)
+        self.pictures[name] = same or StoredPicture(*size, first, count, sha256)
+
+
+class _Files:
+    """Picture files, where a scene may name them."""
+
+    def __init__(self, base_folder: Path, allow_paths: Sequence[Path]) -> None:
+        self._base_folder, self._allow_paths = base_folder, allow_paths
+
+    @contextmanager
+    def opened(self, name: str, label: str) -> Iterator[tuple[BinaryIO, str]]:
+        """A file and its ending."""
+        file, size = open_named_file(name, self._base_folder, self._allow_paths, label, FILE_LIMIT)
+        with file:
+            ending = Path(name).suffix.lower()
+            if ending not in PICTURE_ENDINGS:
+                raise SceneError(f"{label} is of no kind that can be read; textures may be {' '.join(PICTURE_ENDINGS)}")
+            if size == 0:
+                raise SceneError(f"{label} is empty; it must hold a picture")
+            yield file, ending
+
+    def most_tiles(self, name: str, label: str) -> int:
+        """By the header: at most so many tiles."""
+        with self.opened(name, label) as (file, ending), _Telling(label):
+            width, height, texel = picture_room(file, ending)
+        across, down = tile_shape(texel.bit_length() - 1)
+        return -(-width // across) * -(-height // down)
+
+
+class _Telling:
+    """One sentence for whatever an image library raises for damaged files, which is nearly all there is."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._quiet = warnings.catch_warnings()
+
+    def __enter__(self) -> None:
+        self._quiet.__enter__()
+        warnings.simplefilter("ignore")  # they mend what they warn of
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        self._quiet.__exit__(kind, error, trace)
+        if isinstance(error, MemoryError):
+            raise SceneError(f"{self._label} is too large for the memory of this machine") from None
+        if isinstance(error, Exception) and not isinstance(error, SceneError | NameError):
+            words = str(error).strip().splitlines()
+            why = ascii(words[0][:200])[1:-1] if words else type(error).__name__
+            raise SceneError(f"{self._label} is no sound picture: {why}; export it again") from None
+
+
+def _given(stored: StoredPicture, tiles: NDArray[np.uint8]) -> Picture:
+    """A picture that is in tiles already."""
+    return Picture(stored.width, stored.height, stored.channels, stored.coding, lambda: iter((tiles,)))
+
+
+def _name(texture: AnyTexture) -> str:
+    """The file of a picture, or for a checker or ramp what is no name of a file: it ends in no known ending."""
+    if isinstance(texture, Checker):
+        return f"checker {texture.checker}"
+    return f"ramp {texture.ramp}" if isinstance(texture, Ramp) else texture.texture
+
+
+def _drawn(texture: Checker | Ramp) -> Picture:
+    """A checker as two by two texels, or a ramp as a row of texels: the textures' filters do the rest."""
+    if isinstance(texture, Checker):
+        first, second = texture.checker
+        colors = np.array([[second, first], [first, second]], np.float32)
+    else:
+        colors = np.array([texture.ramp], np.float32)
+    alpha = np.ones((*colors.shape[:2], 1), np.float32)
+    whole = np.concatenate([colors, alpha], axis=2)
+    return Picture(colors.shape[1], colors.shape[0], 4, "float", lambda: iter((whole,)))
+
+
+def _tiles(picture: Picture) -> int:
+    across, down = _shape(picture)
+    return -(-picture.width // across) * -(-picture.height // down)
+
+
+def _shape(picture: Picture) -> tuple[int, int]:
+    return tile_shape((_BYTES[picture.coding] * picture.channels).bit_length() - 1)
+
+
+def _fill(tiles: NDArray[np.uint8], picture: Picture) -> None:
+    """Write a picture's tiles, band by band; texels beyond its rims are zero."""
+    across, down = _shape(picture)
+    columns = -(-picture.width // across)
+    at = 0
+    for band in picture.bands():
+        if band.ndim == 2:  # tiles already
+            tiles[:] = band
+            return
+        rows = -(-len(band) // down)
+        shape = (rows * down, columns * across, picture.channels)
+        whole = np.asarray(band, _KINDS[picture.coding])
+        if whole.shape != shape:
+            whole = np.zeros(shape, whole.dtype)
+            whole[: len(band), : picture.width] = band
+        target = tiles[at : at + rows * columns].view(whole.dtype)
+        blocks = whole.reshape(rows, down, columns, across, picture.channels)
+        target.reshape(rows, columns, down, across, picture.channels)[:] = blocks.transpose(0, 2, 1, 3, 4)
+        at += rows * columns
+
+
+def _aligned(tiles: int) -> NDArray[np.uint8]:
+    """Room for tiles at a multiple of 4096; the system gives memory only where something is written."""
+    raw = np.empty(tiles * TILE_BYTES + 4096, np.uint8)
+    start = -raw.ctypes.data % 4096
+    return raw[start : start + tiles * TILE_BYTES].reshape(tiles, TILE_BYTES)

@@ -1,0 +1,177 @@
+"""Textures as the kernels read them: a row for each, and for each material which of its parameters they stand for."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError
+from clrender.image.tone_map import srgb_decode
+from clrender.scene.angles import sin_cos_degrees
+from clrender.scene.description import Scene
+from clrender.scene.materials import OrenNayar
+from clrender.scene.texels import StoredPicture
+from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
+from clrender.scene.values import Vector
+from clrender.scene.wording import place
+
+__all__ = ["SLOTS", "FlatTextures", "flat_textures"]
+
+SLOTS: Final[Mapping[str, int]] = {
+    "reflectance": layout.TEXTURE_SLOTS["BASE_COLOR"],
+    "f0": layout.TEXTURE_SLOTS["BASE_COLOR"],
+    "normal_map": layout.TEXTURE_SLOTS["NORMAL"],
+    "bump_map": layout.TEXTURE_SLOTS["BUMP"],
+    **{name.lower(): slot for name, slot in layout.TEXTURE_SLOTS.items()},
+}
+"""Which column of a row of textures a key of a material is."""
+_COLORS: Final = ("reflectance", "f0", "base_color", "specular_color", "sheen_color")
+"""Keys that hold colours; a file's 8 or 16 bits are sRGB there if nothing else is said."""
+
+
+@dataclass(frozen=True)
+class FlatTextures:
+    """Arrays as in `clrender.flatten.FlatScene`: of a scene without textures, each of one row of zeros.
+
+    Attributes
+    ----------
+    rows : (N, 16) float32
+        TEXTURE_ROW_* of kernels/types.h.
+    slots : (M, 16) float32
+        Bits: for each material the number of the texture in the place of a parameter, or `layout.NONE`.
+    values : (K,) float32
+        Tables of what numbers of 8 and 16 bits stand for.
+    texels : (tiles, 64) uint8
+    sha256 : str
+        Of the pictures.
+    """
+
+    rows: NDArray[np.float32]
+    slots: NDArray[np.float32]
+    values: NDArray[np.float32]
+    texels: NDArray[np.uint8]
+    sha256: str
+
+
+def flat_textures(scene: Scene) -> FlatTextures:
+    """All textures of a scene.
+
+    Raises
+    ------
+    SceneError
+        A file cannot be read, or a picture of linear light is said to be sRGB.
+    """
+    slots = np.full((max(len(scene.materials), 1), 16), layout.NONE, np.uint32)
+    rows: list[NDArray[np.float32]] = []
+    values = _Values()
+    store = scene.textures()
+    for number, (name, material) in enumerate(scene.materials.items()):
+        for key, texture in textures_of(material):
+            picture = store.picture(texture)
+            srgb = _is_srgb(texture, picture, key)
+            if srgb and picture.coding in ("half", "float"):
+                where = f"{scene.source}: {place(('materials', name, key, 'color_space'))}"
+                raise SceneError(f'{where} is "srgb", but the picture holds linear light; leave it out')
+            of_diffuse = isinstance(material, OrenNayar) and key == "roughness"
+            slots[number, SLOTS["diffuse_roughness" if of_diffuse else key]] = len(rows)
+            rows.append(_row(texture, picture, key, values.of(picture.coding, srgb), values.of(picture.coding, False)))
+    sha256 = hashlib.sha256("".join(each.sha256 for each in store.pictures.values()).encode()).hexdigest()
+    whole = np.array(rows, np.float32) if rows else np.zeros((1, 16), np.float32)
+    return FlatTextures(whole, slots.view(np.float32), values.table, store.texels, sha256)
+
+
+def _is_srgb(texture: AnyTexture, picture: StoredPicture, key: str) -> bool:
+    if not isinstance(texture, ImageTexture):
+        return False
+    if texture.color_space is None:
+        return key in _COLORS and picture.coding in ("unorm8", "unorm16")
+    return texture.color_space == "srgb"
+
+
+class _Values:
+    """Tables of what the numbers of pictures stand for, each once."""
+
+    def __init__(self) -> None:
+        self._tables: list[NDArray[np.float32]] = []
+        self._begins: dict[tuple[str, bool], int] = {}
+
+    def of(self, coding: str, srgb: bool) -> int:
+        """Where a table begins; 0 where numbers stand for themselves."""
+        if coding == "float":
+            return 0
+        if (coding, srgb) not in self._begins:
+            self._begins[coding, srgb] = sum(map(len, self._tables))
+            self._tables.append(_table(coding, srgb))
+        return self._begins[coding, srgb]
+
+    @property
+    def table(self) -> NDArray[np.float32]:
+        """All of them; one zero where there is none."""
+        return np.concatenate(self._tables) if self._tables else np.zeros(1, np.float32)
+
+
+@cache
+def _table(coding: str, srgb: bool) -> NDArray[np.float32]:
+    if coding == "half":
+        return np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32)
+    largest = 255 if coding == "unorm8" else 65535
+    share = np.arange(largest + 1) / largest
+    return (srgb_decode(share) if srgb else share).astype(np.float32)
+
+
+def _row(texture: AnyTexture, picture: StoredPicture, key: str, values: int, alphas: int) -> NDArray[np.float32]:
+    wraps = ("repeat", "repeat") if isinstance(texture, Checker) else ("clamp", "clamp")
+    filters, channel = "linear", None if key in _COLORS else "r"
+    factor, bias = (1.0, 1.0, 1.0), 0.0
+    if isinstance(texture, Checker | Ramp):
+        filters = "nearest" if isinstance(texture, Checker) else "exact"
+    else:
+        wraps = texture.wrap
+    if isinstance(texture, ImageTexture):
+        filters, channel, factor = texture.filter, texture.channel or channel, texture.scale
+    if isinstance(texture, NormalMap):
+        filters, channel = texture.filter, None
+        step = {"unorm8": 127.0, "unorm16": 32767.0}.get(picture.coding)
+        # In whole numbers the middle of 0 to 2n + 1 is n + 1, which no number between 0 and 1 stands for exactly
+        spread, bias = (2.0, -1.0) if step is None else ((2.0 * step + 1.0) / step, -(step + 1.0) / step)
+        factor = (spread, spread, texture.scale)
+    if isinstance(texture, BumpMap):
+        filters, channel, factor = "exact", texture.channel, (texture.scale,) * 3
+    row = np.zeros(16, np.float32)
+    bits = row.view(np.uint32)
+    bits[0:3] = picture.first_tile, picture.width, picture.height
+    bits[3] = (
+        picture.texel_bits
+        | (layout.TEXEL_FOUR if picture.channels == 4 else 0)
+        | (layout.TEXEL_FLOAT if picture.coding == "float" else 0)
+        | layout.TEXTURE_WRAPS[wraps[0]] << 5
+        | layout.TEXTURE_WRAPS[wraps[1]] << 7
+        | layout.TEXTURE_FILTERS[filters] << 9
+        | layout.TEXTURE_CHANNELS[channel] << 11
+        | texture.uv_set << 14
+    )
+    bits[4:6] = values, alphas
+    row[6:9], row[9:12] = _mapping(texture, picture)
+    row[12:15], row[15] = factor, bias
+    return row
+
+
+def _mapping(texture: AnyTexture, picture: StoredPicture) -> tuple[Vector, Vector]:
+    """From texture coordinates to column and row of the picture, 0 to 1, with row 0 at its top."""
+    sine, cosine = sin_cos_degrees(texture.transform.rotate_degrees)
+    (su, sv), (ou, ov) = texture.transform.scale, texture.transform.offset
+    u, v = (cosine * su, -sine * sv, ou), (sine * su, cosine * sv, ov)
+    if isinstance(texture, Checker):
+        wide, high = (2.0 * size for size in texture.size)
+        u, v = (u[0] / wide, u[1] / wide, u[2] / wide), (v[0] / high, v[1] / high, v[2] / high)
+    if isinstance(texture, Ramp):
+        share, half_texel = (picture.width - 1) / picture.width, 0.5 / picture.width
+        u = (u[0] * share, u[1] * share, u[2] * share + half_texel)
+    return u, (-v[0], -v[1], 1.0 - v[2])

@@ -1,0 +1,154 @@
+"""Textures as a scene file names them: pictures, checkers and ramps in the place of a colour or a number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag, WithJsonSchema
+
+from clrender.scene.values import Finite, Part, Power, Reflectance, Share
+
+__all__ = [
+    "AnyTexture",
+    "BumpMap",
+    "Checker",
+    "ImageTexture",
+    "NormalMap",
+    "Ramp",
+    "ReflectanceOrTexture",
+    "ShareOrTexture",
+    "Texture",
+    "TextureTransform",
+    "textures_of",
+]
+
+FileName = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)]
+Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
+_UV_LIMIT: Final = 1e6
+
+
+def _pair(value: Any) -> Any:
+    """One number, or name, stands for both directions."""
+    return value if isinstance(value, list | tuple) else (value, value)
+
+
+def _triple(value: Any) -> Any:
+    """One number is a grey."""
+    return value if isinstance(value, list | tuple) else (value, value, value)
+
+
+def _or_list(one: dict[str, Any], count: int) -> WithJsonSchema:
+    """JSON Schema of one value, or of a list of `count`."""
+    return WithJsonSchema({"anyOf": [one, {"type": "array", "items": one, "minItems": count, "maxItems": count}]})
+
+
+_NUMBER: Final = {"type": "number"}
+Coordinate = Annotated[Finite, Field(ge=-_UV_LIMIT, le=_UV_LIMIT)]
+Step = Annotated[Finite, Field(gt=0.0, le=_UV_LIMIT)]
+Grey: TypeAlias = Annotated[tuple[Power, Power, Power], BeforeValidator(_triple), _or_list(_NUMBER, 3)]
+Wraps: TypeAlias = Annotated[
+    tuple[Wrap, Wrap],
+    BeforeValidator(_pair),
+    _or_list({"enum": ["repeat", "clamp", "mirror"], "type": "string"}, 2),
+]
+
+
+class TextureTransform(Part):
+    """Of texture coordinates: scaled, then turned counter-clockwise, then moved, before the picture is looked up."""
+
+    offset: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    rotate_degrees: Finite = 0.0
+    scale: Annotated[tuple[Coordinate, Coordinate], BeforeValidator(_pair), _or_list(_NUMBER, 2)] = Field(
+        (1.0, 1.0), description="2: the picture comes twice where it came once"
+    )
+
+
+class _Mapped(Part):
+    """What every texture has."""
+
+    uv_set: Literal[0, 1] = Field(0, description="which of the shape's texture coordinates")
+    transform: TextureTransform = TextureTransform()
+
+
+class ImageTexture(_Mapped):
+    """A picture: `.png .jpg .webp`, or `.exr .hdr` in linear light. (0, 0) is its lower left corner, (1, 1) the upper right."""  # noqa: E501
+
+    texture: FileName = Field(description="file")
+    color_space: Literal["srgb", "linear"] | None = Field(
+        None, description="default: srgb for colours of .png, .jpg and .webp, else linear"
+    )
+    wrap: Wraps = Field(("repeat", "repeat"), description="beyond 0 to 1, or a list of two, for u and v")
+    filter: Literal["linear", "nearest"] = Field("linear", description="between texels")
+    channel: Literal["r", "g", "b", "a", "luminance"] | None = Field(
+        None, description="one channel as a grey or a number; default: all for a colour, r for a number"
+    )
+    scale: Grey = Field((1.0, 1.0, 1.0), description="factor, or three")
+
+
+class Checker(_Mapped):
+    """Squares of two colours, or numbers, in turns; the first at (0, 0)."""
+
+    checker: tuple[Grey, Grey]
+    size: Annotated[tuple[Step, Step], BeforeValidator(_pair), _or_list(_NUMBER, 2)] = Field(
+        (0.5, 0.5), description="sides of a square, in texture coordinates"
+    )
+
+
+class Ramp(_Mapped):
+    """Colours, or numbers, at even steps of u from 0 to 1, linear between and constant beyond."""
+
+    ramp: Annotated[tuple[Grey, ...], Field(min_length=2, max_length=256)]
+
+
+class NormalMap(_Mapped):
+    """A picture of normals in tangent space: red along u, green along v, blue outward; 0 lies in the middle of red and green."""  # noqa: E501
+
+    texture: FileName = Field(description="file")
+    scale: Annotated[Finite, Field(ge=-100.0, le=100.0)] = Field(1.0, description="of red and green")
+    wrap: Wraps = ("repeat", "repeat")
+    filter: Literal["linear", "nearest"] = "linear"
+
+
+class BumpMap(_Mapped):
+    """A picture of heights, whose slopes turn the normal."""
+
+    texture: FileName = Field(description="file")
+    scale: Annotated[Finite, Field(ge=-1e6, le=1e6)] = Field(1.0, description="metres of a height of 1")
+    wrap: Wraps = ("repeat", "repeat")
+    channel: Literal["r", "g", "b", "a", "luminance"] = "r"
+
+
+Texture: TypeAlias = ImageTexture | Checker | Ramp
+AnyTexture: TypeAlias = Texture | NormalMap | BumpMap
+_FORMS: Final[Mapping[str, type[Part]]] = {"texture": ImageTexture, "checker": Checker, "ramp": Ramp}
+
+
+def _form(value: Any) -> str:
+    """Which member of the union below a value is meant for: `validation_errors` knows these tags."""
+    if isinstance(value, Part):
+        return next((f"<{name}>" for name, table in _FORMS.items() if isinstance(value, table)), "<constant>")
+    if isinstance(value, Mapping):
+        return next((f"<{name}>" for name in ("checker", "ramp") if name in value), "<texture>")
+    return "<constant>"
+
+
+_Texture: TypeAlias = (
+    Annotated[ImageTexture, Tag("<texture>")] | Annotated[Checker, Tag("<checker>")] | Annotated[Ramp, Tag("<ramp>")]
+)
+ReflectanceOrTexture: TypeAlias = Annotated[Annotated[Reflectance, Tag("<constant>")] | _Texture, Discriminator(_form)]
+ShareOrTexture: TypeAlias = Annotated[Annotated[Share, Tag("<constant>")] | _Texture, Discriminator(_form)]
+
+
+def textures_of(part: Part) -> Iterator[tuple[str, AnyTexture]]:
+    """Textures of a material, by the keys that hold them.
+
+    Parameters
+    ----------
+    part : Part
+        A material.
+    """
+    for name in type(part).model_fields:
+        value = getattr(part, name)
+        if isinstance(value, _Mapped):
+            yield name, value  # type: ignore[misc]  # there are no others

@@ -1,0 +1,123 @@
+// Rough glass: microfacets that reflect and refract (Walter et al., EGSR 2007), sampled by visible normals, with Fresnel's equations at
+// each facet. What meets more than one facet is added by diffuse lobes on both sides, in the manner of Kulla & Conti (SIGGRAPH course
+// 2017): with E(μ) what both lobes return at first, and ' for the other side,
+//     reflected:    r (1 − E(μo)) (1 − E(μi)) / (π (1 − E_avg)),    transmitted:    s (1 − E(μo)) (1 − E'(μi)) / π,
+// where s is the same from both sides but for the squared index, so that light paths can be reversed, and r is what is left. A thin wall
+// is two such boundaries at once (PBR 4ed, 9.5.3, "thin dielectric"): it does not bend light, and what passes spreads as what is reflected.
+// Frame: local, z = shading normal on the side of `wo`. eval: f in 1/sr of radiance, which is scaled by 1/eta² where it crosses.
+#ifndef MATERIAL_LOBE_GLASS_H
+#define MATERIAL_LOBE_GLASS_H
+
+#include "material/albedo.h"
+#include "material/dielectric.h"
+#include "material/fresnel.h"
+#include "material/ggx.h"
+
+typedef struct {
+    vmask there, thin;
+    vec3 color;              // of what passes
+    vfloat share;            // of the surface
+    vfloat alpha, eta;       // index beyond over index on this side; thin: of the wall over the outside
+    vfloat missing;          // 1 − E(μo)
+    vfloat passes;           // of what both lobes leave over, the share that is transmitted
+    vfloat back, through;    // scales of the diffuse lobes: r / (π (1 − E_avg)), s / π
+    vfloat squeezed;         // 1/eta², thin: 1
+} Glass;
+
+// The layer of the tables for an index, and how far the next is; on the side where the other has `eta` times the index.
+static vuint glass_layer(vfloat eta, vfloat* further) {
+    const vfloat t = root(absolute(eta - 1.0f) / (eta + 1.0f)) * (float)(GLASS_LAYERS - 1u);
+    const vint layer = vint_of(lesser(t, splat((float)(GLASS_LAYERS - 2u))));
+    *further = t - vfloat_of(layer);
+    return vuint_from_int(layer) + (eta < 1.0f ? splat_uint(GLASS_LAYERS) : splat_uint(0u));
+}
+
+// 1 − E(μ) of light on that side.
+static vfloat glass_missing(const Glass* g, __global const float* tables, vfloat eta, vfloat cosine) {
+    vfloat further;
+    const uint words = GLASS_COLUMNS - 1u, next = GLASS_ROWS * words;
+    const vuint first = glass_layer(eta, &further) * next + ALBEDO_GLASS;
+    const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = (root(cosine) + albedo_column(g->alpha, cosine)) * (0.5f * (float)words);
+    const vfloat low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x), high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
+    vfloat e = fma(further, high - low, low);
+    if (lane_any(g->there & g->thin)) e = g->thin ? albedo_ggx(tables, g->alpha, cosine) : e;
+    return splat(1.0f) - e;
+}
+// 1 − E_avg.
+static vfloat glass_lost(const Glass* g, __global const float* tables, vfloat eta) {
+    vfloat further;
+    const vuint first = glass_layer(eta, &further) * GLASS_ROWS + ALBEDO_GLASS_LOST;
+    const vfloat low = albedo_line(tables, first, GLASS_ROWS, g->alpha), high = albedo_line(tables, first + GLASS_ROWS, GLASS_ROWS, g->alpha);
+    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low);
+    return greater(lost, splat(1.0e-7f));
+}
+
+// What a wall reflects whose boundary reflects that much: to and fro in it.
+static vfloat glass_thin(vfloat reflected) { return reflected * 2.0f / (splat(1.0f) + reflected); }
+
+// Everything that follows from alpha, eta and the direction `wo`.
+static void glass_prepare(Glass* g, __global const float* tables, vec3 wo) {
+    const vfloat inverse = splat(1.0f) / g->eta;
+    const vmask denser = g->eta < 1.0f;
+    const vfloat average = fresnel_dielectric_average(denser ? inverse : g->eta);
+    const vfloat here = glass_lost(g, tables, g->eta), there = g->thin ? here : glass_lost(g, tables, inverse);
+    // Of diffuse light a smooth boundary passes 1 − F_avg into the denser medium, and 1/n² of that out of it
+    const vfloat passes = (splat(1.0f) - average) * (denser ? g->eta * g->eta : splat(1.0f));
+    g->passes = g->thin ? splat(1.0f) - glass_thin(average) : passes * there / greater(here, there);
+    g->through = g->passes / there * INV_PI;
+    g->back = (splat(1.0f) - g->passes) / here * INV_PI;
+    g->squeezed = g->thin ? splat(1.0f) : inverse * inverse;
+    g->missing = glass_missing(g, tables, g->eta, wo.z);
+}
+
+static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
+    vfloat beyond;
+    const vfloat reflected = dielectric_fresnel(cosine, g->eta, &beyond);
+    return g->thin ? glass_thin(reflected) : reflected;
+}
+
+// The density is that of glass_sample; the diffuse lobes have others.
+static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, vec3 wo, vec3 wi, vfloat* pdf) {
+    const vmask above = wi.z > 0.0f, bent = !above & !g->thin;
+    const vfloat cosine = greater(absolute(wi.z), splat(1.0e-7f));
+    const vec3 up = vec3_of(wi.x, wi.y, cosine), down = vec3_of(wi.x, wi.y, -cosine);
+
+    // The facet that takes light from one direction to the other
+    vec3 m = unit(choose(bent, along(wo, down, g->eta), add(wo, up)));
+    m = choose(m.z < 0.0f, negate(m), m);
+    const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
+    const vfloat reflected = glass_fresnel(g, bounded(absolute(in), 0.0f, 1.0f));
+    const vfloat part = above ? reflected : splat(1.0f) - reflected;
+
+    // From a density of facets to a density of directions (Walter et al., eq. 14 and 17)
+    const vfloat stretch = fma(in, splat(1.0f) / g->eta, out);
+    const vfloat jacobian = bent ? absolute(in * out) * inverse_or_one(stretch * stretch) : splat(0.25f);
+    const vmask lit = (in > 0.0f) & (!bent | (out < 0.0f));
+    const vfloat hidden = splat(1.0f) + ggx_lambda(a, wo);
+    const vfloat common = lit & g->there ? part * ggx_distribution(a, m) * jacobian / wo.z : splat(0.0f);
+    *pdf = common / hidden;
+    const vfloat once = common / ((hidden + ggx_lambda(a, up)) * cosine);
+
+    // Diffuse lobes
+    const vfloat missing = glass_missing(g, tables, (above ? g->eta : splat(1.0f) / g->eta), cosine);
+    const vfloat f = fma(g->missing * missing, above ? g->back : g->through, once);
+    const vec3 tinted = choose(above, vec3_all(1.0f), scale(g->color, g->squeezed));
+    return choose(g->there, scale(tinted, f * g->share), vec3_all(0.0f));
+}
+
+// `w`: which of both ways light goes on from the facet that `u` and `v` choose.
+static vec3 glass_sample(const Glass* g, Alpha a, vec3 wo, vfloat u, vfloat v, vfloat w) {
+    const vec3 m = ggx_sample(a, wo, u, v);
+    const vfloat cosine = bounded(inner(wo, m), 0.0f, 1.0f), inverse = splat(1.0f) / g->eta;
+    vfloat beyond;
+    const vfloat boundary = dielectric_fresnel(cosine, g->eta, &beyond);
+    const vmask reflect = w < (g->thin ? glass_thin(boundary) : boundary);
+    const vec3 mirrored = sub(scale(m, cosine * 2.0f), wo);
+    const vec3 refracted = along(scale(wo, -inverse), m, fma(cosine, inverse, -beyond));
+    const vec3 passed = choose(g->thin, vec3_of(mirrored.x, mirrored.y, -mirrored.z), refracted);
+    // A facet may send light to the wrong side; then it is lost
+    const vec3 wi = choose(reflect, mirrored, passed);
+    return choose((wi.z > 0.0f) == reflect, wi, vec3_all(0.0f));
+}
+
+#endif

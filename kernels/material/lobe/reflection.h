@@ -1,0 +1,44 @@
+// Reflection by microfacets (material/ggx.h): of metals by Fresnel's equations for a complex index of refraction, and of anything by
+// Schlick's approximation. What metals reflect more than once between facets is added by a second, diffuse lobe (Kulla & Conti,
+// SIGGRAPH course 2017), so that roughness loses no energy; below other surfaces it goes to what lies there.
+// Frame: local, z = shading normal on the side of `wo`. eval: f in 1/sr, without the cosine. pdf: per steradian.
+#ifndef MATERIAL_LOBE_REFLECTION_H
+#define MATERIAL_LOBE_REFLECTION_H
+
+#include "material/albedo.h"
+#include "material/fresnel.h"
+#include "material/ggx.h"
+
+typedef struct {
+    vmask there;
+    vmask measured;          // by eta and k; else Schlick
+    vec3 f0, f90;            // times their share of the surface; where measured: eta and k
+    vec3 multiple;           // scale of the second lobe: F_ms / (π (1 − E_avg)) times the share of metal
+    vfloat missing;          // 1 − E(μo)
+} Reflection;
+
+// Scale of the second lobe of a metal with that average Fresnel term.
+static vfloat reflection_multiple_of(vfloat average, vfloat lost) {
+    const vfloat kept = splat(1.0f) - lost;
+    return average * average * kept / ((splat(1.0f) - average * lost) * greater(lost, splat(1.0e-7f))) * INV_PI;
+}
+static vec3 reflection_multiple(vec3 average, vfloat lost) {
+    return vec3_of(reflection_multiple_of(average.x, lost), reflection_multiple_of(average.y, lost), reflection_multiple_of(average.z, lost));
+}
+
+static vec3 reflection_fresnel(const Reflection* r, vfloat cosine) {
+    vec3 f = fresnel_schlick(r->f0, r->f90, cosine);
+    if (lane_any(r->measured)) f = choose(r->measured, fresnel_metal(r->f0, r->f90, cosine), f);
+    return f;
+}
+
+// `missing`: 1 − E(μi). The density is that of the first lobe.
+static vec3 reflection_eval(const Reflection* r, Alpha a, vec3 wo, vec3 wi, vfloat missing, vfloat* pdf) {
+    const vec3 m = unit(add(wo, wi));
+    const vfloat once = ggx_reflection(a, wo, wi, m, pdf);
+    const vec3 f = scale(reflection_fresnel(r, bounded(inner(wo, m), 0.0f, 1.0f)), once);
+    *pdf = r->there ? *pdf : splat(0.0f);
+    return choose(r->there, along(f, r->multiple, r->missing * missing), vec3_all(0.0f));
+}
+
+#endif

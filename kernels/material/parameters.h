@@ -1,0 +1,118 @@
+// What the material of each lane is made of: the numbers of its rows (MATERIAL_ROW_* and LAYER_ROW_* of types.h), as they are at the
+// point that is shaded. All that depends on them is computed from here on.
+#ifndef MATERIAL_PARAMETERS_H
+#define MATERIAL_PARAMETERS_H
+
+#include "core/sampler.h"
+#include "geometry/surface.h"
+#ifdef TEXTURES
+#include "texture/normal_map.h"
+#include "texture/parameter.h"
+#endif
+
+typedef struct {
+    vuint kind, flags;             // MATERIAL_*, MATERIAL_FLAG_*
+    vec3 color;
+    vfloat roughness, metallic, ior, transmission, specular;
+    vec3 specular_color;
+    vfloat diffuse_roughness, coat, coat_roughness;
+    vec3 sheen_color;
+    vfloat sheen_roughness, anisotropy, rotation;
+    vec3 eta, k, fresnel;
+#ifdef TEXTURES
+    vec3 shading;                  // the shading normal, on the front side
+#endif
+} Parameters;
+
+static vmask parameters_flag(const Parameters* p, uint flag) { return (p->flags & flag) != 0u; }
+
+// Bits that differ from point to point and from ray to ray, and are the same on every driver: what is next to zero counts as zero.
+static vuint parameters_bits(vfloat x) { return absolute(x) < 1.0e-30f ? splat_uint(0u) : vfloat_bits(x); }
+static vuint parameters_hash(vec3 point, vec3 direction) {
+    const vuint place = hash_pair(hash_pair(parameters_bits(point.x), parameters_bits(point.y)), parameters_bits(point.z));
+    return hash_pair(hash_pair(hash_pair(place, parameters_bits(direction.x)), parameters_bits(direction.y)), parameters_bits(direction.z));
+}
+
+// Of mixed materials one is met, as often as its weight says: which, is a function of the point and of the ray that arrives there (as
+// PBR 4ed, 10.5.1 does), so that all that happens at a vertex happens to one material. `first` is the row of each lane's material.
+// Returns where there was a choice.
+static vmask parameters_unmix(const Scene* scene, const Surface* s, vec3 direction, vmask has_row, vuint* row, vfloat first[16]) {
+    vmask mixed = has_row & (vfloat_bits(first[MATERIAL_ROW_KIND]) == MATERIAL_MIX);
+    const vmask mixtures = mixed;
+    if (!lane_any(mixed)) return mixtures;
+    vfloat u = unit_interval(parameters_hash(s->point, direction));
+    while (lane_any(mixed)) {
+        vfloat weight = first[MATERIAL_ROW_WEIGHT];
+#ifdef TEXTURES
+        const TextureSlots slots = parameter_slots(scene, &s->attributes, *row);
+        weight = parameter_number(scene, &s->attributes, &slots, TEXTURE_WEIGHT, weight);
+#endif
+        const vmask second = u < weight;
+        const vfloat again = (second ? u : u - weight) / (second ? weight : splat(1.0f) - weight);
+        const vuint next = second ? vfloat_bits(first[MATERIAL_ROW_SECOND]) : vfloat_bits(first[MATERIAL_ROW_FIRST]);
+        u = mixed ? bounded(again, 0.0f, 0.99999994f) : u;
+        *row = mixed ? next : *row;
+        lane_rows(scene->material_rows, *row * 2u, first);
+        mixed = has_row & (vfloat_bits(first[MATERIAL_ROW_KIND]) == MATERIAL_MIX);
+    }
+    return mixtures;
+}
+
+#ifdef TEXTURES
+// Textures in the place of parameters; `material` is the number of each lane's material.
+static void parameters_texture(const Scene* scene, const Surface* s, vuint material, vec3 direction, Parameters* p) {
+    const Attributes* a = &s->attributes;
+    p->shading = s->shading;
+    if (!lane_any(a->textured)) return;
+    const TextureSlots slots = parameter_slots(scene, a, material);
+    p->color = parameter_color(scene, a, &slots, TEXTURE_BASE_COLOR, p->color);
+    p->roughness = parameter_number(scene, a, &slots, TEXTURE_ROUGHNESS, p->roughness);
+    p->metallic = parameter_number(scene, a, &slots, TEXTURE_METALLIC, p->metallic);
+    p->transmission = parameter_number(scene, a, &slots, TEXTURE_TRANSMISSION, p->transmission);
+    p->specular = parameter_number(scene, a, &slots, TEXTURE_SPECULAR, p->specular);
+    p->specular_color = parameter_color(scene, a, &slots, TEXTURE_SPECULAR_COLOR, p->specular_color);
+    p->diffuse_roughness = parameter_number(scene, a, &slots, TEXTURE_DIFFUSE_ROUGHNESS, p->diffuse_roughness);
+    p->coat = parameter_number(scene, a, &slots, TEXTURE_COAT, p->coat);
+    p->coat_roughness = parameter_number(scene, a, &slots, TEXTURE_COAT_ROUGHNESS, p->coat_roughness);
+    p->sheen_color = parameter_color(scene, a, &slots, TEXTURE_SHEEN_COLOR, p->sheen_color);
+    p->sheen_roughness = parameter_number(scene, a, &slots, TEXTURE_SHEEN_ROUGHNESS, p->sheen_roughness);
+    p->anisotropy = parameter_number(scene, a, &slots, TEXTURE_ANISOTROPY, p->anisotropy);
+    p->shading = normal_map_shading(scene, a, &slots, s->normal, s->shading, s->front, direction);
+}
+#endif
+
+// `direction`: of the ray that arrives. Lanes whose material has no row get their kind, colour and index; the rest says nothing there.
+static Parameters material_at(const Scene* scene, const Surface* s, vec3 direction) {
+    const vmask has_row = s->kind == MATERIAL_BY_ROW;
+    vuint row = has_row ? vfloat_bits(s->color.x) : splat_uint(0u);
+    vfloat a[16], b[16];
+    lane_rows(scene->material_rows, row * 2u, a);
+    const vmask mixed = parameters_unmix(scene, s, direction, has_row, &row, a);
+    lane_rows(scene->material_rows, row * 2u + 1u, b);
+    Parameters p;
+    p.kind = has_row ? vfloat_bits(a[MATERIAL_ROW_KIND]) : s->kind;
+    p.flags = has_row ? vfloat_bits(a[MATERIAL_ROW_FLAGS]) : splat_uint(0u);
+    p.color = choose(has_row, vec3_row(a, MATERIAL_ROW_COLOR), s->color);
+    p.roughness = has_row ? a[MATERIAL_ROW_ROUGHNESS] : splat(0.0f);
+    p.metallic = a[MATERIAL_ROW_METALLIC];
+    p.ior = mixed ? a[MATERIAL_ROW_IOR] : s->ior;      // of one material, what the integrator takes it for
+    p.transmission = a[MATERIAL_ROW_TRANSMISSION];
+    p.specular = a[MATERIAL_ROW_SPECULAR];
+    p.specular_color = vec3_row(a, MATERIAL_ROW_SPECULAR_COLOR);
+    p.diffuse_roughness = a[MATERIAL_ROW_DIFFUSE_ROUGHNESS];
+    p.coat = a[MATERIAL_ROW_COAT];
+    p.coat_roughness = a[MATERIAL_ROW_COAT_ROUGHNESS];
+    p.sheen_color = vec3_row(b, LAYER_ROW_SHEEN_COLOR);
+    p.sheen_roughness = b[LAYER_ROW_SHEEN_ROUGHNESS];
+    p.anisotropy = has_row ? b[LAYER_ROW_ANISOTROPY] : splat(0.0f);
+    p.rotation = b[LAYER_ROW_ROTATION];
+    p.eta = vec3_row(b, LAYER_ROW_ETA);
+    p.k = vec3_row(b, LAYER_ROW_K);
+    p.fresnel = vec3_row(b, LAYER_ROW_FRESNEL);
+#ifdef TEXTURES
+    parameters_texture(scene, s, has_row ? row : vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]), direction, &p);
+#endif
+    return p;
+}
+
+#endif
