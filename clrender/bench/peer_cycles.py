@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import mathutils
 import numpy as np
-from peer_scene import Job, Part, answer, camera_of, job, parts_of, timed
+from peer_scene import Job, Part, answer, camera_of, job, parts_of, refuse_rich, timed
 
 __all__: list[str] = []
 
@@ -112,6 +112,7 @@ def seconds_in(path: Path) -> float | None:
 def main() -> None:
     begin = time.perf_counter()
     one = job()
+    refuse_rich(one, "Cycles")
     set_up(one)
     setup = time.perf_counter() - begin
     with tempfile.TemporaryDirectory() as folder:

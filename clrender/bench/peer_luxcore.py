@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pyluxcore
-from peer_scene import Job, answer, camera_of, job, parts_of
+from peer_scene import Job, answer, camera_of, job, parts_of, refuse_rich
 
 __all__: list[str] = []
 
@@ -65,6 +65,7 @@ def load(one: Job) -> Any:
 def main() -> None:
     begin = time.perf_counter()
     one = job()
+    refuse_rich(one, "LuxCore")
     pyluxcore.Init(lambda _: None)
     scene, events = load(one), one.segments - 1
     config = pyluxcore.RenderConfig(properties({

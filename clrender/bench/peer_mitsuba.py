@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Any
 
 import drjit
 import mitsuba
 import numpy as np
-from peer_scene import Job, Part, answer, camera_of, job, parts_of, timed
+from peer_scene import Job, Part, answer, camera_of, job, lights_of, parts_of, timed
 
 __all__: list[str] = []
 
@@ -19,57 +20,115 @@ def color(values: Any) -> dict[str, Any]:
     return {"type": "rgb", "value": list(values)}
 
 
-def material(described: dict[str, Any]) -> dict[str, Any]:
-    if described["type"] == "dielectric":
-        return {"type": "dielectric", "int_ior": described["ior"], "ext_ior": 1.0}
-    if described["type"] == "mirror":
+def texture(value: Any, folder: Path) -> Any:
+    """A constant colour, or a bitmap."""
+    if isinstance(value, dict):
+        raw = value.get("color_space") != "srgb"
+        return {"type": "bitmap", "filename": str(folder / value["texture"]), "raw": raw}
+    return color(value)
+
+
+def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    kind = described["type"]
+    alpha = described.get("roughness", 0.0) ** 2
+    if kind == "dielectric":
+        rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha} if alpha else {"type": "dielectric"}
+        return {**rough, "int_ior": described["ior"], "ext_ior": 1.0}
+    if kind == "mirror":
         one: dict[str, Any] = {
             "type": "conductor",
             "material": "none",
             "specular_reflectance": color(described["reflectance"]),
         }
+    elif kind == "conductor":
+        one = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
+        one |= {key: color(value) for key, value in zip(("eta", "k"), index_of(described), strict=True)}
+    elif kind == "principled":
+        one = {"type": "principled", "base_color": texture(described["base_color"], folder), "specular": 0.5}
+        one |= {"roughness": described["roughness"], "clearcoat": described.get("coat", 0.0)}
+        one |= {"clearcoat_gloss": 1.0 - described.get("coat_roughness", 0.0)}
     else:
-        one = {"type": "diffuse", "reflectance": color(described["reflectance"])}
+        one = {"type": "diffuse", "reflectance": texture(described["reflectance"], folder)}
+    if "normal_map" in described:
+        bitmap = texture(described["normal_map"], folder)
+        one = {"type": "normalmap", "normalmap": bitmap, "nested": one}
     return {"type": "twosided", "one": one}
 
 
-def flat_mesh(part: Part) -> Any:
+GOLD = ((0.21, 0.43, 1.38), (3.272, 2.455, 1.914))
+
+
+def index_of(described: dict[str, Any]) -> Any:
+    """Complex index of refraction of a metal, as clrender has it."""
+    return GOLD if described.get("metal") == "Au" else (described["eta"], described["k"])
+
+
+def flat_mesh(part: Part, folder: Path) -> Any:
     properties = mitsuba.Properties()
-    properties["bsdf"] = mitsuba.load_dict(material(part.material))
+    properties["bsdf"] = mitsuba.load_dict(material(part.material, folder))
     properties["face_normals"] = True
     if part.emission is not None:
         properties["emitter"] = mitsuba.load_dict({"type": "area", "radiance": color(part.emission)})
-    mesh = mitsuba.Mesh(part.name, len(part.vertices), len(part.faces), props=properties)
+    textured = part.coordinates is not None and any(isinstance(value, dict) for value in part.material.values())
+    mesh = mitsuba.Mesh(part.name, len(part.vertices), len(part.faces), has_vertex_texcoords=textured, props=properties)
     arrays = mitsuba.traverse(mesh)
     arrays["vertex_positions"] = np.ascontiguousarray(part.vertices, np.float32).ravel()
     arrays["faces"] = np.ascontiguousarray(part.faces, np.uint32).ravel()
+    if textured:
+        arrays["vertex_texcoords"] = np.ascontiguousarray(part.coordinates, np.float32).ravel()
     arrays.update()
     return mesh
 
 
+def light(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    if described["type"] == "point":
+        return {"type": "point", "position": described["position"], "intensity": color(described["intensity"])}
+    if described["type"] == "directional":
+        values = {"direction": described["direction"], "irradiance": color(described["irradiance"])}
+        return {"type": "directional", **values}
+    if "file" in described:
+        return {"type": "envmap", "filename": str(folder / described["file"])}
+    return {"type": "constant", "radiance": color(described["radiance"])}
+
+
+def round_shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    made: dict[str, Any] = {"type": described["type"], "bsdf": material(described["material"], folder)}
+    if described.get("emission") is not None:
+        made["emitter"] = {"type": "area", "radiance": color(described["emission"])}
+    center, radius = described["center"], described["radius"]
+    if described["type"] == "sphere":
+        return {**made, "center": center, "radius": radius}
+    normal = np.array(described["normal"]) / np.linalg.norm(described["normal"])
+    upward = [1, 0, 0] if abs(normal[0]) < 0.9 else [0, 1, 0]
+    turned = mitsuba.ScalarTransform4f().look_at(origin=center, target=(np.array(center) + normal).tolist(), up=upward)
+    return {**made, "to_world": turned @ mitsuba.ScalarTransform4f().scale([radius, radius, 1.0])}
+
+
 def load(one: Job) -> Any:
     camera = camera_of(one)
-    transform = mitsuba.ScalarTransform4f().look_at(origin=camera["position"], target=camera["target"], up=[0, 1, 0])
+    transform = mitsuba.ScalarTransform4f().look_at(
+        origin=camera["position"], target=camera["target"], up=camera.get("up", [0, 1, 0])
+    )
     film = {"type": "hdrfilm", "width": one.width, "height": one.height, "pixel_format": "rgb"}
     scene: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": one.segments, "rr_depth": NO_ROULETTE},
+        "integrator": {"type": "path", "max_depth": one.segments, "rr_depth": NO_ROULETTE if one.segments > 0 else 8},
         "sensor": {
             "type": "perspective", "fov": camera["vertical_fov"], "fov_axis": "y", "to_world": transform,
             "film": {**film, "rfilter": {"type": "box"}},
             "sampler": {"type": "independent", "sample_count": one.spp},
         },
     }  # fmt: skip
-    parts, spheres = parts_of(one)
-    for number, sphere in enumerate(spheres):
-        scene[f"sphere{number}"] = {
-            "type": "sphere", "center": sphere["center"], "radius": sphere["radius"],
-            "bsdf": material(sphere["material"]),
-        }  # fmt: skip
+    parts, round_shapes = parts_of(one)
+    folder = one.scene.parent
+    for number, described in enumerate(lights_of(one)):
+        scene[f"light{number}"] = light(described, folder)
+    for number, shape in enumerate(round_shapes):
+        scene[f"round{number}"] = round_shape(shape, folder)
     for part in parts:
-        scene[part.name] = flat_mesh(part) if part.file is None else {
+        scene[part.name] = flat_mesh(part, folder) if part.file is None else {
             "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,
-            "bsdf": material(part.material),
+            "bsdf": material(part.material, folder),
         }  # fmt: skip
     return mitsuba.load_dict(scene)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Job", "Part", "answer", "camera_of", "job", "parts_of", "timed"]
+__all__ = ["Job", "Part", "answer", "camera_of", "job", "lights_of", "parts_of", "refuse_rich", "timed"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Part:
         Of smooth meshes.
     file : Path or None
         A PLY file that holds the same.
+    coordinates : (V, 2) float32 or None
+        Of textures, for parallelograms: (0, 0) at the origin, (1, 1) opposite.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Part:
     faces: Any
     normals: Any = None
     file: Path | None = None
+    coordinates: Any = None
 
 
 def job() -> Job:
@@ -67,14 +70,26 @@ def camera_of(one: Job) -> dict[str, Any]:
     return camera
 
 
+def lights_of(one: Job) -> list[dict[str, Any]]:
+    """Lights that are no shapes, as in the scene file."""
+    lights: list[dict[str, Any]] = json.loads(one.scene.read_text(encoding="utf-8")).get("lights", [])
+    return lights
+
+
+def refuse_rich(one: Job, name: str) -> None:
+    """End with a sentence when the scene holds more than Lambert, mirrors and smooth glass."""
+    if lights_of(one):
+        sys.exit(f"{name} has no translation of this scene's materials here; compare it with mitsuba")
+
+
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
-    """The scene's meshes, and its spheres as in the scene file, with their materials resolved."""
+    """The scene's meshes, and its spheres and disks as in the scene file, with their materials resolved."""
     described = json.loads(one.scene.read_text(encoding="utf-8"))
     materials = described["materials"]
     parts, spheres = [], []
     groups: dict[str, list[dict[str, Any]]] = {}
     for number, shape in enumerate(described["shapes"]):
-        if shape["type"] == "sphere":
+        if shape["type"] in ("sphere", "disk"):
             spheres.append({**shape, "material": materials[shape["material"]]})
         elif shape["type"] == "mesh":
             file = one.scene.parent / shape["file"]
@@ -84,10 +99,15 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
     for key, shapes in groups.items():
         name, emission = json.loads(key)
         pieces = [_triangles(shape) for shape in shapes]
+        all_quads = all(shape["type"] == "quad" for shape in shapes)
+        corners = (
+            np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (len(shapes), 1)) if all_quads else None
+        )
         offsets = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
         vertices = np.concatenate([vertices for vertices, _ in pieces]).astype(np.float32)
         faces = np.concatenate([faces + offset for (_, faces), offset in zip(pieces, offsets, strict=True)])
-        parts.append(Part(f"group_{name}", materials[name], emission, vertices, faces.astype(np.int32)))
+        group = Part(f"group_{name}", materials[name], emission, vertices, faces.astype(np.int32), coordinates=corners)
+        parts.append(group)
     return parts, spheres
 
 
@@ -114,10 +134,11 @@ def _triangles(shape: dict[str, Any]) -> tuple[Any, Any]:
     if shape["type"] == "quad":
         o, u, v = (np.array(shape[key]) for key in ("origin", "edge_u", "edge_v"))
         return np.array([o, o + u, o + u + v, o + v]), np.array([[0, 1, 2], [0, 2, 3]])
-    turn = math.radians(shape["transform"]["rotate_degrees"][1])
+    transform = shape.get("transform", {"rotate_degrees": [0.0, 0.0, 0.0], "translate": shape.get("center")})
+    turn = math.radians(transform["rotate_degrees"][1])
     c, s = math.cos(turn), math.sin(turn)
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * shape["size"]
-    corners = corners @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T + shape["transform"]["translate"]
+    corners = corners @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T + transform["translate"]
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return corners, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
 
