@@ -59,7 +59,7 @@ static vec3 bsdf_wo(Frame frame, vec3 direction) {
 
 // What materials with rows are, instead.
 static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction, Bsdf* b) {
-    const Parameters p = material_at(scene, s, direction);
+    const Parameters p = material_at(scene, s);
     const vmask anisotropic = p.anisotropy > 0.0f;
     if (lane_any(anisotropic)) {
         const Frame turned = bsdf_turned_frame(b->frame.normal, p.rotation);
