@@ -18,7 +18,8 @@
 static Bsdf furnace_bsdf(const Scene* scene, uint primitive, vec3 wo) {
     vfloat row[16];
     lane_rows(scene->primitive_rows, splat_uint(primitive), row);
-    const vec3 at = surface_blend(row, splat(0.5f), splat(0.25f), splat(0.25f));
+    // Where no checker of a usual size has an edge
+    const vec3 at = surface_blend(row, splat(0.42f), splat(0.27f), splat(0.31f));
     const Ray ray = ray_make(add(at, wo), negate(wo));
     Hit hit;
     hit.distance = splat(1.0f);

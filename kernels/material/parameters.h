@@ -26,21 +26,20 @@ typedef struct {
 
 static vmask parameters_flag(const Parameters* p, uint flag) { return (p->flags & flag) != 0u; }
 
-// Bits that differ from point to point and from ray to ray, and are the same on every driver: what is next to zero counts as zero.
+// Bits that differ from point to point, and are the same on every driver: what is next to zero counts as zero.
 static vuint parameters_bits(vfloat x) { return absolute(x) < 1.0e-30f ? splat_uint(0u) : vfloat_bits(x); }
-static vuint parameters_hash(vec3 point, vec3 direction) {
-    const vuint place = hash_pair(hash_pair(parameters_bits(point.x), parameters_bits(point.y)), parameters_bits(point.z));
-    return hash_pair(hash_pair(hash_pair(place, parameters_bits(direction.x)), parameters_bits(direction.y)), parameters_bits(direction.z));
+static vuint parameters_hash(vec3 point) {
+    return hash_pair(hash_pair(parameters_bits(point.x), parameters_bits(point.y)), parameters_bits(point.z));
 }
 
-// Of mixed materials one is met, as often as its weight says: which, is a function of the point and of the ray that arrives there (as
-// PBR 4ed, 10.5.1 does), so that all that happens at a vertex happens to one material. `first` is the row of each lane's material.
+// Of mixed materials one is met, as often as its weight says: which, is a function of the point alone (PBR 4ed, 10.5.1, takes the
+// direction, too), so that all that happens at a vertex happens to one material, and is reciprocal. `first` is the row of each lane's material.
 // Returns where there was a choice.
-static vmask parameters_unmix(const Scene* scene, const Surface* s, vec3 direction, vmask has_row, vuint* row, vfloat first[16]) {
+static vmask parameters_unmix(const Scene* scene, const Surface* s, vmask has_row, vuint* row, vfloat first[16]) {
     vmask mixed = has_row & (vfloat_bits(first[MATERIAL_ROW_KIND]) == MATERIAL_MIX);
     const vmask mixtures = mixed;
     if (!lane_any(mixed)) return mixtures;
-    vfloat u = unit_interval(parameters_hash(s->point, direction));
+    vfloat u = unit_interval(parameters_hash(s->point));
     while (lane_any(mixed)) {
         vfloat weight = first[MATERIAL_ROW_WEIGHT];
 #ifdef TEXTURES
@@ -87,7 +86,7 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     vuint row = has_row ? vfloat_bits(s->color.x) : splat_uint(0u);
     vfloat a[16], b[16];
     lane_rows(scene->material_rows, row * 2u, a);
-    const vmask mixed = parameters_unmix(scene, s, direction, has_row, &row, a);
+    const vmask mixed = parameters_unmix(scene, s, has_row, &row, a);
     lane_rows(scene->material_rows, row * 2u + 1u, b);
     Parameters p;
     p.kind = has_row ? vfloat_bits(a[MATERIAL_ROW_KIND]) : s->kind;

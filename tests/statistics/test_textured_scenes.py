@@ -120,7 +120,7 @@ def test_a_tilted_map_is_tilted_geometry(
     with_map = studio.pixels(scene([level, light], {**grey, map_kind: mapped}, tmp_path, camera), spp=16)
     tilted = studio.pixels(scene([inclined, light], grey, tmp_path, camera), spp=16, seed=1)
     flat = studio.pixels(scene([level, light], grey, tmp_path, camera), spp=16)
-    assert abs(flat.mean() / tilted.mean() - 1.0) > 0.1
+    assert abs(flat.mean() / tilted.mean() - 1.0) > 0.03  # the means' errors are below 0.003
     evidence.equal(f"{map_kind}, flip {flip}", with_map, tilted)
 
 

@@ -76,6 +76,13 @@ static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
     return g->thin ? glass_thin(reflected) : reflected;
 }
 
+// The same from the cosines on both sides, which near total reflection are known better than one from the other.
+static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
+    const vfloat parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
+    const vfloat perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
+    return (parallel * parallel + perpendicular * perpendicular) * 0.5f;
+}
+
 // The density is that of glass_sample; the diffuse lobes have others.
 static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, vec3 wo, vec3 wi, vfloat* pdf) {
     const vmask above = wi.z > 0.0f, bent = !above & !g->thin;
@@ -86,7 +93,9 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
     vec3 m = unit(choose(bent, along(wo, down, g->eta), add(wo, up)));
     m = choose(m.z < 0.0f, negate(m), m);
     const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
-    const vfloat reflected = glass_fresnel(g, bounded(absolute(in), 0.0f, 1.0f));
+    const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
+    vfloat reflected = glass_fresnel(g, near);
+    if (lane_any(bent)) reflected = bent ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : reflected;
     const vfloat part = above ? reflected : splat(1.0f) - reflected;
 
     // From a density of facets to a density of directions (Walter et al., eq. 14 and 17)
