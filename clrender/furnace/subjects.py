@@ -111,9 +111,15 @@ def whitened(scene: Scene) -> Scene:
     return scene.model_copy(update={"materials": {name: _white(each) for name, each in scene.materials.items()}})
 
 
+def _shown(material: Any, key: str) -> bool:
+    """Whether a material has this colour; black sheen is none."""
+    color = getattr(material, key, None)
+    return color is not None and (key != "sheen_color" or any(color))
+
+
 def _white(material: Any) -> Any:
     fields = type(material).model_fields
-    changes: dict[str, Any] = {key: (1.0, 1.0, 1.0) for key in _COLORS if getattr(material, key, None) is not None}
+    changes: dict[str, Any] = {key: (1.0, 1.0, 1.0) for key in _COLORS if _shown(material, key)}
     if {"metal", "eta", "k"} <= set(fields) and "f0" not in changes:
         changes |= {"metal": None, **_WHITE_METAL}
     return material.model_copy(update=changes)
