@@ -13,7 +13,7 @@ from special_files import special
 
 from clrender.errors import SceneError
 from clrender.flatten import flatten
-from clrender.scene import Scene, mesh_io, named_files
+from clrender.scene import Scene, named_files
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.mesh_io import read_mesh
 
@@ -333,6 +333,6 @@ def test_a_link_put_in_the_way_between_check_and_opening_is_not_followed(
         (here / "sub").symlink_to(there)
         return real(path, label, limit, beneath)
 
-    monkeypatch.setattr(mesh_io, "open_scene_file", swapped)
+    monkeypatch.setattr(named_files, "open_scene_file", swapped)
     with pytest.raises(SceneError, match="cannot be opened"):
         read_mesh("sub/m.obj", here, (), "x")

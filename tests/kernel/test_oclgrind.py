@@ -31,8 +31,8 @@ pytestmark = [
 ]
 
 ERROR = re.compile(r"^(Invalid|Uninitialized|Controlflow|Read-write|Write-write|Unaligned|Work-group|Work-item)", re.M)
-QUICK = {"path-8-large"}
-"""Of the ways to render the one in which packets take turns in a large mesh; the others are slow tests."""
+QUICK = {"path-4"}
+"""Of the ways to render the plainest; the others are slow tests."""
 
 
 def interpreted(names: list[str], folder: Path, *options: str) -> tuple[dict[str, str], str]:
@@ -66,6 +66,7 @@ def every_kernel() -> set[str]:
     return {name for text in texts for name in re.findall(r"\b_*kernel\s+void\s+(\w+)", text)}
 
 
+@pytest.mark.slow
 def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     names = ["scan", "arithmetic", "path-4", "whitted-4", "layers", "reuse-4", "photon-4", "radiosity", "furnace"]
     launched = check(device, names, tmp_path)
