@@ -88,7 +88,7 @@ def test_every_combination(all_devices: list[Device], expected: dict[str, str], 
         if slow and (lanes, traversal) != (1, "packet"):
             continue
         for scene in FEW if slow else SCENES:
-            # At one sample a work-item rusticl would need hours for the product; the other scenes are cut by the same code.
+            # At one sample a work-item rusticl would need hours for the product; others are cut by the same code.
             every = scene in FEW and not slow
             for cutting in (product if every else covering)((lanes,), (traversal,)):
                 assert sha(scene, [device], cutting) == expected[scene], f"{scene}, {cutting}, {device.info.title}"
