@@ -114,6 +114,18 @@ def test_what_loses_nothing_is_invisible(evidence: Evidence, studio: Studio, nam
     every_pixel(evidence, studio, what, 1.0, roulette="none", max_depth=1000, sampling="bsdf")
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("roughness", [0.3, 0.6])
+def test_water_in_rough_glass_loses_no_light(evidence: Evidence, studio: Studio, roughness: float) -> None:
+    # The index of rough facets, and the table of what they scatter more than once, follow the list of media, too.
+    balls = [sphere([0.0, 0.0, 0.0], 0.6, material="rough"), sphere([0.0, 0.0, 0.0], 0.45, material="liquid")]
+    camera = {"position": [0.0, 0.0, 4.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 10.0}
+    rough = {"type": "dielectric", "ior": 1.5, "roughness": roughness, "priority": 0}
+    what = scene(balls, [SKY], camera, rough=rough, liquid={"type": "dielectric", "ior": 1.33, "priority": 1})
+    radiance = [studio.pixels(what, 16, spp=256, seed=seed) for seed in range(16)]
+    evidence.mean_is("radiance", radiance, 1.0, rounding=1.5e-3)
+
+
 @pytest.mark.parametrize("inside, ior", [(["water"], 1.33), (["water", "ice"], 1.2), (["glass", "water", "ice"], 1.5)])
 def test_camera_under_water(evidence: Evidence, studio: Studio, inside: list[str], ior: float) -> None:
     # Radiance 1 is n² in a medium of index n (PBR 4ed, 9.5.2), and nothing else is to be seen there. Near the middle of
