@@ -115,6 +115,8 @@ static void surface_random(Surface* s, Sampler sampler, vuint depth) {
     s->attributes.taps.u = unit_interval(bits_u), s->attributes.taps.v = unit_interval(bits_v);
     s->attributes.taps.random = 1;
 }
+#else
+static void surface_random(Surface* s, Sampler sampler, vuint depth) {}
 #endif
 
 // The rows that surface_at will read, asked for before it is needed where there are many.

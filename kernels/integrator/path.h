@@ -33,9 +33,7 @@ static Vertex path_vertex(const Scene* scene, const Path* path, Hit hit, PoolSta
     Vertex v;
     const vmask found = path->alive & (hit.primitive != NONE);
     v.surface = surface_at(scene, &path->ray, hit, found);
-#ifdef TEXTURES
     surface_random(&v.surface, path->sample.sampler, path->depth);
-#endif
     v.crossing = interior_meet(scene, &path->interior, &v.surface, found);
     v.bsdf = bsdf_at(scene, &v.surface, path->ray.direction);
     v.traced = path->alive & !split_back(&path->split);
