@@ -16,7 +16,7 @@ __all__ = ["rich_scene"]
 
 _MATERIALS: Final[dict[str, Any]] = {
     "gold": {"type": "conductor", "metal": "Au", "roughness": math.sqrt(0.2)},
-    # Chromium, which polished steel looks like: its index at 617, 549 and 451 nm (Johnson and Christy 1974)
+    # An index of the order of chromium's, which polished steel looks like; both renderers are given the same numbers.
     "steel": {"type": "conductor", "eta": [3.18, 3.18, 1.99], "k": [3.31, 3.33, 2.86], "roughness": math.sqrt(0.05)},
     "plastic": {
         "type": "principled",

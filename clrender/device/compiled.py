@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import fcntl
 import hashlib
 import itertools
 import json
@@ -12,6 +13,7 @@ import platform
 import shutil
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -152,7 +154,8 @@ class Sentinel:
             self._up.add(self)
             atexit.register(self.take)  # whoever gets as far as that was not killed by a driver
         self._keys.append(key)
-        self._write(interrupted=False)
+        with _locked(self._path.parents[1]):
+            self._write(interrupted=False)
 
     def _write(self, interrupted: bool) -> None:
         if self._path is not None:
@@ -188,8 +191,15 @@ class Sentinel:
     def collect(cls, base: Path) -> None:
         """Remove what processes of this machine that died with their sentinels up may have damaged.
 
-        Not while another process compiles: what is new could be its own, and it waits until that one is done.
+        Not while another process compiles: what is new could be its own, and it waits until that one is done. Nor may
+        one begin meanwhile: to put its file there it waits for the lock.
         """
+        if _entries(base / "busy"):
+            with _locked(base):
+                cls._collect(base)
+
+    @classmethod
+    def _collect(cls, base: Path) -> None:
         own = {sentinel._path for sentinel in cls._up}
         dead = []
         for entry in _entries(base / "busy"):
@@ -204,6 +214,16 @@ class Sentinel:
             _purge(base, _record(entry))
             with contextlib.suppress(OSError):
                 entry.unlink()
+
+
+@contextmanager
+def _locked(base: Path) -> Iterator[None]:
+    """Have the compiled programs of all generations to oneself, where the file system knows locks."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):
+            base.mkdir(mode=0o700, parents=True, exist_ok=True)
+            fcntl.flock(stack.enter_context((base / "lock").open("wb")), fcntl.LOCK_EX)
+        yield
 
 
 def _entries(folder: Path) -> list[Path]:

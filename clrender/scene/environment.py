@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError, UsageError
 from clrender.image.files import read_open_image
-from clrender.scene.named_files import allowed_file, open_scene_file
+from clrender.scene.named_files import allowed_file, open_named_file
 from clrender.scene.values import POWER_LIMIT, Color
 from clrender.scene.wording import quoted
 
@@ -76,11 +76,11 @@ class EnvironmentPicture:
             If it may not be read, or is not a picture of radiance.
         """
         label = f"{place}: {quoted(name)}"
-        folder, path = allowed_file(name, base_folder, allow_paths, label)
         ending = Path(name).suffix.lower()
         if ending not in ENDINGS:
+            allowed_file(name, base_folder, allow_paths, label)
             raise SceneError(f"{label} is of no kind that can be read; environments may be {_listed()}")
-        file, _ = open_scene_file(path, label, _FILE_LIMIT, folder)
+        file, _ = open_named_file(name, base_folder, allow_paths, label, _FILE_LIMIT)
         try:
             with file:
                 pixels = read_open_image(file, ending, f"{label} is not a readable {ending} image", PIXEL_LIMIT)

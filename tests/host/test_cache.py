@@ -7,8 +7,10 @@ import os
 import stat
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -234,6 +236,31 @@ def test_nothing_is_removed_while_another_process_compiles() -> None:
     assert compiled.load_binary("mine") == b"half"
     sentinel.take()
     assert compiled.load_binary("mine") is None
+
+
+def test_nobody_begins_to_compile_while_something_is_removed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else what a compiler has just written would be gone before it reads it."""
+    folder, sentinel, purge = folder_of_compiled(), compiled.Sentinel(), compiled._purge
+    (folder / "pocl").mkdir()
+    die(KILLED)
+    written = threading.Event()
+
+    def compile_something() -> None:
+        sentinel.put("other")
+        (folder / "pocl" / "tempfile").touch()
+        written.set()
+
+    def purge_meanwhile(base: Path, record: dict[str, Any]) -> None:
+        monkeypatch.setattr(compiled, "_purge", purge)
+        threading.Thread(target=compile_something).start()
+        written.wait(0.3)
+        purge(base, record)
+
+    monkeypatch.setattr(compiled, "_purge", purge_meanwhile)
+    folder_of_compiled()
+    assert written.wait(10.0)
+    assert (folder / "pocl" / "tempfile").exists()
+    sentinel.take()
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"keys": ["../../x"]}', b"\xff"])
