@@ -403,6 +403,16 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("HEIGHT", 1, 1, "bits"),
         ("TURN", 2, 1, "fraction of a turn that it is rotated by, about +y"),
         ("INVERSE", 3, 1, "one over the integral of its luminance by solid angle"),
+        ("BAND_GUIDES", 4, 1, "bits: entries of the guide table of the bands, less one"),
+        ("GUIDES", 5, 1, "bits: entries of each row's guide table, less one"),
+    ),
+    "BAND": (
+        ("SHARE", 0, 1, "between two lines of latitude, half a row: share of the light that lies before the first"),
+        ("NEXT_SHARE", 1, 1, "before the second"),
+        ("SUM", 2, 1, "of the luminance along the first"),
+        ("NEXT_SUM", 3, 1, ""),
+        ("DROP", 4, 1, "1 - |cosine| from the nearer pole; in the south, of the band that mirrors it"),
+        ("NEXT_DROP", 5, 1, ""),
     ),
     "NODE": (
         ("CENTER", 0, 3, "child of a node of the light BVH: sphere about its lights"),

@@ -233,6 +233,15 @@ typedef struct {
 #define ENVIRONMENT_ROW_HEIGHT 1        // bits
 #define ENVIRONMENT_ROW_TURN 2          // fraction of a turn that it is rotated by, about +y
 #define ENVIRONMENT_ROW_INVERSE 3       // one over the integral of its luminance by solid angle
+#define ENVIRONMENT_ROW_BAND_GUIDES 4   // bits: entries of the guide table of the bands, less one
+#define ENVIRONMENT_ROW_GUIDES 5        // bits: entries of each row's guide table, less one
+
+#define BAND_ROW_SHARE 0                // between two lines of latitude, half a row: share of the light that lies before the first
+#define BAND_ROW_NEXT_SHARE 1           // before the second
+#define BAND_ROW_SUM 2                  // of the luminance along the first
+#define BAND_ROW_NEXT_SUM 3
+#define BAND_ROW_DROP 4                 // 1 - |cosine| from the nearer pole; in the south, of the band that mirrors it
+#define BAND_ROW_NEXT_DROP 5
 
 #define NODE_ROW_CENTER 0               // child of a node of the light BVH: sphere about its lights
 #define NODE_ROW_RADIUS 3               // negative: infinitely far

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["LARGEST_PAGE", "SceneArrays", "scene_array_names", "texel_pages"]
 
 _WORK_GROUP = 16
-LARGEST_PAGE = 1 << 36
+LARGEST_PAGE = 1 << 34
 _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),

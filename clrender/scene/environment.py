@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.image.files import read_open_image
 from clrender.scene.named_files import allowed_file, open_named_file
@@ -23,13 +24,14 @@ __all__ = ["ENDINGS", "HEAD_WORDS", "PIXEL_LIMIT", "EnvironmentPicture", "Enviro
 
 ENDINGS: Final = (".exr", ".hdr", ".png")
 PIXEL_LIMIT: Final = 2**28
-"""Most pixels, such as 16384 x 16384; on the device they take 12 bytes each."""
+"""Most pixels, such as 16384 x 16384; on the device they take 16 bytes each."""
 _FILE_LIMIT: Final = 2**33
 HEAD_WORDS: Final = 16
 _CHUNK: Final = 2**19
 """Pixels that are worked on at a time."""
 _MANTISSA: Final = 19
 _BIAS: Final = 64
+_BAND: Final = {name: at for name, at, _, _ in layout.ROWS["BAND"]}
 _POWERS: Final = np.ldexp(1.0, np.arange(128) - _BIAS)
 """The units that mantissas can count."""
 
@@ -141,29 +143,24 @@ def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) ->
     Returns
     -------
     EnvironmentTable
-        About 12 bytes for each pixel.
+        About 16 bytes for each pixel.
     """
     height, width, _ = picture.pixels.shape
-    lines, head = height + 2, HEAD_WORDS
-    first_pixel = head + 3 * lines
-    first_sum = first_pixel + 2 * height * width
-    words = np.zeros(first_sum + height * (width + 1), np.float32)
-    bits = words.view(np.uint32)
-    packed = bits[first_pixel:first_sum].reshape(height, width, 2)
-    along = words[first_sum:].reshape(height, width + 1)
+    table = _Arrays.empty(height, width)
     row_sums = np.zeros((height, 4))  # luminance, then the colours
     step = max(1, _CHUNK // width)
     for top in range(0, height, step):
         rows = slice(top, top + step)
-        red, green, blue = held = _packed(picture.pixels[rows], scale, packed[rows])
+        red, green, blue = held = _packed(picture.pixels[rows], scale, table.pixels[rows, :width])
         luminance = (0.2126 * red + 0.7152 * green) + 0.0722 * blue
         sums = np.cumsum((luminance + np.roll(luminance, -1, axis=1)) * 0.5, axis=1)
-        along[rows, 1:] = sums
+        table.along[rows, 1:] = sums
         row_sums[rows, 0] = sums[:, -1]
         for channel, values in enumerate(held):
             row_sums[rows, 1 + channel] = np.cumsum(values, axis=1)[:, -1]
+    table.pixels[:, width] = table.pixels[:, 0]
     # Lines of latitude: the poles have the light of the rows beside them.
-    line_sums = row_sums[np.clip(np.arange(lines) - 1, 0, height - 1)]
+    line_sums = row_sums[np.clip(np.arange(height + 2) - 1, 0, height - 1)]
     drops = _drops(height)
     between = (line_sums[:-1] + line_sums[1:]) * (0.5 * np.diff(drops.astype(np.float64)))[:, None]
     before = np.cumsum(between, axis=0)
@@ -171,12 +168,61 @@ def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) ->
     mean = (colors[0] / (4.0 * math.pi), colors[1] / (4.0 * math.pi), colors[2] / (4.0 * math.pi))
     if total == 0.0:
         return EnvironmentTable((0.0, 0.0, 0.0), np.zeros(1, np.float32))
-    words[head : head + lines] = drops
-    words[head + lines : head + 2 * lines] = line_sums[:, 0]
-    words[head + 2 * lines + 1 : head + 3 * lines] = before[:, 0] / before[-1, 0]
-    bits[0:2] = width, height
-    words[2], words[3] = np.float32(turn) % np.float32(1.0), 1.0 / total
-    return EnvironmentTable(mean, words)
+    shares = np.append(0.0, before[:, 0] / before[-1, 0])
+    nearer = np.minimum(np.arange(height + 1), np.arange(height + 1)[::-1])
+    for name, first, second in (
+        ("SHARE", shares[:-1], shares[1:]),
+        ("SUM", line_sums[:-1, 0], line_sums[1:, 0]),
+        ("DROP", drops[nearer], drops[nearer + 1]),
+    ):
+        table.bands[:, _BAND[name]], table.bands[:, _BAND[f"NEXT_{name}"]] = first, second
+    _guide(table.bands[:, _BAND["SHARE"]], np.float32(1.0), table.band_guide)
+    for sums, guide in zip(table.along, table.guide, strict=True):
+        _guide(sums[:-1], sums[-1], guide)
+    table.words[2], table.words[3] = np.float32(turn) % np.float32(1.0), 1.0 / total
+    return EnvironmentTable(mean, table.words)
+
+
+@dataclass(frozen=True)
+class _Arrays:
+    """The parts of a table."""
+
+    words: NDArray[np.float32]
+    bands: NDArray[np.float32]
+    band_guide: NDArray[np.uint32]
+    pixels: NDArray[np.uint32]
+    along: NDArray[np.float32]
+    guide: NDArray[np.uint32]
+
+    @classmethod
+    def empty(cls, height: int, width: int) -> _Arrays:
+        band_guides, guides = _power_of_two(height + 1), _power_of_two(width)
+        shapes = (HEAD_WORDS,), (height + 1, 8), (band_guides + 1,), (height, width + 1, 2), (height, width + 1)
+        sizes = [math.prod(shape) for shape in (*shapes, (height, guides + 1))]
+        words = np.zeros(sum(sizes), np.float32)
+        head, bands, band_guide, pixels, along, guide = np.split(words, np.cumsum(sizes[:-1]))
+        whole = np.array([width, height, band_guides, guides], np.uint32).view(np.float32)
+        head[[0, 1, 4, 5]] = whole
+        return cls(
+            words,
+            bands.reshape(shapes[1]),
+            band_guide.view(np.uint32),
+            pixels.view(np.uint32).reshape(shapes[3]),
+            along.reshape(shapes[4]),
+            guide.view(np.uint32).reshape(height, guides + 1),
+        )
+
+
+def _power_of_two(count: int) -> int:
+    """The largest that is not above a number."""
+    return 1 << (count.bit_length() - 1)
+
+
+def _guide(sums: NDArray[np.float32], total: np.float32, guide: NDArray[np.uint32]) -> None:
+    """Write a guide table: for each of its fractions of `total` the last of the growing `sums` that is not above it."""
+    count = len(guide) - 1
+    sought = (np.arange(count + 1) / count).astype(np.float32) * total
+    guide[:] = np.maximum(np.searchsorted(sums, sought, side="right"), 1) - 1
 
 
 def _packed(pixels: NDArray[np.float32], scale: Color, packed: NDArray[np.uint32]) -> list[_Floats]:

@@ -182,6 +182,34 @@ static vfloat lane_gather(__global const float* table, vuint index) {
 #endif
 }
 
+// Four neighbouring numbers of a table for each lane, from `index` on: `columns[k]` are the k-th. Loaded together and sorted by their
+// place, even ones from odd ones twice, they cost little more than one.
+static void lane_quads(__global const float* table, vuint index, vfloat columns[4]) {
+#if LANES == 1
+    const float4 quad = vload4(0, table + index);
+    columns[0] = quad.x, columns[1] = quad.y, columns[2] = quad.z, columns[3] = quad.w;
+#else
+#define LANE_QUAD(lane) vload4(0, table + index.lane)
+#if LANES == 16
+    const float16 a = (float16)(LANE_QUAD(s0), LANE_QUAD(s1), LANE_QUAD(s2), LANE_QUAD(s3));
+    const float16 b = (float16)(LANE_QUAD(s4), LANE_QUAD(s5), LANE_QUAD(s6), LANE_QUAD(s7));
+    const float16 c = (float16)(LANE_QUAD(s8), LANE_QUAD(s9), LANE_QUAD(sa), LANE_QUAD(sb));
+    const float16 d = (float16)(LANE_QUAD(sc), LANE_QUAD(sd), LANE_QUAD(se), LANE_QUAD(sf));
+#elif LANES == 8
+    const float8 a = (float8)(LANE_QUAD(s0), LANE_QUAD(s1)), b = (float8)(LANE_QUAD(s2), LANE_QUAD(s3));
+    const float8 c = (float8)(LANE_QUAD(s4), LANE_QUAD(s5)), d = (float8)(LANE_QUAD(s6), LANE_QUAD(s7));
+#else
+    const float4 a = LANE_QUAD(s0), b = LANE_QUAD(s1), c = LANE_QUAD(s2), d = LANE_QUAD(s3);
+#endif
+    const vfloat even = (vfloat)(a.even, b.even), even_later = (vfloat)(c.even, d.even);
+    const vfloat odd = (vfloat)(a.odd, b.odd), odd_later = (vfloat)(c.odd, d.odd);
+    columns[0] = (vfloat)(even.even, even_later.even);
+    columns[1] = (vfloat)(odd.even, odd_later.even);
+    columns[2] = (vfloat)(even.odd, even_later.odd);
+    columns[3] = (vfloat)(odd.odd, odd_later.odd);
+#endif
+}
+
 // A table of rows, sixteen floats each, read at another row in every lane: `columns[k]` is then the k-th number of each lane's row.
 // OpenCL C has no gather; loading whole rows and transposing them costs a fifth of picking numbers one by one, and a row is one
 // cache line.

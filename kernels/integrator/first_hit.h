@@ -48,7 +48,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
         const vmask straight = interior_straight(&crossing);
         const vec3 outside =
-            lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction) : vec3_all(0.0f);
+            lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction, path.alive & !found) : vec3_all(0.0f);
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 

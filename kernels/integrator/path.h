@@ -74,7 +74,7 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
         pdf = light_pdf(scene, &light, surface, path->ray.origin, path->normal);
     }
     if (lane_any(outside)) {
-        const vec3 around = environment_emitted(scene, path->ray.direction);
+        const vec3 around = environment_emitted(scene, path->ray.direction, outside);
         emitted = choose(outside, around, emitted);
         pdf = outside ? environment_pdf(scene, around, path->ray.origin, path->normal) : pdf;
     }

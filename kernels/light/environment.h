@@ -22,13 +22,17 @@ typedef struct {
 
 #ifdef ENVIRONMENT_MAP
 
-// scene->environment_map (clrender/scene/environment.py writes it): a row of numbers, ENVIRONMENT_ROW_*; then of each of height + 2 lines
-// of latitude, which are both poles and the centres of the rows, 1 − |cosine| from the first pole on; the sum of the luminance along it;
-// and the share of the light that lies before it. Then two words of each pixel, and of each row width + 1 sums of the luminance from its
-// first pixel's centre on.
+// scene->environment_map (clrender/scene/environment.py writes it): a row of numbers, ENVIRONMENT_ROW_*. Then a row for each band
+// between two neighbouring lines of latitude, which are both poles and the centres of the rows of pixels: BAND_ROW_*. Then, for
+// each row of pixels: the pixels, two words each, and the first once more; the sums of the luminance from the first pixel's centre on,
+// width + 1 of them.
+//
+// Both distributions have guide tables (Chen and Asau, "On generating random variates from an empirical distribution", AIIE Transactions
+// 6(2), 1974): entry k of n says what is found for k/n, so that the search for a number from k/n to (k + 1)/n has few steps or none.
 typedef struct {
     uint width, height;
-    __global const float *drops, *sums, *shares, *pixels, *along;
+    uint band_guides, guides;       // entries of the guide table of the bands, and of each row's; powers of two
+    __global const float *bands, *band_guide, *pixels, *along, *guide;
 } EnvironmentMap;
 
 // A point of the map, between two lines and between the centres of two columns.
@@ -49,12 +53,14 @@ static EnvironmentMap environment_map_of(const Scene* scene) {
     EnvironmentMap map;
     map.width = environment_word(scene, ENVIRONMENT_ROW_WIDTH);
     map.height = environment_word(scene, ENVIRONMENT_ROW_HEIGHT);
-    const size_t lines = (size_t)map.height + 2;
-    map.drops = scene->environment_map + 16;
-    map.sums = map.drops + lines;
-    map.shares = map.sums + lines;
-    map.pixels = map.shares + lines;
-    map.along = map.pixels + (size_t)map.height * map.width * 2;
+    map.band_guides = environment_word(scene, ENVIRONMENT_ROW_BAND_GUIDES);
+    map.guides = environment_word(scene, ENVIRONMENT_ROW_GUIDES);
+    const size_t height = map.height, length = (size_t)map.width + 1;
+    map.bands = scene->environment_map + 16;
+    map.band_guide = map.bands + (height + 1) * 8;
+    map.pixels = map.band_guide + map.band_guides + 1;
+    map.along = map.pixels + height * length * 2;
+    map.guide = map.along + height * length;
     return map;
 }
 
@@ -75,23 +81,25 @@ static vuint environment_row(const EnvironmentMap* map, vuint line) {
 }
 
 // A pixel: three mantissas of 19 bits that share an exponent of 7 (compare Ward, "Real Pixels", 1991).
-static vec3 environment_pixel(const EnvironmentMap* map, vuint row, vuint column) {
-    const vuint at = (row * map->width + column) * 2u;
-    const vuint low = vfloat_bits(lane_gather(map->pixels, at)), high = vfloat_bits(lane_gather(map->pixels, at + 1u));
+static vec3 environment_pixel(vuint low, vuint high) {
     const vfloat unit_of_it = vfloat_from_bits(((high >> 25) + (127u - 64u)) << 23);
     const vuint green = (low >> 19) | ((high & 0x3fu) << 13);
     return scale(vec3_of(vfloat_of(vint_from_uint(low & 0x7ffffu)), vfloat_of(vint_from_uint(green)),
                          vfloat_of(vint_from_uint((high >> 6) & 0x7ffffu))), unit_of_it);
 }
 
+// The pixel of a row in this column, and the next.
+static void environment_two_pixels(const EnvironmentMap* map, vuint row, vuint column, vec3* first, vec3* second) {
+    vfloat words[4];
+    lane_quads(map->pixels, (row * (map->width + 1u) + column) * 2u, words);
+    *first = environment_pixel(vfloat_bits(words[0]), vfloat_bits(words[1]));
+    *second = environment_pixel(vfloat_bits(words[2]), vfloat_bits(words[3]));
+}
+
 static EnvironmentCorners environment_corners(const EnvironmentMap* map, vuint line, vuint column) {
-    const vuint upper = environment_row(map, line), lower = environment_row(map, line + 1u);
-    const vuint next = column + 1u < map->width ? column + 1u : splat_uint(0u);
     EnvironmentCorners c;
-    c.first = environment_pixel(map, upper, column);
-    c.second = environment_pixel(map, upper, next);
-    c.third = environment_pixel(map, lower, column);
-    c.fourth = environment_pixel(map, lower, next);
+    environment_two_pixels(map, environment_row(map, line), column, &c.first, &c.second);
+    environment_two_pixels(map, environment_row(map, line + 1u), column, &c.third, &c.fourth);
     return c;
 }
 
@@ -106,8 +114,10 @@ static EnvironmentPlace environment_place(const Scene* scene, const EnvironmentM
     const vfloat size = sqrt(fma(direction.y, direction.y, across2));
     const vfloat drop = across2 * inverse_or_one(size * (size + up));
     const vuint nearer = vuint_from_int(vint_of(fma(turn_of(up, sqrt(across2)), splat(2.0f * (float)map->height), splat(0.5f))));
-    const vuint line = nearer < map->height ? nearer : splat_uint(map->height);
-    const vfloat before = lane_gather(map->drops, line), after = lane_gather(map->drops, line + 1u);
+    const vuint line = nearer < map->height / 2u ? nearer : splat_uint(map->height / 2u);
+    vfloat drops[4];
+    lane_quads(map->bands, line * 8u + BAND_ROW_DROP, drops);
+    const vfloat before = drops[0], after = drops[1];
     const vfloat down = bounded((drop - before) / (after - before), 0.0f, 1.0f);
     const vmask south = direction.y < 0.0f;
     EnvironmentPlace place;
@@ -124,12 +134,10 @@ static EnvironmentPlace environment_place(const Scene* scene, const EnvironmentM
     return place;
 }
 
-// The direction to it.
-static vec3 environment_direction(const Scene* scene, const EnvironmentMap* map, EnvironmentPlace place) {
+// The direction to it; the drops are those of its band, in the south of the one that mirrors it.
+static vec3 environment_direction(const Scene* scene, const EnvironmentMap* map, EnvironmentPlace place, vfloat drop_before, vfloat drop_after) {
     const vmask south = place.line * 2u > map->height;
-    const vuint line = south ? map->height - place.line : place.line;
-    const vfloat down = south ? splat(1.0f) - place.down : place.down;
-    const vfloat drop = between(lane_gather(map->drops, line), lane_gather(map->drops, line + 1u), down);
+    const vfloat drop = between(drop_before, drop_after, south ? splat(1.0f) - place.down : place.down);
     const vfloat across = root(drop * (splat(2.0f) - drop)), up = splat(1.0f) - drop;
     const vfloat column = vfloat_of(vint_from_uint(place.column)) + (place.right + 0.5f);
     const vfloat turned = column / (float)map->width - scene->environment_map[ENVIRONMENT_ROW_TURN];
@@ -146,16 +154,11 @@ static vfloat environment_linear(vfloat a, vfloat b, vfloat p) {
     return bounded(p * (a1 + b1) * inverse_or_one(below), 0.0f, 1.0f);
 }
 
-// The last number up to which a growing table, a mixture of two, is not above `sought`: of the numbers 0 to `count` − 1. Numbers at which it
-// does not grow are never found.
-static vuint environment_find(__global const float* table, vuint a, vuint b, vfloat share, uint count, vfloat sought) {
-    vuint found = splat_uint(0u);
-    for (uint step = 1u << (31u - clz(count)); step > 0; step >>= 1) {
-        const vuint next = found + step, inside = next < count ? next : splat_uint(0u);
-        const vfloat value = between(lane_gather(table, a + inside), lane_gather(table, b + inside), share);
-        found = (next < count) & (value <= sought) ? next : found;
-    }
-    return found;
+// Narrow the columns down to those that a row's guide table allows for the part `v` of its light.
+static void environment_guided(__global const float* guides, vuint first, uint count, vfloat v, vuint* low, vuint* high) {
+    const vuint entry = first + vuint_from_int(vint_of(v * (float)count));
+    *low = vfloat_bits(lane_gather(guides, entry));
+    *high = vfloat_bits(lane_gather(guides, entry + 1u));
 }
 
 // The density with which a direction is sampled from which such radiance comes.
@@ -166,31 +169,53 @@ static vfloat environment_density(const Scene* scene, vec3 radiance) {
 // `mean` is the radiance of all directions.
 static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloat u, vfloat v) {
     const EnvironmentMap map = environment_map_of(scene);
-    const vuint none = splat_uint(0u);
     EnvironmentPlace place;
 
     // Choose between which lines, by all light there, and where between them
-    place.line = environment_find(map.shares, none, none, splat(0.0f), map.height + 1u, u);
-    const vfloat before = lane_gather(map.shares, place.line), after = lane_gather(map.shares, place.line + 1u);
-    const vfloat rest = (u - before) * inverse_or_one(after - before);
-    place.down = environment_linear(lane_gather(map.sums, place.line), lane_gather(map.sums, place.line + 1u), rest);
+    vuint low, high;
+    environment_guided(map.band_guide, splat_uint(0u), map.band_guides, u, &low, &high);
+    while (lane_any(low < high)) {
+        const vuint middle = (low + high + 1u) >> 1;
+        const vmask reached = lane_gather(map.bands, middle * 8u + BAND_ROW_SHARE) <= u;
+        high = reached ? high : middle - 1u;
+        low = reached ? middle : low;
+    }
+    place.line = low;
+    vfloat band[8];
+    lane_quads(map.bands, place.line * 8u, band);
+    lane_quads(map.bands, place.line * 8u + 4u, band + 4);
+    const vfloat share = band[BAND_ROW_SHARE], sum = band[BAND_ROW_SUM], next_sum = band[BAND_ROW_NEXT_SUM];
+    place.down = environment_linear(sum, next_sum, (u - share) * inverse_or_one(band[BAND_ROW_NEXT_SHARE] - share));
 
-    // Choose the place along that latitude, whose light is a mixture of both lines'
-    const vuint length = splat_uint(map.width + 1u);
-    const vuint upper = environment_row(&map, place.line) * length, lower = environment_row(&map, place.line + 1u) * length;
-    const vfloat upper_all = lane_gather(map.along, upper + map.width), lower_all = lane_gather(map.along, lower + map.width);
-    const vfloat sought = between(upper_all, lower_all, place.down) * v;
-    place.column = environment_find(map.along, upper, lower, place.down, map.width, sought);
+    // Choose between which columns. The light along that latitude is a mixture of both lines', so what is sought lies between what they say
+    const vuint upper = environment_row(&map, place.line), lower = environment_row(&map, place.line + 1u);
+    const vuint upper_along = upper * (map.width + 1u), lower_along = lower * (map.width + 1u);
+    vuint other_low, other_high;
+    environment_guided(map.guide, upper * (map.guides + 1u), map.guides, v, &low, &high);
+    environment_guided(map.guide, lower * (map.guides + 1u), map.guides, v, &other_low, &other_high);
+    low = other_low < low ? other_low : low;
+    high = other_high > high ? other_high : high;
+    const vfloat sought = between(sum, next_sum, place.down) * v;
+    while (lane_any(low < high)) {
+        const vuint middle = (low + high + 1u) >> 1;
+        const vfloat before = between(lane_gather(map.along, upper_along + middle), lane_gather(map.along, lower_along + middle), place.down);
+        const vmask reached = before <= sought;
+        high = reached ? high : middle - 1u;
+        low = reached ? middle : low;
+    }
+    place.column = low;
+
+    // Choose where between them
     const vuint next = place.column + 1u;
-    const vfloat left = between(lane_gather(map.along, upper + place.column), lane_gather(map.along, lower + place.column), place.down);
-    const vfloat right = between(lane_gather(map.along, upper + next), lane_gather(map.along, lower + next), place.down);
+    const vfloat left = between(lane_gather(map.along, upper_along + place.column), lane_gather(map.along, lower_along + place.column), place.down);
+    const vfloat right = between(lane_gather(map.along, upper_along + next), lane_gather(map.along, lower_along + next), place.down);
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
     const vfloat at_left = environment_luminance(environment_between(&corners, place.down, splat(0.0f)));
     const vfloat at_right = environment_luminance(environment_between(&corners, place.down, splat(1.0f)));
     place.right = environment_linear(at_left, at_right, (sought - left) * inverse_or_one(right - left));
 
     EnvironmentSample s;
-    s.direction = environment_direction(scene, &map, place);
+    s.direction = environment_direction(scene, &map, place, band[BAND_ROW_DROP], band[BAND_ROW_NEXT_DROP]);
     s.radiance = environment_between(&corners, place.down, place.right);
     s.pdf = environment_density(scene, s.radiance);
     return s;

@@ -114,7 +114,8 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.delta = point | directional;
     s.infinite = directional | environment;
     if (lane_any(s.infinite)) {
-        const EnvironmentSample around = environment_sample(scene, l->radiance, u, v);
+        // Lanes that chose other lights look up the same place all together, which costs least.
+        const EnvironmentSample around = environment_sample(scene, l->radiance, environment ? u : splat(0.0f), environment ? v : splat(0.0f));
         const vec3 to_infinity = choose(environment, around.direction, negate(center));
         s.direction = choose(s.infinite, to_infinity, s.direction);
         s.target = choose(s.infinite, to_infinity, s.target);
@@ -195,9 +196,10 @@ static vfloat light_pdf(const Scene* scene, const LightRow* l, const Surface* s,
 
 // The same two of the environment, for a ray that leaves the scene: what it finds, and the density of a direction from which there comes
 // such radiance.
-static vec3 environment_emitted(const Scene* scene, vec3 direction) {
+static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves) {
     if (scene->settings->environment == NONE) return vec3_all(0.0f);
-    return environment_radiance(scene, light_at(scene, splat_uint(scene->settings->environment)).radiance, direction);
+    const LightRow light = light_at(scene, splat_uint(scene->settings->environment));
+    return environment_radiance(scene, light.radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
 }
 static vfloat environment_pdf(const Scene* scene, vec3 radiance, vec3 origin, vec3 normal) {
     if (scene->settings->environment == NONE) return splat(0.0f);

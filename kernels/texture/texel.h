@@ -53,15 +53,35 @@ static float4 texel_one(const Scene* scene, uint tile, uint byte, uint format, u
     return (float4)(value[at[0] & 0xffffu], value[at[0] >> 16], value[at[1] & 0xffffu], alpha[at[1] >> 16]);
 }
 
+#ifndef TEXEL_PAGE_BITS
+// Four numbers of 8 bits each, in every lane that is active: what nearly all pictures hold.
+static Texel texel_four_bytes(const Scene* scene, const Texture* t, vuint tile, vuint byte, vmask active) {
+    const vuint bits = vfloat_bits(lane_gather((__global const float*)scene->texels_0, active ? tile * 16u + (byte >> 2) : splat_uint(0u)));
+    const vuint values = active ? vfloat_bits(t->row[TEXTURE_ROW_VALUES]) : splat_uint(0u);
+    const vuint alphas = active ? vfloat_bits(t->row[TEXTURE_ROW_ALPHAS]) : splat_uint(0u);
+    Texel texel;
+    texel.r = active ? lane_gather(scene->texel_values, values + (bits & 0xffu)) : splat(0.0f);
+    texel.g = active ? lane_gather(scene->texel_values, values + ((bits >> 8) & 0xffu)) : splat(0.0f);
+    texel.b = active ? lane_gather(scene->texel_values, values + ((bits >> 16) & 0xffu)) : splat(0.0f);
+    texel.a = active ? lane_gather(scene->texel_values, alphas + (bits >> 24)) : splat(0.0f);
+    return texel;
+}
+#endif
+
 // The texel at column x and row y of each lane's picture; zero where the lane is not active.
 static Texel texel_load(const Scene* scene, const Texture* t, vuint x, vuint y, vmask active) {
     const vuint size = t->format & 7u, down = (6u - size) >> 1, across = 6u - size - down;
     const vuint one = splat_uint(1u), columns = (t->width + (one << across) - 1u) >> across;
     const vuint in_tile = ((y & ((one << down) - 1u)) << across) | (x & ((one << across) - 1u));
+    const vuint tile_number = vfloat_bits(t->row[TEXTURE_ROW_FIRST]) + (y >> down) * columns + (x >> across);
+#ifndef TEXEL_PAGE_BITS
+    if (!lane_any(active & ((t->format & (7u | TEXEL_FOUR | TEXEL_FLOAT)) != (2u | TEXEL_FOUR))))
+        return texel_four_bytes(scene, t, tile_number, in_tile << size, active);
+#endif
     uint tile[LANES], byte[LANES], format[LANES], values[LANES], alphas[LANES];
     int is_active[LANES];
     float r[LANES], g[LANES], b[LANES], a[LANES];
-    lane_store(vfloat_bits(t->row[TEXTURE_ROW_FIRST]) + (y >> down) * columns + (x >> across), tile);
+    lane_store(tile_number, tile);
     lane_store(in_tile << size, byte);
     lane_store(t->format, format);
     lane_store(vfloat_bits(t->row[TEXTURE_ROW_VALUES]), values);

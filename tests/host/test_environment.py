@@ -28,8 +28,10 @@ def table_of(pixels: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -
 
 def decoded(table: EnvironmentTable, height: int, width: int) -> Any:
     """(H, W, 3) radiance of the packed pixels."""
-    first = HEAD_WORDS + 3 * (height + 2)
-    low, high = table.words.view(np.uint32)[first : first + 2 * height * width].reshape(-1, 2).astype(np.int64).T
+    first = HEAD_WORDS + 8 * (height + 1) + (1 << ((height + 1).bit_length() - 1)) + 1
+    words = table.words.view(np.uint32)[first : first + 2 * height * (width + 1)].reshape(height, width + 1, 2)
+    assert np.array_equal(words[:, 0], words[:, width])
+    low, high = words[:, :width].reshape(-1, 2).astype(np.int64).T
     mantissas = np.stack([low & 0x7FFFF, (low >> 19) | (high & 0x3F) << 13, (high >> 6) & 0x7FFFF], axis=1)
     return np.ldexp(mantissas.astype(np.float64), (high >> 25)[:, None] - 64).reshape(height, width, 3)
 
@@ -51,8 +53,14 @@ def test_mean_radiance_and_sums() -> None:
     pixels = np.random.default_rng(3).random((6, 4, 3)).astype(np.float32)
     scale = (2.0, 0.5, 1.0)
     table = table_of(pixels, scale)
-    drops, sums, shares = table.words[HEAD_WORDS : HEAD_WORDS + 24].astype(np.float64).reshape(3, 8)
+    bands = table.words[HEAD_WORDS : HEAD_WORDS + 56].astype(np.float64).reshape(7, 8)
+    columns = {name: bands[:, at] for name, at, _, _ in layout.ROWS["BAND"]}
+    shares, sums = (np.append(columns[name], columns[f"NEXT_{name}"][-1]) for name in ("SHARE", "SUM"))
+    north, next_north = columns["DROP"], columns["NEXT_DROP"]
+    assert np.array_equal(north, north[::-1]) and np.array_equal(next_north, next_north[::-1])
+    drops = np.concatenate([north[:4], 2.0 - north[3::-1]])
     np.testing.assert_allclose(drops[1:7], 1.0 - np.cos((np.arange(6) + 0.5) * math.pi / 6), rtol=1e-7)
+    np.testing.assert_allclose(next_north[:4], drops[1:5], rtol=1e-7)
     assert (drops[0], drops[7], shares[0], shares[7]) == (0.0, 2.0, 0.0, 1.0)
     light = (pixels * scale).astype(np.float64)
     np.testing.assert_allclose(sums[1:7], (light @ [0.2126, 0.7152, 0.0722]).sum(axis=1), rtol=1e-5)
