@@ -129,10 +129,11 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
         path_choose_lights(scene, path, vertex, m, choice);
         EACH_PACKET(k) {
             const Surface* surface = &vertex[k].surface;
-            const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
+            const vmask wanted = vertex[k].diffuse & vertex[k].traced;
+            const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k], wanted);
             const Ray shadow_ray = light_shadow_ray(surface, &light);
             arriving[k] = path_direct(scene, &path[k], &vertex[k], &light);
-            asked[k] = vertex[k].diffuse & vertex[k].traced & (largest(arriving[k]) > 0.0f);
+            asked[k] = wanted & (largest(arriving[k]) > 0.0f);
             traverse_start(&scene->bvh, &shadows, k, &shadow_ray, asked[k], 1);
             stats->shadow_rays += lane_count(asked[k]);
             stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked[k]);

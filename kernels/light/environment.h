@@ -23,16 +23,16 @@ typedef struct {
 #ifdef ENVIRONMENT_MAP
 
 // scene->environment_map (clrender/scene/environment.py writes it): a row of numbers, ENVIRONMENT_ROW_*. Then a row for each band
-// between two neighbouring lines of latitude, which are both poles and the centres of the rows of pixels: BAND_ROW_*. Then, for
-// each row of pixels: the pixels, two words each, and the first once more; the sums of the luminance from the first pixel's centre on,
-// width + 1 of them.
+// between two neighbouring lines of latitude, which are both poles and the centres of the rows of pixels: BAND_ROW_*. Then the rows of
+// pixels, three words each: the sum of the luminance from the first pixel's centre to this one's, and the radiance; the first pixel once
+// more stands at the end.
 //
 // Both distributions have guide tables (Chen and Asau, "On generating random variates from an empirical distribution", AIIE Transactions
 // 6(2), 1974): entry k of n says what is found for k/n, so that the search for a number from k/n to (k + 1)/n has few steps or none.
 typedef struct {
     uint width, height;
-    uint band_guides, guides;       // entries of the guide table of the bands, and of each row's; powers of two
-    __global const float *bands, *band_guide, *pixels, *along, *guide;
+    uint band_guides, guides;        // entries of the guide table of the bands, and of each row's; powers of two
+    __global const float *bands, *band_guide, *pixels, *guide;
 } EnvironmentMap;
 
 // A point of the map, between two lines and between the centres of two columns.
@@ -41,10 +41,15 @@ typedef struct {
     vfloat down, right;  // how far from them, 0 to 1
 } EnvironmentPlace;
 
-// Radiance at the corners of such a piece.
+// Two neighbouring pixels of a row, and the sums of the luminance up to each of them.
 typedef struct {
-    vec3 first, second;  // on the upper line
-    vec3 third, fourth;  // on the lower line
+    vec3 left, right;
+    vfloat left_sum, right_sum;
+} EnvironmentPair;
+
+// Those at the corners of such a piece.
+typedef struct {
+    EnvironmentPair upper, lower;
 } EnvironmentCorners;
 
 static uint environment_word(const Scene* scene, uint word) { return as_uint(scene->environment_map[word]); }
@@ -59,8 +64,7 @@ static EnvironmentMap environment_map_of(const Scene* scene) {
     map.bands = scene->environment_map + 16;
     map.band_guide = map.bands + (height + 1) * 8;
     map.pixels = map.band_guide + map.band_guides + 1;
-    map.along = map.pixels + height * length * 2;
-    map.guide = map.along + height * length;
+    map.guide = map.pixels + height * length * 3;
     return map;
 }
 
@@ -88,23 +92,31 @@ static vec3 environment_pixel(vuint low, vuint high) {
                          vfloat_of(vint_from_uint((high >> 6) & 0x7ffffu))), unit_of_it);
 }
 
+// Where a pixel's words begin.
+static vuint environment_at(const EnvironmentMap* map, vuint row, vuint column) { return (row * (map->width + 1u) + column) * 3u; }
+
 // The pixel of a row in this column, and the next.
-static void environment_two_pixels(const EnvironmentMap* map, vuint row, vuint column, vec3* first, vec3* second) {
-    vfloat words[4];
-    lane_quads(map->pixels, (row * (map->width + 1u) + column) * 2u, words);
-    *first = environment_pixel(vfloat_bits(words[0]), vfloat_bits(words[1]));
-    *second = environment_pixel(vfloat_bits(words[2]), vfloat_bits(words[3]));
+static EnvironmentPair environment_pair(const EnvironmentMap* map, vuint row, vuint column) {
+    vfloat words[8];
+    const vuint at = environment_at(map, row, column);
+    lane_quads(map->pixels, at, words);
+    lane_quads(map->pixels, at + 2u, words + 4);
+    EnvironmentPair p;
+    p.left_sum = words[0], p.right_sum = words[3];
+    p.left = environment_pixel(vfloat_bits(words[1]), vfloat_bits(words[2]));
+    p.right = environment_pixel(vfloat_bits(words[6]), vfloat_bits(words[7]));
+    return p;
 }
 
 static EnvironmentCorners environment_corners(const EnvironmentMap* map, vuint line, vuint column) {
     EnvironmentCorners c;
-    environment_two_pixels(map, environment_row(map, line), column, &c.first, &c.second);
-    environment_two_pixels(map, environment_row(map, line + 1u), column, &c.third, &c.fourth);
+    c.upper = environment_pair(map, environment_row(map, line), column);
+    c.lower = environment_pair(map, environment_row(map, line + 1u), column);
     return c;
 }
 
 static vec3 environment_between(const EnvironmentCorners* c, vfloat down, vfloat right) {
-    return vec3_between(vec3_between(c->first, c->third, down), vec3_between(c->second, c->fourth, down), right);
+    return vec3_between(vec3_between(c->upper.left, c->lower.left, down), vec3_between(c->upper.right, c->lower.right, down), right);
 }
 
 // Where a direction of any length points to. Lines are counted from the nearer pole, from which 1 − |cosine| has all its digits.
@@ -189,7 +201,6 @@ static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloa
 
     // Choose between which columns. The light along that latitude is a mixture of both lines', so what is sought lies between what they say
     const vuint upper = environment_row(&map, place.line), lower = environment_row(&map, place.line + 1u);
-    const vuint upper_along = upper * (map.width + 1u), lower_along = lower * (map.width + 1u);
     vuint other_low, other_high;
     environment_guided(map.guide, upper * (map.guides + 1u), map.guides, v, &low, &high);
     environment_guided(map.guide, lower * (map.guides + 1u), map.guides, v, &other_low, &other_high);
@@ -198,18 +209,18 @@ static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloa
     const vfloat sought = between(sum, next_sum, place.down) * v;
     while (lane_any(low < high)) {
         const vuint middle = (low + high + 1u) >> 1;
-        const vfloat before = between(lane_gather(map.along, upper_along + middle), lane_gather(map.along, lower_along + middle), place.down);
-        const vmask reached = before <= sought;
+        const vfloat upper_sum = lane_gather(map.pixels, environment_at(&map, upper, middle));
+        const vfloat lower_sum = lane_gather(map.pixels, environment_at(&map, lower, middle));
+        const vmask reached = between(upper_sum, lower_sum, place.down) <= sought;
         high = reached ? high : middle - 1u;
         low = reached ? middle : low;
     }
     place.column = low;
 
     // Choose where between them
-    const vuint next = place.column + 1u;
-    const vfloat left = between(lane_gather(map.along, upper_along + place.column), lane_gather(map.along, lower_along + place.column), place.down);
-    const vfloat right = between(lane_gather(map.along, upper_along + next), lane_gather(map.along, lower_along + next), place.down);
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
+    const vfloat left = between(corners.upper.left_sum, corners.lower.left_sum, place.down);
+    const vfloat right = between(corners.upper.right_sum, corners.lower.right_sum, place.down);
     const vfloat at_left = environment_luminance(environment_between(&corners, place.down, splat(0.0f)));
     const vfloat at_right = environment_luminance(environment_between(&corners, place.down, splat(1.0f)));
     place.right = environment_linear(at_left, at_right, (sought - left) * inverse_or_one(right - left));

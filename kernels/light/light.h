@@ -114,7 +114,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.delta = point | directional;
     s.infinite = directional | environment;
     if (lane_any(s.infinite)) {
-        // Lanes that chose other lights look up the same place all together, which costs least.
+        // Of other lanes, again the same place.
         const EnvironmentSample around = environment_sample(scene, l->radiance, environment ? u : splat(0.0f), environment ? v : splat(0.0f));
         const vec3 to_infinity = choose(environment, around.direction, negate(center));
         s.direction = choose(s.infinite, to_infinity, s.direction);
@@ -125,10 +125,12 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     return s;
 }
 
-static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice) {
-    const LightRow light = light_at(scene, choice->light);
+// The light that was chosen, where it is wanted: the other lanes look up the same place all together, which costs least.
+static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice, vmask wanted) {
+    const LightRow light = light_at(scene, wanted ? choice->light : splat_uint(0u));
     const vfloat probability = scene->settings->light_levels > 0 ? choice->probability : light.row[LIGHT_ROW_PROBABILITY];
-    return light_sample_one(scene, origin, own, &light, probability, choice->u, choice->v);
+    const vfloat u = wanted ? choice->u : splat(0.0f), v = wanted ? choice->v : splat(0.0f);
+    return light_sample_one(scene, origin, own, &light, probability, u, v);
 }
 
 // The same with the choice, for a point with this normal.
@@ -137,7 +139,7 @@ static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vu
     TreeWalk walk = light_begin(scene, origin, normal, sampler, set, &choice);
     tree_descend(scene, &walk);
     light_choose(scene, &walk, sampler, set, &choice);
-    return light_sample_chosen(scene, origin, own, &choice);
+    return light_sample_chosen(scene, origin, own, &choice, mask_all());
 }
 
 // Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance, for the point `origin` of the primitive

@@ -29,7 +29,7 @@ def table_of(pixels: Any, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -
 def decoded(table: EnvironmentTable, height: int, width: int) -> Any:
     """(H, W, 3) radiance of the packed pixels."""
     first = HEAD_WORDS + 8 * (height + 1) + (1 << ((height + 1).bit_length() - 1)) + 1
-    words = table.words.view(np.uint32)[first : first + 2 * height * (width + 1)].reshape(height, width + 1, 2)
+    words = table.words.view(np.uint32)[first : first + 3 * height * (width + 1)].reshape(height, width + 1, 3)[..., 1:]
     assert np.array_equal(words[:, 0], words[:, width])
     low, high = words[:, :width].reshape(-1, 2).astype(np.int64).T
     mantissas = np.stack([low & 0x7FFFF, (low >> 19) | (high & 0x3F) << 13, (high >> 6) & 0x7FFFF], axis=1)
