@@ -169,7 +169,9 @@ class DeviceWorker:
             self.build_seconds = time.perf_counter() - begin
             self.lanes = launch.lanes or _lanes(device)
             self._parts = self.lanes >= 4 and self._arrays.tree.node_count > _SMALL_TREE
-            self._packets = pipeline.packets if self._parts else 1
+            # One packet has nobody to take turns with where rays part, and to sort paths with by their materials.
+            several = self._parts or (self.lanes >= 4 and self._arrays.materials)
+            self._packets = pipeline.packets if several else 1
             group = launch.work_group or _work_group(device, self.lanes, self._packets)
             self._group = group if launch.work_group else min(group, device.max_work_group)
             self._per_pass = launch.samples_per_pass

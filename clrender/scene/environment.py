@@ -206,7 +206,9 @@ class _Arrays:
         sizes = [math.prod(shape) for shape in shapes]
         words = np.zeros(sum(sizes), np.float32)
         parts = np.split(words, np.cumsum(sizes[:-1]))
-        head, bands, band_guide, pixels, guide = (part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
+        head, bands, band_guide, pixels, guide = (
+            part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
+        )
         head.view(np.uint32)[[0, 1, 4, 5]] = width, height, band_guides, guides
         return cls(words, bands, band_guide.view(np.uint32), pixels.view(np.uint32), guide.view(np.uint32))
 

@@ -5,7 +5,8 @@
 // truth of a statement about it, and `condition ? a : b` chooses lane by lane.
 //
 // A vmask is what a comparison gives: all ones in vectors, 1 in scalars. Combine masks with & and |, negate with !, never with
-// ~ and never by arithmetic. No result may depend on LANES: lanes never exchange numbers, only rows of tables and counts.
+// ~ and never by arithmetic. No result may depend on LANES: lanes never exchange numbers of one path, only whole paths
+// (integrator/regroup.h), rows of tables and counts.
 #ifndef CORE_LANE_H
 #define CORE_LANE_H
 
@@ -165,22 +166,22 @@ static vuint lane_rank(vmask m) {
 #define prefetch_line(address) ((void)(address))
 #endif
 
-// One number of a table for each lane. Written out: of a loop over the lanes compilers make a gather instruction with its indices and
-// its result in memory, five times as slow.
-static vfloat lane_gather(__global const float* table, vuint index) {
+// A number for each lane, from its own place in an array. Written out: of a loop over the lanes compilers make a gather instruction with
+// its indices and its result in memory, five times as slow.
 #if LANES == 16
-    return (float16)(table[index.s0], table[index.s1], table[index.s2], table[index.s3], table[index.s4], table[index.s5],
-                     table[index.s6], table[index.s7], table[index.s8], table[index.s9], table[index.sa], table[index.sb],
-                     table[index.sc], table[index.sd], table[index.se], table[index.sf]);
+#define LANE_LOOK_UP(type, array, at)                                                                                    \
+    (type##16)(array[at.s0], array[at.s1], array[at.s2], array[at.s3], array[at.s4], array[at.s5], array[at.s6], array[at.s7], \
+               array[at.s8], array[at.s9], array[at.sa], array[at.sb], array[at.sc], array[at.sd], array[at.se], array[at.sf])
 #elif LANES == 8
-    return (float8)(table[index.s0], table[index.s1], table[index.s2], table[index.s3], table[index.s4], table[index.s5],
-                    table[index.s6], table[index.s7]);
+#define LANE_LOOK_UP(type, array, at) \
+    (type##8)(array[at.s0], array[at.s1], array[at.s2], array[at.s3], array[at.s4], array[at.s5], array[at.s6], array[at.s7])
 #elif LANES == 4
-    return (float4)(table[index.s0], table[index.s1], table[index.s2], table[index.s3]);
+#define LANE_LOOK_UP(type, array, at) (type##4)(array[at.s0], array[at.s1], array[at.s2], array[at.s3])
 #else
-    return table[index];
+#define LANE_LOOK_UP(type, array, at) ((array)[at])
 #endif
-}
+static vfloat lane_gather(__global const float* table, vuint index) { return LANE_LOOK_UP(float, table, index); }
+static vuint lane_look_up(const uint* array, vuint index) { return LANE_LOOK_UP(uint, array, index); }
 
 // Four neighbouring numbers of a table for each lane, from `index` on: `columns[k]` are the k-th. Loaded together and sorted by their
 // place, even ones from odd ones twice, they cost little more than one.

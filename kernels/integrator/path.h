@@ -12,6 +12,7 @@
 #include "core/mis.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
+#include "integrator/regroup.h"
 #include "integrator/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
@@ -129,11 +130,15 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
         path_choose_lights(scene, path, vertex, m, choice);
         EACH_PACKET(k) {
             const Surface* surface = &vertex[k].surface;
-            const vmask wanted = vertex[k].diffuse & vertex[k].traced;
-            const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k], wanted);
-            const Ray shadow_ray = light_shadow_ray(surface, &light);
-            arriving[k] = path_direct(scene, &path[k], &vertex[k], &light);
-            asked[k] = wanted & (largest(arriving[k]) > 0.0f);
+            asked[k] = vertex[k].diffuse & vertex[k].traced;
+            Ray shadow_ray = path[k].ray;
+            arriving[k] = vec3_all(0.0f);
+            if (lane_any(asked[k])) {
+                const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k], asked[k]);
+                shadow_ray = light_shadow_ray(surface, &light);
+                arriving[k] = path_direct(scene, &path[k], &vertex[k], &light);
+                asked[k] = asked[k] & (largest(arriving[k]) > 0.0f);
+            }
             traverse_start(&scene->bvh, &shadows, k, &shadow_ray, asked[k], 1);
             stats->shadow_rays += lane_count(asked[k]);
             stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked[k]);
@@ -204,8 +209,9 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     EACH_PACKET(k) path[k] = path_none();
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
-        // Find where each ray meets the scene
+        // Find where each ray meets the scene; paths that met the same kind of material go on side by side
         path_find(scene, path, hit);
+        path_regroup(scene, path, hit);
 
         // Add the light that the surface there sends out by itself, or the environment where there is none; what lies on the way absorbs
         EACH_PACKET(k) {
