@@ -79,6 +79,11 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
     const vmask delta = (b->kind == MATERIAL_MIRROR) | (b->kind == MATERIAL_DIELECTRIC) | (b->kind == MATERIAL_CONDUCTOR);
     b->specular = delta & !b->closure.there;
 }
+
+static void bsdf_no_rows(Bsdf* b) {
+    b->closure.there = b->closure.glass.there = b->thin = mask_none();
+    b->closure.albedo = vec3_all(0.0f);
+}
 #endif
 
 static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
@@ -86,10 +91,18 @@ static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
     b.side = choose(s->front, s->normal, negate(s->normal));
     vec3 shading = s->shading, color = s->color;
 #ifdef MATERIALS
-    const Parameters p = material_at(scene, s, direction);
+    vmask described = s->kind == MATERIAL_BY_ROW;
 #ifdef TEXTURES
-    shading = p.shading;
+    described = described | s->attributes.textured;
 #endif
+    const int any_described = lane_any(described);
+    Parameters p;
+    if (any_described) {
+        p = material_at(scene, s, direction);
+#ifdef TEXTURES
+        shading = p.shading;
+#endif
+    }
 #elif defined(TEXTURES)
     if (lane_any(s->attributes.textured)) {
         const TextureSlots slots = parameter_slots(scene, &s->attributes, vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]));
@@ -105,7 +118,10 @@ static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
     b.kind = s->kind;
     b.specular = s->kind != MATERIAL_LAMBERT;
 #ifdef MATERIALS
-    bsdf_read_rows(scene, s, direction, &p, &b);
+    if (any_described)
+        bsdf_read_rows(scene, s, direction, &p, &b);
+    else
+        bsdf_no_rows(&b);
 #endif
     return b;
 }
