@@ -2,8 +2,8 @@
 
 Lines of a benchmark replace what docs/speed.json holds of the same scenes and renderers:
 
-    scripts/bench S1 S2 S1-tess S3-10k S3-1M S3-4M S4 > speed.jsonl
-    scripts/bench S1 S2 S4 --errors --size 100x100 --spp 64 > errors.jsonl
+    scripts/bench S1 S2 S1-tess S3-10k S3-1M S3-4M S4 S5 > speed.jsonl
+    scripts/bench S1 S2 S4 S5 --errors --size 100x100 --spp 64 > errors.jsonl
     python scripts/speed_docs.py speed.jsonl errors.jsonl
 """
 
@@ -31,7 +31,7 @@ _BEGIN: Final = "<!-- made by scripts/speed_docs.py: begin -->"
 _END: Final = "<!-- end -->"
 _GROWTH: Final = {"S3-10k": 9_680, "S3-1M": 1_003_520, "S3-4M": 3_996_180}
 """Scenes of the plot, and their triangles."""
-_ROWS: Final = ("S1", "S2", "S1-tess", "S3-10k", "S3-1M", "S3-4M", "S4")
+_ROWS: Final = ("S1", "S2", "S1-tess", "S3-10k", "S3-1M", "S3-4M", "S4", "S5")
 _NONE: Final = "–"
 
 

@@ -131,7 +131,10 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
 
 @pytest.mark.parametrize("packets", [1, 3])
 def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, str], packets: int) -> None:
-    """Other numbers of them than devices choose, where rays part; with another pool of samples to a work-item each."""
+    """Other numbers of them than devices choose, where rays part or paths are sorted by material.
+
+    With another pool of samples to a work-item each.
+    """
     path, built = INTEGRATORS["path"], Device.program
     assert path.pipeline.packets != packets
     defined = []
@@ -144,7 +147,8 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, 
     other = sha("bumpy", all_devices[:1], Cutting(8), **others)
     changed = dataclasses.replace(path, pipeline=dataclasses.replace(path.pipeline, packets=packets))
     with patch("clrender.integrators.path.INTEGRATOR", changed), patch.object(Device, "program", program):
-        assert sha("bumpy", all_devices[:1], Cutting(8)) == expected["bumpy"]
+        for scene in ("bumpy", "surfaces"):
+            assert sha(scene, all_devices[:1], Cutting(8)) == expected[scene]
         assert sha("bumpy", all_devices[:1], Cutting(8, samples_per_pass=3), **others) == other
     assert (path.pipeline.entry, packets) in defined
 
