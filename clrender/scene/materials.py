@@ -31,6 +31,7 @@ from clrender.scene.values import (
 )
 
 __all__ = [
+    "BASE_COLORS",
     "MATERIAL_TYPES",
     "MIX_DEPTH",
     "Conductor",
@@ -42,11 +43,14 @@ __all__ = [
     "OrenNayar",
     "Principled",
     "material_textures",
+    "material_without_color",
 ]
 
 MIX_DEPTH: Final = 16
 """Deepest nesting of mixtures."""
 
+BASE_COLORS: Final = ("reflectance", "base_color", "f0")
+"""Keys of the colour that a material mostly has."""
 _Degrees = Annotated[Finite, Field(ge=-360.0, le=360.0)]
 _METAL: TypeAlias = Literal["Ag", "Au", "Cu"]
 
@@ -226,3 +230,18 @@ def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[
     if isinstance(material, Mix):
         for part in material.materials:
             yield from material_textures(materials, part)
+
+
+def material_without_color(materials: Mapping[str, Material], name: str) -> str | None:
+    """A material, of this one and those that it mixes, that has no base colour; None where all have one.
+
+    Parameters
+    ----------
+    materials, name
+        As of `material_textures`.
+    """
+    material = materials[name]
+    if isinstance(material, Mix):
+        parts = (material_without_color(materials, part) for part in material.materials)
+        return next((part for part in parts if part is not None), None)
+    return None if any(getattr(material, key, None) is not None for key in BASE_COLORS) else name
