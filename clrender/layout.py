@@ -357,6 +357,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("X", 0, 3, "sphere: axes of its longitude and latitude; disk: axes of its texture coordinates"),
         ("Y", 3, 3, ""),
         ("Z", 6, 3, ""),
+        ("COLORS", 12, 1, "bits: of a triangle: the row with the colours of A, B and C; 0: none"),
         ("SLOTS", 15, 1, "bits: the row of textures of its material"),
     ),
     "TEXTURE": (

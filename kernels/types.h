@@ -192,6 +192,7 @@ typedef struct {
 #define ATTRIBUTE_ROW_X 0               // sphere: axes of its longitude and latitude; disk: axes of its texture coordinates
 #define ATTRIBUTE_ROW_Y 3
 #define ATTRIBUTE_ROW_Z 6
+#define ATTRIBUTE_ROW_COLORS 12         // bits: of a triangle: the row with the colours of A, B and C; 0: none
 #define ATTRIBUTE_ROW_SLOTS 15          // bits: the row of textures of its material
 
 #define TEXTURE_ROW_FIRST 0             // bits: its first tile

@@ -12,7 +12,7 @@ import click
 
 from clrender.cli.folder import output_folder
 from clrender.cli.interrupt import interruptible
-from clrender.cli.options import allow_path_option, setting_option
+from clrender.cli.options import allow_path_option, numbers, setting_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +30,10 @@ _NUMBERS: Final = "furnace.json"
 @click.command()
 @click.argument("subject", metavar="MATERIAL|SCENE")
 @click.option("--material", "names", metavar="NAME", multiple=True, help="Of a scene only this material. Repeatable.")
+@click.option(
+    "--uv", "uvs", type=numbers("U,V", "0.25,0.5", most=1e5), metavar="U,V", multiple=True,
+    help="Measure materials with textures at these texture coordinates. Repeatable.",
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
@@ -42,8 +46,8 @@ _NUMBERS: Final = "furnace.json"
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
 @allow_path_option
 def furnace(
-    subject: str, names: tuple[str, ...], as_json: bool, output: Path | None, seed: int, device: str | None,
-    quick: bool, check: bool, quiet: bool, allow_paths: tuple[Path, ...],
+    subject: str, names: tuple[str, ...], uvs: tuple[tuple[float, float], ...], as_json: bool, output: Path | None,
+    seed: int, device: str | None, quick: bool, check: bool, quiet: bool, allow_paths: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Measure the physics of materials.
 
@@ -63,7 +67,7 @@ def furnace(
         if not quiet:
             click.echo(line, err=True)
 
-    what = subjects_of(subject, names, allow_paths)
+    what = subjects_of(subject, names, allow_paths, uvs)
     if output is not None:
         from clrender.drawing.svg import require_matplotlib
 
@@ -78,7 +82,7 @@ def furnace(
                 raise KeyboardInterrupt
             if name not in said:
                 said.add(name)
-                say(f"{len(said)} of {len(what.names)}: {name}")
+                say(f"{len(said)} of {len(what.places)}: {name}")
 
         try:
             measured = measure(what, chosen[0], seed=seed, side=16 if quick else 64, step=step)
@@ -104,7 +108,7 @@ def _text(
 
     lines = _aligned(summary(numbers))
     for each, sentences in zip(measured, found, strict=True):
-        lines += ["", f"{each.name}:"]
+        lines += ["", f"{each.title}:"]
         lines += [f"  {'FAULT: ' if one.fault else ''}{one.sentence}" for one in sentences]
     return "\n".join(lines)
 

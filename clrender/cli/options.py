@@ -19,6 +19,7 @@ __all__ = [
     "DomainType",
     "allow_path_option",
     "number",
+    "numbers",
     "setting_option",
     "setting_options",
     "size",
@@ -55,6 +56,26 @@ def number(
 ) -> DomainType:
     """Option type: a finite number of `clrender.limits.Range`."""
     return DomainType(Range(low, high, whole, above, below))
+
+
+def numbers(metavar: str, example: str, most: float = math.inf) -> Callable[[Any], tuple[float, ...]]:
+    """Option type: finite numbers with commas between them, as many as the letters of `metavar`."""
+    count = {2: "two", 3: "three"}[len(metavar.split(","))]
+
+    def parsed(value: Any) -> tuple[float, ...]:
+        try:
+            found = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            found = ()
+        if len(found) != len(metavar.split(",")):
+            raise click.BadParameter(f"{str(value)[:60]!r} is not {count} numbers such as {example}.")
+        if not all(math.isfinite(each) and abs(each) <= most for each in found):
+            limit = f" of at most {most:g} in size" if math.isfinite(most) else ""
+            raise click.BadParameter(f"has to be {count} finite numbers{limit}.")
+        return found
+
+    parsed.__name__ = metavar
+    return parsed
 
 
 def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[Any], Any]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from clrender.cli.folder import output_folder
-from clrender.cli.options import allow_path_option, number, setting_option, tone_options
+from clrender.cli.options import allow_path_option, number, numbers, setting_option, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
 from clrender.settings import SETTINGS, settings_for
@@ -18,20 +17,6 @@ if TYPE_CHECKING:
     from clrender.radiosity.dynamic import DynamicRadiosity
 
 __all__ = ["radiosity"]
-
-
-def _vector(value: Any) -> tuple[float, float, float]:
-    parts = str(value).split(",")
-    try:
-        x, y, z = (float(part) for part in parts)
-    except ValueError:
-        raise click.BadParameter(f"{str(value)[:60]!r} is not three numbers such as 0.05,0,0.") from None
-    if not all(map(math.isfinite, (x, y, z))):
-        raise click.BadParameter("has to be three finite numbers.")
-    return x, y, z
-
-
-_vector.__name__ = "X,Y,Z"
 
 
 @click.command()
@@ -52,7 +37,9 @@ _vector.__name__ = "X,Y,Z"
     required=True,
     help="Index of the shape that moves, from 0.",
 )
-@click.option("--by", type=_vector, metavar="X,Y,Z", required=True, help="Translation per frame, metres.")
+@click.option(
+    "--by", type=numbers("X,Y,Z", "0.05,0,0"), metavar="X,Y,Z", required=True, help="Translation per frame, metres."
+)
 @click.option(
     "--frames", "count", type=number(1, 10**6, whole=True), default=24, show_default=True, help="Number of frames."
 )

@@ -16,12 +16,12 @@ from clrender.furnace.energy import ANGLES, Energy, Tally, measure_energy
 from clrender.furnace.reciprocity import Reciprocity, measure_reciprocity
 from clrender.furnace.sampling import TEST_ANGLES, SamplingTest, measure_sampling
 from clrender.furnace.subjects import Subject, whitened
-from clrender.furnace.surfaces import Surfaces
+from clrender.furnace.surfaces import Surfaces, Uv
 
 if TYPE_CHECKING:
     from clrender.device import Device
 
-__all__ = ["LOBE_ANGLES", "Lobe", "Measured", "RoughnessRow", "measure"]
+__all__ = ["LOBE_ANGLES", "Lobe", "Measured", "RoughnessRow", "measure", "place_title"]
 
 LOBE_ANGLES: Final = (0.0, 30.0, 60.0, 80.0)
 _LOBE_STEPS: Final = 1440
@@ -70,6 +70,8 @@ class Measured:
     tally : Tally
     rows : tuple of RoughnessRow
     lobes : tuple of Lobe
+    uv : (float, float), optional
+        Texture coordinates of the place; None: that of the furnace's choice.
     """
 
     name: str
@@ -82,6 +84,12 @@ class Measured:
     tally: Tally
     rows: tuple[RoughnessRow, ...]
     lobes: tuple[Lobe, ...]
+    uv: Uv | None = None
+
+    @property
+    def title(self) -> str:
+        """The name, and where there is a choice the place."""
+        return place_title(self.name, self.uv)
 
     @property
     def transmits(self) -> bool:
@@ -114,7 +122,7 @@ def measure(
     side : int
         Each of 16 estimates of an energy takes its square of samples.
     step : callable, optional
-        Told the material's name before each of its measurements; what it raises ends the work.
+        Told what is measured, a title, before each of its measurements; what it raises ends the work.
     faults : mapping, optional
         As of `clrender.furnace.surfaces.Surfaces`.
 
@@ -130,17 +138,26 @@ def measure(
         When the driver fails.
     """
     with ExitStack() as owned:
-        given = Surfaces(device, subject.scene, faults=faults)
+        given = Surfaces(device, subject.scene, faults=faults, uvs=subject.uvs)
         owned.callback(given.release)
-        white = Surfaces(device, whitened(subject.scene), faults=faults)
+        white = Surfaces(device, whitened(subject.scene), faults=faults, uvs=subject.uvs)
         owned.callback(white.release)
         tell = step or (lambda name: None)
-        return [_measured(subject, name, given, white, seed, side, partial(tell, name)) for name in subject.names]
+        return [
+            _measured(subject, name, uv, given.at(uv), white.at(uv), seed, side, partial(tell, place_title(name, uv)))
+            for name, uv in subject.places
+        ]
+
+
+def place_title(name: str, uv: Uv | None) -> str:
+    """A material and the place in its textures, for people."""
+    return name if uv is None else f"{name} at {uv[0]}, {uv[1]}"
 
 
 def _measured(
-    subject: Subject, name: str, given: Surfaces, white: Surfaces, seed: int, side: int, tell: Callable[[], None]
-) -> Measured:
+    subject: Subject, name: str, uv: Uv | None, given: Surfaces, white: Surfaces, seed: int, side: int,
+    tell: Callable[[], None],
+) -> Measured:  # fmt: skip
     material: Any = subject.scene.materials[name]
     eta, tally = subject.eta(name), Tally()
     rng = np.random.default_rng([seed, *name.encode()])
@@ -161,7 +178,8 @@ def _measured(
         rows.append(RoughnessRow(value, both[0], both[1]))
     lobes = tuple(_lobe(given, name, angle, front.transmits) for angle in LOBE_ANGLES)
     keys = material.model_dump(mode="json", exclude_defaults=True)
-    return Measured(name, material.type, keys, energies, plain, tuple(tests), reciprocity, tally, tuple(rows), lobes)
+    found = (keys, energies, plain, tuple(tests), reciprocity, tally, tuple(rows), lobes)
+    return Measured(name, material.type, *found, uv)
 
 
 def _energy(

@@ -10,7 +10,7 @@ import numpy as np
 from clrender.drawing.table import Table
 from clrender.furnace.energy import Energy
 from clrender.furnace.findings import Finding
-from clrender.furnace.measure import Measured
+from clrender.furnace.measure import Measured, place_title
 
 __all__ = ["as_json", "summary"]
 
@@ -41,6 +41,7 @@ def as_json(measured: Measured, found: Sequence[Finding]) -> dict[str, Any]:
     tested = [each for each in measured.tests if each.tested]
     return {
         "material": measured.name,
+        "uv": measured.uv,
         "type": measured.kind,
         "keys": measured.keys,
         "energy_max": max(float(each.sampled.max()) for each in own),
@@ -97,7 +98,7 @@ def summary(numbers: Sequence[dict[str, Any]]) -> Table:
     """
     rows = [
         [
-            each["material"],
+            place_title(each["material"], each["uv"]),
             each["type"],
             f"{each['energy_min']:.4f} to {each['energy_max']:.4f}",
             f"{each['white_energy_min']:.4f} to {each['white_energy_max']:.4f}",

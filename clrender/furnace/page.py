@@ -74,7 +74,7 @@ def _material(place: int, measured: Measured, found: Sequence[Finding]) -> list[
     ]
     table = Table(f"{measured.kind}{': ' if keys else ''}{keys}", ("of", "", "found"), rows, words=3)
     parts = [
-        f"<h2>{escape(measured.name)}</h2>",
+        f"<h2>{escape(measured.title)}</h2>",
         html_table(table, "prose", outcomes),
         _figure(energy_plot(measured, f"energy-{place}"), _ENERGY),
     ]

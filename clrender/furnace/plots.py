@@ -59,7 +59,7 @@ def energy_plot(measured: Measured, name: str) -> str:
         panels[0].set_ylabel("share of the light")
         panels[0].legend(loc="lower left")
 
-    return draw(name, f"{measured.name}: energy over angle", (8.4, 4.6), paint)
+    return draw(name, f"{measured.title}: energy over angle", (8.4, 4.6), paint)
 
 
 def roughness_plot(measured: Measured, name: str) -> str:
@@ -87,7 +87,7 @@ def roughness_plot(measured: Measured, name: str) -> str:
         axes.grid()
         axes.legend(loc="lower left", ncols=3)
 
-    return draw(name, f"{measured.name}: energy over roughness", (8.4, 4.6), paint)
+    return draw(name, f"{measured.title}: energy over roughness", (8.4, 4.6), paint)
 
 
 def lobe_plot(measured: Measured, name: str) -> str:
@@ -119,4 +119,4 @@ def lobe_plot(measured: Measured, name: str) -> str:
         axes.set_yticks([])
         figure.legend(loc="outside right upper", title="seen from, maximum")
 
-    return draw(name, f"{measured.name}: lobes", (8.0, 4.0 if not measured.transmits else 6.6), paint)
+    return draw(name, f"{measured.title}: lobes", (8.0, 4.0 if not measured.transmits else 6.6), paint)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
 
 from clrender.errors import UsageError
+from clrender.furnace.surfaces import Uv
 from clrender.scene import builtin_names, load
 from clrender.scene.description import MATERIAL_TYPES, Scene
+from clrender.scene.materials import material_textures
 from clrender.scene.validation_errors import scene_error
 from clrender.scene.wording import quoted, suggestion
 
@@ -54,19 +56,29 @@ class Subject:
         Those to measure, in the scene's order.
     swept : mapping of str to tuple of (float, str)
         Of some of them: values of their roughness, and the name of the material with each of them.
+    uvs : tuple of (float, float)
+        Texture coordinates at which those with textures are measured; none: at a place of the furnace's choice.
     """
 
     title: str
     scene: Scene
     names: tuple[str, ...]
     swept: Mapping[str, tuple[tuple[float, str], ...]]
+    uvs: tuple[Uv, ...] = ()
+
+    @property
+    def places(self) -> tuple[tuple[str, Uv | None], ...]:
+        """What is measured: each material, where it has textures at each of the texture coordinates."""
+        return tuple((n, uv) for n in self.names for uv in (self.uvs if _is_textured(self.scene, n) else ()) or (None,))
 
     def eta(self, name: str) -> float:
         """Index of refraction behind the front side over the index before it; 1 where a material has none."""
         return _relative_index(self.scene, name, set())
 
 
-def subjects_of(text: str, names: Sequence[str] = (), allow_paths: Sequence[Path] = ()) -> Subject:
+def subjects_of(
+    text: str, names: Sequence[str] = (), allow_paths: Sequence[Path] = (), uvs: Sequence[Uv] = ()
+) -> Subject:
     """Make out what is meant.
 
     Parameters
@@ -78,14 +90,27 @@ def subjects_of(text: str, names: Sequence[str] = (), allow_paths: Sequence[Path
         Of a scene: only these materials.
     allow_paths : sequence of Path
         As of `clrender.scene.load`.
+    uvs : sequence of (float, float)
+        As of `Subject`.
 
     Raises
     ------
     SceneError
         When the table or the scene is wrong.
     UsageError
-        When there is no such type or scene, or no such material in it.
+        When there is no such type or scene, or no such material in it, or none that has textures for `uvs`.
     """
+    subject = replace(_subject(text, names, allow_paths), uvs=tuple(dict.fromkeys(uvs)))
+    if uvs and not any(_is_textured(subject.scene, name) for name in subject.names):
+        raise UsageError("--uv chooses a place in textures, and no material here has any; leave it out")
+    return subject
+
+
+def _is_textured(scene: Scene, name: str) -> bool:
+    return any(material_textures(scene.materials, name))
+
+
+def _subject(text: str, names: Sequence[str], allow_paths: Sequence[Path]) -> Subject:
     if text.lstrip().startswith("{"):
         _no_names(names, "a table")
         return _of_table(_parsed(text), text.strip(), sweep=False)

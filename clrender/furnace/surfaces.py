@@ -1,11 +1,12 @@
-"""The materials of a scene on a device, each on a quad of its own: directions sampled and evaluated by the kernels."""
+"""The materials of a scene on a device, each on its triangle: directions sampled and evaluated by the kernels."""
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -15,16 +16,22 @@ from clrender.device.worker import DeviceWorker, LaunchConfig
 from clrender.flatten import flatten
 from clrender.furnace.directions import Floats
 from clrender.integrators.descriptor import Pipeline
-from clrender.scene import Camera, Quad
+from clrender.scene import Camera
+from clrender.scene.shapes import Mesh
 
 if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.scene import Scene
 
-__all__ = ["Samples", "Surfaces"]
+__all__ = ["Samples", "Surfaces", "Uv"]
 
 _ENTRY: Final = "material/furnace.cl"
 _PIPELINE: Final = Pipeline(_ENTRY, "furnace_sample")
+Uv: TypeAlias = tuple[float, float]
+_CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+"""Texture coordinates of a triangle, if nothing else is said: half of a quad's."""
+_POINT: Final = (0.58, 0.31)
+"""Those of the point that is measured, which ``kernels/material/furnace.cl`` chooses."""
 _PADDING: Final = 16
 """Directions are made a multiple of so many: the most lanes a work-item has."""
 
@@ -70,6 +77,8 @@ class Surfaces:
     cut : LaunchConfig, optional
     faults : mapping, optional
         Macros of ``kernels/material/furnace.cl`` that falsify what materials say, for tests.
+    uvs : sequence of (float, float)
+        Texture coordinates that surfaces can be measured at, beside those of a point chosen here.
 
     Attributes
     ----------
@@ -90,28 +99,28 @@ class Surfaces:
         scene: Scene,
         cut: LaunchConfig | None = None,
         faults: Mapping[str, str] | None = None,
+        uvs: Sequence[Uv] = (),
     ) -> None:
         self.names = tuple(scene.materials)
-        side = math.isqrt(max(len(self.names) - 1, 0)) + 1
+        places = [(name, uv) for uv in (None, *uvs) for name in self.names]
+        side = math.isqrt(max(len(places) - 1, 0)) + 1
         # Apart, so that the tree over them is an ordinary one
-        shapes = tuple(
-            Quad(
-                type="quad",
-                origin=(float(i % side), float(i // side), 0.0),
-                edge_u=(0.5, 0.0, 0.0),
-                edge_v=(0.0, 0.5, 0.0),
-                material=name,
-            )
-            for i, name in enumerate(self.names)
-        )
+        shapes = tuple(_triangle(float(i % side), float(i // side), *place) for i, place in enumerate(places))
         camera = Camera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
         flat = flatten(scene.model_copy(update={"camera": camera, "shapes": shapes, "lights": ()}), 8, 8)
         first = flat.arrays["shapes"]["first_primitive"]
-        self._primitive = {name: np.uint32(first[i]) for i, name in enumerate(self.names)}
+        self._primitive = {place: np.uint32(first[i]) for i, place in enumerate(places)}
+        self._uv: Uv | None = None
         settings = np.zeros(1, layout.dtype("Settings"))
         self._device = device
         self._worker = DeviceWorker(device, flat, settings, _PIPELINE, cut)
         self._program = self._worker.program(_ENTRY, {"PACKETS": 1, **(faults or {})})
+
+    def at(self, uv: Uv | None) -> Surfaces:
+        """The same surfaces, measured at these of the texture coordinates; released with this one."""
+        other = copy.copy(self)
+        other._uv = uv
+        return other
 
     def sample(self, name: str, wo: Floats, numbers: Floats) -> Samples:
         """Directions that light comes from, seen from `wo`.
@@ -129,7 +138,7 @@ class Surfaces:
         bits = np.zeros((2, _padded(count)), np.uint32)
         bits[:, :count] = (numbers * 2.0**32).astype(np.uint64)
         four = np.append(wo, 0.0).astype(np.float32)
-        out = self._run("furnace_sample", bits, 11, [self._primitive[name], four])[:, :count]
+        out = self._run("furnace_sample", bits, 11, [self._primitive[name, self._uv], four])[:, :count]
         return Samples(out[:3].T, out[3:6].T, out[6], out[7:10].T, out[10])
 
     def evaluate(self, name: str, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
@@ -152,7 +161,7 @@ class Surfaces:
         directions[2] = directions[5] = 1.0
         directions[:3, :count] = np.broadcast_to(wo, wi.shape).T
         directions[3:, :count] = wi.T
-        out = self._run("furnace_eval", directions, 4, [self._primitive[name]])[:, :count]
+        out = self._run("furnace_eval", directions, 4, [self._primitive[name, self._uv]])[:, :count]
         return out[:3].T, out[3]
 
     def _run(self, kernel: str, numbers: npt.NDArray[Any], outputs: int, arguments: list[Any]) -> Floats:
@@ -170,6 +179,18 @@ class Surfaces:
     def release(self) -> None:
         """Give the device's memory back."""
         self._worker.release()
+
+
+def _triangle(x: float, y: float, material: str, uv: Uv | None) -> Mesh:
+    """Half of a square, its texture coordinates moved so that the point that is measured has `uv`."""
+    u, v = (0.0, 0.0) if uv is None else (uv[0] - _POINT[0], uv[1] - _POINT[1])
+    return Mesh(
+        type="mesh",
+        vertices=((x, y, 0.0), (x + 0.5, y, 0.0), (x + 0.5, y + 0.5, 0.0)),
+        faces=((0, 1, 2),),
+        uvs=tuple((u + a, v + b) for a, b in _CORNERS),
+        material=material,
+    )
 
 
 def _padded(count: int) -> int:

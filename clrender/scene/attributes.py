@@ -1,4 +1,4 @@
-"""Texture coordinates of the primitives of textured shapes: of meshes as their files say, of other shapes their own."""
+"""Texture coordinates and colours of the primitives of textured shapes: of meshes as their files say, of other shapes their own."""  # noqa: E501
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
 from clrender.scene.values import Vector, cross, length
 from clrender.scene.wording import quoted
 
-__all__ = ["corner_uvs", "is_textured", "round_attributes", "triangle_attributes"]
+__all__ = ["add_colors", "corner_uvs", "is_textured", "round_attributes", "triangle_attributes", "triangle_colors"]
 
-_SLOTS = 15
+_COLORS, _SLOTS = 12, 15
 _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 """Of the faces, in the order of `geometry.polyhedron`: two triangles each."""
 
 
 def is_textured(scene: Scene, shape: Shape) -> bool:
-    """Whether the material of a shape has textures."""
+    """Whether the material of a shape has textures, or its vertices colours."""
+    if isinstance(shape, Mesh) and shape.color_key:
+        return True
     return shape.material is not None and any(material_textures(scene.materials, shape.material))
 
 
@@ -68,6 +70,32 @@ def triangle_attributes(
             rows[:, first : first + 6] = (uvs[:, ::-1] if flipped else uvs).reshape(-1, 6)
     rows[:, _SLOTS] = _slots(scene, shape)
     return rows if kept is None else rows[kept]
+
+
+def triangle_colors(mesh: MeshData, kept: NDArray[np.bool_] | None, flipped: bool) -> NDArray[np.float32] | None:
+    """The colours of the same triangles' vertices, (kept triangles, 16) float32; None where a mesh has none."""
+    if mesh.colors is None:
+        return None
+    rows = np.zeros((len(mesh.triangles), 16), np.float32)
+    rows[:, :9] = (mesh.colors[:, ::-1] if flipped else mesh.colors).reshape(-1, 9)
+    return rows if kept is None else rows[kept]
+
+
+def add_colors(attributes: NDArray[np.float32], colors: Mapping[int, NDArray[np.float32]]) -> NDArray[np.float32]:
+    """The attributes of all primitives with rows of colours behind them, which those of triangles then name.
+
+    Parameters
+    ----------
+    attributes : (P, 16) float32
+    colors : mapping of int to (n, 16) float32
+        Rows of colours of the triangles from this number on.
+    """
+    end = len(attributes)
+    for first, rows in colors.items():
+        numbers = np.arange(end, end + len(rows), dtype=np.uint32)
+        attributes[first : first + len(rows), _COLORS] = numbers.view(np.float32)
+        end += len(rows)
+    return np.concatenate([attributes, *colors.values()]) if colors else attributes
 
 
 def round_attributes(scene: Scene, shape: Sphere | Disk, transform: Affine) -> NDArray[np.float32]:

@@ -21,7 +21,17 @@ from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.light_kinds import LIGHT_TYPES, DirectionalLight, EnvironmentLight, Light, PointLight
-from clrender.scene.materials import MATERIAL_TYPES, MIX_DEPTH, Dielectric, Lambert, Material, Mirror, Mix
+from clrender.scene.materials import (
+    BASE_COLORS,
+    MATERIAL_TYPES,
+    MIX_DEPTH,
+    Dielectric,
+    Lambert,
+    Material,
+    Mirror,
+    Mix,
+    material_without_color,
+)
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.shapes import Mesh, Shape
@@ -40,6 +50,7 @@ from clrender.scene.values import (
     fault,
     length,
 )
+from clrender.scene.vertex_colors import VertexColors
 from clrender.scene.wording import place, quoted, suggestion
 from clrender.settings import PIXEL_LIMIT, SETTINGS, not_taken
 
@@ -165,7 +176,7 @@ class Scene(Part):
     _base_folder: Path = PrivateAttr(default_factory=_working_folder)
     _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
     _source: str = PrivateAttr(default="Scene")
-    _meshes: dict[str, MeshData] = PrivateAttr(default_factory=dict)
+    _meshes: dict[tuple[str, VertexColors | None], MeshData] = PrivateAttr(default_factory=dict)
     _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
     _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
@@ -177,6 +188,7 @@ class Scene(Part):
                 sentence = f"names a material {quoted(shape.material)} that does not exist"
                 raise fault("reference", sentence + suggestion(shape.material, self.materials), "shapes", i, "material")
         self._mixtures_resolve()
+        self._colors_have_materials()
         environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight)]
         for i in environments[1:]:
             sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
@@ -200,6 +212,20 @@ class Scene(Part):
                 if name in parts or depth > MIX_DEPTH:
                     reason = "contains itself" if name in parts else f"is nested more than {MIX_DEPTH} deep"
                     raise fault("reference", f"{reason}; give two other materials", "materials", name, "materials")
+
+    def _colors_have_materials(self) -> None:
+        """What colours of vertices multiply is there."""
+        for i, shape in enumerate(self.shapes):
+            if not isinstance(shape, Mesh) or shape.color_key is None:
+                continue
+            if shape.material is None:
+                sentence = "is given, but the shape has no material whose colour it could multiply; name one"
+                raise fault("mesh", sentence, "shapes", i, shape.color_key)
+            plain = material_without_color(self.materials, shape.material)
+            if plain is not None:
+                sentence = f"would multiply the colour of the material {quoted(plain)}, which has none"
+                cure = f"give it one of {', '.join(BASE_COLORS)}, or leave {shape.color_key} out"
+                raise fault("mesh", f"{sentence}; {cure}", "shapes", i, shape.color_key)
 
     @property
     def base_folder(self) -> Path:
@@ -245,11 +271,11 @@ class Scene(Part):
             for i, s in enumerate(self.shapes)
         )
         scene = self.model_copy(update={"shapes": shapes, "lights": tuple(lights)})
-        scene._meshes = {f"shape {i}": mesh for i, mesh in enumerate(meshes)}
+        scene._meshes = {(f"shape {i}", None): mesh for i, mesh in enumerate(meshes)}
         return scene
 
-    def with_meshes(self, meshes: Mapping[str, MeshData]) -> Scene:
-        """The same scene with these meshes in the place of the files of these names."""
+    def with_meshes(self, meshes: Mapping[tuple[str, VertexColors | None], MeshData]) -> Scene:
+        """The same scene with these meshes in the place of files: `clrender.scene.Mesh.asset`."""
         scene = self.model_copy()
         scene._meshes = {**self._meshes, **meshes}
         return scene
@@ -288,11 +314,13 @@ class Scene(Part):
         shape = self.shapes[index]
         assert isinstance(shape, Mesh)
         if shape.file is None:
-            return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1)
-        if shape.file not in self._meshes:
+            return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
+        if shape.asset not in self._meshes:
             where = f"{self._source}: shapes[{index}].file"
-            self._meshes[shape.file] = read_mesh(shape.file, self._base_folder, self._allow_paths, where)
-        return self._meshes[shape.file]
+            self._meshes[shape.asset] = read_mesh(
+                shape.file, self._base_folder, self._allow_paths, where, shape.vertex_colors
+            )
+        return self._meshes[shape.asset]
 
     @property
     def environment(self) -> EnvironmentLight | None:

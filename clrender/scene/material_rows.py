@@ -84,6 +84,9 @@ def flat_materials(scene: Scene, medium_of: Mapping[str, int]) -> MaterialArrays
         row["color"] = (*color, default if material.absorption is None else material.absorption)
         row["kind"] = _KINDS[type(material)]
         row["ior"] = _index(material)
+        if isinstance(material, Principled) and row["medium"] and row["ior"] == 1.0:
+            # Of a medium's surface 1 would say that it is no boundary (kernels/material/interior.h), but it reflects
+            row["ior"] = np.nextafter(np.float32(1.0), np.float32(2.0))
         if by_row:
             _put(rows[number], KIND=_bits(int(row["kind"])), COLOR=color, IOR=float(row["ior"]), FLAGS=_bits(0))
             _fill(material, rows[number], numbers)

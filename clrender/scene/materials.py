@@ -31,6 +31,7 @@ from clrender.scene.values import (
 )
 
 __all__ = [
+    "BASE_COLORS",
     "MATERIAL_TYPES",
     "MIX_DEPTH",
     "Conductor",
@@ -42,12 +43,21 @@ __all__ = [
     "OrenNayar",
     "Principled",
     "material_textures",
+    "material_without_color",
 ]
 
 MIX_DEPTH: Final = 16
 """Deepest nesting of mixtures."""
 
+BASE_COLORS: Final = ("reflectance", "base_color", "f0")
+"""Keys of the colour that a material mostly has."""
 _Degrees = Annotated[Finite, Field(ge=-360.0, le=360.0)]
+_AttenuationColor: TypeAlias = Annotated[
+    Reflectance | None,
+    Field(description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"),
+]
+_AttenuationDistance: TypeAlias = Annotated[Length | None, Field(description="metres, in the medium behind the front")]
+_NO_INSIDE: Final = "cannot be given beside thin: such a wall has no inside; leave it out"
 _METAL: TypeAlias = Literal["Ag", "Au", "Cu"]
 
 
@@ -98,29 +108,23 @@ class Dielectric(_Bumpy):
     priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
         None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
     )
-    attenuation_color: Reflectance | None = Field(
-        None, description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"
-    )
-    attenuation_distance: Length | None = Field(None, description="metres, in the medium behind the front")
+    attenuation_color: _AttenuationColor = None
+    attenuation_distance: _AttenuationDistance = None
 
     @model_validator(mode="after")
     def _is_a_medium(self) -> Dielectric:
-        if self.thin:
-            for key in ("priority", "attenuation_color", "attenuation_distance"):
-                if getattr(self, key) is not None:
-                    raise fault("material", "cannot be given beside thin: such a wall has no inside; leave it out", key)
+        if self.thin and self.priority is not None:
+            raise fault("material", _NO_INSIDE, "priority")
         if self.priority is not None and "exterior_ior" in self.model_fields_set:
             sentence = "cannot be given beside priority: the volume that is outside has its own index; leave it out"
             raise fault("material", sentence, "exterior_ior")
-        if (self.attenuation_color is None) != (self.attenuation_distance is None):
-            one, other = ("color", "distance") if self.attenuation_distance is None else ("distance", "color")
-            sentence = f"needs attenuation_{other} beside it: the share of light that is left after that distance"
-            raise fault("material", sentence, f"attenuation_{one}")
-        for i, share in enumerate(self.attenuation_color or ()):
-            if share == 0.0:
-                sentence = "is 0, which no thickness of a medium does; give a small number such as 0.001"
-                raise fault("material", sentence, "attenuation_color", i)
+        _check_attenuation(self)
         return self
+
+    @property
+    def solid(self) -> bool:
+        """Whether light goes through it into a medium."""
+        return not self.thin
 
     @property
     def rough(self) -> bool:
@@ -187,6 +191,37 @@ class Principled(_Opaque):
     sheen_roughness: ShareOrTexture = 0.3
     anisotropy: ShareOrTexture = Field(0.0, description="how much rougher it is along its direction")
     anisotropy_rotation: _Degrees = Field(0.0, description="degrees, of that direction from the one around the y axis")
+    attenuation_color: _AttenuationColor = None
+    attenuation_distance: _AttenuationDistance = None
+
+    @model_validator(mode="after")
+    def _absorbs_inside(self) -> Principled:
+        _check_attenuation(self)
+        if self.attenuation_color is not None and self.transmission == 0.0:
+            sentence = "does nothing without transmission; give it some, or leave both out"
+            raise fault("material", sentence, "attenuation_color")
+        return self
+
+    @property
+    def solid(self) -> bool:
+        """Whether light goes through it into a medium."""
+        return self.transmission != 0.0 and not self.thin
+
+
+def _check_attenuation(material: Dielectric | Principled) -> None:
+    """What absorbs has an inside, and both numbers."""
+    color, distance = material.attenuation_color, material.attenuation_distance
+    for key, value in (("attenuation_color", color), ("attenuation_distance", distance)):
+        if material.thin and value is not None:
+            raise fault("material", _NO_INSIDE, key)
+    if (color is None) != (distance is None):
+        one, other = ("color", "distance") if distance is None else ("distance", "color")
+        sentence = f"needs attenuation_{other} beside it: the share of light that is left after that distance"
+        raise fault("material", sentence, f"attenuation_{one}")
+    for i, share in enumerate(color or ()):
+        if share == 0.0:
+            sentence = "is 0, which no thickness of a medium does; give a small number such as 0.001"
+            raise fault("material", sentence, "attenuation_color", i)
 
 
 class Mix(_Surface):
@@ -226,3 +261,18 @@ def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[
     if isinstance(material, Mix):
         for part in material.materials:
             yield from material_textures(materials, part)
+
+
+def material_without_color(materials: Mapping[str, Material], name: str) -> str | None:
+    """A material, of this one and those that it mixes, that has no base colour; None where all have one.
+
+    Parameters
+    ----------
+    materials, name
+        As of `material_textures`.
+    """
+    material = materials[name]
+    if isinstance(material, Mix):
+        parts = (material_without_color(materials, part) for part in material.materials)
+        return next((part for part in parts if part is not None), None)
+    return None if any(getattr(material, key, None) is not None for key in BASE_COLORS) else name

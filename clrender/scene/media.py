@@ -1,4 +1,4 @@
-"""What fills the dielectrics of a scene: media numbered by their priorities, with index and absorption."""
+"""What fills dielectrics and clear principled shapes: media numbered by their priorities, with index and absorption."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
-from clrender.scene.materials import Dielectric, Material
+from clrender.scene.materials import Dielectric, Material, Principled
 from clrender.scene.values import Vector
 
 __all__ = ["MEDIA_LIMIT", "Media", "absorption_coefficients", "scene_media"]
@@ -33,7 +33,7 @@ class Media:
     rows : (n + 1, 16) float32
         ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is what is in no medium. One row: paths need no account of media.
     of_material : mapping of str to int
-        Row of each dielectric that bounds one.
+        Row of each material that bounds one: a dielectric, or a principled material with transmission; none is thin.
     no_boundary : frozenset of str
         Dielectrics whose shapes change nothing wherever they are, so that they are left out unless they shine.
     """
@@ -61,7 +61,9 @@ def scene_media(scene: Scene) -> Media:
     used = {shape.material for shape in scene.shapes}
     shining = {shape.material for shape in scene.shapes if shape.emission and any(shape.emission)}
     media = {
-        n: _medium(m) for n, m in scene.materials.items() if n in used and isinstance(m, Dielectric) and not m.thin
+        n: _medium(m)
+        for n, m in scene.materials.items()
+        if n in used and isinstance(m, Dielectric | Principled) and m.solid
     }
     dark = {name for name in media if _is_matched(scene.materials[name])}
     ranked = _by_priority(media)
@@ -84,7 +86,7 @@ def scene_media(scene: Scene) -> Media:
     return Media(rows, {name: numbers[medium] for name, medium in kept.items()}, frozenset(dark))
 
 
-def absorption_coefficients(material: Dielectric) -> Vector:
+def absorption_coefficients(material: Dielectric | Principled) -> Vector:
     """σ = -ln(color) / distance, per metre (Beer's law; glTF, KHR_materials_volume).
 
     The logarithm is `decimal`'s, which rounds alike on all machines.
@@ -96,8 +98,9 @@ def absorption_coefficients(material: Dielectric) -> Vector:
     return (red, green, blue)
 
 
-def _medium(material: Dielectric) -> _Medium:
-    return (material.priority, material.ior, absorption_coefficients(material))
+def _medium(material: Dielectric | Principled) -> _Medium:
+    priority = material.priority if isinstance(material, Dielectric) else None
+    return (priority, material.ior, absorption_coefficients(material))
 
 
 def _by_priority(media: Mapping[str, _Medium]) -> list[_Medium]:
@@ -110,7 +113,8 @@ def _by_priority(media: Mapping[str, _Medium]) -> list[_Medium]:
 
 
 def _is_matched(material: Material) -> bool:
-    """Whether it is the same on both sides of its shapes."""
-    assert isinstance(material, Dielectric)
+    """Whether it is the same on both sides of its shapes, and its surface is nothing but a boundary."""
+    if not isinstance(material, Dielectric):
+        return False
     same = material.priority is None and material.ior == material.exterior_ior
     return same and not any(absorption_coefficients(material))

@@ -31,6 +31,8 @@ class MeshData:
         Finite, of any length; zero where the file has none.
     uvs, uvs_1 : (T, 3, 2) float32, or None
         Texture coordinates of each triangle's corners, finite; a second set.
+    colors : (T, 3, 3) float32, or None
+        Colours of each triangle's corners, linear, 0 to 1.
     warning : str
         What a user should know of the mesh; mostly empty.
     """
@@ -41,6 +43,7 @@ class MeshData:
     warning: str = ""
     uvs: NDArray[np.float32] | None = None
     uvs_1: NDArray[np.float32] | None = None
+    colors: NDArray[np.float32] | None = None
 
     def sha256(self) -> str:
         """Hash of the arrays (in float64, so that the width in the file does not count)."""
@@ -50,10 +53,10 @@ class MeshData:
     def _sha256(self) -> str:
         digest = hashlib.sha256(f"{self.vertices.shape} {self.triangles.shape} {self.normals is None}".encode())
         arrays = [(self.vertices, "<f8"), (self.normals, "<f8"), (self.triangles, "<u4")]
-        for name, uvs in (("uvs", self.uvs), ("uvs_1", self.uvs_1)):
-            if uvs is not None:
+        for name, corners in (("uvs", self.uvs), ("uvs_1", self.uvs_1), ("colors", self.colors)):
+            if corners is not None:
                 digest.update(name.encode())
-                arrays.append((uvs, "<f4"))
+                arrays.append((corners, "<f4"))
         for array, kind in arrays:
             for start in range(0, 0 if array is None else len(array), 2**18):
                 assert array is not None
@@ -72,8 +75,9 @@ def inline_mesh(
     faces: Sequence[Sequence[int]],
     uvs: Sequence[Sequence[float]] = (),
     uvs_1: Sequence[Sequence[float]] = (),
+    colors: Sequence[Sequence[float]] = (),
 ) -> MeshData:
-    """A mesh written into the scene file, with texture coordinates of its vertices; the model has checked its indices."""  # noqa: E501
+    """A mesh written into the scene file, with texture coordinates and colours of its vertices; the model has checked its indices."""  # noqa: E501
     corners = np.array(faces, dtype=np.uint32)
-    first, second = (np.array(each, np.float32)[corners] if each else None for each in (uvs, uvs_1))
-    return MeshData(np.array(vertices, dtype=np.float64), corners, uvs=first, uvs_1=second)
+    first, second, third = (np.array(each, np.float32)[corners] if each else None for each in (uvs, uvs_1, colors))
+    return MeshData(np.array(vertices, dtype=np.float64), corners, uvs=first, uvs_1=second, colors=third)

@@ -12,6 +12,7 @@ from clrender.errors import SceneError
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.named_files import allowed_file, open_named_file
 from clrender.scene.values import COORDINATE_LIMIT
+from clrender.scene.vertex_colors import VertexColors
 from clrender.scene.wording import quoted
 
 __all__ = ["FILE_LIMIT", "read_mesh"]
@@ -22,7 +23,9 @@ UV_LIMIT: Final = 1e6
 """Largest magnitude of a texture coordinate: single precision still knows a sixteenth there."""
 
 
-def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
+def read_mesh(
+    name: str, base_folder: Path, allow_paths: Sequence[Path], place: str, colors: VertexColors | None = None
+) -> MeshData:
     """Read a mesh file named by a scene.
 
     Parameters
@@ -34,11 +37,13 @@ def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
         Folders besides `base_folder` from which, and from below which, files may come; links are followed first.
     place : str
         Where the scene names it, for the message.
+    colors : VertexColors, optional
+        Read the colours of its vertices, too, which are encoded like this.
 
     Raises
     ------
     SceneError
-        If it may not be read or is not a sound mesh.
+        If it may not be read or is not a sound mesh, or has not the colours.
     """
     label = f"{place}: {quoted(name)}"
     read = _reader(Path(name).suffix.lower())
@@ -50,15 +55,18 @@ def read_mesh(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
         if size == 0:
             raise SceneError(f"{label} is empty; it must hold a mesh")
         try:
-            mesh = read(file, size, label)
+            mesh = read(file, size, label, colors)
         except MemoryError:
             raise SceneError(f"{label} is too large for the memory of this machine") from None
         except OSError as error:
             raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
+    if colors is not None and mesh.colors is None:
+        text = "has no colours of vertices (red, green, blue), which vertex_colors asks for"
+        raise SceneError(f"{label} {text}; export the mesh with them, or leave vertex_colors out")
     return _checked(mesh, label)
 
 
-def _reader(ending: str) -> Callable[[BinaryIO, int, str], MeshData] | None:
+def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], MeshData] | None:
     """The reader for a kind of file, loaded when it is needed: most scenes that one tries first have no files."""
     if ending == ".ply":
         from clrender.scene.mesh_ply import read_ply

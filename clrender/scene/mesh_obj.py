@@ -1,4 +1,4 @@
-"""Wavefront OBJ files: positions, texture coordinates, normals and faces; what else the format knows is passed over.
+"""Wavefront OBJ files: positions, colours, texture coordinates, normals and faces; the rest is passed over.
 
 Format: Wavefront Technologies, "Object Files (.obj)", appendix B1 of the Advanced Visualizer's manual.
 """
@@ -17,6 +17,7 @@ from clrender.errors import SceneError
 from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData, crossed_warning
 from clrender.scene.mesh_text import Block, line_blocks, parse_numbers, parse_whole, word_spans
 from clrender.scene.polygons import triangulate
+from clrender.scene.vertex_colors import VertexColors, linear_colors
 from clrender.scene.wording import quoted
 
 __all__ = ["read_obj"]
@@ -28,6 +29,8 @@ _CORNER: Final = re.compile(r"(-?[0-9]{1,18})(?:/(-?[0-9]{1,18})?(?:/(-?[0-9]{1,
 _FACE_BYTES: Final = b"0123456789-/ \t\n\x0b"
 _INDEXED: Final = ("v", "vt", "vn")
 """What the corners of faces name, in this order."""
+_VECTORS: Final = {2: "pair of texture coordinates", 3: "position or normal", 6: "position with a colour"}
+"""What so many numbers are, for messages."""
 
 
 @dataclass
@@ -36,7 +39,8 @@ class _Found:
 
     Attributes
     ----------
-    positions, normals : lists of (n, 3) float64
+    positions : list of (n, 3) float64, or (n, 6) with a colour behind each position
+    normals : list of (n, 3) float64
     uvs : list of (n, 2) float64
     sizes : list of (n,) int64
         Corners of faces.
@@ -78,7 +82,7 @@ class _Lines:
     text: bytes
 
 
-def read_obj(file: BinaryIO, size: int, label: str) -> MeshData:
+def read_obj(file: BinaryIO, size: int, label: str, colors: VertexColors | None = None) -> MeshData:
     """Read an OBJ file, with polygons split into triangles.
 
     Parameters
@@ -89,6 +93,8 @@ def read_obj(file: BinaryIO, size: int, label: str) -> MeshData:
         Bytes.
     label : str
         Start of an error message.
+    colors : VertexColors, optional
+        Read a colour behind each position, as ``v x y z r g b`` has it, encoded like this; auto: sRGB.
 
     Raises
     ------
@@ -98,7 +104,7 @@ def read_obj(file: BinaryIO, size: int, label: str) -> MeshData:
     del size
     found = _Found()
     for block in line_blocks(file, label, obj=True):
-        _read_block(block, found, label)
+        _read_block(block, found, label, 3 if colors is None else 6)
         for kind, what in (("v", "vertices"), ("vt", "texture coordinates"), ("vn", "normals"), ("f", "faces")):
             if found.counts[kind] > TRIANGLE_LIMIT:
                 raise SceneError(f"{label} holds more than {TRIANGLE_LIMIT} {what}; at most that many are read")
@@ -110,11 +116,12 @@ def read_obj(file: BinaryIO, size: int, label: str) -> MeshData:
         if index >= found.counts[kind]:
             held = f"only {found.counts[kind]} are in the file" if found.counts[kind] else "none is in the file"
             raise SceneError(f"{label}: line {line} has a face that names {what} {index + 1}, but {held}")
-    return _mesh(found, label)
+    return _mesh(found, label, colors)
 
 
-def _mesh(found: _Found, label: str) -> MeshData:
-    vertices = np.concatenate(found.positions)
+def _mesh(found: _Found, label: str, colors: VertexColors | None) -> MeshData:
+    table = np.concatenate(found.positions)
+    vertices = np.ascontiguousarray(table[:, :3])
     corners, sizes = np.concatenate(found.corners), np.concatenate(found.sizes)
     total = len(corners) - 2 * len(sizes)
     if total > TRIANGLE_LIMIT:
@@ -123,6 +130,7 @@ def _mesh(found: _Found, label: str) -> MeshData:
     triangles, crossed = None, 0
     if (sizes > 3).any():
         triangles, crossed = triangulate(vertices, corners, sizes, label)
+    shades = None if colors is None else linear_colors(table[:, 3:], colors != "linear", label)[corners]
     normals = None
     if found.corner_normals:
         vertices, normals, corners = _with_normals(
@@ -132,7 +140,9 @@ def _mesh(found: _Found, label: str) -> MeshData:
     warnings = [each for each in (crossed_warning(crossed), warning) if each]
     if uvs is not None:
         uvs = uvs.reshape(-1, 3, 2) if triangles is None else uvs[triangles]
-    return MeshData(vertices, faces.astype(np.uint32), normals, "; ".join(warnings), uvs)
+    if shades is not None:
+        shades = shades.reshape(-1, 3, 3) if triangles is None else shades[triangles]
+    return MeshData(vertices, faces.astype(np.uint32), normals, "; ".join(warnings), uvs, colors=shades)
 
 
 def _corner_uvs(found: _Found) -> tuple[NDArray[np.float32] | None, str]:
@@ -165,7 +175,8 @@ def _with_normals(
     return vertices[pairs // len(normals)], normals[pairs % len(normals)], corners.reshape(-1)
 
 
-def _read_block(block: Block, found: _Found, label: str) -> None:
+def _read_block(block: Block, found: _Found, label: str, of_vertex: int) -> None:
+    """Add what a block holds; of a vertex so many numbers."""
     data = np.frombuffer(block.text, np.uint8)
     starts, _ = word_spans(data)
     line_ends = np.flatnonzero(data == ord("\n"))
@@ -200,7 +211,7 @@ def _read_block(block: Block, found: _Found, label: str) -> None:
             text = blanked[np.repeat(mask, line_ends + 1 - line_starts)]
         return _Lines(line_starts[chosen], words[chosen] - 1, text.tobytes())
 
-    for kind, into, size in (("v", found.positions, 3), ("vt", found.uvs, 2), ("vn", found.normals, 3)):
+    for kind, into, size in (("v", found.positions, of_vertex), ("vt", found.uvs, 2), ("vn", found.normals, 3)):
         if is_kind[kind].any():
             into.append(_vectors(lines(kind), size, block, label))
             found.counts[kind] += len(into[-1])
@@ -210,12 +221,12 @@ def _read_block(block: Block, found: _Found, label: str) -> None:
 
 
 def _vectors(lines: _Lines, size: int, block: Block, label: str) -> NDArray[np.float64]:
-    """The first three numbers, or two, of each line; more may follow (a weight, a colour)."""
+    """The first numbers of each line, as many as `size` says; more may follow (a weight, a colour)."""
     numbers = parse_numbers(lines.text)
     if size == 2 and (lines.words == 1).all() and numbers is not None:
         return np.stack([numbers, np.zeros_like(numbers)], axis=1)  # of a picture that is a line
     if numbers is None or (lines.words < size).any() or not np.isfinite(numbers).all():
-        what = f"is not a {'position or normal' if size == 3 else 'pair of texture coordinates'} of {size} numbers"
+        what = f"is not a {_VECTORS[size]} of {size} numbers"
         for place in lines.places.tolist():
             words = block.line(place).split()[1:]
             if len(words) < size or not all(_NUMBER.fullmatch(word) and np.isfinite(float(word)) for word in words):

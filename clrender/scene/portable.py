@@ -19,6 +19,7 @@ from clrender.scene.shapes import Mesh
 from clrender.scene.texels import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
 from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, textures_of
 from clrender.scene.validation_errors import scene_error
+from clrender.scene.vertex_colors import VertexColors
 from clrender.scene.wording import place as place_in_file
 
 __all__ = ["scene_from_portable", "scene_to_portable"]
@@ -83,11 +84,11 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
         scene = Scene.model_validate(description)
     except ValidationError as error:
         raise scene_error(error, Scene, source) from None
-    meshes: dict[str, MeshData] = {}
+    meshes: dict[tuple[str, VertexColors | None], MeshData] = {}
     for index, shape in enumerate(scene.shapes):
-        if isinstance(shape, Mesh) and shape.file is not None and shape.file not in meshes:
+        if isinstance(shape, Mesh) and shape.file is not None and shape.asset not in meshes:
             place = f"{source}: shapes[{index}].file"
-            meshes[shape.file] = _unpacked(_hash_in(shape.file, place), assets, place)
+            meshes[shape.asset] = _unpacked(_hash_in(shape.file, place), assets, place)
     textures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}
     for name, material in scene.materials.items():
         for key, texture in textures_of(material):
@@ -108,10 +109,9 @@ def _packed(mesh: MeshData) -> bytes:
     arrays = {"vertices": mesh.vertices, "triangles": mesh.triangles}
     if mesh.normals is not None:
         arrays["normals"] = mesh.normals
-    if mesh.uvs is not None:
-        arrays["uvs"] = mesh.uvs
-    if mesh.uvs_1 is not None:
-        arrays["uvs_1"] = mesh.uvs_1
+    for name in ("uvs", "uvs_1", "colors"):
+        if getattr(mesh, name) is not None:
+            arrays[name] = getattr(mesh, name)
     return _zipped(**arrays)
 
 
@@ -129,8 +129,8 @@ def _hash_in(name: str, place: str) -> str:
 
 def _unpacked(sha256: str, assets: Mapping[str, bytes], place: str) -> MeshData:
     def mesh(archive: Any) -> MeshData:
-        uvs, uvs_1 = archive.get("uvs"), archive.get("uvs_1")
-        return MeshData(archive["vertices"], archive["triangles"], archive.get("normals"), "", uvs, uvs_1)
+        more = (archive.get(name) for name in ("uvs", "uvs_1", "colors"))
+        return MeshData(archive["vertices"], archive["triangles"], archive.get("normals"), "", *more)
 
     return _asset(sha256, assets, place, mesh)
 

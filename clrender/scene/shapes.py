@@ -20,12 +20,14 @@ from clrender.scene.values import (
     Matrix,
     Name,
     Part,
+    Reflectance,
     Vector,
     cross,
     fault,
     length,
     number_as_triple,
 )
+from clrender.scene.vertex_colors import VertexColors
 
 __all__ = [
     "SHAPE_TYPES",
@@ -205,9 +207,29 @@ class Mesh(Surface):
         (), description="a second set of them"
     )
 
+    colors: Annotated[tuple[Reflectance, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (), description="of each of the `vertices`, linear; the material's colour is multiplied by them"
+    )
+    vertex_colors: VertexColors | None = Field(
+        None, description="multiply the material's colour by the colours of the file's vertices, which are so encoded"
+    )
+
+    @property
+    def asset(self) -> tuple[str, VertexColors | None]:
+        """What is read of which file."""
+        assert self.file is not None
+        return self.file, self.vertex_colors
+
+    @property
+    def color_key(self) -> str | None:
+        """The key that gives it colours of vertices, if any does."""
+        return "vertex_colors" if self.vertex_colors else "colors" if self.colors else None
+
     @model_validator(mode="after")
     def _has_one_source(self) -> Mesh:
-        given = self.model_fields_set & {"vertices", "faces", "uvs", "uvs_1"}
+        given = self.model_fields_set & {"vertices", "faces", "uvs", "uvs_1", "colors"}
+        if self.file is None and self.vertex_colors is not None:
+            raise fault("mesh", "is for a `file`; an inline mesh has `colors`, which need no more", "vertex_colors")
         if self.file is not None:
             for key in sorted(given):
                 raise fault("mesh", "cannot be given together with `file`; keep one of them", key)
@@ -224,7 +246,7 @@ class Mesh(Surface):
                 if corner >= len(self.vertices):
                     text = f"is {corner}, but the mesh has only the vertices 0 to {len(self.vertices) - 1}"
                     raise fault("mesh", text, "faces", i, j)
-        for key in ("uvs", "uvs_1"):
+        for key in ("uvs", "uvs_1", "colors"):
             if getattr(self, key) and len(getattr(self, key)) != len(self.vertices):
                 text = f"has {len(getattr(self, key))} entries, but there are {len(self.vertices)} vertices"
                 raise fault("mesh", text, key)

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.scene.attributes import is_textured, round_attributes, triangle_attributes
+from clrender.scene.attributes import (
+    add_colors,
+    is_textured,
+    round_attributes,
+    triangle_attributes,
+    triangle_colors,
+)
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
 from clrender.scene.media import scene_media
@@ -98,6 +104,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     warnings: list[str] = []
     textured = [is_textured(scene, shape) for shape in scene.shapes]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
+    colors: dict[int, NDArray[np.float32]] = {}
     shapes["flags"][textured] = layout.SHAPE_TEXTURED
     v = t = 0
     for index, mesh in meshes.items():
@@ -113,6 +120,8 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         if textured[index]:
             flipped = shape.flip_normals != (transform.determinant < 0.0)
             attributes[t : t + kept] = triangle_attributes(scene, index, mesh, sound, flipped)
+            if (colored := triangle_colors(mesh, sound, flipped)) is not None:
+                colors[t] = colored
         if mesh.normals is not None:
             shapes["flags"][index] |= layout.SHAPE_SMOOTH
             some = normals[v : v + len(here)]
@@ -139,7 +148,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         count=count,
         warnings=tuple(warnings),
         origin=origin,
-        attributes=np.concatenate([attributes[:t], of_round]) if any(textured) else attributes,
+        attributes=add_colors(np.concatenate([attributes[:t], of_round]), colors) if any(textured) else attributes,
     )
 
 

@@ -7,6 +7,7 @@ from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.material_rows import has_row
 from clrender.scene.materials import Dielectric, material_textures
+from clrender.scene.shapes import Mesh
 
 __all__ = ["check_materials"]
 
@@ -46,6 +47,12 @@ def check_materials(scene: Scene, integrator: str) -> None:
             raise SceneError(
                 f"{scene.source}: shapes[{index}].material: {shape.material!r} has a texture ({textures[0][0]}), which "
                 f"the integrator {integrator} does not take; give it a constant, or use --integrator path"
+            )
+        colored = shape.color_key if isinstance(shape, Mesh) else None
+        if colored and not INTEGRATORS[integrator].textures:
+            raise SceneError(
+                f"{scene.source}: shapes[{index}].{colored}: the integrator {integrator} takes no colours of vertices; "
+                "leave them out, or use --integrator path"
             )
         if not taken or material is None:
             continue

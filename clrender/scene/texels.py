@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -15,11 +16,12 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.image.pictures import PICTURE_ENDINGS, Picture, open_picture, picture_room
+from clrender.image.tone_map import srgb_decode
 from clrender.scene.named_files import open_named_file
 from clrender.scene.textures import AnyTexture, Checker, Ramp
 from clrender.scene.wording import quoted
 
-__all__ = ["TILE_BYTES", "StoredPicture", "TexelStore", "picture_sha256", "tile_shape"]
+__all__ = ["TILE_BYTES", "StoredPicture", "TexelStore", "coded_values", "picture_sha256", "tile_shape"]
 
 TILE_BYTES: Final = 64
 """A line of memory."""
@@ -72,6 +74,24 @@ def tile_shape(texel_bits: int) -> tuple[int, int]:
     """Width and height of a tile whose texels have ``2 ** texel_bits`` bytes, as kernels/texture/texel.h has them."""
     down = (6 - texel_bits) // 2
     return 1 << (6 - texel_bits - down), 1 << down
+
+
+@cache
+def coded_values(coding: str, srgb: bool) -> NDArray[np.float32]:
+    """What each number of 8 or 16 bits stands for, linear.
+
+    Parameters
+    ----------
+    coding : str
+        As of `clrender.image.pictures.Picture`, but for "float".
+    srgb : bool
+        Whether the numbers are encoded as sRGB.
+    """
+    if coding == "half":
+        return np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32)
+    largest = 255 if coding == "unorm8" else 65535
+    share = np.arange(largest + 1) / largest
+    return (srgb_decode(share) if srgb else share).astype(np.float32)
 
 
 class TexelStore:

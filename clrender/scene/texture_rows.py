@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Final
 
 import numpy as np
@@ -13,11 +12,10 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.image.tone_map import srgb_decode
 from clrender.scene.angles import sin_cos_degrees
 from clrender.scene.description import Scene
 from clrender.scene.materials import OrenNayar
-from clrender.scene.texels import StoredPicture
+from clrender.scene.texels import StoredPicture, coded_values
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
 from clrender.scene.values import Vector
 from clrender.scene.wording import place
@@ -108,22 +106,13 @@ class _Values:
             return 0
         if (coding, srgb) not in self._begins:
             self._begins[coding, srgb] = sum(map(len, self._tables))
-            self._tables.append(_table(coding, srgb))
+            self._tables.append(coded_values(coding, srgb))
         return self._begins[coding, srgb]
 
     @property
     def table(self) -> NDArray[np.float32]:
         """All of them; one zero where there is none."""
         return np.concatenate(self._tables) if self._tables else np.zeros(1, np.float32)
-
-
-@cache
-def _table(coding: str, srgb: bool) -> NDArray[np.float32]:
-    if coding == "half":
-        return np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32)
-    largest = 255 if coding == "unorm8" else 65535
-    share = np.arange(largest + 1) / largest
-    return (srgb_decode(share) if srgb else share).astype(np.float32)
 
 
 def _row(texture: AnyTexture, picture: StoredPicture, key: str, values: int, alphas: int) -> NDArray[np.float32]:

@@ -106,7 +106,7 @@ static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
 #elif defined(TEXTURES)
     if (lane_any(s->attributes.textured)) {
         const TextureSlots slots = parameter_slots(scene, &s->attributes, vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]));
-        color = parameter_color(scene, &s->attributes, &slots, TEXTURE_BASE_COLOR, color);
+        color = parameter_base_color(scene, &s->attributes, &slots, color);
         shading = normal_map_shading(scene, &s->attributes, &slots, s->normal, shading, s->front, direction);
     }
 #endif

@@ -1,4 +1,4 @@
-// The materials of a scene of quads, for `clrender furnace`: directions sampled, and directions evaluated, one a lane.
+// The materials of a scene of triangles, for `clrender furnace`: directions sampled, and directions evaluated, one a lane.
 //
 // Each goes the way of an integrator: a ray meets a primitive, surface_at, bsdf_at, and then bsdf_sample or bsdf_eval.
 #include "material/bsdf.h"
@@ -14,11 +14,11 @@
 #define FURNACE_VALUE 1.0f
 #endif
 
-// At a point in the first triangle of a quad, seen from `wo`.
+// At a point in a triangle, seen from `wo`.
 static Bsdf furnace_bsdf(const Scene* scene, uint primitive, vec3 wo) {
     vfloat row[16];
     lane_rows(scene->primitive_rows, splat_uint(primitive), row);
-    // Where no checker of a usual size has an edge
+    // Where no checker of a usual size has an edge; clrender/furnace/surfaces.py moves texture coordinates instead
     const vec3 at = surface_blend(row, splat(0.42f), splat(0.27f), splat(0.31f));
     const Ray ray = ray_make(add(at, wo), negate(wo));
     Hit hit;

@@ -64,7 +64,7 @@ static void parameters_texture(const Scene* scene, const Surface* s, vuint mater
     p->shading = s->shading;
     if (!lane_any(a->textured)) return;
     const TextureSlots slots = parameter_slots(scene, a, material);
-    p->color = parameter_color(scene, a, &slots, TEXTURE_BASE_COLOR, p->color);
+    p->color = parameter_base_color(scene, a, &slots, p->color);
     p->roughness = parameter_number(scene, a, &slots, TEXTURE_ROUGHNESS, p->roughness);
     p->metallic = parameter_number(scene, a, &slots, TEXTURE_METALLIC, p->metallic);
     p->transmission = parameter_number(scene, a, &slots, TEXTURE_TRANSMISSION, p->transmission);

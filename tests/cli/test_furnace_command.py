@@ -59,6 +59,24 @@ def test_json_is_printed_and_the_seed_makes_it(device: Device, tmp_path: Path) -
     assert [each["material"] for each in json.loads(first.stdout)] == ["clay"]
 
 
+def test_places_of_a_texture(device: Device, tmp_path: Path) -> None:
+    """Three squares of a checker; what has no texture is measured once, and is called by its name alone."""
+    checker = '[materials.board]\ntype = "lambert"\nreflectance = { checker = [0.2, 0.6] }\n'
+    (tmp_path / "scene.toml").write_text(SCENE + checker)
+    places = ("--uv", "0.25,0.25", "--uv", "0.75,0.25", "--uv", "-7.75,0.25", "--uv", "0.25,0.25")
+    line = ("furnace", "scene.toml", "--material", "board", "--material", "clay", *places, "--quick")
+    result = run(*line, "-d", str(device.info.index), "-o", "out", folder=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "4 of 4: board at -7.75, 0.25" in result.stderr
+    assert re.search(r"^board at 0.75, 0.25 +lambert +0\.6000 to 0\.6000", result.stdout, re.MULTILINE)
+    numbers = json.loads((tmp_path / "out" / "furnace.json").read_text())
+    assert [each["material"] for each in numbers] == ["clay", "board", "board", "board"]
+    assert [each["uv"] for each in numbers] == [None, [0.25, 0.25], [0.75, 0.25], [-7.75, 0.25]]
+    for each, expected in zip(numbers[1:], (0.2, 0.6, 0.2), strict=True):
+        assert each["energy_max"] == pytest.approx(expected, abs=1e-5) == each["energy_min"]
+    assert "<h2>board at 0.25, 0.25</h2>" in (tmp_path / "out" / "furnace.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -68,6 +86,9 @@ def test_json_is_printed_and_the_seed_makes_it(device: Device, tmp_path: Path) -
         (["metals", "--material", "golt"], 'did you mean "gold"'),
         (["conductor", "--material", "gold"], "--material chooses among the materials of a scene"),
         (["conductor", "--seed", "-1"], "--seed"),
+        (["conductor", "--uv", "0.5,0.5"], "--uv chooses a place in textures, and no material here has any"),
+        (["textures", "--uv", "0.5"], "'0.5' is not two numbers such as 0.25,0.5"),
+        (["textures", "--uv", "nan,1"], "has to be two finite numbers of at most 100000 in size"),
         (["conductor", "-o", "file"], "file: is a file; name a folder"),
         (["conductor", "-d", "nothing-like-it"], "nothing-like-it"),
     ],

@@ -34,11 +34,13 @@ WORDS = [b"nan", b"-1", b"1e999", b"99999999999", b"\n", b" ", b"/", b"-", b"\\\
 NUMBERS = [0, 1, 2, 127, 128, 255, 256, 32767, 65535, 65536, 2**20, 2**31 - 1, 2**31, 2**32 - 1]
 PLY = (
     b"ply\nformat %b 1.0\ncomment c\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
-    b"property uchar red\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    b"property uchar red\nproperty uchar green\nproperty uchar blue\n"
+    b"element face 4\nproperty list uchar int vertex_indices\nend_header\n"
 )
 FACES = [[0, 1, 2], [0, 1, 2, 3], [2, 3, 4], [0, 1, 2, 3, 4]]
 OBJ = (
-    b"# a mesh\no thing\nv 0 0 0\nv 1 0 0\nv 1 1 .25\nv 0 1e0 0\nv .5 .5 1.\nvt 0 0\nvn 0 0 1\nvn 0 1 0\n"
+    b"# a mesh\no thing\nv 0 0 0 1 0 0\nv 1 0 0 0 .5 1\nv 1 1 .25 1 1 1\nv 0 1e0 0 0 0 0\n"
+    b"v .5 .5 1. 0 1 0\nvt 0 0\nvn 0 0 1\nvn 0 1 0\n"
     b"f 1//1 2//1 3//2\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -5//1 -4//1 \\\n-1//-1\nf 1//1 2//1 3//1 5//1 4//1\n"
 )
 
@@ -50,9 +52,9 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     path = folder / f"original{ending}"
     if ending == ".ply":
         rows = [(np.float32(i % 3), np.float32(i // 2), np.float32(i * 0.1)) for i in range(5)]
-        text = b"".join(b"%g %g %g 7\n" % row for row in rows)
+        text = b"".join(b"%g %g %g 7 8 9\n" % row for row in rows)
         text += b"".join(b"%d %b\n" % (len(f), " ".join(map(str, f)).encode()) for f in FACES)
-        binary = b"".join(struct.pack("<3fB", *row, 7) for row in rows)
+        binary = b"".join(struct.pack("<3f3B", *row, 7, 8, 9) for row in rows)
         binary += b"".join(struct.pack(f"<B{len(f)}i", len(f), *f) for f in FACES)
         return [PLY % b"ascii" + text, PLY % b"binary_little_endian" + binary]
     if ending == ".obj":
@@ -114,7 +116,8 @@ def mended(data: bytes) -> bytes:
 
 
 def _mesh(path: Path) -> Any:
-    return read_mesh(path.name, path.parent, (), "here")
+    read_mesh(path.name, path.parent, (), "here")
+    return read_mesh(path.name, path.parent, (), "here", "auto")
 
 
 def _image(path: Path) -> Any:

@@ -75,6 +75,40 @@ def test_without_priorities_and_absorption_there_is_no_account(materials: dict[s
     assert not arrays["materials"]["medium"].any()
 
 
+def test_clear_principled_materials_are_media() -> None:
+    """With absorption of their own, or beside a dielectric that keeps an account; none of index 1 seems no boundary."""
+    clear = {"type": "principled", "transmission": 0.5}
+    absorbs = {"attenuation_color": [0.5, 1.0, 0.25], "attenuation_distance": 2.0}
+    what = of_each(
+        a={**clear, **absorbs}, b={**clear, "ior": 1.0}, c={"type": "principled"}, d={**clear, "thin": True}, e=tinted()
+    )
+    media = scene_media(what)
+    assert media.of_material == {"a": 1, "b": 2, "e": 1} and not media.no_boundary
+    np.testing.assert_allclose(media.rows[1, 1:4], [math.log(2.0) / 2.0, 0.0, math.log(4.0) / 2.0], rtol=1e-7)
+    rows = flatten(what, 8, 8).arrays["materials"]
+    assert 1.0 < rows["ior"][1] < 1.000001 and rows["ior"][[0, 2, 3, 4]].tolist() == [1.5] * 4
+    assert len(scene_media(of_each(a={**clear, "ior": 1.0})).rows) == 1
+    assert flatten(of_each(a={**clear, "ior": 1.0}), 8, 8).arrays["materials"]["ior"][0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"transmission": 0.0}, r"materials.a.attenuation_color does nothing without transmission; give it some"),
+        ({"thin": True}, r"materials.a.attenuation_color cannot be given beside thin: such a wall has no inside"),
+        ({"attenuation_color": None}, r"materials.a.attenuation_distance needs attenuation_color beside it"),
+        ({"attenuation_distance": None}, r"materials.a.attenuation_color needs attenuation_distance beside it"),
+        ({"attenuation_color": [0.5, 0.0, 1.0]}, r"attenuation_color\[1\] is 0, which no thickness of a medium does"),
+        ({"attenuation_distance": -1.0}, r"materials.a.attenuation_distance"),
+    ],
+    ids=str,
+)
+def test_principled_absorption_that_is_refused(more: dict[str, Any], message: str) -> None:
+    absorbs = {"transmission": 1.0, "attenuation_color": [0.5, 1.0, 0.25], "attenuation_distance": 2.0}
+    with pytest.raises(SceneError, match=message):
+        of_each(a={"type": "principled", **absorbs, **more})
+
+
 def test_what_no_shape_uses_does_not_count() -> None:
     what = scene([{**SPHERE, "material": "a"}], a=glass(), b=glass(priority=3))
     assert len(scene_media(what).rows) == 1

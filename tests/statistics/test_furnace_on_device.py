@@ -91,6 +91,22 @@ def test_lanes_and_order_change_nothing(device: Device) -> None:
         np.testing.assert_array_equal(getattr(results[0], name), getattr(results[1], name))
 
 
+def test_places_have_the_colours_that_the_texture_has_there(device: Device) -> None:
+    """A ramp along u, and one along v; without a place as before: u = 0.58, v = 0.31."""
+    ramps = {
+        "u": {"type": "lambert", "reflectance": {"ramp": [0.0, 1.0]}},
+        "v": {"type": "lambert", "reflectance": {"ramp": [0.0, 1.0], "transform": {"rotate_degrees": -90.0}}},
+    }
+    uvs = [(0.25, 0.875), (1.0, 0.0), (0.1, 0.1), (0.5, -3.0)]
+    surfaces = Surfaces(device, subject(**ramps).scene, uvs=uvs)
+    up = np.array([[0.0, 0.0, 1.0]])
+    for uv in (None, *uvs):
+        for name, share in zip("uv", uv or (0.58, 0.31), strict=True):
+            values, _ = surfaces.at(uv).evaluate(name, up[0], up)
+            np.testing.assert_allclose(values * math.pi, np.clip(share, 0.0, 1.0), atol=3e-7)
+    surfaces.release()
+
+
 @pytest.mark.slow
 def test_every_roughness_keeps_all_light(device: Device) -> None:
     """Of white conductors and white rough diffuse surfaces, from alpha 0.001 to 1; false alarms: 1 %."""

@@ -133,7 +133,10 @@ def test_camera_under_water(evidence: Evidence, studio: Studio, inside: list[str
     every_pixel(evidence, studio, what, ior * ior, roulette="none", max_depth=1000)
 
 
-@pytest.mark.parametrize("more", [{}, {"priority": 0}], ids=["plain", "priority"])
+SOLID = {"type": "principled", "transmission": 1.0, "roughness": 0.0}
+
+
+@pytest.mark.parametrize("more", [{}, {"priority": 0}, SOLID], ids=["plain", "priority", "principled"])
 def test_absorbing_slab(evidence: Evidence, studio: Studio, more: dict[str, Any]) -> None:
     # t (1 - R)² / (1 - R² t²) of light that shines straight through: all reflections inside, each way with
     # t = color^(thickness / distance) left.
@@ -147,6 +150,30 @@ def test_absorbing_slab(evidence: Evidence, studio: Studio, more: dict[str, Any]
         t = left ** (thickness / distance)
         exact = t * (1.0 - reflected) ** 2 / (1.0 - (reflected * t) ** 2)
         evidence.mean_is(f"channel {channel}", picture[..., channel].ravel(), exact)
+
+
+@pytest.mark.parametrize("roughness", [0.0, pytest.param(0.4, marks=pytest.mark.slow)])
+def test_principled_glass_absorbs_as_a_dielectric_does(evidence: Evidence, studio: Studio, roughness: float) -> None:
+    # A ball on a table, and a clear one of the other kind in it, which absorbs nothing.
+    absorbs = {"attenuation_color": [0.9, 0.4, 0.2], "attenuation_distance": 0.3}
+    glass = {"type": "dielectric", "ior": 1.5, "roughness": roughness}
+    solid = {**SOLID, "ior": 1.5, "roughness": roughness}
+    shapes = [sphere([0.0, 0.5, 0.0], 0.45, material="tinted"), sphere([0.0, 0.5, 0.0], 0.2, material="clear")]
+    first = on_a_table(shapes, tinted={**glass, **absorbs}, clear=solid)
+    same(evidence, studio, first, on_a_table(shapes, tinted={**solid, **absorbs}, clear=glass))
+    same(evidence, studio, first, on_a_table(shapes, tinted={**glass, **absorbs}, clear=glass))
+
+
+def test_principled_of_index_one_is_a_boundary(evidence: Evidence, studio: Studio) -> None:
+    # e^(−2σr) through the middle of what is clear; half of it diffuse, nothing is seen without a scattering event.
+    sigma, radius = 0.8, 0.5
+    mist = {**SOLID, "ior": 1.0, "attenuation_color": [math.exp(-sigma)] * 3, "attenuation_distance": 1.0}
+    camera = {"position": [0.0, 0.0, 3.0], "target": [0.0, 0.0, -1.0], "vertical_fov": 0.01}
+    ball = sphere([0.0, 0.0, 0.0], radius, material="mist")
+    what = scene([ball], [SKY], camera, mist=mist)
+    evidence.mean_is("clear", studio.pixels(what, 32, spp=64), math.exp(-2.0 * sigma * radius), rounding=1e-5)
+    half = scene([ball], [SKY], camera, mist={**mist, "transmission": 0.5})
+    assert not studio.pixels(half, 16, spp=8, max_depth=0).any()
 
 
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
