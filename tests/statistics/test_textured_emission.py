@@ -28,7 +28,7 @@ Floats = npt.NDArray[np.float64]
 WEIGHTS = np.array([0.5, 0.3, 0.2])
 """Of the channels, as `Studio.pixels` takes them together."""
 FLOOR = quad([-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], material="floor")
-FINE = 1200
+FINE = 480
 """Points along each texture coordinate of a quadrature: a multiple of the squares of the checker, and of texels."""
 RNG = np.random.default_rng(740)
 PICTURE = RNG.random((6, 8, 3)).astype(np.float32) ** 4 * 10.0
@@ -270,8 +270,8 @@ def test_irradiance(evidence: Evidence, studio: Studio, tmp_path: Path, name: st
     what = placed(scene([FLOOR, {**shape, "emission": described}], floor=lambert(0.6)), tmp_path)
     pixels = studio.pixels(what, spp=64, sampling=sampling, max_depth=1)
     exact = quadrature(of or shape, radiance)
-    # The quadrature's own error is that of a disk's rim and of the horizon, below 1e-5
-    evidence.mean_is("radiance", pixels, 0.6 / math.pi * exact, rounding=1.5e-5)
+    # The quadrature's own error is that of a disk's rim and of the horizon
+    evidence.mean_is("radiance", pixels, 0.6 / math.pi * exact, rounding=5e-5)
 
 
 def test_whitted_takes_the_mean_from_the_centre(studio: Studio, tmp_path: Path) -> None:
