@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.scene.angles import sin_cos_degrees
-from clrender.scene.texels import TILE_BYTES, tile_shape
+from clrender.scene.texels import tile_shape
 from clrender.scene.texture_rows import FlatTextures
 
 __all__ = ["TextureMeans"]
 
 _Floats: TypeAlias = NDArray[np.float64]
 _Ints: TypeAlias = NDArray[np.int64]
-_MOST_STEPS: Final = 1024
-"""Along an edge: the points of a larger texture are not all looked at."""
+_MOST_STEPS: Final = 512
+"""Along an edge: of a larger texture not all texels are looked at."""
 _CHUNK: Final = 2**19
 """Points at a time."""
 
@@ -61,7 +61,7 @@ class TextureMeans:
         uv = corners.astype(np.float64)
         x, y = self._place(uv[..., 0], uv[..., 1])
         lengths = np.maximum(np.abs(x - np.roll(x, 1, axis=1)), np.abs(y - np.roll(y, 1, axis=1))).max(axis=1)
-        steps = np.clip(_power_of_two(lengths), 2, _MOST_STEPS)
+        steps = np.clip(_power_of_two(lengths / self._reach), 2, _MOST_STEPS)
         means = np.empty((len(uv), 3))
         for step in np.unique(steps).tolist():
             chosen = np.flatnonzero(steps == step)
@@ -93,18 +93,17 @@ class TextureMeans:
 
     def whole(self) -> tuple[_Floats, float, float]:
         """Mean over the picture, (3,), and its least and largest number."""
-        row, bits, tiles = self._row, self._bits, self.textures.texels
+        row, bits = self._row, self._bits
         across, down = tile_shape(int(bits[3]) & 7)
         width, height = int(bits[1]), int(bits[2])
         count = -(-width // across) * -(-height // down)
         per_tile = across * down
         total, least, most = np.zeros(3), math.inf, 0.0
         at_once = max(1, _CHUNK // per_tile)
-        assert len(tiles) >= int(bits[0]) + count
         for first in range(0, count, at_once):
             last = min(first + at_once, count)
-            index = np.arange((int(bits[0]) + first) * per_tile, (int(bits[0]) + last) * per_tile)
-            values = self._numbers(index) * row[12:15].astype(np.float64)  # beyond the picture's rims zero
+            some = slice((int(bits[0]) + first) * per_tile, (int(bits[0]) + last) * per_tile)
+            values = self._numbers(some) * row[12:15].astype(np.float64)  # beyond the picture's rims zero
             total += np.cumsum(values, axis=0)[-1]
             least, most = min(least, float(values.min())), max(most, float(values.max()))
         return total / (width * height), least, most
@@ -124,12 +123,21 @@ class TextureMeans:
         width, height = (float(size) for size in self._bits[1:3])
         return (u * row[6] + v * row[7] + row[8]) * width, (u * row[9] + v * row[10] + row[11]) * height
 
+    @property
+    def _is_nearest(self) -> bool:
+        return int(self._bits[3]) >> 9 & 3 == layout.TEXTURE_FILTERS["nearest"]
+
+    @property
+    def _reach(self) -> float:
+        """Texels that a point looks at, along an edge."""
+        return 1.0 if self._is_nearest else 2.0
+
     def _steps(self) -> int:
-        """Steps along the square from 0 to 1, so that none is longer than a texel."""
+        """Steps along the square from 0 to 1, so that all texels are looked at."""
         u, v = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
         x, y = self._place(u, v)
         lengths = np.array([max(abs(x[1] - x[0]) + abs(x[2] - x[0]), abs(y[1] - y[0]) + abs(y[2] - y[0]))])
-        return int(np.clip(_power_of_two(lengths), 64, _MOST_STEPS)[0])
+        return int(np.clip(_power_of_two(lengths / self._reach), 64, _MOST_STEPS)[0])
 
     def _mean_of_rows(self, step: int, weighted: Callable[[int, _Floats], tuple[_Floats, float]]) -> _Floats:
         """Mean of rows of points in the square, each with its u and its weight."""
@@ -139,10 +147,8 @@ class TextureMeans:
             for row in range(step):
                 u, weight = weighted(row, middles)
                 if len(u):
-                    yield (
-                        weight * (_sums(self._values(u[None], np.full((1, len(u)), middles[row])))[0] / len(u)),
-                        weight,
-                    )
+                    mean = _sums(self._values(u[None], np.full((1, len(u)), middles[row])))[0] / len(u)
+                    yield weight * mean, weight
 
         sums, weights = zip(*rows(), strict=True)
         mean: _Floats = np.array([math.fsum(column) for column in np.array(sums).T]) / math.fsum(weights)
@@ -151,8 +157,8 @@ class TextureMeans:
     def _values(self, u: _Floats, v: _Floats) -> _Floats:
         """Values at points, (..., 3)."""
         x, y = self._place(u, v)
-        form, width, height = int(self._bits[3]), int(self._bits[1]), int(self._bits[2])
-        if form >> 9 & 3 == layout.TEXTURE_FILTERS["nearest"]:
+        width, height = int(self._bits[1]), int(self._bits[2])
+        if self._is_nearest:
             return self._texels(np.floor(x).astype(np.int64), np.floor(y).astype(np.int64), width, height)
         left, top = np.floor(x - 0.5), np.floor(y - 0.5)
         across, down = ((x - 0.5) - left)[..., None], ((y - 0.5) - top)[..., None]
@@ -169,27 +175,25 @@ class TextureMeans:
         tile = int(self._bits[0]) + (y // down) * -(-width // across) + x // across
         return self._numbers((tile * down + y % down) * across + x % across) * self._row[12:15].astype(np.float64)
 
-    def _numbers(self, index: _Ints) -> _Floats:
+    def _numbers(self, index: _Ints | slice) -> _Floats:
         """What texels stand for, (..., 3), by their places in all tiles of texels of this size."""
         form = int(self._bits[3])
         four, floats = bool(form & layout.TEXEL_FOUR), bool(form & layout.TEXEL_FLOAT)
         size = (1 << (form & 7)) // (4 if four else 1)
-        assert TILE_BYTES % size == 0
         stored = self.textures.texels.reshape(-1).view({1: "u1", 2: "<u2", 4: "<f4"}[size])
         raw = stored.reshape(-1, 4 if four else 1)[index]
-        table, values, alphas = self.textures.values, int(self._bits[4]), int(self._bits[5])
         channel = form >> 11 & 7
-        if channel == layout.TEXTURE_CHANNELS["a"]:
-            one = raw[..., 3:] if four else np.ones_like(raw, np.float32)
-            return np.repeat(
-                np.asarray(one if floats or not four else table[alphas + one.astype(np.int64)], np.float64), 3, -1
-            )
-        color = np.asarray(raw if floats else table[values + raw.astype(np.int64)], np.float64)[..., : 3 if four else 1]
-        if not four:
-            return np.repeat(color, 3, axis=-1)
+        is_alpha = channel == layout.TEXTURE_CHANNELS["a"]
+        if is_alpha and not four:
+            return np.ones((*raw.shape[:-1], 3))
+        wanted, begins = (raw[..., 3:], self._bits[5]) if is_alpha else (raw[..., :3], self._bits[4])
+        numbers = np.asarray(wanted if floats else self.textures.values[begins:][wanted], np.float64)
+        if is_alpha or not four:
+            return np.repeat(numbers, 3, axis=-1)
         if channel == layout.TEXTURE_CHANNELS["luminance"]:
-            return np.repeat((color[..., :1] * 0.2126 + color[..., 1:2] * 0.7152) + color[..., 2:] * 0.0722, 3, axis=-1)
-        return color if channel == 0 else np.repeat(color[..., channel - 1 : channel], 3, axis=-1)
+            luminance = (numbers[..., :1] * 0.2126 + numbers[..., 1:2] * 0.7152) + numbers[..., 2:] * 0.0722
+            return np.repeat(luminance, 3, axis=-1)
+        return numbers if channel == 0 else np.repeat(numbers[..., channel - 1 : channel], 3, axis=-1)
 
 
 def _power_of_two(lengths: _Floats) -> _Ints:

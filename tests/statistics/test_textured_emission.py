@@ -86,7 +86,7 @@ def test_a_texture_of_one_value_is_a_constant_to_the_bit(device: Device, tmp_pat
 
     def sha(emission: Any, reflectance: Any = (0.25, 0.5, 0.75), **of_material: Any) -> str:
         own = None if of_material else emission
-        materials = {"floor": lambert(0.5), "m": {"type": "lambert", "reflectance": reflectance}}
+        materials = {"m": {"type": "lambert", "reflectance": reflectance}, "floor": lambert(0.5)}
         if "principled" in of_material:
             materials["m"] = {**principled, **of_material["principled"]}
         shapes = [FLOOR, *({**shape, "emission": own, "material": "m"} for shape in SHARED[:4])]
