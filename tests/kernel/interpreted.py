@@ -134,7 +134,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
     lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in (faces + 1).tolist()]
     (folder / "ball.obj").write_text("\n".join([*lines, ""]))
     color = (0.7, 0.6, 0.5)
-    shapes = [
+    shapes: list[dict[str, Any]] = [
         {"type": "quad", "origin": (-3, -0.5, 3), "edge_u": (6, 0, 0), "edge_v": (0, 0, -6), "material": "matt"},
         {"type": "box", "center": (0.8, -0.2, -0.6), "size": (0.7, 0.6, 0.7), "material": "mirror"},
         {"type": "tetrahedron", "vertices": ((-0.2, -0.5, 0.9), (0.3, -0.5, 1.0), (0.0, -0.5, 1.4), (0.0, 0.0, 1.1))},

@@ -53,7 +53,8 @@ def hats(place: Floats, count: int) -> Floats:
 
 
 def as_picture(u: Floats, v: Floats) -> Floats:
-    return np.einsum("ui,vj,jic->uvc", hats(u, 8), hats(1.0 - v, 6), PICTURE.astype(np.float64))
+    value: Floats = np.einsum("ui,vj,jic->uvc", hats(u, 8), hats(1.0 - v, 6), PICTURE.astype(np.float64))
+    return value
 
 
 def as_checker(u: Floats, v: Floats) -> Floats:
@@ -94,7 +95,7 @@ def test_a_texture_of_one_value_is_a_constant_to_the_bit(device: Device, tmp_pat
         camera = {"position": [0.0, 0.8, 3.0], "target": [0.0, 0.5, 0.0]}
         lights = [{"type": "point", "position": [0.0, 2.0, 1.0], "intensity": [0.5] * 3}]
         what = scene(shapes, lights, camera, **materials).placed("here", tmp_path)
-        more = {"photons": 4096} if integrator == "photon" else {}
+        more: dict[str, Any] = {"photons": 4096} if integrator == "photon" else {}
         image = clrender.render(what, device=device, size=(40, 30), spp=4, integrator=integrator, **more)
         assert image.stats["nonfinite_samples"] == 0
         return str(image.stats["image_sha256"])
@@ -134,7 +135,7 @@ def test_the_same_bits_in_any_lanes(device: Device, tmp_path: Path, integrator: 
     shapes = [{**shape, "emission": emissions[number % 4]} for number, shape in enumerate(SHARED)]
     camera = {"position": [0.0, 0.8, 3.0], "target": [0.0, 0.5, 0.0]}
     what = placed(scene([FLOOR, *shapes], (), camera, floor=lambert(0.5)), tmp_path)
-    more = {"photons": 512} if integrator == "photon" else {}
+    more: dict[str, Any] = {"photons": 512} if integrator == "photon" else {}
     made = [
         clrender.render(what, device=device, size=(40, 30), spp=4, lanes=lanes, integrator=integrator, **more)
         for lanes in (1, 4, 16)
@@ -295,7 +296,7 @@ def test_whitted_takes_the_mean_from_the_centre(studio: Studio, tmp_path: Path) 
             )
             for emission in ({"ramp": HALVES}, [3.5, 1.0, 2.25])
         ]
-        np.testing.assert_allclose(*images, rtol=1e-5)
+        np.testing.assert_allclose(images[0], images[1], rtol=1e-5)
 
 
 # --- the choice of lights ---------------------------------------------------------------------------------------------
@@ -366,7 +367,7 @@ def test_photons_start_where_the_texture_is_bright(evidence: Evidence, studio: S
     )
     corners = [[0.4, 1.0, -0.4], [0.8, 1.0, -0.4], [0.8, 1.0, 0.4], [0.4, 1.0, 0.4]]
     exact = 2.0 * (polygon_irradiance(corners) + 0.8 * polygon_irradiance(mirrored(corners, 0, -1.0)))
-    more = {"floor": lambert(0.6), "wall": {"type": "mirror", "reflectance": [0.8] * 3}}
+    more: dict[str, Any] = {"floor": lambert(0.6), "wall": {"type": "mirror", "reflectance": [0.8] * 3}}
     means = [
         studio.pixels(
             scene([FLOOR, wall, light], **more), 8, spp=16, seed=seed, integrator="photon", photons=1 << 14
