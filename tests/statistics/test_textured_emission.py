@@ -251,7 +251,7 @@ CASES: dict[str, tuple[dict[str, Any], Callable[..., float], dict[str, Any]]] = 
 }
 
 
-FAST = ({("quad", "checker", each) for each in ("mis", "light", "bsdf")} | {("mesh", "picture", "light")}) | {
+FAST = ({("quad", "picture", each) for each in ("mis", "light", "bsdf")} | {("mesh", "picture", "light")}) | {
     (name, "picture", "mis") for name in ("disk", "sphere", "inward sphere")
 }
 
@@ -361,17 +361,17 @@ def test_photons_carry_the_power_of_the_texture(evidence: Evidence, device: Devi
 @pytest.mark.slow
 def test_photons_start_where_the_texture_is_bright(evidence: Evidence, studio: Studio, tmp_path: Path) -> None:
     """The half of a light that shines, seen again in a mirror wall: r times the irradiance of the mirrored half."""
-    wall = quad([-1.0, -5.0, 5.0], [0.0, 10.0, 0.0], [0.0, 0.0, -10.0], material="wall")
+    wall = quad([-0.2, -5.0, 5.0], [0.0, 10.0, 0.0], [0.0, 0.0, -10.0], material="wall")
     light = quad(
         [0.0, 1.0, -0.4], [0.8, 0.0, 0.0], [0.0, 0.0, 0.8], emission={"checker": [0.0, 2.0], "size": [0.5, 2.0]}
     )
     corners = [[0.4, 1.0, -0.4], [0.8, 1.0, -0.4], [0.8, 1.0, 0.4], [0.4, 1.0, 0.4]]
-    exact = 2.0 * (polygon_irradiance(corners) + 0.8 * polygon_irradiance(mirrored(corners, 0, -1.0)))
+    exact = 2.0 * (polygon_irradiance(corners) + 0.8 * polygon_irradiance(mirrored(corners, 0, -0.2)))
     more: dict[str, Any] = {"floor": lambert(0.6), "wall": {"type": "mirror", "reflectance": [0.8] * 3}}
     means = [
         studio.pixels(
-            scene([FLOOR, wall, light], **more), 8, spp=16, seed=seed, integrator="photon", photons=1 << 14
+            scene([FLOOR, wall, light], **more), 8, spp=8, seed=seed, integrator="photon", photon_radius=0.08
         ).mean()
-        for seed in range(8)
+        for seed in range(24)
     ]
     evidence.mean_is("radiance", means, 0.6 / math.pi * exact, rounding=2e-3)
