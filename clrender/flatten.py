@@ -146,9 +146,9 @@ def flatten(
     surfaces = flat_surfaces(scene, origin)
     media = scene_media(scene)
     around = flat_environment(scene)
-    lights, environment, tree = flat_lights(scene, surfaces, around.radiance, light_sampler)
-    triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
     textures = flat_textures(scene)
+    lights, environment, tree = flat_lights(scene, surfaces, textures, around.radiance, light_sampler)
+    triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
     materials = flat_materials(scene, media.of_material)
     arrays = {
         "vertices": _padded(surfaces.vertices),

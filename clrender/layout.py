@@ -140,7 +140,7 @@ ROULETTE_ABSORPTION: Final = 2
 SHAPE_SMOOTH: Final = 1
 """Flag of a shape whose vertices carry normals to interpolate."""
 SHAPE_TEXTURED: Final = 2
-"""Flag of a shape whose material has textures: its primitives have rows of attributes."""
+"""Flag of a shape whose material or emission has textures: its primitives have rows of attributes."""
 
 TEXTURE_SLOTS: Final[Mapping[str, int]] = {
     "BASE_COLOR": 0,
@@ -263,8 +263,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("alias_threshold", "float", "Vose: keep this entry when the rescaled number is below it"),
         ("alias", "uint", "otherwise take this one"),
         ("place", "uint", "in the tree of lights; NONE where the alias table picks"),
+        ("texture", "uint", "number of the texture that it shines as, plus 1; 0: none, it is the same all over"),
         ("padding_0", "uint", ""),
-        ("padding_1", "uint", ""),
     ),
     "Camera": (
         ("origin", "float4", "xyz, metres"),
@@ -383,8 +383,8 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("C", 6, 3, ""),
     ),
     "LIGHT": (
-        ("RADIANCE", 0, 3, "or intensity, or irradiance"),
-        ("KIND", 3, 1, "bits: LIGHT_*"),
+        ("RADIANCE", 0, 3, "or intensity, or irradiance; of a texture the mean"),
+        ("KIND", 3, 1, "bits: LIGHT_*, and from bit LIGHT_TEXTURE on, which texture"),
         ("PROBABILITY", 4, 1, "with which the alias table picks it"),
         ("PLACE", 4, 1, "bits: its leaf in the light BVH, where there is one"),
         ("PRIMITIVE", 5, 1, "bits: the primitive that shines, or NONE"),

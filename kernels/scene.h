@@ -39,6 +39,8 @@
 #define ROW_FLAGS 16u
 // And from this bit on, the number of the medium behind the front; 0: none that paths keep account of.
 #define ROW_MEDIUM 24u
+// From this bit of a light's kind on, the number of the texture that it shines as, plus 1; 0: none.
+#define LIGHT_TEXTURE 8u
 
 typedef struct {
     SCENE_ARRAYS(SCENE_MEMBER_)

@@ -108,8 +108,8 @@ typedef struct {
     float alias_threshold;      // Vose: keep this entry when the rescaled number is below it
     uint alias;                 // otherwise take this one
     uint place;                 // in the tree of lights; NONE where the alias table picks
+    uint texture;               // number of the texture that it shines as, plus 1; 0: none, it is the same all over
     uint padding_0;
-    uint padding_1;
 } Light;
 
 typedef struct {
@@ -214,8 +214,8 @@ typedef struct {
 #define NORMAL_ROW_B 3
 #define NORMAL_ROW_C 6
 
-#define LIGHT_ROW_RADIANCE 0            // or intensity, or irradiance
-#define LIGHT_ROW_KIND 3                // bits: LIGHT_*
+#define LIGHT_ROW_RADIANCE 0            // or intensity, or irradiance; of a texture the mean
+#define LIGHT_ROW_KIND 3                // bits: LIGHT_*, and from bit LIGHT_TEXTURE on, which texture
 #define LIGHT_ROW_PROBABILITY 4         // with which the alias table picks it
 #define LIGHT_ROW_PLACE 4               // bits: its leaf in the light BVH, where there is one
 #define LIGHT_ROW_PRIMITIVE 5           // bits: the primitive that shines, or NONE

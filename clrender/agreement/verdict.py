@@ -81,7 +81,7 @@ def light_kinds(scene: Scene) -> frozenset[str]:
         kinds.add(BETWEEN_DIFFUSE)
     if diffuse and any(kind in ("mirror", "dielectric") for kind in types):
         kinds.add(CAUSTICS)
-    if diffuse and any(shape.emission is not None and max(shape.emission) > 0.0 for shape in scene.shapes):
+    if diffuse and any(shape.shines for shape in scene.shapes):
         kinds.add(SOFT_SHADOWS)
     if diffuse and (around := scene.environment) and (around.file is not None or max(around.constant) > 0.0):
         kinds.add(ENVIRONMENT_ON_DIFFUSE)

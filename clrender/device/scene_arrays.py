@@ -95,6 +95,8 @@ class SceneArrays:
         Whether paths keep account of the dielectrics that they are inside of.
     textured : bool
         Whether some shape has textures.
+    emission_textures : bool
+        Whether some shape shines as one.
     page_bits : int or None
         As of `texel_pages`.
 
@@ -116,7 +118,9 @@ class SceneArrays:
         self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
         self.interiors = len(scene.arrays["media_rows"]) > 1
-        self.textured = len(scene.arrays["attribute_rows"]) > 1 or bool(scene.arrays["attribute_rows"].any())
+        self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
+        attributes = scene.arrays["attribute_rows"]
+        self.textured = len(attributes) > 1 or bool(attributes.any()) or self.emission_textures
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {

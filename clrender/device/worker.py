@@ -220,6 +220,8 @@ class DeviceWorker:
             defines["INTERIORS"] = 1
         if self._arrays.textured:
             defines["TEXTURES"] = 1
+            if self._arrays.emission_textures:
+                defines["EMISSION_TEXTURES"] = 1
             if self._arrays.page_bits is not None:
                 defines["TEXEL_PAGE_BITS"] = self._arrays.page_bits
         if self._settings["indirect_rays"][0] > 1:

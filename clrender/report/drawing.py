@@ -81,8 +81,7 @@ def _outline(shape: Shape) -> tuple[_Points, str]:
     """World-space corners of a shape, and its role: ``wall``, ``lamp`` or ``solid``; no corners for other types."""
     if isinstance(shape, Quad):
         o, u, v = (np.asarray(each) for each in (shape.origin, shape.edge_u, shape.edge_v))
-        lamp = shape.emission is not None and any(shape.emission)
-        return np.array([o, o + u, o + u + v, o + v]), "lamp" if lamp else "wall"
+        return np.array([o, o + u, o + u + v, o + v]), "lamp" if shape.shines else "wall"
     if isinstance(shape, Sphere):
         center = np.asarray(shape.center)
         return np.array([center - shape.radius, center + shape.radius]), "solid"

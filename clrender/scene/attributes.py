@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from clrender.scene.geometry import Affine
 from clrender.scene.materials import material_textures
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
+from clrender.scene.textures import AnyTexture, Checker, ImageTexture, Ramp
 from clrender.scene.values import Vector, cross, length
 from clrender.scene.wording import quoted
 
@@ -24,10 +25,17 @@ _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)
 
 
 def is_textured(scene: Scene, shape: Shape) -> bool:
-    """Whether the material of a shape has textures, or its vertices colours."""
-    if isinstance(shape, Mesh) and shape.color_key:
-        return True
-    return shape.material is not None and any(material_textures(scene.materials, shape.material))
+    """Whether a shape shines as a texture, its material has textures, or its vertices have colours."""
+    return bool(isinstance(shape, Mesh) and shape.color_key) or any(True for _ in _textures(scene, shape))
+
+
+def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, AnyTexture]]:
+    """Textures of a shape, each with what needs it."""
+    if isinstance(shape.emission, ImageTexture | Checker | Ramp):
+        yield "its emission", shape.emission
+    if shape.material is not None:
+        for key, texture in material_textures(scene.materials, shape.material):
+            yield f"{key} of the material {quoted(shape.material)}", texture
 
 
 def triangle_attributes(
@@ -57,12 +65,11 @@ def triangle_attributes(
         A texture needs coordinates that the mesh does not have.
     """
     shape = scene.shapes[index]
-    assert shape.material is not None
     sets = (corner_uvs(shape, mesh), mesh.uvs_1)
-    for key, texture in material_textures(scene.materials, shape.material):
+    for user, texture in _textures(scene, shape):
         if sets[texture.uv_set] is None:
             which = "texture coordinates" if texture.uv_set == 0 else "second set of texture coordinates (uvs_1)"
-            text = f"has no {which}, which {key} of the material {quoted(shape.material)} needs"
+            text = f"has no {which}, which {user} needs"
             raise SceneError(f"{scene.source}: shapes[{index}] {text}; export the mesh with them")
     rows = np.zeros((len(mesh.triangles), 16), np.float32)
     for first, uvs in ((0, sets[0]), (6, sets[1])):
@@ -141,7 +148,6 @@ def corner_uvs(shape: Shape, mesh: MeshData) -> NDArray[np.float32] | None:
 
 
 def _slots(scene: Scene, shape: Shape) -> np.float32:
-    """Number of the material, as bits."""
-    numbers: Mapping[str, int] = {name: number for number, name in enumerate(scene.materials)}
-    assert shape.material is not None
+    """Number of the material, as bits; of none, the one after the last."""
+    numbers: Mapping[str | None, int] = {name: number for number, name in enumerate([*scene.materials, None])}
     return np.float32(np.uint32(numbers[shape.material]).view(np.float32))

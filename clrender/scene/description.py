@@ -30,13 +30,14 @@ from clrender.scene.materials import (
     Material,
     Mirror,
     Mix,
+    Principled,
     material_without_color,
 )
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.texels import StoredPicture, TexelStore
-from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, textures_of
+from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
 from clrender.scene.values import (
     COORDINATE_LIMIT,
     SHAPE_LIMIT,
@@ -187,6 +188,9 @@ class Scene(Part):
             if shape.material is not None and shape.material not in self.materials:
                 sentence = f"names a material {quoted(shape.material)} that does not exist"
                 raise fault("reference", sentence + suggestion(shape.material, self.materials), "shapes", i, "material")
+            if shape.material is not None and shape.emission is not None and _shines(self.materials[shape.material]):
+                other = place(("materials", shape.material, "emission"))
+                raise fault("reference", f"is given beside {other}; keep one of them", "shapes", i, "emission")
         self._mixtures_resolve()
         self._colors_have_materials()
         environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight)]
@@ -204,6 +208,10 @@ class Scene(Part):
                 if part not in self.materials:
                     sentence = f"names a material {quoted(part)} that does not exist"
                     sentence += suggestion(part, self.materials)
+                    raise fault("reference", sentence, "materials", name, "materials", i)
+                if _shines(self.materials[part]):
+                    sentence = f"names {quoted(part)}, which has emission; in a mixture it must have none"
+                    sentence += ": give the emission to the shapes instead"
                     raise fault("reference", sentence, "materials", name, "materials", i)
         for name in self.materials:
             parts, depth = {name}, 0
@@ -286,8 +294,23 @@ class Scene(Part):
         scene._given, scene._store = {**self._given, **pictures}, []
         return scene
 
+    def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
+        """All textures of materials and shapes, each with its place in the scene's description."""
+        found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
+        for name, material in self.materials.items():
+            found += [(("materials", name, key), texture) for key, texture in textures_of(material)]
+        for index, shape in enumerate(self.shapes):
+            if isinstance(shape.emission, ImageTexture | Checker | Ramp):
+                found.append((("shapes", index, "emission"), shape.emission))
+        return found
+
+    def texture_files(self) -> list[tuple[tuple[str | int, ...], ImageTexture | NormalMap | BumpMap]]:
+        """Those that name a file, each with the place of its name."""
+        placed = self.placed_textures()
+        return [((*at, "texture"), each) for at, each in placed if not isinstance(each, Checker | Ramp)]
+
     def textures(self) -> TexelStore:
-        """The pictures that its materials name; the files are read once and kept.
+        """The pictures that its materials and shapes name; the files are read once and kept.
 
         Raises
         ------
@@ -296,9 +319,7 @@ class Scene(Part):
         """
         if not self._store:
             textures = [
-                (f"{self._source}: {place(('materials', name, key, 'texture'))}", texture)
-                for name, material in self.materials.items()
-                for key, texture in textures_of(material)
+                (f"{self._source}: {place((*at, 'texture'))}", texture) for at, texture in self.placed_textures()
             ]
             self._store.append(TexelStore(textures, self._base_folder, self._allow_paths, self._given))
         return self._store[0]
@@ -398,8 +419,17 @@ class Scene(Part):
         for light in content["lights"]:
             if light["type"] == "environment" and picture is not None:
                 light["file"] = picture.sha256()
-        for name, material in self.materials.items():
-            for key, texture in textures_of(material):
-                if isinstance(texture, ImageTexture | NormalMap | BumpMap):
-                    content["materials"][name][key]["texture"] = self.textures().picture(texture).sha256
+        for at, texture in self.texture_files():
+            put_at(content, at, self.textures().picture(texture).sha256)
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _shines(material: Material) -> bool:
+    return isinstance(material, Principled) and material.shines
+
+
+def put_at(description: Any, at: tuple[str | int, ...], value: str) -> None:
+    """Write a text into nested tables and lists."""
+    for step in at[:-1]:
+        description = description[step]
+    description[at[-1]] = value

@@ -12,11 +12,15 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.alias import alias_table
 from clrender.scene.description import DirectionalLight, PointLight, Scene
+from clrender.scene.emission import Emission, shape_emission
 from clrender.scene.environment import EnvironmentTable, environment_table
 from clrender.scene.light_tree import Emitters, LightTree, light_tree
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
+from clrender.scene.texture_means import TextureMeans
+from clrender.scene.texture_rows import FlatTextures
 from clrender.scene.values import POWER_LIMIT, Color, length
+from clrender.scene.wording import place
 
 __all__ = ["flat_environment", "flat_lights"]
 
@@ -24,6 +28,8 @@ _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
 _TREE_FROM: Final = 16
 """So many lights are worth a walk down a tree at every point."""
+_LEAST_SHARE: Final = 1e-3
+"""Of the mean of a texture: no part of a light that shines as one counts as darker, as its mean is one of points."""
 
 
 def flat_environment(scene: Scene) -> EnvironmentTable:
@@ -45,7 +51,7 @@ def flat_environment(scene: Scene) -> EnvironmentTable:
 
 
 def flat_lights(
-    scene: Scene, surfaces: FlatSurfaces, environment_radiance: Color, choice: str = "auto"
+    scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, environment_radiance: Color, choice: str = "auto"
 ) -> tuple[_Rows, int, LightTree | None]:
     """Rows of all lights that shine: shapes in order, then the lights of the file in order.
 
@@ -54,6 +60,8 @@ def flat_lights(
     scene : Scene
     surfaces : FlatSurfaces
         Of this scene; `first_light` of its shapes is written.
+    textures : FlatTextures
+        Of this scene.
     environment_radiance : (3,) float
         Of the environment light, the mean over all directions.
     choice : str
@@ -71,13 +79,20 @@ def flat_lights(
     Raises
     ------
     SceneError
-        If more than 2**24 triangles shine.
+        If more than 2**24 triangles shine, or a texture is no radiance.
     """
     rows: list[_Rows] = []
     powers: list[NDArray[np.float64]] = []
     total, environment = 0, layout.NONE
-    for index, shape in enumerate(scene.shapes):
-        if shape.emission is None or _luminance(shape.emission) == 0.0:
+    darkest: dict[int, float] = {}
+    for index in range(len(scene.shapes)):
+        emission = shape_emission(scene, index)
+        if emission is None:
+            continue
+        texture = textures.emission.get(index)
+        if texture is not None and texture not in darkest:
+            darkest[texture] = _LEAST_SHARE * _texture_luminance(scene, emission, TextureMeans(textures, texture))
+        if (_luminance(emission.constant) if texture is None else darkest[texture]) == 0.0:
             continue
         count = int(surfaces.count[index])
         if total + count > _LIGHT_LIMIT:
@@ -88,7 +103,13 @@ def flat_lights(
         some, areas = _area_lights(scene, surfaces, index)
         surfaces.shapes["first_light"][index] = total
         rows.append(some)
-        powers.append(math.pi * areas * _luminance(shape.emission))
+        if texture is None:
+            some["radiance"][:, :3] = emission.constant
+            powers.append(math.pi * areas * _luminance(emission.constant))
+        else:
+            some["radiance"][:, :3] = _means(scene, surfaces, index, TextureMeans(textures, texture))
+            some["texture"] = texture + 1
+            powers.append(math.pi * areas * np.maximum(_luminances(some["radiance"]), darkest[texture]))
         total += count
     radius = _bounding_radius(surfaces)
     for light in scene.lights:
@@ -161,11 +182,10 @@ def _emitters(lights: _Rows, power: NDArray[np.float64], radius: float, surfaces
 
 
 def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Rows, NDArray[np.float64]]:
-    """Rows of the primitives of one shape that shines, and their areas in square metres."""
+    """Rows of the primitives of one shape that shines, still black, and their areas in square metres."""
     shape = scene.shapes[index]
     first, count = int(surfaces.first[index]), int(surfaces.count[index])
     rows = np.zeros(count, dtype=layout.dtype("Light"))
-    rows["radiance"][:, :3] = shape.emission
     rows["primitive"] = np.arange(first, first + count)
     if isinstance(shape, Sphere | Disk):
         radius = float(surfaces.analytic_shapes[first - len(surfaces.triangles)]["center_radius"][3])
@@ -175,10 +195,39 @@ def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Row
     return rows, triangle_areas(surfaces.vertices, surfaces.triangles[first : first + count])
 
 
+def _means(scene: Scene, surfaces: FlatSurfaces, index: int, texture: TextureMeans) -> NDArray[np.float64]:
+    """Mean radiance of the primitives of one shape that shines as a texture, (n, 3) or (3,)."""
+    shape, first = scene.shapes[index], int(surfaces.first[index])
+    if isinstance(shape, Sphere | Disk):
+        return texture.sphere() if isinstance(shape, Sphere) else texture.disk()
+    corners = surfaces.attributes[first : first + int(surfaces.count[index])]
+    return texture.triangles(corners[:, 6 * texture.uv_set : 6 * texture.uv_set + 6].reshape(-1, 3, 2))
+
+
+def _texture_luminance(scene: Scene, emission: Emission, texture: TextureMeans) -> float:
+    """Mean luminance of a picture that is a radiance."""
+    mean, least, most = texture.whole()
+    where = f"{scene.source}: {place(emission.place)}"
+    if least < 0.0:
+        raise SceneError(
+            f"{where}: the picture holds {least:g}, but radiance is at least 0; export it without negatives"
+        )
+    if most > POWER_LIMIT:
+        raise SceneError(
+            f"{where}: makes a radiance of {most:g}; at most {POWER_LIMIT:g} is known; make its scale smaller"
+        )
+    return _luminance((float(mean[0]), float(mean[1]), float(mean[2])))
+
+
 def _luminance(color: Color) -> float:
     """Rec. 709 luminance of a colour as the kernels will read it, in single precision."""
-    r, g, b = (float(np.float32(c)) for c in color)
-    return (0.2126 * r + 0.7152 * g) + 0.0722 * b
+    return float(_luminances(np.array([color], np.float32))[0])
+
+
+def _luminances(colors: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The same of many, (n, 3 or more)."""
+    r, g, b = (colors[:, channel].astype(np.float64) for channel in range(3))
+    return np.asarray((0.2126 * r + 0.7152 * g) + 0.0722 * b)
 
 
 def _bounding_radius(surfaces: FlatSurfaces) -> float:

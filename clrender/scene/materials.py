@@ -11,12 +11,14 @@ from clrender.scene.microfacets import METALS, SMOOTH_BELOW
 from clrender.scene.textures import (
     AnyTexture,
     BumpMap,
+    ColorOrTexture,
     NormalMap,
     ReflectanceOrTexture,
     ShareOrTexture,
     textures_of,
 )
 from clrender.scene.values import (
+    POWER_LIMIT,
     Absorption,
     Extinction,
     Finite,
@@ -25,6 +27,7 @@ from clrender.scene.values import (
     Length,
     Name,
     Part,
+    Power,
     Reflectance,
     Vector,
     fault,
@@ -193,6 +196,10 @@ class Principled(_Opaque):
     anisotropy_rotation: _Degrees = Field(0.0, description="degrees, of that direction from the one around the y axis")
     attenuation_color: _AttenuationColor = None
     attenuation_distance: _AttenuationDistance = None
+    emission: ColorOrTexture = Field(
+        (0.0, 0.0, 0.0), description="shapes of it shine as if this times `emission_strength` were their own emission"
+    )
+    emission_strength: Power = 1.0
 
     @model_validator(mode="after")
     def _absorbs_inside(self) -> Principled:
@@ -206,6 +213,19 @@ class Principled(_Opaque):
     def solid(self) -> bool:
         """Whether light goes through it into a medium."""
         return self.transmission != 0.0 and not self.thin
+
+    @property
+    def shines(self) -> bool:
+        """Whether its emission is not black; a texture counts."""
+        return self.emission_strength > 0.0 and self.emission != (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _is_not_too_bright(self) -> Principled:
+        brightest = self.emission_strength * (max(self.emission) if isinstance(self.emission, tuple) else 0.0)
+        if brightest > POWER_LIMIT:
+            sentence = f"makes a radiance of {brightest:g}; at most {POWER_LIMIT:g} is known"
+            raise fault("material", sentence, "emission_strength")
+        return self
 
 
 def _check_attenuation(material: Dielectric | Principled) -> None:

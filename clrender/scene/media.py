@@ -59,7 +59,7 @@ def scene_media(scene: Scene) -> Media:
         There are more than `MEDIA_LIMIT`.
     """
     used = {shape.material for shape in scene.shapes}
-    shining = {shape.material for shape in scene.shapes if shape.emission and any(shape.emission)}
+    shining = {shape.material for shape in scene.shapes if shape.shines}
     media = {
         n: _medium(m)
         for n, m in scene.materials.items()

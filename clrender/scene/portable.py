@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
-from clrender.scene.description import Scene
+from clrender.scene.description import Scene, put_at
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Mesh
 from clrender.scene.texels import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
-from clrender.scene.textures import BumpMap, ImageTexture, NormalMap, textures_of
 from clrender.scene.validation_errors import scene_error
 from clrender.scene.vertex_colors import VertexColors
 from clrender.scene.wording import place as place_in_file
@@ -56,13 +55,11 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
             if mesh.sha256() not in assets:
                 assets[mesh.sha256()] = _packed(mesh)
     store = scene.textures()
-    for name, material in scene.materials.items():
-        for key, texture in textures_of(material):
-            if isinstance(texture, ImageTexture | NormalMap | BumpMap):
-                stored = store.picture(texture)
-                description["materials"][name][key]["texture"] = _PREFIX + stored.sha256
-                if stored.sha256 not in assets:
-                    assets[stored.sha256] = _packed_texture(stored, store.tiles_of(stored))
+    for at, texture in scene.texture_files():
+        stored = store.picture(texture)
+        put_at(description, at, _PREFIX + stored.sha256)
+        if stored.sha256 not in assets:
+            assets[stored.sha256] = _packed_texture(stored, store.tiles_of(stored))
     picture = scene.environment_picture()
     for light in description.get("lights", []) if picture else []:
         if "file" in light:
@@ -90,12 +87,11 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
             place = f"{source}: shapes[{index}].file"
             meshes[shape.asset] = _unpacked(_hash_in(shape.file, place), assets, place)
     textures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}
-    for name, material in scene.materials.items():
-        for key, texture in textures_of(material):
-            if isinstance(texture, ImageTexture | NormalMap | BumpMap) and texture.texture not in textures:
-                place = f"{source}: {place_in_file(('materials', name, key, 'texture'))}"
-                unpacked = _unpacked_texture(_hash_in(texture.texture, place), assets, place)
-                textures[texture.texture] = unpacked.picture, unpacked.tiles
+    for at, texture in scene.texture_files():
+        if texture.texture not in textures:
+            place = f"{source}: {place_in_file(at)}"
+            unpacked = _unpacked_texture(_hash_in(texture.texture, place), assets, place)
+            textures[texture.texture] = unpacked.picture, unpacked.tiles
     scene = scene.with_textures(textures)
     light = scene.environment
     if light is None or light.file is None:

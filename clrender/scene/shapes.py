@@ -7,11 +7,11 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, FailFast, Field, Strict, WithJsonSchema, model_validator
 
+from clrender.scene.textures import ColorOrTexture
 from clrender.scene.values import (
     COORDINATE_LIMIT,
     INLINE_LIMIT,
     NUMBER_OR_TRIPLE,
-    Color,
     FileName,
     Finite,
     Flag,
@@ -102,9 +102,16 @@ class Surface(Part):
 
     needs_similarity: ClassVar[bool] = False
     material: Name | None = Field(None, description="name of a material; without one the shape is black")
-    emission: Color | None = Field(None, description="radiance, W/(sr m2); makes the shape an area light")
+    emission: ColorOrTexture | None = Field(
+        None, description="radiance, W/(sr m2); makes the shape an area light, which shines as a texture if it is one"
+    )
     flip_normals: Flag = False
     transform: Transform = Transform()
+
+    @property
+    def shines(self) -> bool:
+        """Whether it has an emission of its own that is not black; a texture counts."""
+        return self.emission is not None and not (isinstance(self.emission, tuple) and max(self.emission) == 0.0)
 
     @model_validator(mode="after")
     def _transform_fits(self) -> Surface:

@@ -154,7 +154,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
 
 def _is_left_out(shape: Shape, no_boundary: frozenset[str]) -> bool:
     """Whether light passes a shape as if there were none, and it does not shine."""
-    return shape.material in no_boundary and not (shape.emission and any(shape.emission))
+    return shape.material in no_boundary and not shape.shines
 
 
 def _relative(transform: Affine, origin: Vector) -> Affine:

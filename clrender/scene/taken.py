@@ -8,6 +8,7 @@ from clrender.scene.description import Scene
 from clrender.scene.material_rows import has_row
 from clrender.scene.materials import Dielectric, material_textures
 from clrender.scene.shapes import Mesh
+from clrender.scene.textures import Checker, ImageTexture, Ramp
 
 __all__ = ["check_materials"]
 
@@ -42,6 +43,11 @@ def check_materials(scene: Scene, integrator: str) -> None:
                         f"{scene.source}: shapes[{index}].material: {shape.material!r} has {key}, which the integrator "
                         f"{integrator} does not take; leave it out, or use --integrator path"
                     )
+        if isinstance(shape.emission, ImageTexture | Checker | Ramp) and not INTEGRATORS[integrator].textures:
+            raise SceneError(
+                f"{scene.source}: shapes[{index}].emission is a texture, which the integrator {integrator} does not "
+                "take; give it a constant, or use --integrator path"
+            )
         textures = [] if shape.material is None else list(material_textures(scene.materials, shape.material))
         if textures and not INTEGRATORS[integrator].textures:
             raise SceneError(

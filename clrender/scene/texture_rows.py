@@ -1,4 +1,4 @@
-"""Textures as the kernels read them: a row for each, and for each material which of its parameters they stand for."""
+"""Textures as the kernels read them: a row for each, and which of them materials and lights have."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.angles import sin_cos_degrees
 from clrender.scene.description import Scene
+from clrender.scene.emission import shape_emission
 from clrender.scene.materials import OrenNayar
 from clrender.scene.texels import StoredPicture, coded_values
-from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
+from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, Texture, textures_of
 from clrender.scene.values import Vector
 from clrender.scene.wording import place
 
@@ -30,7 +31,7 @@ SLOTS: Final[Mapping[str, int]] = {
     **{name.lower(): slot for name, slot in layout.TEXTURE_SLOTS.items()},
 }
 """Which column of a row of textures a key of a material is."""
-_COLORS: Final = ("reflectance", "f0", "base_color", "specular_color", "sheen_color")
+_COLORS: Final = ("reflectance", "f0", "base_color", "specular_color", "sheen_color", "emission")
 """Keys that hold colours; a file's 8 or 16 bits are sRGB there if nothing else is said."""
 
 
@@ -43,12 +44,15 @@ class FlatTextures:
     rows : (N, 16) float32
         TEXTURE_ROW_* of kernels/types.h.
     slots : (M, 16) float32
-        Bits: for each material the number of the texture in the place of a parameter, or `layout.NONE`.
+        Bits: for each material the number of the texture in the place of a parameter, or `layout.NONE`; at the end of
+        those also for shapes without a material, if one of them shines as a texture.
     values : (K,) float32
         Tables of what numbers of 8 and 16 bits stand for.
     texels : (tiles, 64) uint8
     sha256 : str
         Of the pictures.
+    emission : mapping of int to int
+        Number of the texture that a shape shines as, by the number of the shape.
     """
 
     rows: NDArray[np.float32]
@@ -56,6 +60,7 @@ class FlatTextures:
     values: NDArray[np.float32]
     texels: NDArray[np.uint8]
     sha256: str
+    emission: Mapping[int, int]
 
 
 def flat_textures(scene: Scene) -> FlatTextures:
@@ -66,23 +71,42 @@ def flat_textures(scene: Scene) -> FlatTextures:
     SceneError
         A file cannot be read, or a picture of linear light is said to be sRGB.
     """
-    slots = np.full((max(len(scene.materials), 1), 16), layout.NONE, np.uint32)
+    slots = np.full((len(scene.materials) + 1, 16), layout.NONE, np.uint32)
     rows: list[NDArray[np.float32]] = []
     values = _Values()
     store = scene.textures()
+
+    def add(texture: AnyTexture, at: tuple[str | int, ...], strength: float = 1.0) -> int:
+        picture, key = store.picture(texture), str(at[-1])
+        srgb = _is_srgb(texture, picture, key)
+        if srgb and picture.coding in ("half", "float"):
+            where = f"{scene.source}: {place((*at, 'color_space'))}"
+            raise SceneError(f'{where} is "srgb", but the picture holds linear light; leave it out')
+        row = _row(texture, picture, key, values.of(picture.coding, srgb), values.of(picture.coding, False))
+        row[12:15] *= np.float32(strength)
+        rows.append(row)
+        return len(rows) - 1
+
     for number, (name, material) in enumerate(scene.materials.items()):
         for key, texture in textures_of(material):
-            picture = store.picture(texture)
-            srgb = _is_srgb(texture, picture, key)
-            if srgb and picture.coding in ("half", "float"):
-                where = f"{scene.source}: {place(('materials', name, key, 'color_space'))}"
-                raise SceneError(f'{where} is "srgb", but the picture holds linear light; leave it out')
+            if key == "emission":
+                continue
             of_diffuse = isinstance(material, OrenNayar) and key == "roughness"
-            slots[number, SLOTS["diffuse_roughness" if of_diffuse else key]] = len(rows)
-            rows.append(_row(texture, picture, key, values.of(picture.coding, srgb), values.of(picture.coding, False)))
+            slots[number, SLOTS["diffuse_roughness" if of_diffuse else key]] = add(texture, ("materials", name, key))
+    emission: dict[int, int] = {}
+    known: dict[tuple[Texture, float], int] = {}
+    for index in range(len(scene.shapes)):
+        light = shape_emission(scene, index)
+        if light is not None and light.texture is not None:
+            same = (light.texture, light.strength)
+            if same not in known:
+                known[same] = add(light.texture, light.place, light.strength)
+            emission[index] = known[same]
+    if not any(scene.shapes[index].material is None for index in emission):
+        slots = slots[: max(len(scene.materials), 1)]
     sha256 = hashlib.sha256("".join(each.sha256 for each in store.pictures.values()).encode()).hexdigest()
     whole = np.array(rows, np.float32) if rows else np.zeros((1, 16), np.float32)
-    return FlatTextures(whole, slots.view(np.float32), values.table, store.texels, sha256)
+    return FlatTextures(whole, slots.view(np.float32), values.table, store.texels, sha256, emission)
 
 
 def _is_srgb(texture: AnyTexture, picture: StoredPicture, key: str) -> bool:

@@ -7,12 +7,13 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag, WithJsonSchema
 
-from clrender.scene.values import Finite, Part, Power, Reflectance, Share
+from clrender.scene.values import Color, Finite, Part, Power, Reflectance, Share
 
 __all__ = [
     "AnyTexture",
     "BumpMap",
     "Checker",
+    "ColorOrTexture",
     "ImageTexture",
     "NormalMap",
     "Ramp",
@@ -137,6 +138,7 @@ _Texture: TypeAlias = (
     Annotated[ImageTexture, Tag("<texture>")] | Annotated[Checker, Tag("<checker>")] | Annotated[Ramp, Tag("<ramp>")]
 )
 ReflectanceOrTexture: TypeAlias = Annotated[Annotated[Reflectance, Tag("<constant>")] | _Texture, Discriminator(_form)]
+ColorOrTexture: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | _Texture, Discriminator(_form)]
 ShareOrTexture: TypeAlias = Annotated[Annotated[Share, Tag("<constant>")] | _Texture, Discriminator(_form)]
 
 

@@ -68,7 +68,7 @@ __kernel void rows_lights(__global const Light* lights, __global const float* ve
     const Light l = lights[i];
     float row[16] = {0.0f};
     rows_vector(row + LIGHT_ROW_RADIANCE, l.radiance);
-    row[LIGHT_ROW_KIND] = as_float(l.kind);
+    row[LIGHT_ROW_KIND] = as_float(l.kind | (l.texture << LIGHT_TEXTURE));
     row[LIGHT_ROW_PROBABILITY] = l.probability;
     if (l.place != NONE) row[LIGHT_ROW_PLACE] = as_float(l.place);
     row[LIGHT_ROW_PRIMITIVE] = as_float(l.primitive);

@@ -96,18 +96,6 @@ static void surface_round(const Ray* ray, vfloat distance, const vfloat row[16],
 }
 
 #ifdef TEXTURES
-// What textures need to know of each lane's primitive. All four texels around a point are read, if surface_random does not say otherwise.
-static void surface_attributes(const Scene* scene, vmask textured, Surface* s) {
-    Attributes* a = &s->attributes;
-    a->textured = textured;
-    a->sphere = a->disk = mask_none();
-    a->out = vec3_all(0.0f);
-    a->radius = splat(0.0f);
-    a->taps.u = a->taps.v = splat(0.0f);
-    a->taps.random = 0;
-    lane_rows(scene->attribute_rows, textured ? s->primitive : splat_uint(0u), a->row);
-}
-
 // Choose among texels at random from here on: at the vertex of a path at this depth.
 static void surface_random(Surface* s, Sampler sampler, vuint depth) {
     vuint bits_u, bits_v;
@@ -145,7 +133,7 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     const vmask round = s.primitive >= scene->settings->triangle_count;
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
 #ifdef TEXTURES
-    surface_attributes(scene, active & ((kind_and_flags & (SHAPE_TEXTURED << ROW_FLAGS)) != 0u), &s);
+    s.attributes = mapping_attributes(scene, s.primitive, active & ((kind_and_flags & (SHAPE_TEXTURED << ROW_FLAGS)) != 0u));
 #endif
     surface_triangle(scene, ray, row, smooth, &s);
     if (lane_any(round)) surface_round(ray, hit.distance, row, round, &s);

@@ -71,7 +71,7 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
     vfloat pdf = splat(0.0f);
     if (lane_any(shines)) {
         const LightRow light = light_of(scene, surface, shines);
-        emitted = light.radiance;
+        emitted = emission_found(scene, &light, surface, shines);
         pdf = light_pdf(scene, &light, surface, path->ray.origin, path->normal);
     }
     if (lane_any(outside)) {

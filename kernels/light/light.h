@@ -6,7 +6,9 @@
 #include "core/sampler.h"
 #include "geometry/surface.h"
 #include "light/area.h"
+#include "light/emission.h"
 #include "light/environment.h"
+#include "light/row.h"
 #include "light/tree.h"
 #include "scene.h"
 
@@ -19,22 +21,6 @@ typedef struct {
     vmask delta;         // a point or a direction: nothing else can find it
     vmask infinite;
 } LightSample;
-
-// A light's row (types.h, LIGHT_ROW_*), and what every kind of light has in it.
-typedef struct {
-    vfloat row[16];
-    vec3 radiance;
-    vuint kind, primitive;
-} LightRow;
-
-static LightRow light_at(const Scene* scene, vuint light) {
-    LightRow l;
-    lane_rows(scene->light_rows, light, l.row);
-    l.radiance = vec3_row(l.row, LIGHT_ROW_RADIANCE);
-    l.kind = vfloat_bits(l.row[LIGHT_ROW_KIND]);
-    l.primitive = vfloat_bits(l.row[LIGHT_ROW_PRIMITIVE]);
-    return l;
-}
 
 // Of so many lights a choice takes digits that the point on the light would lack.
 #define LIGHT_FEW 256u
@@ -107,9 +93,10 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     LightSample s;
     s.direction = direction_of(to);
     s.target = choose(point, center, clear);
-    s.radiance = choose(point, scale(l->radiance, inverse_or_one(distance2)), l->radiance);
     s.pdf = (point | directional) ? probability : area.pdf * probability;
     s.pdf = (l->primitive == own) & !(sphere & (facing < 0.0f)) ? splat(0.0f) : s.pdf;
+    const vec3 emitted = emission_sampled(scene, l, area.point, area.normal, u, v, s.pdf > 0.0f);
+    s.radiance = choose(point, scale(l->radiance, inverse_or_one(distance2)), emitted);
     s.primitive = (triangle | sphere | disk) ? l->primitive : splat_uint(NONE);
     s.delta = point | directional;
     s.infinite = directional | environment;
@@ -142,8 +129,8 @@ static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vu
     return light_sample_chosen(scene, origin, own, &choice, mask_all());
 }
 
-// Whitted's lights: the whole light as if it shone from its centre, with nothing left to chance, for the point `origin` of the primitive
-// `own`. An environment has no centre and gives nothing; nor does a surface that turns its dark side to the point. `radiance` stands for
+// Whitted's lights: the whole light as if it shone from its centre with its mean radiance, with nothing left to chance, for the point
+// `origin` of the primitive `own`. An environment has no centre and gives nothing; nor does a surface that turns its dark side to the point. `radiance` stands for
 // what a delta light's does, so `pdf` is 1 where there is light.
 static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own, vuint light) {
     const LightRow l = light_at(scene, light);
@@ -179,7 +166,9 @@ static LightRow light_of(const Scene* scene, const Surface* s, vmask shines) { r
 // The radiance that it sends there.
 static vec3 light_emitted(const Scene* scene, const Surface* s, vmask found) {
     const vmask shines = found & light_shines(s);
-    return lane_any(shines) ? choose(shines, light_of(scene, s, shines).radiance, vec3_all(0.0f)) : vec3_all(0.0f);
+    if (!lane_any(shines)) return vec3_all(0.0f);
+    const LightRow light = light_of(scene, s, shines);
+    return choose(shines, emission_found(scene, &light, s, shines), vec3_all(0.0f));
 }
 
 // The density, per steradian, with which light_sample chooses that point of its light from `origin`, with this normal.

@@ -73,7 +73,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     const vmask surface = triangle | sphere | disk;
     const vec3 forwards = direction_again(frame_to_world(frame_around(from.normal), warp_cosine_hemisphere(u2, v2)));
     vec3 direction = choose(surface, forwards, choose(directional, a, anywhere));
-    vec3 radiance = l.radiance;
+    vec3 radiance = emission_sampled(scene, &l, from.point, from.normal, u, v, surface);
 #ifdef ENVIRONMENT_MAP
     // Where the environment is brighter more photons start: each direction stands for the same flux, up to its colour
     if (lane_any(environment)) {

@@ -9,7 +9,7 @@
 
 // What a surface with textures has beside a Surface.
 typedef struct {
-    vmask textured;          // its material has textures
+    vmask textured;          // its material has textures, or it shines as one
     vmask sphere, disk;      // else it is a triangle
     vfloat row[16];          // ATTRIBUTE_ROW_*
     vec3 ab, ac;             // triangle: two edges, and the barycentric weights of B and C
@@ -18,6 +18,19 @@ typedef struct {
     vfloat radius;
     Taps taps;
 } Attributes;
+
+// Those of each lane's primitive, without the point. All four texels around it are read, if surface_random does not say otherwise.
+static Attributes mapping_attributes(const Scene* scene, vuint primitive, vmask textured) {
+    Attributes a;
+    a.textured = textured;
+    a.sphere = a.disk = mask_none();
+    a.out = vec3_all(0.0f);
+    a.radius = splat(0.0f);
+    a.taps.u = a.taps.v = splat(0.0f);
+    a.taps.random = 0;
+    lane_rows(scene->attribute_rows, textured ? primitive : splat_uint(0u), a.row);
+    return a;
+}
 
 // atan(x) / 2π for x in [0, 1]: a minimax polynomial, absolute error below 3e-8.
 static vfloat mapping_small_turn(vfloat x) {

@@ -23,6 +23,7 @@ from clrender.image.files import write_image
 from clrender.job import RenderJob
 from clrender.scene import Scene
 from clrender.scene.mesh_io import read_mesh
+from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.scene.texels import TILE_BYTES, TexelStore, tile_shape
 from clrender.scene.textures import ImageTexture
 
@@ -74,6 +75,84 @@ def test_radiosity_takes_no_textures(tmp_path: Path) -> None:
         SceneError, match=r"shapes\[0\].material: 'm' has a texture \(reflectance\), which the integrat"
     ):
         RenderJob.of(what, integrator="radiosity")
+
+
+@pytest.mark.parametrize(
+    ("emission", "expected"),
+    [
+        ([1.0, -1.0, 1.0], "shapes[0].emission[1] is -1.0, but must be at least 0"),
+        ("a.png", "shapes[0].emission is the text"),
+        ({"texture": 3}, "shapes[0].emission.texture is 3, but must be a text"),
+        ({"textur": "a.png"}, 'shapes[0].emission.textur is an unknown key; did you mean "texture"?'),
+        ({"checker": [1, -1]}, "shapes[0].emission.checker[1][0] is -1, but must be at least 0"),
+    ],
+)
+def test_bad_emissions(emission: Any, expected: str) -> None:
+    with pytest.raises(SceneError) as error:
+        Scene(camera=CAMERA, shapes=[{"type": "sphere", "radius": 1, "emission": emission}])
+    assert expected in str(error.value), str(error.value)
+
+
+def test_pictures_that_are_no_radiance(tmp_path: Path) -> None:
+    write_image(tmp_path / "dark.exr", np.full((3, 2, 3), -0.5))
+    write_image(tmp_path / "sun.exr", np.full((3, 2, 3), 1e6))
+    write_image(tmp_path / "p.exr", np.ones((3, 2, 3)))
+    for emission, expected in (
+        ({"texture": "none.png"}, r's.toml: shapes\[0\].emission.texture: "none.png" does not exist'),
+        ({"texture": "dark.exr"}, r"s.toml: shapes\[0\].emission: the picture holds -0.5, but radiance is at least 0"),
+        ({"texture": "sun.exr", "scale": 1e7}, r"shapes\[0\].emission: makes a radiance of 1e\+13; at most 1e\+12"),
+        ({"texture": "p.exr", "color_space": "srgb"}, r's.toml: shapes\[0\].emission.color_space is "srgb", but the p'),
+    ):
+        with pytest.raises(SceneError, match=expected):
+            flatten(scene(tmp_path, {"type": "sphere", "radius": 1, "emission": emission}), 8, 8)
+    glow = {"type": "principled", "emission": {"texture": "dark.exr"}, "emission_strength": 2.0}
+    with pytest.raises(SceneError, match=r"s.toml: materials.glow.emission: the picture holds -1, but radiance is"):
+        flatten(scene(tmp_path, {"type": "sphere", "radius": 1, "material": "glow"}, glow=glow), 8, 8)
+    corners = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
+    with pytest.raises(SceneError, match=r"shapes\[0\] has no texture coordinates, which its emission needs; export"):
+        flatten(scene(tmp_path, {"type": "mesh", **corners, "emission": {"texture": "p.exr"}}), 8, 8)
+    with pytest.raises(SceneError, match=r"shapes\[0\].emission is a texture, which the integrator radiosity does not"):
+        what = scene(tmp_path, {"type": "sphere", "radius": 1, "emission": {"checker": [0, 1]}})
+        RenderJob.of(what, integrator="radiosity")
+
+
+def test_one_emission_and_none_in_mixtures() -> None:
+    glow = {"type": "principled", "emission": {"checker": [0, 1]}}
+    ball = {"type": "sphere", "radius": 1, "material": "glow"}
+    expected = r"shapes\[0\].emission is given beside materials.glow.emission; keep one of them"
+    with pytest.raises(SceneError, match=expected):
+        Scene(camera=CAMERA, shapes=[{**ball, "emission": [1, 1, 1]}], materials={"glow": glow})
+    Scene(
+        camera=CAMERA, shapes=[{**ball, "emission": [1, 1, 1]}], materials={"glow": {**glow, "emission_strength": 0.0}}
+    )
+    mixed = {"type": "mix", "materials": ["glow", "glow"]}
+    with pytest.raises(
+        SceneError, match=r'materials.m.materials\[0\] names "glow", which has emission; in a mixture it'
+    ):
+        Scene(camera=CAMERA, materials={"glow": glow, "m": mixed})
+    bright = {"type": "principled", "emission": [0, 1e9, 0], "emission_strength": 1e4}
+    with pytest.raises(SceneError, match=r"materials.m.emission_strength makes a radiance of 1e\+13; at most 1e\+12"):
+        Scene(camera=CAMERA, materials={"m": bright})
+
+
+def test_emission_travels_with_the_scene(tmp_path: Path) -> None:
+    """To another process, and into the scene's hash: by the pixels, not by the name of the file."""
+    Image.fromarray(COLORS).save(tmp_path / "a.png")
+    Image.fromarray(COLORS).save(tmp_path / "b.png")
+    Image.fromarray(COLORS[::-1]).save(tmp_path / "c.png")
+
+    def lamps(name: str) -> Scene:
+        glow = {"type": "principled", "emission": {"texture": name}, "emission_strength": 2.0}
+        balls = [{"type": "sphere", "radius": 1, "emission": {"texture": name}}, {"type": "sphere", "radius": 2}]
+        return scene(tmp_path, balls[0], {**balls[1], "material": "glow"}, glow=glow)
+
+    assert lamps("a.png").sha256() == lamps("b.png").sha256() != lamps("c.png").sha256()
+    sent = scene_from_portable(*scene_to_portable(lamps("a.png")))
+    assert flatten(sent, 8, 8).sha256 == flatten(lamps("a.png"), 8, 8).sha256
+    # One row for each strength, after those of materials
+    lights = flatten(sent, 8, 8).arrays["lights"]
+    assert lights["texture"].tolist() == [1, 2]
+    np.testing.assert_allclose(lights["radiance"][1, :3], 2.0 * lights["radiance"][0, :3], rtol=1e-6)
 
 
 def test_linear_light_is_not_srgb(tmp_path: Path) -> None:

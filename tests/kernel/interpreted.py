@@ -74,7 +74,7 @@ class Run:
     interiors : bool
         With dielectrics that overlap and absorb, and the camera in one of them.
     textured : bool
-        With textures and normal and bump maps.
+        With textures, also as emission, and normal and bump maps.
     """
 
     kernel: str
@@ -101,6 +101,7 @@ RENDERS: Final = {
     "whitted-1-interiors": Run("whitted", 1, samples=2, interiors=True),
     "path-4-textured": Run("path", 4, samples=2, textured=True),
     "whitted-1-textured": Run("whitted", 1, textured=True),
+    "photon-4-textured": Run("photon", 4, textured=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -133,7 +134,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
     lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in (faces + 1).tolist()]
     (folder / "ball.obj").write_text("\n".join([*lines, ""]))
     color = (0.7, 0.6, 0.5)
-    shapes = [
+    shapes: list[dict[str, Any]] = [
         {"type": "quad", "origin": (-3, -0.5, 3), "edge_u": (6, 0, 0), "edge_v": (0, 0, -6), "material": "matt"},
         {"type": "box", "center": (0.8, -0.2, -0.6), "size": (0.7, 0.6, 0.7), "material": "mirror"},
         {"type": "tetrahedron", "vertices": ((-0.2, -0.5, 0.9), (0.3, -0.5, 1.0), (0.0, -0.5, 1.4), (0.0, 0.0, 1.1))},
@@ -170,6 +171,13 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "matt": {"type": "lambert", "reflectance": {"texture": "p.png", "wrap": ["mirror", "clamp"]}, **maps(folder)},
         "mirror": {"type": "mirror", "reflectance": {"ramp": [color, 0.5]}, "normal_map": {"texture": "p.png"}},
     }
+    if run.textured:
+        for number, emission in (
+            (4, {"texture": "p.png"}),
+            (5, {"ramp": [color, 4.0]}),
+            (7, {"checker": [color, 0.0]}),
+        ):
+            shapes[number]["emission"] = emission
     described = {
         "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
         "materials": {

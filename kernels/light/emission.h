@@ -1,0 +1,48 @@
+// The radiance that a surface sends out by itself, where it may be a texture. Built only where a scene has such lights
+// (-D EMISSION_TEXTURES): elsewhere it is what the light's row says.
+//
+// The choice of a light goes by its mean radiance and its points are all as likely, so no density depends on the texture.
+#ifndef LIGHT_EMISSION_H
+#define LIGHT_EMISSION_H
+
+#include "core/warp.h"
+#include "geometry/surface.h"
+#include "light/row.h"
+#ifdef EMISSION_TEXTURES
+#include "texture/parameter.h"
+
+static vec3 emission_at(const Scene* scene, const LightRow* l, const Attributes* a, vmask where) {
+    const vmask textured = where & (l->texture != 0u);
+    return lane_any(textured) ? choose(textured, parameter_texture(scene, a, l->texture - 1u, textured), l->radiance) : l->radiance;
+}
+#endif
+
+// At a surface that was found, and is the light `l` where it `shines`.
+static vec3 emission_found(const Scene* scene, const LightRow* l, const Surface* s, vmask shines) {
+#ifdef EMISSION_TEXTURES
+    return emission_at(scene, l, &s->attributes, shines);
+#else
+    return l->radiance;
+#endif
+}
+
+// At the point of the light that u and v stand for; `normal` is that of its front.
+static vec3 emission_sampled(const Scene* scene, const LightRow* l, vec3 point, vec3 normal, vfloat u, vfloat v, vmask where) {
+#ifdef EMISSION_TEXTURES
+    const vmask textured = where & (l->texture != 0u);
+    if (!lane_any(textured)) return l->radiance;
+    const vfloat radius = l->row[LIGHT_ROW_RADIUS];
+    Attributes a = mapping_attributes(scene, l->primitive, textured);
+    a.sphere = l->kind == LIGHT_AREA_SPHERE, a.disk = l->kind == LIGHT_AREA_DISK;
+    a.ab = a.ac = vec3_all(0.0f);
+    a.radius = radius;
+    warp_triangle(u, v, &a.weight_b, &a.weight_c);
+    const vec3 from_center = scale(sub(point, vec3_row(l->row, LIGHT_ROW_CENTER)), inverse_or_one(radius));
+    a.out = choose(a.sphere, scale(normal, l->row[LIGHT_ROW_FACING]), from_center);
+    return emission_at(scene, l, &a, textured);
+#else
+    return l->radiance;
+#endif
+}
+
+#endif
