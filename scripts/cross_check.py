@@ -26,8 +26,12 @@ _BATCHES: Final = 6
 _SIDE: Final = 48
 _SPP: Final = 512
 _TILES: Final = 4
+_ROUNDING: Final = 1e-4
+"""What single precision and the pictures' formats may change, of a mean: some tiles have no noise at all."""
 _LEVEL: Final = 0.01
 """False alarms over all means, and over all tiles."""
+_SHARP: Final = 0.002
+"""Standard error of a mean of which 0.5 % can be told: caustics of small lights leave some without an answer."""
 _HALF: Final = 2.0
 """Half the side of the room, metres."""
 
@@ -90,7 +94,8 @@ class _Maker:
             "reflectance": {"texture": f"texture{number}.png", "color_space": "srgb"},
         }
         if number == 1:
-            tilts = self.random.normal(size=(8, 8, 3)) * [25.0, 25.0, 0.0] + [127.5, 127.5, 240.0]
+            # Little: where a normal turns away from the viewer the two renderers mend it in different ways.
+            tilts = self.random.normal(size=(8, 8, 3)) * [5.0, 5.0, 0.0] + [128.0, 128.0, 254.0]
             Image.fromarray(tilts.clip(0, 255).astype(np.uint8)).save(self.folder / "normals.png")
             made["normal_map"] = {"texture": "normals.png"}
         return made
@@ -208,7 +213,7 @@ def _compare(folders: list[Path]) -> bool:
     import clrender
     from clrender.agreement.significance import holm, welch
 
-    means, tiles, ratios = [], [], []
+    means, tiles, ratios, errors = [], [], [], []
     with clrender.Session() as session:
         for folder in folders:
             scene = clrender.load(str(folder / "scene.json"))
@@ -221,17 +226,19 @@ def _compare(folders: list[Path]) -> bool:
                 for x in (own, other)
             ]
             whole = [x.astype(np.float64).mean((1, 2)) for x in (own, other)]
-            mean, tile = welch(*whole), welch(*split)
+            mean, tile = (welch(a, b, _ROUNDING * b.mean(0)) for a, b in (whole, split))
             ratios.append(float(whole[0].mean() / whole[1].mean()))
             means.append(mean.p)
             tiles.append(tile.p)
             z = tile.z[np.abs(tile.z).argmax()]
-            error = float(np.abs(mean.error / whole[1].mean(0)).max())
-            print(f"{folder.name}: ratio {ratios[-1]:.5f}, error {error:.5f}, worst tile z {z:+.1f}", flush=True)
+            errors.append(float(np.abs(mean.error / whole[1].mean(0)).max()))
+            print(f"{folder.name}: ratio {ratios[-1]:.5f}, error {errors[-1]:.5f}, worst tile z {z:+.1f}", flush=True)
     rejected = [int(holm(np.concatenate(p), _LEVEL).sum()) for p in (means, tiles)]
-    far = sum(abs(ratio - 1.0) > 0.005 for ratio in ratios)
+    sharp = [ratio for ratio, error in zip(ratios, errors, strict=True) if error < _SHARP]
+    far = sum(abs(ratio - 1.0) > 0.005 for ratio in sharp)
     print(
-        f"{len(folders)} scenes: {rejected[0]} means and {rejected[1]} tiles differ significantly, {far} means by 0.5 %"
+        f"{len(folders)} scenes: {rejected[0]} means and {rejected[1]} tiles differ significantly; "
+        f"of {len(sharp)} means that are known to {_SHARP:.1%} {far} differ by 0.5 %"
     )
     return not any(rejected)
 

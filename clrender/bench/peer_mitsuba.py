@@ -24,7 +24,9 @@ def texture(value: Any, folder: Path) -> Any:
     """A constant colour, or a bitmap."""
     if isinstance(value, dict):
         raw = value.get("color_space") != "srgb"
-        return {"type": "bitmap", "filename": str(folder / value["texture"]), "raw": raw}
+        # The first row lies at v = 0 there, and at v = 1 in clrender.
+        upright = mitsuba.ScalarTransform4f().scale([1.0, -1.0, 1.0])
+        return {"type": "bitmap", "filename": str(folder / value["texture"]), "raw": raw, "to_uv": upright}
     return color(value)
 
 
@@ -51,7 +53,8 @@ def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
         one = {"type": "diffuse", "reflectance": texture(described["reflectance"], folder)}
     if "normal_map" in described:
         bitmap = texture(described["normal_map"], folder)
-        one = {"type": "normalmap", "normalmap": bitmap, "nested": one}
+        # What clrender has not: a microsurface of the map's own (Schüssler et al. 2017).
+        one = {"type": "normalmap", "normalmap": bitmap, "nested": one, "use_shadowing_function": False}
     return {"type": "twosided", "one": one}
 
 

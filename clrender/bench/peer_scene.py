@@ -96,7 +96,7 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
             parts.append(Part(f"mesh{number}", materials[shape["material"]], None, *_read_ply(file), file))
         else:
             groups.setdefault(json.dumps([shape["material"], shape.get("emission")]), []).append(shape)
-    for key, shapes in groups.items():
+    for number, (key, shapes) in enumerate(groups.items()):
         name, emission = json.loads(key)
         pieces = [_triangles(shape) for shape in shapes]
         all_quads = all(shape["type"] == "quad" for shape in shapes)
@@ -106,7 +106,9 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
         offsets = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
         vertices = np.concatenate([vertices for vertices, _ in pieces]).astype(np.float32)
         faces = np.concatenate([faces + offset for (_, faces), offset in zip(pieces, offsets, strict=True)])
-        group = Part(f"group_{name}", materials[name], emission, vertices, faces.astype(np.int32), coordinates=corners)
+        group = Part(
+            f"group{number}_{name}", materials[name], emission, vertices, faces.astype(np.int32), coordinates=corners
+        )
         parts.append(group)
     return parts, spheres
 
