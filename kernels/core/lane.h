@@ -183,31 +183,29 @@ static vuint lane_rank(vmask m) {
 static vfloat lane_gather(__global const float* table, vuint index) { return LANE_LOOK_UP(float, table, index); }
 static vuint lane_look_up(const uint* array, vuint index) { return LANE_LOOK_UP(uint, array, index); }
 
-// Four neighbouring numbers of a table for each lane, from `index` on: `columns[k]` are the k-th. Loaded together and sorted by their
-// place, even ones from odd ones twice, they cost little more than one.
+// Four neighbouring numbers of a table for each lane, from `index` on: `columns[k]` are the k-th. Loaded together they cost little more
+// than one. Their vectors are not joined into longer ones: over that Oclgrind 21.10 crashes.
 static void lane_quads(__global const float* table, vuint index, vfloat columns[4]) {
 #if LANES == 1
     const float4 quad = vload4(0, table + index);
     columns[0] = quad.x, columns[1] = quad.y, columns[2] = quad.z, columns[3] = quad.w;
 #else
 #define LANE_QUAD(lane) vload4(0, table + index.lane)
-#if LANES == 16
-    const float16 a = (float16)(LANE_QUAD(s0), LANE_QUAD(s1), LANE_QUAD(s2), LANE_QUAD(s3));
-    const float16 b = (float16)(LANE_QUAD(s4), LANE_QUAD(s5), LANE_QUAD(s6), LANE_QUAD(s7));
-    const float16 c = (float16)(LANE_QUAD(s8), LANE_QUAD(s9), LANE_QUAD(sa), LANE_QUAD(sb));
-    const float16 d = (float16)(LANE_QUAD(sc), LANE_QUAD(sd), LANE_QUAD(se), LANE_QUAD(sf));
-#elif LANES == 8
-    const float8 a = (float8)(LANE_QUAD(s0), LANE_QUAD(s1)), b = (float8)(LANE_QUAD(s2), LANE_QUAD(s3));
-    const float8 c = (float8)(LANE_QUAD(s4), LANE_QUAD(s5)), d = (float8)(LANE_QUAD(s6), LANE_QUAD(s7));
-#else
     const float4 a = LANE_QUAD(s0), b = LANE_QUAD(s1), c = LANE_QUAD(s2), d = LANE_QUAD(s3);
+#if LANES == 4
+#define LANE_COLUMN(k) (float4)(a.k, b.k, c.k, d.k)
+#else
+    const float4 e = LANE_QUAD(s4), f = LANE_QUAD(s5), g = LANE_QUAD(s6), h = LANE_QUAD(s7);
+#if LANES == 8
+#define LANE_COLUMN(k) (float8)(a.k, b.k, c.k, d.k, e.k, f.k, g.k, h.k)
+#else
+    const float4 i = LANE_QUAD(s8), j = LANE_QUAD(s9), l = LANE_QUAD(sa), m = LANE_QUAD(sb);
+    const float4 n = LANE_QUAD(sc), o = LANE_QUAD(sd), p = LANE_QUAD(se), q = LANE_QUAD(sf);
+#define LANE_COLUMN(k) (float16)(a.k, b.k, c.k, d.k, e.k, f.k, g.k, h.k, i.k, j.k, l.k, m.k, n.k, o.k, p.k, q.k)
 #endif
-    const vfloat even = (vfloat)(a.even, b.even), even_later = (vfloat)(c.even, d.even);
-    const vfloat odd = (vfloat)(a.odd, b.odd), odd_later = (vfloat)(c.odd, d.odd);
-    columns[0] = (vfloat)(even.even, even_later.even);
-    columns[1] = (vfloat)(odd.even, odd_later.even);
-    columns[2] = (vfloat)(even.odd, even_later.odd);
-    columns[3] = (vfloat)(odd.odd, odd_later.odd);
+#endif
+    columns[0] = LANE_COLUMN(s0), columns[1] = LANE_COLUMN(s1);
+    columns[2] = LANE_COLUMN(s2), columns[3] = LANE_COLUMN(s3);
 #endif
 }
 
