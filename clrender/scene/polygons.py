@@ -112,8 +112,8 @@ def _split(outlines: NDArray[np.float64], fan: NDArray[np.int64], label: str) ->
 
 def _projected(outlines: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Polygons along an axis, turning counter-clockwise: (F, n, 2), and twice their areas: (F,)."""
-    relative = outlines - outlines[:, :1]
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused by who asked
+        relative = outlines - outlines[:, :1]
         normal = np.cross(relative[:, 1:-1], relative[:, 2:]).sum(axis=1)
     axis = np.argmax(np.abs(normal), axis=1)
     rows = np.arange(len(outlines))
@@ -125,11 +125,12 @@ def _projected(outlines: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDAr
 
 def _on_a_line(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which of the polygons (F, n, 3) lie on a line."""
-    relative = outlines - outlines[:, :1]
-    lengths = (relative**2).sum(axis=2)
-    longest = np.take_along_axis(relative, np.argmax(lengths, axis=1)[:, None, None], axis=1)
-    across = np.abs(np.cross(relative, longest)).max(axis=(1, 2), initial=0.0)
-    return np.asarray(across <= _TOLERANCE * lengths.max(axis=1, initial=0.0))
+    with np.errstate(over="ignore", invalid="ignore"):
+        relative = outlines - outlines[:, :1]
+        lengths = (relative**2).sum(axis=2)
+        longest = np.take_along_axis(relative, np.argmax(lengths, axis=1)[:, None, None], axis=1)
+        across = np.abs(np.cross(relative, longest)).max(axis=(1, 2), initial=0.0)
+        return np.asarray(across <= _TOLERANCE * lengths.max(axis=1, initial=0.0))
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:

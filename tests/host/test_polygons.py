@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import numpy.typing as npt
@@ -104,3 +105,12 @@ def test_huge_polygons() -> None:
     with pytest.raises(SceneError, match=f"m has a concave polygon of {CORNER_LIMIT + 10} corners"):
         triangulate(circle * (1 + 0.5 * (np.arange(len(circle)) % 2))[:, None], np.arange(len(circle)),
                     np.array([len(circle)]), "m")  # fmt: skip
+
+
+@pytest.mark.parametrize("far", [1e200, 1e300, math.inf])
+def test_coordinates_out_of_range_warn_of_nothing(far: float) -> None:
+    """Whoever reads the file refuses them, in one sentence."""
+    line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [far, 0.0, 0.0], [3.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        triangulate(line, np.arange(5), np.array([5]), "mesh")
