@@ -54,12 +54,12 @@ class _Maker:
         self.any = [f"diffuse{i}" for i in range(3)]
         self.any.append(self._material("mirror", {"type": "mirror", "reflectance": self._color(0.6, 0.95)}))
         self.any.append(self._material("glass", {"type": "dielectric", "ior": round(self._number(1.2, 1.9), 3)}))
-        rough = {"ior": round(self._number(1.2, 1.8), 3), "roughness": round(self._number(0.15, 0.3), 3)}
+        rough = {"ior": round(self._number(1.2, 1.8), 3), "roughness": round(self._number(0.1, 0.15), 3)}
         self.any.append(self._material("rough_glass", {"type": "dielectric", **rough}))
         metal = {
             "eta": self._color(0.2, 3.0),
             "k": self._color(2.0, 4.5),
-            "roughness": round(self._number(0.1, 0.3), 3),
+            "roughness": round(self._number(0.1, 0.15), 3),
         }
         self.any.append(self._material("metal", {"type": "conductor", **metal}))
 
@@ -87,6 +87,8 @@ class _Maker:
         """A lambertian picture of a few large texels; the second one has a normal map as well."""
         from PIL import Image
 
+        from clrender.image.files import write_image
+
         texels = self.random.integers(30, 240, (int(self.random.integers(2, 9)), int(self.random.integers(2, 9)), 3))
         Image.fromarray(texels.astype(np.uint8)).save(self.folder / f"texture{number}.png")
         made: dict[str, Any] = {
@@ -94,10 +96,11 @@ class _Maker:
             "reflectance": {"texture": f"texture{number}.png", "color_space": "srgb"},
         }
         if number == 1:
-            # Little: where a normal turns away from the viewer the two renderers mend it in different ways.
-            tilts = self.random.normal(size=(8, 8, 3)) * [5.0, 5.0, 0.0] + [128.0, 128.0, 254.0]
-            Image.fromarray(tilts.clip(0, 255).astype(np.uint8)).save(self.folder / "normals.png")
-            made["normal_map"] = {"texture": "normals.png"}
+            # Little: where a normal turns away from the viewer the two renderers mend it in different ways. Not of 8
+            # bits, whose middle is 128 here and 127.5 there.
+            tilts = self.random.normal(size=(8, 8, 3)) * [0.02, 0.02, 0.0] + [0.5, 0.5, 1.0]
+            write_image(self.folder / "normals.exr", tilts.astype(np.float32))
+            made["normal_map"] = {"texture": "normals.exr"}
         return made
 
     def make(self) -> dict[str, Any]:
@@ -181,14 +184,15 @@ class _Maker:
         if not mapped:
             self.lights.append({"type": "environment", "radiance": self._color(0.1, 1.0)})
             return
-        from clrender.image.radiance_hdr import write_hdr
+        from clrender.image.files import write_image
 
         sky = self.random.uniform(0.1, 1.0, (32, 64, 3)).astype(np.float32)
         row, column = int(self.random.integers(4, 14)), int(self.random.integers(64))
         sky[row, column] = self._number(100.0, 400.0)
-        with (self.folder / "sky.hdr").open("wb") as file:
-            write_hdr(file, sky)
-        self.lights.append({"type": "environment", "file": "sky.hdr"})
+        # In blocks: the rows of Mitsuba's maps reach from pole to pole, so that one of H is H / (H - 1) of ours. Not as
+        # .hdr, whose mantissas are m + 1/2 here, as in Radiance, and m there.
+        write_image(self.folder / "sky.exr", sky.repeat(32, axis=0).repeat(32, axis=1))
+        self.lights.append({"type": "environment", "file": "sky.exr"})
 
 
 def _in_mitsuba(folders: list[Path]) -> None:
