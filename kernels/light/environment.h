@@ -166,7 +166,7 @@ static vfloat environment_linear(vfloat a, vfloat b, vfloat p) {
     return bounded(p * (a1 + b1) * inverse_or_one(below), 0.0f, 1.0f);
 }
 
-// Narrow the columns down to those that a row's guide table allows for the part `v` of its light.
+// Narrow a search down to what a guide table, which begins at `first`, allows for the part `v` of all light.
 static void environment_guided(__global const float* guides, vuint first, uint count, vfloat v, vuint* low, vuint* high) {
     const vuint entry = first + vuint_from_int(vint_of(v * (float)count));
     *low = vfloat_bits(lane_gather(guides, entry));
