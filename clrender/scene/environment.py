@@ -201,7 +201,7 @@ class _Arrays:
     @classmethod
     def empty(cls, height: int, width: int) -> _Arrays:
         # A search begins in a line of memory that it reads anyway, so four pixels may share an entry.
-        band_guides, guides = _power_of_two(height + 1), _power_of_two(max(width // 4, 1))
+        band_guides, guides = _power_of_two(height + 1), _power_of_two(width)
         shapes = (HEAD_WORDS,), (height + 1, 8), (band_guides + 1,), (height, width + 1, 3), (height, guides + 1)
         sizes = [math.prod(shape) for shape in shapes]
         words = np.zeros(sum(sizes), np.float32)

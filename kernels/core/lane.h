@@ -165,6 +165,13 @@ static vuint lane_rank(vmask m) {
 #else
 #define prefetch_line(address) ((void)(address))
 #endif
+static void lane_prefetch(__global const float* table, vuint index) {
+#ifdef PREFETCH
+    uint at[LANES];
+    lane_store(index, at);
+    for (int lane = 0; lane < LANES; ++lane) prefetch_line(table + at[lane]);
+#endif
+}
 
 // A number for each lane, from its own place in an array. Written out: of a loop over the lanes compilers make a gather instruction with
 // its indices and its result in memory, five times as slow.
@@ -181,7 +188,6 @@ static vuint lane_rank(vmask m) {
 #define LANE_LOOK_UP(type, array, at) ((array)[at])
 #endif
 static vfloat lane_gather(__global const float* table, vuint index) { return LANE_LOOK_UP(float, table, index); }
-static vuint lane_look_up(const uint* array, vuint index) { return LANE_LOOK_UP(uint, array, index); }
 
 // Four neighbouring numbers of a table for each lane, from `index` on: `columns[k]` are the k-th. Loaded together they cost little more
 // than one. Their vectors are not joined into longer ones: over that Oclgrind 21.10 crashes.
@@ -220,6 +226,12 @@ __attribute__((always_inline)) static void lane_rows(__global const float* table
     columns[8] = r.s8, columns[9] = r.s9, columns[10] = r.sa, columns[11] = r.sb;
     columns[12] = r.sc, columns[13] = r.sd, columns[14] = r.se, columns[15] = r.sf;
 }
+static void lane_own_rows(const float* table, vuint row, vfloat columns[16]) {
+    for (int i = 0; i < 16; ++i) columns[i] = table[row * 16 + i];
+}
+static void lane_write_rows(const vfloat columns[16], float* table) {
+    for (int i = 0; i < 16; ++i) table[i] = columns[i];
+}
 #else
 #if LANES == 16
 #define LANE_ZIP_LOW(a, b)                                                                                                  \
@@ -242,28 +254,54 @@ static void lane_shuffle_rows(const vfloat from[LANES], vfloat to[LANES]) {
         to[2 * i + 1] = LANE_ZIP_HIGH(a, b);
     }
 }
+__attribute__((always_inline)) static void lane_transpose(const vfloat from[LANES], vfloat to[LANES]) {
+    vfloat a[LANES];
+#if LANES == 4
+    lane_shuffle_rows(from, a);
+    lane_shuffle_rows(a, to);
+#else
+    vfloat b[LANES];
+    lane_shuffle_rows(from, a);
+    lane_shuffle_rows(a, b);
+#if LANES == 8
+    lane_shuffle_rows(b, to);
+#else
+    lane_shuffle_rows(b, a);
+    lane_shuffle_rows(a, to);
+#endif
+#endif
+}
 __attribute__((always_inline)) static void lane_rows(__global const float* table, vuint row, vfloat columns[16]) {
     uint rows[LANES];
     lane_store(row, rows);
     #pragma unroll
-    for (int block = 0; block < 16 / LANES; ++block) {
-        vfloat a[LANES], b[LANES];
+    for (int block = 0; block < 16; block += LANES) {
+        vfloat lines[LANES];
         #pragma unroll
-        for (int lane = 0; lane < LANES; ++lane) a[lane] = lane_load(table + (size_t)rows[lane] * 16 + block * LANES);
-        lane_shuffle_rows(a, b);
-        lane_shuffle_rows(b, a);
-#if LANES >= 8
-        lane_shuffle_rows(a, b);
-#if LANES >= 16
-        lane_shuffle_rows(b, a);
-#endif
-#endif
+        for (int lane = 0; lane < LANES; ++lane) lines[lane] = lane_load(table + (size_t)rows[lane] * 16 + block);
+        lane_transpose(lines, columns + block);
+    }
+}
+
+// The same of a table that only this work-item has; and to write LANES rows of it.
+__attribute__((always_inline)) static void lane_own_rows(const float* table, vuint row, vfloat columns[16]) {
+    uint rows[LANES];
+    lane_store(row, rows);
+    #pragma unroll
+    for (int block = 0; block < 16; block += LANES) {
+        vfloat lines[LANES];
         #pragma unroll
-#if LANES == 8
-        for (int k = 0; k < LANES; ++k) columns[block * LANES + k] = b[k];
-#else
-        for (int k = 0; k < LANES; ++k) columns[block * LANES + k] = a[k];
-#endif
+        for (int lane = 0; lane < LANES; ++lane) lines[lane] = lane_load(table + rows[lane] * 16 + block);
+        lane_transpose(lines, columns + block);
+    }
+}
+__attribute__((always_inline)) static void lane_write_rows(const vfloat columns[16], float* table) {
+    #pragma unroll
+    for (int block = 0; block < 16; block += LANES) {
+        vfloat lines[LANES];
+        lane_transpose(columns + block, lines);
+        #pragma unroll
+        for (int lane = 0; lane < LANES; ++lane) lane_save(lines[lane], table + lane * 16 + block);
     }
 }
 #endif

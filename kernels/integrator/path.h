@@ -84,8 +84,8 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
     path->radiance = choose(shines | outside, add(path->radiance, counted), path->radiance);
 }
 
-// Choose a light for each packet's points: each pixel's shadow ray number `m`.
-static void path_choose_lights(const Scene* scene, const Path* path, const Vertex* vertex, uint m, LightChoice* choice) {
+// Choose a light for each packet's points, where one is asked for: each pixel's shadow ray number `m`.
+static void path_choose_lights(const Scene* scene, const Path* path, const Vertex* vertex, const vmask* asked, uint m, LightChoice* choice) {
     TreeWalk walk[PACKETS];
     Sampler sampler[PACKETS];
     EACH_PACKET(k) {
@@ -93,9 +93,10 @@ static void path_choose_lights(const Scene* scene, const Path* path, const Verte
         sampler[k] = sampler_split(path[k].sample.sampler, scene->settings->shadow_rays, splat_uint(m));
         walk[k] = light_begin(scene, vertex[k].surface.point, bsdf_receives(&vertex[k].bsdf), sampler[k], set, &choice[k]);
     }
-    // Level by level for all packets: while one waits for its nodes, others go on
+    // Step by step for all packets: while one waits for memory, others go on
     for (uint level = 0; level < scene->settings->light_levels; ++level) EACH_PACKET(k) tree_step(scene, &walk[k]);
-    EACH_PACKET(k) light_choose(scene, &walk[k], sampler[k], sampler_set(path[k].depth, SET_LIGHT), &choice[k]);
+    EACH_PACKET(k) if (lane_any(asked[k])) light_choose(scene, &walk[k], sampler[k], sampler_set(path[k].depth, SET_LIGHT), asked[k], &choice[k]);
+    EACH_PACKET(k) if (lane_any(asked[k])) environment_find(scene, &choice[k].around);
 }
 
 // What is left of a light sample's radiance when it arrives: no surface is in the way, so that all of it is in the medium that the
@@ -127,14 +128,14 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
     vec3 arriving[PACKETS];
     vmask asked[PACKETS];
     for (uint m = 0; m < scene->settings->shadow_rays; ++m) {
-        path_choose_lights(scene, path, vertex, m, choice);
+        EACH_PACKET(k) asked[k] = vertex[k].diffuse & vertex[k].traced;
+        path_choose_lights(scene, path, vertex, asked, m, choice);
         EACH_PACKET(k) {
             const Surface* surface = &vertex[k].surface;
-            asked[k] = vertex[k].diffuse & vertex[k].traced;
             Ray shadow_ray = path[k].ray;
             arriving[k] = vec3_all(0.0f);
             if (lane_any(asked[k])) {
-                const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k], asked[k]);
+                const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
                 shadow_ray = light_shadow_ray(surface, &light);
                 arriving[k] = path_direct(scene, &path[k], &vertex[k], &light);
                 asked[k] = asked[k] & (largest(arriving[k]) > 0.0f);

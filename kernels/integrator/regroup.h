@@ -45,47 +45,61 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
     return 1;
 }
 
-// Move one number of every path.
-#define REGROUP(array, member, to_bits, from_bits)                                            \
-    {                                                                                         \
-        uint words[PACKETS * LANES];                                                          \
-        EACH_PACKET(k) lane_store(to_bits((array)[k].member), words + k * LANES);             \
-        EACH_PACKET(k)(array)[k].member = from_bits(lane_look_up(words, from[k]));            \
-    }
-#define REGROUP_FLOAT(array, member) REGROUP(array, member, vfloat_bits, vfloat_from_bits)
-#define REGROUP_UINT(array, member) REGROUP(array, member, vuint_from_int, vuint_from_int)
-#define REGROUP_MASK(array, member) REGROUP(array, member, vuint_from_int, vint_from_uint)
-#define REGROUP_VEC3(array, member) \
-    REGROUP_FLOAT(array, member.x)  \
-    REGROUP_FLOAT(array, member.y)  \
-    REGROUP_FLOAT(array, member.z)
+// What moves with a path. What path_scatter sets anew at every vertex stays where it is.
+#ifdef INTERIORS
+#define REGROUP_INTERIOR(UINT) UINT(path->interior.first) UINT(path->interior.last) UINT(path->interior.straight)
+#else
+#define REGROUP_INTERIOR(UINT)
+#endif
+#define REGROUP_VEC3(FLOAT, v) FLOAT(v.x) FLOAT(v.y) FLOAT(v.z)
+#define REGROUP_MEMBERS(FLOAT, UINT, MASK)                                                     \
+    MASK(path->alive)                                                                          \
+    UINT(path->sample.slot)                                                                    \
+    UINT(path->sample.number)                                                                  \
+    UINT(path->sample.sampler.seed)                                                            \
+    UINT(path->sample.sampler.index)                                                           \
+    REGROUP_VEC3(FLOAT, path->ray.origin)                                                      \
+    REGROUP_VEC3(FLOAT, path->ray.direction)                                                   \
+    UINT(path->ray.from)                                                                       \
+    REGROUP_VEC3(FLOAT, path->throughput)                                                      \
+    REGROUP_VEC3(FLOAT, path->radiance)                                                        \
+    UINT(path->depth)                                                                          \
+    REGROUP_VEC3(FLOAT, path->normal)                                                          \
+    MASK(path->specular)                                                                       \
+    FLOAT(path->bsdf_samples)                                                                  \
+    FLOAT(path->bsdf_pdf)                                                                      \
+    REGROUP_INTERIOR(UINT)                                                                     \
+    FLOAT(hit->distance)                                                                       \
+    UINT(hit->primitive)
 
-// What path_scatter sets anew at every vertex stays where it is.
+// They stand in two rows of a table for each path, so that a move is one of rows, and costs a shuffle of vectors (core/lane.h).
+static void regroup_write(const Path* path, const Hit* hit, float* first, float* second) {
+    vfloat words[32] = {splat(0.0f)};
+    uint n = 0;
+#define WRITE_FLOAT(member) words[n++] = (member);
+#define WRITE_UINT(member) words[n++] = vfloat_from_bits(member);
+#define WRITE_MASK(member) words[n++] = vfloat_from_bits(vuint_from_int(member));
+    REGROUP_MEMBERS(WRITE_FLOAT, WRITE_UINT, WRITE_MASK)
+    lane_write_rows(words, first);
+    lane_write_rows(words + 16, second);
+}
+static void regroup_read(const float* first, const float* second, vuint from, Path* path, Hit* hit) {
+    vfloat words[32];
+    lane_own_rows(first, from, words);
+    lane_own_rows(second, from, words + 16);
+    uint n = 0;
+#define READ_FLOAT(member) (member) = words[n++];
+#define READ_UINT(member) (member) = vfloat_bits(words[n++]);
+#define READ_MASK(member) (member) = vint_from_uint(vfloat_bits(words[n++]));
+    REGROUP_MEMBERS(READ_FLOAT, READ_UINT, READ_MASK)
+}
+
 static void path_regroup(const Scene* scene, Path* path, Hit* hit) {
     vuint from[PACKETS];
+    float first[PACKETS * LANES * 16], second[PACKETS * LANES * 16];
     if (!regroup_order(scene, path, hit, from)) return;
-    REGROUP_MASK(path, alive)
-    REGROUP_UINT(path, sample.slot)
-    REGROUP_UINT(path, sample.number)
-    REGROUP_UINT(path, sample.sampler.seed)
-    REGROUP_UINT(path, sample.sampler.index)
-    REGROUP_VEC3(path, ray.origin)
-    REGROUP_VEC3(path, ray.direction)
-    REGROUP_UINT(path, ray.from)
-    REGROUP_VEC3(path, throughput)
-    REGROUP_VEC3(path, radiance)
-    REGROUP_UINT(path, depth)
-    REGROUP_VEC3(path, normal)
-    REGROUP_MASK(path, specular)
-    REGROUP_FLOAT(path, bsdf_samples)
-    REGROUP_FLOAT(path, bsdf_pdf)
-#ifdef INTERIORS
-    REGROUP_UINT(path, interior.first)
-    REGROUP_UINT(path, interior.last)
-    REGROUP_UINT(path, interior.straight)
-#endif
-    REGROUP_FLOAT(hit, distance)
-    REGROUP_UINT(hit, primitive)
+    EACH_PACKET(k) regroup_write(&path[k], &hit[k], first + k * LANES * 16, second + k * LANES * 16);
+    EACH_PACKET(k) regroup_read(first, second, from[k], &path[k], &hit[k]);
 }
 
 #else

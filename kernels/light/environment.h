@@ -41,6 +41,16 @@ typedef struct {
     vfloat down, right;  // how far from them, 0 to 1
 } EnvironmentPlace;
 
+// Such a point, as far as it is chosen.
+typedef struct {
+    EnvironmentPlace place;          // all but `right`
+    vfloat drop_before, drop_after;  // of its band: BAND_ROW_DROP
+    vmask below;                     // of the two lines the second one's light is looked through
+    vuint row;                       // that line's
+    vfloat sought;                   // the sum of its light that lies before
+    vuint entry;                     // of its guide table
+} EnvironmentChoice;
+
 // Two neighbouring pixels of a row, and the sums of the luminance up to each of them.
 typedef struct {
     vec3 left, right;
@@ -166,67 +176,73 @@ static vfloat environment_linear(vfloat a, vfloat b, vfloat p) {
     return bounded(p * (a1 + b1) * inverse_or_one(below), 0.0f, 1.0f);
 }
 
-// Narrow a search down to what a guide table, which begins at `first`, allows for the part `v` of all light.
-static void environment_guided(__global const float* guides, vuint first, uint count, vfloat v, vuint* low, vuint* high) {
-    const vuint entry = first + vuint_from_int(vint_of(v * (float)count));
-    *low = vfloat_bits(lane_gather(guides, entry));
-    *high = vfloat_bits(lane_gather(guides, entry + 1u));
+// The last of growing numbers, `stride` words apart, that is not above what is sought; a guide table's entry says between which it is.
+static vuint environment_search(__global const float* guide, vuint entry, __global const float* numbers, vuint first, uint stride, vfloat sought) {
+    vuint low = vfloat_bits(lane_gather(guide, entry)), high = vfloat_bits(lane_gather(guide, entry + 1u));
+    while (lane_any(low < high)) {
+        const vuint middle = (low + high + 1u) >> 1;
+        const vmask reached = lane_gather(numbers, first + middle * stride) <= sought;
+        high = reached ? high : middle - 1u;
+        low = reached ? middle : low;
+    }
+    return low;
 }
+static vuint environment_entry(vfloat part, uint entries) { return vuint_from_int(vint_of(part * (float)entries)); }
 
 // The density with which a direction is sampled from which such radiance comes.
 static vfloat environment_density(const Scene* scene, vec3 radiance) {
     return environment_luminance(radiance) * scene->environment_map[ENVIRONMENT_ROW_INVERSE];
 }
 
-// `mean` is the radiance of all directions.
-static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloat u, vfloat v) {
+// Two of the steps of a sample: each asks for the memory that the next one reads, and other packets take theirs meanwhile. First, choose
+// between which lines, by all light there, where between them, and one of the two.
+static EnvironmentChoice environment_choose(const Scene* scene, vfloat u, vfloat v) {
     const EnvironmentMap map = environment_map_of(scene);
-    EnvironmentPlace place;
-
-    // Choose between which lines, by all light there, and where between them
-    vuint low, high;
-    environment_guided(map.band_guide, splat_uint(0u), map.band_guides, u, &low, &high);
-    while (lane_any(low < high)) {
-        const vuint middle = (low + high + 1u) >> 1;
-        const vmask reached = lane_gather(map.bands, middle * 8u + BAND_ROW_SHARE) <= u;
-        high = reached ? high : middle - 1u;
-        low = reached ? middle : low;
-    }
-    place.line = low;
+    const vuint line = environment_search(map.band_guide, environment_entry(u, map.band_guides), map.bands, splat_uint(BAND_ROW_SHARE), 8u, u);
     vfloat band[8];
-    lane_quads(map.bands, place.line * 8u, band);
-    lane_quads(map.bands, place.line * 8u + 4u, band + 4);
+    lane_quads(map.bands, line * 8u, band);
+    lane_quads(map.bands, line * 8u + 4u, band + 4);
     const vfloat share = band[BAND_ROW_SHARE], sum = band[BAND_ROW_SUM], next_sum = band[BAND_ROW_NEXT_SUM];
-    place.down = environment_linear(sum, next_sum, (u - share) * inverse_or_one(band[BAND_ROW_NEXT_SHARE] - share));
+    EnvironmentChoice c;
+    c.place.line = line;
+    c.place.down = environment_linear(sum, next_sum, (u - share) * inverse_or_one(band[BAND_ROW_NEXT_SHARE] - share));
+    c.drop_before = band[BAND_ROW_DROP], c.drop_after = band[BAND_ROW_NEXT_DROP];
 
-    // Choose between which columns. The light along that latitude is a mixture of both lines', so what is sought lies between what they say
-    const vuint upper = environment_row(&map, place.line), lower = environment_row(&map, place.line + 1u);
-    vuint other_low, other_high;
-    environment_guided(map.guide, upper * (map.guides + 1u), map.guides, v, &low, &high);
-    environment_guided(map.guide, lower * (map.guides + 1u), map.guides, v, &other_low, &other_high);
-    low = other_low < low ? other_low : low;
-    high = other_high > high ? other_high : high;
-    const vfloat sought = between(sum, next_sum, place.down) * v;
-    while (lane_any(low < high)) {
-        const vuint middle = (low + high + 1u) >> 1;
-        const vfloat upper_sum = lane_gather(map.pixels, environment_at(&map, upper, middle));
-        const vfloat lower_sum = lane_gather(map.pixels, environment_at(&map, lower, middle));
-        const vmask reached = between(upper_sum, lower_sum, place.down) <= sought;
-        high = reached ? high : middle - 1u;
-        low = reached ? middle : low;
-    }
-    place.column = low;
+    // The light along that latitude is a mixture of both lines': take one of them by its share, and with what is left of the random number a
+    // part of its light
+    const vfloat upper_light = sum * (splat(1.0f) - c.place.down), lower_light = next_sum * c.place.down;
+    const vfloat at = v * (upper_light + lower_light);
+    c.below = (at >= upper_light) & (lower_light > 0.0f);
+    const vfloat before = c.below ? upper_light : splat(0.0f), of_it = c.below ? lower_light : upper_light;
+    const vfloat part = bounded((at - before) * inverse_or_one(of_it), 0.0f, 1.0f - EPSILON);
+    c.sought = part * (c.below ? next_sum : sum);
+    c.row = environment_row(&map, line + (c.below ? splat_uint(1u) : splat_uint(0u)));
+    c.entry = c.row * (map.guides + 1u) + environment_entry(part, map.guides);
+    lane_prefetch(map.guide, c.entry);
+    return c;
+}
 
-    // Choose where between them
+// Then between which columns of that line.
+static void environment_find(const Scene* scene, EnvironmentChoice* c) {
+    const EnvironmentMap map = environment_map_of(scene);
+    const vuint first = environment_at(&map, c->row, splat_uint(0u));
+    c->place.column = environment_search(map.guide, c->entry, map.pixels, first, 3u, c->sought);
+    lane_prefetch(map.pixels, environment_at(&map, environment_row(&map, c->place.line), c->place.column));
+    lane_prefetch(map.pixels, environment_at(&map, environment_row(&map, c->place.line + 1u), c->place.column));
+}
+
+// And where between them. `mean` is the radiance of all directions.
+static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean, const EnvironmentChoice* c) {
+    const EnvironmentMap map = environment_map_of(scene);
+    EnvironmentPlace place = c->place;
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
-    const vfloat left = between(corners.upper.left_sum, corners.lower.left_sum, place.down);
-    const vfloat right = between(corners.upper.right_sum, corners.lower.right_sum, place.down);
-    const vfloat at_left = environment_luminance(environment_between(&corners, place.down, splat(0.0f)));
-    const vfloat at_right = environment_luminance(environment_between(&corners, place.down, splat(1.0f)));
-    place.right = environment_linear(at_left, at_right, (sought - left) * inverse_or_one(right - left));
-
+    const vfloat left = c->below ? corners.lower.left_sum : corners.upper.left_sum;
+    const vfloat right = c->below ? corners.lower.right_sum : corners.upper.right_sum;
+    const vfloat at_left = environment_luminance(choose(c->below, corners.lower.left, corners.upper.left));
+    const vfloat at_right = environment_luminance(choose(c->below, corners.lower.right, corners.upper.right));
+    place.right = environment_linear(at_left, at_right, (c->sought - left) * inverse_or_one(right - left));
     EnvironmentSample s;
-    s.direction = environment_direction(scene, &map, place, band[BAND_ROW_DROP], band[BAND_ROW_NEXT_DROP]);
+    s.direction = environment_direction(scene, &map, place, c->drop_before, c->drop_after);
     s.radiance = environment_between(&corners, place.down, place.right);
     s.pdf = environment_density(scene, s.radiance);
     return s;
@@ -242,9 +258,19 @@ static vec3 environment_radiance(const Scene* scene, vec3 mean, vec3 direction) 
 
 #else
 
-static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloat u, vfloat v) {
+typedef struct {
+    vfloat u, v;
+} EnvironmentChoice;
+
+static EnvironmentChoice environment_choose(const Scene* scene, vfloat u, vfloat v) {
+    EnvironmentChoice c;
+    c.u = u, c.v = v;
+    return c;
+}
+static void environment_find(const Scene* scene, EnvironmentChoice* c) {}
+static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean, const EnvironmentChoice* c) {
     EnvironmentSample s;
-    s.direction = warp_sphere(u, v);
+    s.direction = warp_sphere(c->u, c->v);
     s.radiance = mean;
     s.pdf = splat(WARP_SPHERE_PDF);
     return s;
@@ -253,5 +279,11 @@ static vec3 environment_radiance(const Scene* scene, vec3 mean, vec3 direction) 
 static vfloat environment_density(const Scene* scene, vec3 radiance) { return splat(WARP_SPHERE_PDF); }
 
 #endif
+
+static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloat u, vfloat v) {
+    EnvironmentChoice choice = environment_choose(scene, u, v);
+    environment_find(scene, &choice);
+    return environment_sample_chosen(scene, mean, &choice);
+}
 
 #endif

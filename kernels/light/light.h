@@ -44,6 +44,7 @@ typedef struct {
     vuint light;
     vfloat probability;      // of the light; counts only where there is a light BVH
     vfloat u, v;             // random numbers in [0, 1), as random as new
+    EnvironmentChoice around;
 } LightChoice;
 
 // The beginning of a choice for a point with this normal, or with zero where light from either side counts: `set` is SET_LIGHT of a
@@ -55,7 +56,10 @@ static TreeWalk light_begin(const Scene* scene, vec3 origin, vec3 normal, Sample
     choice->v = unit_interval(bits_v);
     return tree_begin(origin, normal, choice->bits, digits);
 }
-static void light_choose(const Scene* scene, const TreeWalk* walk, Sampler sampler, vuint set, LightChoice* choice) {
+
+// Its end. Lanes that want no light look up the same place all together, which costs least, and so do those of other lights in the
+// environment.
+static void light_choose(const Scene* scene, const TreeWalk* walk, Sampler sampler, vuint set, vmask wanted, LightChoice* choice) {
     choice->probability = walk->chance;
     if (scene->settings->light_levels > 0) {
         choice->light = tree_end(scene, walk);
@@ -65,6 +69,11 @@ static void light_choose(const Scene* scene, const TreeWalk* walk, Sampler sampl
         choice->light = light_by_power(scene, choice->bits, sampler, set + (SET_LIGHT_DIGITS - SET_LIGHT), &rest);
         choice->u = unit_interval(rest);
     }
+    choice->light = wanted ? choice->light : splat_uint(0u);
+    choice->u = wanted ? choice->u : splat(0.0f);
+    choice->v = wanted ? choice->v : splat(0.0f);
+    const vmask around = choice->light == scene->settings->environment;
+    choice->around = environment_choose(scene, around ? choice->u : splat(0.0f), around ? choice->v : splat(0.0f));
 }
 
 // The probability with which it is chosen there.
@@ -75,7 +84,8 @@ static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, co
 
 // A point of the light for the point `origin` of the primitive `own`. Only from inside a sphere does a surface see itself; what else it
 // would send to itself is made of rounding errors.
-static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, const LightRow* l, vfloat probability, vfloat u, vfloat v) {
+static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, const LightRow* l, vfloat probability, const LightChoice* choice) {
+    const vfloat u = choice->u, v = choice->v;
     const vmask triangle = l->kind == LIGHT_AREA_TRIANGLE, sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
     const vmask point = l->kind == LIGHT_POINT, directional = l->kind == LIGHT_DIRECTIONAL, environment = l->kind == LIGHT_ENVIRONMENT;
     const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER);        // of a triangle A, of a point its position, or a direction
@@ -101,8 +111,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.delta = point | directional;
     s.infinite = directional | environment;
     if (lane_any(s.infinite)) {
-        // Of other lanes, again the same place.
-        const EnvironmentSample around = environment_sample(scene, l->radiance, environment ? u : splat(0.0f), environment ? v : splat(0.0f));
+        const EnvironmentSample around = environment_sample_chosen(scene, l->radiance, &choice->around);
         const vec3 to_infinity = choose(environment, around.direction, negate(center));
         s.direction = choose(s.infinite, to_infinity, s.direction);
         s.target = choose(s.infinite, to_infinity, s.target);
@@ -112,12 +121,11 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     return s;
 }
 
-// The light that was chosen, where it is wanted: the other lanes look up the same place all together, which costs least.
-static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice, vmask wanted) {
-    const LightRow light = light_at(scene, wanted ? choice->light : splat_uint(0u));
+// The light that was chosen.
+static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice) {
+    const LightRow light = light_at(scene, choice->light);
     const vfloat probability = scene->settings->light_levels > 0 ? choice->probability : light.row[LIGHT_ROW_PROBABILITY];
-    const vfloat u = wanted ? choice->u : splat(0.0f), v = wanted ? choice->v : splat(0.0f);
-    return light_sample_one(scene, origin, own, &light, probability, u, v);
+    return light_sample_one(scene, origin, own, &light, probability, choice);
 }
 
 // The same with the choice, for a point with this normal.
@@ -125,8 +133,9 @@ static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vu
     LightChoice choice;
     TreeWalk walk = light_begin(scene, origin, normal, sampler, set, &choice);
     tree_descend(scene, &walk);
-    light_choose(scene, &walk, sampler, set, &choice);
-    return light_sample_chosen(scene, origin, own, &choice, mask_all());
+    light_choose(scene, &walk, sampler, set, mask_all(), &choice);
+    environment_find(scene, &choice.around);
+    return light_sample_chosen(scene, origin, own, &choice);
 }
 
 // Whitted's lights: the whole light as if it shone from its centre with its mean radiance, with nothing left to chance, for the point

@@ -126,7 +126,7 @@ __kernel void sampling_light_choice(SCENE_PARAMETERS __global const float* bits,
     LightChoice choice;
     TreeWalk walk = light_begin(&scene, from, up, sampler, set, &choice);
     tree_descend(&scene, &walk);
-    light_choose(&scene, &walk, sampler, set, &choice);
+    light_choose(&scene, &walk, sampler, set, mask_all(), &choice);
     const LightRow light = light_at(&scene, choice.light);
     const uint number = (uint)at;
     const LightRow next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count);
