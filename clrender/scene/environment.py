@@ -24,7 +24,7 @@ __all__ = ["ENDINGS", "HEAD_WORDS", "PIXEL_LIMIT", "EnvironmentPicture", "Enviro
 
 ENDINGS: Final = (".exr", ".hdr", ".png")
 PIXEL_LIMIT: Final = 2**28
-"""Most pixels, such as 16384 x 16384; on the device they take 13 bytes each."""
+"""Most pixels, such as 16384 x 16384; on the device they take 16 bytes each."""
 _FILE_LIMIT: Final = 2**33
 HEAD_WORDS: Final = 16
 _CHUNK: Final = 2**19
@@ -143,7 +143,7 @@ def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) ->
     Returns
     -------
     EnvironmentTable
-        About 13 bytes for each pixel.
+        About 16 bytes for each pixel.
     """
     height, width, _ = picture.pixels.shape
     table = _Arrays.empty(height, width)
@@ -200,7 +200,6 @@ class _Arrays:
 
     @classmethod
     def empty(cls, height: int, width: int) -> _Arrays:
-        # A search begins in a line of memory that it reads anyway, so four pixels may share an entry.
         band_guides, guides = _power_of_two(height + 1), _power_of_two(width)
         shapes = (HEAD_WORDS,), (height + 1, 8), (band_guides + 1,), (height, width + 1, 3), (height, guides + 1)
         sizes = [math.prod(shape) for shape in shapes]

@@ -165,6 +165,7 @@ static vuint lane_rank(vmask m) {
 #else
 #define prefetch_line(address) ((void)(address))
 #endif
+// The lines with each lane's place in a table.
 static void lane_prefetch(__global const float* table, vuint index) {
 #ifdef PREFETCH
     uint at[LANES];
@@ -189,32 +190,6 @@ static void lane_prefetch(__global const float* table, vuint index) {
 #endif
 static vfloat lane_gather(__global const float* table, vuint index) { return LANE_LOOK_UP(float, table, index); }
 
-// Four neighbouring numbers of a table for each lane, from `index` on: `columns[k]` are the k-th. Loaded together they cost little more
-// than one. Their vectors are not joined into longer ones: over that Oclgrind 21.10 crashes.
-static void lane_quads(__global const float* table, vuint index, vfloat columns[4]) {
-#if LANES == 1
-    const float4 quad = vload4(0, table + index);
-    columns[0] = quad.x, columns[1] = quad.y, columns[2] = quad.z, columns[3] = quad.w;
-#else
-#define LANE_QUAD(lane) vload4(0, table + index.lane)
-    const float4 a = LANE_QUAD(s0), b = LANE_QUAD(s1), c = LANE_QUAD(s2), d = LANE_QUAD(s3);
-#if LANES == 4
-#define LANE_COLUMN(k) (float4)(a.k, b.k, c.k, d.k)
-#else
-    const float4 e = LANE_QUAD(s4), f = LANE_QUAD(s5), g = LANE_QUAD(s6), h = LANE_QUAD(s7);
-#if LANES == 8
-#define LANE_COLUMN(k) (float8)(a.k, b.k, c.k, d.k, e.k, f.k, g.k, h.k)
-#else
-    const float4 i = LANE_QUAD(s8), j = LANE_QUAD(s9), l = LANE_QUAD(sa), m = LANE_QUAD(sb);
-    const float4 n = LANE_QUAD(sc), o = LANE_QUAD(sd), p = LANE_QUAD(se), q = LANE_QUAD(sf);
-#define LANE_COLUMN(k) (float16)(a.k, b.k, c.k, d.k, e.k, f.k, g.k, h.k, i.k, j.k, l.k, m.k, n.k, o.k, p.k, q.k)
-#endif
-#endif
-    columns[0] = LANE_COLUMN(s0), columns[1] = LANE_COLUMN(s1);
-    columns[2] = LANE_COLUMN(s2), columns[3] = LANE_COLUMN(s3);
-#endif
-}
-
 // A table of rows, sixteen floats each, read at another row in every lane: `columns[k]` is then the k-th number of each lane's row.
 // OpenCL C has no gather; loading whole rows and transposing them costs a fifth of picking numbers one by one, and a row is one
 // cache line.
@@ -225,6 +200,9 @@ __attribute__((always_inline)) static void lane_rows(__global const float* table
     columns[4] = r.s4, columns[5] = r.s5, columns[6] = r.s6, columns[7] = r.s7;
     columns[8] = r.s8, columns[9] = r.s9, columns[10] = r.sa, columns[11] = r.sb;
     columns[12] = r.sc, columns[13] = r.sd, columns[14] = r.se, columns[15] = r.sf;
+}
+static void lane_octets(__global const float* table, vuint index, vfloat columns[8]) {
+    for (int i = 0; i < 8; ++i) columns[i] = table[index + (uint)i];
 }
 static void lane_own_rows(const float* table, vuint row, vfloat columns[16]) {
     for (int i = 0; i < 16; ++i) columns[i] = table[row * 16 + i];
@@ -245,29 +223,32 @@ static void lane_write_rows(const vfloat columns[16], float* table) {
 #define LANE_ZIP_LOW(a, b) (float4)(a.s0, b.s0, a.s1, b.s1)
 #define LANE_ZIP_HIGH(a, b) (float4)(a.s2, b.s2, a.s3, b.s3)
 #endif
-// One stage of the transposition: a perfect shuffle of the rows. log2(LANES) of them transpose a LANES × LANES block.
-static void lane_shuffle_rows(const vfloat from[LANES], vfloat to[LANES]) {
+// One stage of a transposition: a perfect shuffle of `count` rows. Bits of a number's place move round by one: the first bit of its row
+// becomes the last bit of its column, and the first bit of its column the last of its row.
+__attribute__((always_inline)) static void lane_shuffle_rows(const vfloat* from, vfloat* to, int count) {
     #pragma unroll
-    for (int i = 0; i < LANES / 2; ++i) {
-        const vfloat a = from[i], b = from[i + LANES / 2];
+    for (int i = 0; i < count / 2; ++i) {
+        const vfloat a = from[i], b = from[i + count / 2];
         to[2 * i] = LANE_ZIP_LOW(a, b);
         to[2 * i + 1] = LANE_ZIP_HIGH(a, b);
     }
 }
+
+// A block of LANES × LANES.
 __attribute__((always_inline)) static void lane_transpose(const vfloat from[LANES], vfloat to[LANES]) {
     vfloat a[LANES];
 #if LANES == 4
-    lane_shuffle_rows(from, a);
-    lane_shuffle_rows(a, to);
+    lane_shuffle_rows(from, a, LANES);
+    lane_shuffle_rows(a, to, LANES);
 #else
     vfloat b[LANES];
-    lane_shuffle_rows(from, a);
-    lane_shuffle_rows(a, b);
+    lane_shuffle_rows(from, a, LANES);
+    lane_shuffle_rows(a, b, LANES);
 #if LANES == 8
-    lane_shuffle_rows(b, to);
+    lane_shuffle_rows(b, to, LANES);
 #else
-    lane_shuffle_rows(b, a);
-    lane_shuffle_rows(a, to);
+    lane_shuffle_rows(b, a, LANES);
+    lane_shuffle_rows(a, to, LANES);
 #endif
 #endif
 }
@@ -303,6 +284,33 @@ __attribute__((always_inline)) static void lane_write_rows(const vfloat columns[
         #pragma unroll
         for (int lane = 0; lane < LANES; ++lane) lane_save(lines[lane], table + lane * 16 + block);
     }
+}
+
+// Eight numbers of a table for each lane, from `index` on.
+__attribute__((always_inline)) static void lane_octets(__global const float* table, vuint index, vfloat columns[8]) {
+    uint at[LANES];
+    lane_store(index, at);
+#if LANES == 16
+    // Two lanes in a row, so that four shuffles bring every number to its lane
+    vfloat a[8], b[8];
+    #pragma unroll
+    for (int i = 0; i < 8; ++i) {
+        a[i].lo = vload8(0, table + at[2 * i]);
+        a[i].hi = vload8(0, table + at[2 * i + 1]);
+    }
+    lane_shuffle_rows(a, b, 8);
+    lane_shuffle_rows(b, a, 8);
+    lane_shuffle_rows(a, b, 8);
+    lane_shuffle_rows(b, columns, 8);
+#else
+    #pragma unroll
+    for (int block = 0; block < 8; block += LANES) {
+        vfloat lines[LANES];
+        #pragma unroll
+        for (int lane = 0; lane < LANES; ++lane) lines[lane] = lane_load(table + at[lane] + block);
+        lane_transpose(lines, columns + block);
+    }
+#endif
 }
 #endif
 

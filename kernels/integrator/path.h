@@ -29,22 +29,20 @@ typedef struct {
     vmask diffuse;           // and not by a delta alone, so that light sampling makes sense
 } Vertex;
 
-// The surface that each ray met.
-static Vertex path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats* stats) {
-    Vertex v;
+// The surface that each ray met. Written in place, like bsdf_at.
+static void path_vertex(const Scene* scene, const Path* path, Hit hit, Vertex* v, PoolStats* stats) {
     const vmask found = path->alive & (hit.primitive != NONE);
-    v.surface = surface_at(scene, &path->ray, hit, found);
-    surface_random(&v.surface, path->sample.sampler, path->depth);
-    v.crossing = interior_meet(scene, &path->interior, &v.surface, found);
-    v.bsdf = bsdf_at(scene, &v.surface, path->ray.direction);
-    v.traced = path->alive & !split_back(&path->split);
-    v.found = found & v.traced;
-    const vmask straight = interior_straight(&v.crossing);
-    v.scatters = found & ((path->depth < scene->settings->max_depth) | straight);
-    v.diffuse = v.scatters & !(v.bsdf.specular | straight);
+    v->surface = surface_at(scene, &path->ray, hit, found);
+    surface_random(&v->surface, path->sample.sampler, path->depth);
+    v->crossing = interior_meet(scene, &path->interior, &v->surface, found);
+    bsdf_at(scene, &v->surface, path->ray.direction, &v->bsdf);
+    v->traced = path->alive & !split_back(&path->split);
+    v->found = found & v->traced;
+    const vmask straight = interior_straight(&v->crossing);
+    v->scatters = found & ((path->depth < scene->settings->max_depth) | straight);
+    v->diffuse = v->scatters & !(v->bsdf.specular | straight);
     stats->rays += lane_count(path->alive);
-    stats->deepest = pool_deepest(stats->deepest, path->depth, v.traced);
-    return v;
+    stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
 }
 
 // Find where each ray meets the scene. `path` and `hit` are arrays, even where there is one packet: rusticl's compiler (Mesa 22.3)
@@ -95,8 +93,8 @@ static void path_choose_lights(const Scene* scene, const Path* path, const Verte
     }
     // Step by step for all packets: while one waits for memory, others go on
     for (uint level = 0; level < scene->settings->light_levels; ++level) EACH_PACKET(k) tree_step(scene, &walk[k]);
-    EACH_PACKET(k) if (lane_any(asked[k])) light_choose(scene, &walk[k], sampler[k], sampler_set(path[k].depth, SET_LIGHT), asked[k], &choice[k]);
-    EACH_PACKET(k) if (lane_any(asked[k])) environment_find(scene, &choice[k].around);
+    EACH_PACKET(k) light_choose(scene, &walk[k], sampler[k], sampler_set(path[k].depth, SET_LIGHT), asked[k], &choice[k]);
+    EACH_PACKET(k) if (lane_any(asked[k])) environment_guide(scene, &choice[k].around);
 }
 
 // What is left of a light sample's radiance when it arrives: no surface is in the way, so that all of it is in the medium that the
@@ -217,7 +215,7 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         // Add the light that the surface there sends out by itself, or the environment where there is none; what lies on the way absorbs
         EACH_PACKET(k) {
             path[k].throughput = interior_absorb(scene, &path[k].interior, hit[k], path[k].throughput);
-            vertex[k] = path_vertex(scene, &path[k], hit[k], stats);
+            path_vertex(scene, &path[k], hit[k], &vertex[k], stats);
             path_add_emission(scene, &path[k], &vertex[k]);
         }
 

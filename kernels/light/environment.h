@@ -5,9 +5,10 @@
 // function by solid angle, too, and can be sampled in exact proportion to its luminance, without a Jacobian. Beyond the centres of the
 // first and of the last row it does not change along a meridian.
 //
-// sample: by inversion of the marginal distribution over rows, then of the conditional one along the row (PBR 4ed, 2.4.2 and A.5.2, there
-// for constant cells), so that neighbouring random numbers give neighbouring directions. pdf: luminance over its integral, per steradian;
-// zero only where the radiance is.
+// sample: by inversion of the marginal distribution over latitudes, then of the conditional one along the latitude (PBR 4ed, 2.4.2 and
+// A.5.2, there for constant cells), which is a mixture of those of two rows of pixels: numbers up to the first one's share go
+// round along it, the others once more along the second, so that neighbouring random numbers give neighbouring directions. pdf: luminance over
+// its integral, per steradian; zero only where the radiance is.
 #ifndef LIGHT_ENVIRONMENT_H
 #define LIGHT_ENVIRONMENT_H
 
@@ -41,14 +42,15 @@ typedef struct {
     vfloat down, right;  // how far from them, 0 to 1
 } EnvironmentPlace;
 
-// Such a point, as far as it is chosen.
+// What of such a point the first steps of a sample choose.
 typedef struct {
-    EnvironmentPlace place;          // all but `right`
+    EnvironmentPlace place;          // line and down
     vfloat drop_before, drop_after;  // of its band: BAND_ROW_DROP
-    vmask below;                     // of the two lines the second one's light is looked through
-    vuint row;                       // that line's
-    vfloat sought;                   // the sum of its light that lies before
+    vmask below;                     // of the two lines it is the second one
+    vuint row;                       // of pixels, of that line
+    vfloat sought;                   // the sum of the luminance along it that lies before the point
     vuint entry;                     // of its guide table
+    vuint first, last;               // the columns that this says
 } EnvironmentChoice;
 
 // Two neighbouring pixels of a row, and the sums of the luminance up to each of them.
@@ -108,13 +110,11 @@ static vuint environment_at(const EnvironmentMap* map, vuint row, vuint column) 
 // The pixel of a row in this column, and the next.
 static EnvironmentPair environment_pair(const EnvironmentMap* map, vuint row, vuint column) {
     vfloat words[8];
-    const vuint at = environment_at(map, row, column);
-    lane_quads(map->pixels, at, words);
-    lane_quads(map->pixels, at + 2u, words + 4);
+    lane_octets(map->pixels, environment_at(map, row, column), words);
     EnvironmentPair p;
     p.left_sum = words[0], p.right_sum = words[3];
     p.left = environment_pixel(vfloat_bits(words[1]), vfloat_bits(words[2]));
-    p.right = environment_pixel(vfloat_bits(words[6]), vfloat_bits(words[7]));
+    p.right = environment_pixel(vfloat_bits(words[4]), vfloat_bits(words[5]));
     return p;
 }
 
@@ -137,9 +137,9 @@ static EnvironmentPlace environment_place(const Scene* scene, const EnvironmentM
     const vfloat drop = across2 * inverse_or_one(size * (size + up));
     const vuint nearer = vuint_from_int(vint_of(fma(turn_of(up, sqrt(across2)), splat(2.0f * (float)map->height), splat(0.5f))));
     const vuint line = nearer < map->height / 2u ? nearer : splat_uint(map->height / 2u);
-    vfloat drops[4];
-    lane_quads(map->bands, line * 8u + BAND_ROW_DROP, drops);
-    const vfloat before = drops[0], after = drops[1];
+    vfloat band[8];
+    lane_octets(map->bands, line * 8u, band);
+    const vfloat before = band[BAND_ROW_DROP], after = band[BAND_ROW_NEXT_DROP];
     const vfloat down = bounded((drop - before) / (after - before), 0.0f, 1.0f);
     const vmask south = direction.y < 0.0f;
     EnvironmentPlace place;
@@ -176,12 +176,17 @@ static vfloat environment_linear(vfloat a, vfloat b, vfloat p) {
     return bounded(p * (a1 + b1) * inverse_or_one(below), 0.0f, 1.0f);
 }
 
-// The last of growing numbers, `stride` words apart, that is not above what is sought; a guide table's entry says between which it is.
-static vuint environment_search(__global const float* guide, vuint entry, __global const float* numbers, vuint first, uint stride, vfloat sought) {
-    vuint low = vfloat_bits(lane_gather(guide, entry)), high = vfloat_bits(lane_gather(guide, entry + 1u));
+// What a guide table says: the first and the last place that a search has to look at.
+static void environment_guided(__global const float* guide, vuint entry, vuint* first, vuint* last) {
+    *first = vfloat_bits(lane_gather(guide, entry));
+    *last = vfloat_bits(lane_gather(guide, entry + 1u));
+}
+
+// Of places low to high the last one whose number is not above what is sought; numbers grow, and stand `stride` words apart.
+static vuint environment_search(__global const float* numbers, vuint begin, uint stride, vfloat sought, vuint low, vuint high) {
     while (lane_any(low < high)) {
         const vuint middle = (low + high + 1u) >> 1;
-        const vmask reached = lane_gather(numbers, first + middle * stride) <= sought;
+        const vmask reached = lane_gather(numbers, begin + middle * stride) <= sought;
         high = reached ? high : middle - 1u;
         low = reached ? middle : low;
     }
@@ -194,22 +199,23 @@ static vfloat environment_density(const Scene* scene, vec3 radiance) {
     return environment_luminance(radiance) * scene->environment_map[ENVIRONMENT_ROW_INVERSE];
 }
 
-// Two of the steps of a sample: each asks for the memory that the next one reads, and other packets take theirs meanwhile. First, choose
-// between which lines, by all light there, where between them, and one of the two.
-static EnvironmentChoice environment_choose(const Scene* scene, vfloat u, vfloat v) {
+// A sample takes three steps. The first two ask for the memory that the next one reads, so that other packets can take theirs meanwhile.
+//
+// First, choose the latitude, between two lines, by all light there, and of the two lines one.
+static EnvironmentChoice environment_choose_line(const Scene* scene, vfloat u, vfloat v) {
     const EnvironmentMap map = environment_map_of(scene);
-    const vuint line = environment_search(map.band_guide, environment_entry(u, map.band_guides), map.bands, splat_uint(BAND_ROW_SHARE), 8u, u);
+    vuint first, last;
+    environment_guided(map.band_guide, environment_entry(u, map.band_guides), &first, &last);
+    const vuint line = environment_search(map.bands, splat_uint(BAND_ROW_SHARE), 8u, u, first, last);
     vfloat band[8];
-    lane_quads(map.bands, line * 8u, band);
-    lane_quads(map.bands, line * 8u + 4u, band + 4);
+    lane_octets(map.bands, line * 8u, band);
     const vfloat share = band[BAND_ROW_SHARE], sum = band[BAND_ROW_SUM], next_sum = band[BAND_ROW_NEXT_SUM];
     EnvironmentChoice c;
     c.place.line = line;
     c.place.down = environment_linear(sum, next_sum, (u - share) * inverse_or_one(band[BAND_ROW_NEXT_SHARE] - share));
     c.drop_before = band[BAND_ROW_DROP], c.drop_after = band[BAND_ROW_NEXT_DROP];
 
-    // The light along that latitude is a mixture of both lines': take one of them by its share, and with what is left of the random number a
-    // part of its light
+    // Take one of them by its share of the light along that latitude, and with what is left of the random number a part of its light
     const vfloat upper_light = sum * (splat(1.0f) - c.place.down), lower_light = next_sum * c.place.down;
     const vfloat at = v * (upper_light + lower_light);
     c.below = (at >= upper_light) & (lower_light > 0.0f);
@@ -222,19 +228,19 @@ static EnvironmentChoice environment_choose(const Scene* scene, vfloat u, vfloat
     return c;
 }
 
-// Then between which columns of that line.
-static void environment_find(const Scene* scene, EnvironmentChoice* c) {
+// Then look up about where along that line.
+static void environment_guide(const Scene* scene, EnvironmentChoice* c) {
     const EnvironmentMap map = environment_map_of(scene);
-    const vuint first = environment_at(&map, c->row, splat_uint(0u));
-    c->place.column = environment_search(map.guide, c->entry, map.pixels, first, 3u, c->sought);
-    lane_prefetch(map.pixels, environment_at(&map, environment_row(&map, c->place.line), c->place.column));
-    lane_prefetch(map.pixels, environment_at(&map, environment_row(&map, c->place.line + 1u), c->place.column));
+    environment_guided(map.guide, c->entry, &c->first, &c->last);
+    lane_prefetch(map.pixels, environment_at(&map, environment_row(&map, c->place.line), c->first));
+    lane_prefetch(map.pixels, environment_at(&map, environment_row(&map, c->place.line + 1u), c->first));
 }
 
-// And where between them. `mean` is the radiance of all directions.
+// And choose where exactly. `mean` is the radiance of all directions.
 static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean, const EnvironmentChoice* c) {
     const EnvironmentMap map = environment_map_of(scene);
     EnvironmentPlace place = c->place;
+    place.column = environment_search(map.pixels, environment_at(&map, c->row, splat_uint(0u)), 3u, c->sought, c->first, c->last);
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
     const vfloat left = c->below ? corners.lower.left_sum : corners.upper.left_sum;
     const vfloat right = c->below ? corners.lower.right_sum : corners.upper.right_sum;
@@ -262,12 +268,12 @@ typedef struct {
     vfloat u, v;
 } EnvironmentChoice;
 
-static EnvironmentChoice environment_choose(const Scene* scene, vfloat u, vfloat v) {
+static EnvironmentChoice environment_choose_line(const Scene* scene, vfloat u, vfloat v) {
     EnvironmentChoice c;
     c.u = u, c.v = v;
     return c;
 }
-static void environment_find(const Scene* scene, EnvironmentChoice* c) {}
+static void environment_guide(const Scene* scene, EnvironmentChoice* c) {}
 static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean, const EnvironmentChoice* c) {
     EnvironmentSample s;
     s.direction = warp_sphere(c->u, c->v);
@@ -281,8 +287,8 @@ static vfloat environment_density(const Scene* scene, vec3 radiance) { return sp
 #endif
 
 static EnvironmentSample environment_sample(const Scene* scene, vec3 mean, vfloat u, vfloat v) {
-    EnvironmentChoice choice = environment_choose(scene, u, v);
-    environment_find(scene, &choice);
+    EnvironmentChoice choice = environment_choose_line(scene, u, v);
+    environment_guide(scene, &choice);
     return environment_sample_chosen(scene, mean, &choice);
 }
 

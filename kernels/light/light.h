@@ -60,6 +60,7 @@ static TreeWalk light_begin(const Scene* scene, vec3 origin, vec3 normal, Sample
 // Its end. Lanes that want no light look up the same place all together, which costs least, and so do those of other lights in the
 // environment.
 static void light_choose(const Scene* scene, const TreeWalk* walk, Sampler sampler, vuint set, vmask wanted, LightChoice* choice) {
+    if (!lane_any(wanted)) return;
     choice->probability = walk->chance;
     if (scene->settings->light_levels > 0) {
         choice->light = tree_end(scene, walk);
@@ -73,7 +74,7 @@ static void light_choose(const Scene* scene, const TreeWalk* walk, Sampler sampl
     choice->u = wanted ? choice->u : splat(0.0f);
     choice->v = wanted ? choice->v : splat(0.0f);
     const vmask around = choice->light == scene->settings->environment;
-    choice->around = environment_choose(scene, around ? choice->u : splat(0.0f), around ? choice->v : splat(0.0f));
+    choice->around = environment_choose_line(scene, around ? choice->u : splat(0.0f), around ? choice->v : splat(0.0f));
 }
 
 // The probability with which it is chosen there.
@@ -134,7 +135,7 @@ static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vu
     TreeWalk walk = light_begin(scene, origin, normal, sampler, set, &choice);
     tree_descend(scene, &walk);
     light_choose(scene, &walk, sampler, set, mask_all(), &choice);
-    environment_find(scene, &choice.around);
+    environment_guide(scene, &choice.around);
     return light_sample_chosen(scene, origin, own, &choice);
 }
 

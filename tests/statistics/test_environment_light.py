@@ -112,13 +112,14 @@ def test_directions_are_sampled_by_their_light(evidence: Evidence, device: Devic
 
 
 def test_neighbouring_numbers_give_neighbouring_directions(device: Device) -> None:
-    """Both coordinates grow with their number: nets of the sampler stay nets."""
+    """Down with the first; with the second round along one of two rows, and once more along the other: nets of the sampler stay nets."""
     table, steps = DevicePicture(device, PICTURES["wild"]), (np.arange(4096) + 0.5) / 4096
     down = table.samples(steps, np.full(4096, 0.3))
     assert (np.diff(down[1]) <= 2e-7).all()
     across = table.samples(np.full(4096, 0.4), steps)
     turn = (np.arctan2(across[0], -across[2]) / (2.0 * math.pi) - 0.5 / 31) % 1.0
-    assert (np.diff(turn[:-1]) >= -2e-7).all()
+    steps_ahead = (np.diff(turn) + 2e-7) % 1.0
+    assert 1.0 < steps_ahead.sum() < 2.001
     assert np.ptp(across[1]) < 1e-6
 
 
