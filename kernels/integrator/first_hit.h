@@ -54,8 +54,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
 
         // Look through mirrors and glass, in the direction that the image's path takes there. Their colour counts; that radiance is
         // squeezed together in glass does not, for it says nothing about colour
-        Bsdf bsdf;
-        bsdf_at(scene, &surface, path.ray.direction, &bsdf);
+        const Bsdf bsdf = bsdf_at(scene, &surface, path.ray.direction);
         vuint bits_u, bits_v;
         sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
         BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);

@@ -243,10 +243,11 @@ static vmask closure_takes(vmask* open, vfloat* u, vfloat share) {
     return taken;
 }
 
-static void closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask front, Closure* c) {
-    *c = closure_lobes(scene, p, front);
-    c->there = c->reflection.there | c->diffuse.there | c->glass.there | c->sheen.there | c->coat.there;
-    closure_prepare(c, p, wo);
+static Closure closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask front) {
+    Closure c = closure_lobes(scene, p, front);
+    c.there = c.reflection.there | c.diffuse.there | c.glass.there | c.sheen.there | c.coat.there;
+    closure_prepare(&c, p, wo);
+    return c;
 }
 
 // A direction; zero where a facet sends light to a side on which it would have to meet another. `w`: a third random number.

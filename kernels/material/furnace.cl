@@ -25,9 +25,7 @@ static Bsdf furnace_bsdf(const Scene* scene, uint primitive, vec3 wo) {
     hit.distance = splat(1.0f);
     hit.primitive = splat_uint(primitive);
     const Surface s = surface_at(scene, &ray, hit, mask_all());
-    Bsdf bsdf;
-    bsdf_at(scene, &s, ray.direction, &bsdf);
-    return bsdf;
+    return bsdf_at(scene, &s, ray.direction);
 }
 
 // bits: uint [2][count]. results: float [11][count]: direction, weight and density of a sample; f |cosθ| and density that

@@ -127,8 +127,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         Surface surface = surface_at(scene, &photon.ray, hit, found);
         const Crossing crossing = interior_meet(scene, &photon.interior, &surface, found);
         photon.flux = interior_absorb(scene, &photon.interior, hit, photon.flux);
-        Bsdf bsdf;
-        bsdf_at(scene, &surface, photon.ray.direction, &bsdf);
+        const Bsdf bsdf = bsdf_at(scene, &surface, photon.ray.direction);
         const vmask arrives = found & !bsdf.specular & ((photon.depth > 0u) | photon.hidden);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
