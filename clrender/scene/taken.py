@@ -6,7 +6,7 @@ from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.material_rows import has_row
-from clrender.scene.materials import Dielectric, material_textures
+from clrender.scene.materials import Dielectric, Principled, material_textures
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import Checker, ImageTexture, Ramp
 
@@ -37,9 +37,9 @@ def check_materials(scene: Scene, integrator: str) -> None:
     taken, volumes = takes.materials, takes.volumes
     for index, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material] if shape.material is not None else None
-        if isinstance(material, Dielectric) and not volumes:
+        if isinstance(material, Dielectric | Principled) and not volumes:
             for key in ("priority", "attenuation_color"):
-                if getattr(material, key) is not None:
+                if getattr(material, key, None) is not None:
                     raise SceneError(
                         f"{scene.source}: shapes[{index}].material: {shape.material!r} has {key}, which the integrator "
                         f"{integrator} does not take; leave it out, or use --integrator path"

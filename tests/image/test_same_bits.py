@@ -208,7 +208,7 @@ def test_every_integrator_on_every_driver(all_devices: list[Device], settings: d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [{"integrator": "photon", "photons": 2000}], ids=str)
+@pytest.mark.parametrize("settings", [{"integrator": "photon", "photons": 2000}, {"integrator": "reuse"}], ids=str)
 @pytest.mark.parametrize("scene", ["surfaces", "textures"])
 def test_rich_scenes_by_those_that_share(all_devices: list[Device], scene: str, settings: dict[str, Any]) -> None:
     """Rough materials and textures by integrators whose pixels have work in common, in every number of lanes."""

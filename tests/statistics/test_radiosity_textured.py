@@ -68,7 +68,7 @@ FAST = {("quad", "constant"), ("mesh", "constant"), ("sphere", "constant"), ("sp
     ],
 )
 def test_under_an_even_sky_the_texture_is_what_is_seen(studio: Studio, tmp_path: Path, name: str, display: str) -> None:
-    """A convex shape alone reflects the sky times its reflectance, to rounding, which is what the layer `albedo` says."""
+    """A convex shape alone reflects the sky times its reflectance, to rounding: the layer `albedo` has it."""
     made, exact = seen_and_exact(studio, tmp_path, name, 600, display)
     if name == "sphere" and display != "gather":
         # Flat patches of a ball: what they show is off by the square of their size
@@ -149,7 +149,7 @@ def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence:
         rows = path_traced(device, patches, 64, seed)
         traced.append(np.bincount(patches.shape, patches.areas * (rows @ WEIGHTS)) / area)
     lit = [0, 1, 3, 4]
-    # 12 000 patches of room-diffuse are off by less than a noise of 0.25 % (test_radiosity.py), half of them by twice it
+    # 12 000 patches of room-diffuse are off by less than a noise of 0.25 % (test_radiosity.py), half of them by twice
     evidence.equal("shapes", np.array(traced)[:, lit], np.array(solved)[:, lit], rounding=5e-3)
 
 
