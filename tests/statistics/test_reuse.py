@@ -102,7 +102,42 @@ def rich_room(where: Path) -> Scene:
     return scene(shapes, (), camera, **materials).placed("here", where)
 
 
-@pytest.mark.parametrize("seeds", [12, pytest.param(96, marks=pytest.mark.slow)])
+def test_reuse_is_unbiased_around_rough_metal(evidence: Evidence, studio: Studio) -> None:
+    """Metal and matt surfaces in one block of sixteen pixels, which share all that they find.
+
+    Where neighbours are alike, a wrong density stands above and below the line, and next to nothing is wrong.
+    """
+    metal = {"type": "conductor", "f0": [0.9, 0.9, 0.9], "roughness": 0.4}
+    shapes = [
+        {"type": "box", "size": [2.0, 2.0, 2.0], "flip_normals": True, "material": "dark"},
+        quad((-1, -0.98, 1), (2, 0, 0), (0, 0, -2), material="metal"),
+        quad((-0.98, -1, 1), (0, 0, -2), (0, 2, 0), material="metal"),
+        quad((0.2, -1, -0.98), (0.7, 0, 0), (0, 2, 0), material="white"),
+        quad((0.97, -1, -0.9), (0, 0, 0.3), (0, 2, 0), emission=3.0),
+    ]
+    camera = {"position": [0.3, 0.0, 0.9], "target": [0.0, -0.6, -0.6], "vertical_fov": 75.0}
+    materials = {"dark": lambert(0.7), "white": lambert(0.9), "metal": metal}
+    what, block = scene(shapes, (), camera, **materials), {"size": 4, "spp": 512}
+    path = studio.tiles(what, range(12), **block)
+    evidence.equal("pixels", path, studio.tiles(what, range(1000, 1012), integrator="reuse", **block))
+
+
+def test_what_metal_sends_into_one_direction_is_not_shared(evidence: Evidence, studio: Studio) -> None:
+    """A lamp that turns its back on the floor, and a metal wall that mirrors it to some places of the floor only."""
+    metal = {"type": "conductor", "f0": [0.9, 0.9, 0.9], "roughness": 0.4}
+    shapes = [
+        quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), material="white"),
+        quad((-1, 0, -1), (2, 0, 0), (0, 1.5, 0), material="metal"),
+        quad((-0.7, 0.4, -0.3), (0, 0.5, 0), (0.5, 0, 0), emission=8.0),
+    ]
+    camera = {"position": [0.0, 2.5, 0.0], "target": [0.0, 0.0, 0.0], "up": [0, 0, -1], "vertical_fov": 42.0}
+    what, block = scene(shapes, (), camera, white=lambert(0.8), metal=metal), {"size": 4, "spp": 1024}
+    path = studio.tiles(what, range(16), **block)
+    evidence.equal("pixels", path, studio.tiles(what, range(1000, 1016), integrator="reuse", **block))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [96])
 def test_reuse_is_unbiased_among_all_materials(evidence: Evidence, studio: Studio, tmp_path: Path, seeds: int) -> None:
     compare(evidence, studio, rich_room(tmp_path), seeds)
 
