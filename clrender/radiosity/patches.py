@@ -99,7 +99,7 @@ class Patches:
         """(n, 3) float64, of both sides; of a texture the mean over the patch."""
         rows = [(0.0, 0.0, 0.0) if s.material is None else self._lambert(s.material) for s in self.scene.shapes]
         colors: _Floats = np.array(rows, np.float64).reshape(-1, 3)[self.shape]
-        return patch_reflectance(self, colors) if self.textured.any() else colors
+        return patch_reflectance(self, colors, self.textured) if self.textured.any() else colors
 
     def _lambert(self, name: str) -> tuple[float, float, float]:
         material = self.scene.materials[name]
@@ -211,7 +211,11 @@ class Patches:
         places = np.repeat(rows, np.where(which, 2, 1))
         second = np.diff(places, prepend=-1) == 0
         corners = np.where(which[places, None, None], both[places, second.astype(np.int64)], self.corners[places])
-        return Patches(self.scene, corners, self.shape[places], self.primitive[places])
+        finer = Patches(self.scene, corners, self.shape[places], self.primitive[places])
+        if "reflectance" in self.__dict__ and self.textured.any():
+            new = which[places] & finer.textured
+            finer.__dict__["reflectance"] = patch_reflectance(finer, self.reflectance[places], new)
+        return finer
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
         """The same patches with one shape moved, in the scene's description too.

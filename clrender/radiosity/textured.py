@@ -109,17 +109,30 @@ def _turn(y: _Floats, x: _Floats) -> _Floats:
     return np.where(y < 0.0, -half, half)
 
 
-def patch_reflectance(patches: Patches, plain: _Floats) -> _Floats:
-    """Mean reflectance of each patch, (n, 3) float64, where that of shapes without textures is `plain`, (n, 3)."""
+def patch_reflectance(patches: Patches, known: _Floats, which: NDArray[np.bool_]) -> _Floats:
+    """Mean reflectance of each patch.
+
+    Parameters
+    ----------
+    patches : Patches
+    known : (n, 3) float64
+        That of the others.
+    which : (n,) bool
+        Textured ones.
+
+    Returns
+    -------
+    (n, 3) float64
+    """
     scene = patches.scene
     textures = flat_textures(scene)
     slots = textures.slots.view(np.uint32)[:, layout.TEXTURE_SLOTS["BASE_COLOR"]]
     numbers = {name: int(slots[number]) for number, name in enumerate(scene.materials)}
     of = np.array([-1 if s.material is None else numbers[s.material] for s in scene.shapes])
     of[~textured_shapes(scene)] = -1
-    means = plain.copy()
+    means = known.copy()
     for number in np.unique(of[of >= 0]).tolist():
-        some = np.flatnonzero((of == number)[patches.shape])
+        some = np.flatnonzero((of == number)[patches.shape] & which)
         texture = TextureMeans(textures, number)
         means[some] = reflectance_means(texture, patches.coordinates[texture.uv_set, some])
     return means

@@ -27,8 +27,10 @@ _MOST_LINES: Final = 2**13
 """Lines of the grid that a triangle may reach over; larger ones see the picture so often that points will do."""
 _LEAST_AREA: Final = 1e-9
 """Of triangles in texels, over their squared extent: slimmer ones have lost their area to rounding."""
-_CHUNK: Final = 2**18
-"""Triangles, or pieces of edges, or texels, at a time."""
+_MOST_PIECES: Final = 2**20
+"""Pieces of edges at a time: for each such part of them the rows that it touches are read again."""
+_MOST_TEXELS: Final = 2**18
+"""Of these rows at a time."""
 _GAUSS: Final = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
 
 
@@ -56,7 +58,7 @@ def reflectance_means(texture: TextureMeans, corners: _Floats) -> _Floats:
     means[~exact] = texture.triangles(corners[~exact].astype(np.float32))
     where = np.flatnonzero(exact)
     pieces = np.cumsum(np.ceil(2.0 * np.ptp(x, axis=1) + 2.0 * np.ptp(y, axis=1))[where] + 3.0)
-    chunk = (pieces // _CHUNK).astype(np.int64)
+    chunk = (pieces // _MOST_PIECES).astype(np.int64)
     for number in np.unique(chunk).tolist():
         some = where[chunk == number]
         means[some] = _integrals(texture, x[some], y[some]) / (area[some, None] / 2.0)
@@ -147,7 +149,7 @@ def _pieces(x: _Floats, y: _Floats) -> _Pieces:
 
 def _bands(row: _Ints, width: int) -> Iterator[tuple[int, int, _Ints]]:
     """Rows in bands that fit into memory: the first and the last, and which pieces lie there."""
-    high = max(1, _CHUNK // width)
+    high = max(1, _MOST_TEXELS // width)
     number = row // high
     order = np.argsort(number, kind="stable")
     starts = np.flatnonzero(np.diff(number[order], prepend=np.iinfo(np.int64).min))

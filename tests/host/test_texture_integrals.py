@@ -11,11 +11,13 @@ import pytest
 
 import clrender
 from clrender.image.files import write_image
+from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.scene.texture_integrals import reflectance_means
 from clrender.scene.texture_means import TextureMeans
 from clrender.scene.texture_rows import flat_textures
 
 Floats = npt.NDArray[np.float64]
+GREY = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
 RNG = np.random.default_rng(17)
 PICTURE = RNG.random((7, 9, 3)).astype(np.float32)
 SQUARE = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], float)
@@ -74,6 +76,25 @@ def test_parts_add_up(tmp_path: Path) -> None:
             middle = (a + b) / 2.0
             parts = np.concatenate([np.stack([c, a, middle], axis=1), np.stack([b, c, middle], axis=1)])
         np.testing.assert_allclose(reflectance_means(t, parts).mean(axis=0), reflectance_means(t, whole)[0], rtol=1e-12)
+
+
+def test_halves_of_patches_have_means_of_their_own(tmp_path: Path) -> None:
+    """Those that were not halved keep theirs; all are what a fresh start gives."""
+    write_image(tmp_path / "p.exr", PICTURE)
+    what = clrender.Scene(
+        camera={"position": [0, 0, 3], "target": [0, 0, 0]},
+        materials={"m": {"type": "lambert", "reflectance": {"texture": "p.exr"}}, "plain": GREY},
+        shapes=(
+            {"type": "sphere", "radius": 1.0, "material": "m"},
+            {"type": "box", "size": [3, 3, 3], "material": "plain"},
+        ),
+    ).placed("here", tmp_path)
+    patches = cut_into_patches(what, 300)
+    assert patches.reflectance.std() > 0.1
+    finer = patches.bisected(np.arange(len(patches)) % 3 == 0)
+    assert "reflectance" in finer.__dict__
+    fresh = Patches(finer.scene, finer.corners, finer.shape, finer.primitive)
+    np.testing.assert_array_equal(finer.reflectance, fresh.reflectance)
 
 
 def test_areas_of_a_checker(tmp_path: Path) -> None:
