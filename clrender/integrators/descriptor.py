@@ -71,8 +71,12 @@ class Integrator:
         Whether it takes an environment that is not the same everywhere.
     volumes : bool
         Whether its paths keep account of the dielectrics that they are inside of: priorities and absorption.
-    textures : bool
-        Whether it takes materials with textures.
+    textures : tuple of str or None
+        Keys of materials at which it takes textures; None: all.
+    emission_textures : bool
+        Whether it takes shapes that shine as a texture.
+    vertex_colors : bool
+        Whether it takes meshes whose vertices have colours.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
     preparation : str
@@ -88,6 +92,8 @@ class Integrator:
     materials: tuple[str, ...] = ()
     environment_pictures: bool = True
     volumes: bool = True
-    textures: bool = True
+    textures: tuple[str, ...] | None = None
+    emission_textures: bool = True
+    vertex_colors: bool = True
     auto_light_sampler: str = "auto"
     preparation: str = ""

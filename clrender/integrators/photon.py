@@ -14,7 +14,6 @@ INTEGRATOR: Final = Integrator(
     # Photons start at lights and not at points, for which a light BVH has no answer.
     takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
     fixed={"indirect_rays": 0},
-    materials=("lambert", "mirror", "dielectric"),
     auto_light_sampler="power",
     preparation="clrender.photon_maps",
 )

@@ -14,6 +14,8 @@ INTEGRATOR: Final = Integrator(
     bias="discretised",
     materials=("lambert",),
     environment_pictures=False,
-    textures=False,
+    textures=("reflectance",),
+    emission_textures=False,
+    vertex_colors=False,
     preparation="clrender.radiosity.preparation",
 )

@@ -1,4 +1,4 @@
-"""Path reuse: pixels share the light behind their first diffuse surface."""
+"""Path reuse: pixels share the light behind their first matt surface."""
 
 from __future__ import annotations
 
@@ -11,6 +11,5 @@ __all__ = ["INTEGRATOR"]
 INTEGRATOR: Final = Integrator(
     Pipeline("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
     takes={"indirect_rays": (1,)},
-    materials=("lambert", "mirror", "dielectric"),
     volumes=False,
 )

@@ -111,11 +111,11 @@ def picture(
     patches, rows = dynamic.patches, dynamic.rows
     show: Callable[[DeviceWorker], DevicePreparation]
     if display == "gather":
-        atlas = atlas_of(patches, rows.indirect(patches), dynamic.used, rows.open_share)
+        atlas = atlas_of(patches, rows.shown_indirect(patches), dynamic.used, rows.open_share)
         flat = patches.whole(width, height)
         pipeline, show = GATHER, partial(Gather, atlas=atlas)
     else:
-        table = looks_of(patches, dynamic.reflected, dynamic.used, corners)
+        table = looks_of(patches, rows.shown(patches), dynamic.used, corners)
         flat, pipeline, show = dynamic.flat, INTEGRATORS["radiosity"].pipeline, partial(Display, table=table)
     film = Film(width, height)
     with WorkerPool([device], lambda each: DeviceWorker(each, flat, settings, pipeline, None, show)) as pool:

@@ -54,7 +54,8 @@ def atlas_of(patches: Patches, indirect: _Floats, used: NDArray[np.bool_], open_
     ----------
     patches : Patches
     indirect : (2 n + 1, 3) float64
-        That radiance, W/(sr m²).
+        That radiance, W/(sr m²); of textured sides what they would reflect if they were white, for the kernel looks the
+        texture up.
     used : (2 n + 1,) bool
         Sides that were solved for.
     open_share : (2 n + 1,) float64

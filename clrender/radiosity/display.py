@@ -31,19 +31,18 @@ _Floats = NDArray[np.float64]
 def looks(solution: Solution, display: str) -> NDArray[np.float32]:
     """The table for a solution; `looks_of` has the details."""
     corners = Corners(solution.patches) if display == "smooth" else None
-    return looks_of(solution.patches, solution.reflected, solution.used, corners)
+    return looks_of(solution.patches, solution.shown, solution.used, corners)
 
 
-def looks_of(
-    patches: Patches, reflected: _Floats, used: NDArray[np.bool_], corners: Corners | None
-) -> NDArray[np.float32]:
+def looks_of(patches: Patches, shown: _Floats, used: NDArray[np.bool_], corners: Corners | None) -> NDArray[np.float32]:
     """What the kernel reads of each side (``kernels/radiosity/display.h``).
 
     Parameters
     ----------
     patches : Patches
-    reflected : (2 n + 1, 3) float64
-        Radiance.
+    shown : (2 n + 1, 3) float64
+        Reflected radiance; of textured sides what they would reflect if they were white, for the kernel looks the
+        texture up.
     used : (2 n + 1,) bool
     corners : Corners or None
         To interpolate between them; None: each patch is evenly bright.
@@ -53,12 +52,12 @@ def looks_of(
     (2 n + 1, 16) float32
     """
     rows = np.zeros((2 * len(patches) + 1, _ROW))
-    rows[:, :9] = np.tile(reflected, 3)
+    rows[:, :9] = np.tile(shown, 3)
     rows[-1, :9] = 0.0
     if corners is not None:
         for back in (0, 1):
             side = slice(back, 2 * len(patches), 2)
-            rows[side, :9] = corners.values(reflected[side], used[side]).reshape(-1, 9)
+            rows[side, :9] = corners.values(shown[side], used[side]).reshape(-1, 9)
     rows[:, 9:12] = own_radiance(patches)
     return rows.astype(np.float32)
 

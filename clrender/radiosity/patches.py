@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten, scene_origin
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
+from clrender.radiosity.textured import patch_coordinates, patch_reflectance, textured_shapes
 from clrender.scene.description import EnvironmentLight, Lambert, Light, PointLight, Scene
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Disk, Sphere
@@ -26,7 +27,9 @@ _SLACK: Final = 1.5
 _ROUNDS: Final = 5
 _LIGHTS_SHARE: Final = 0.25
 """Where more than this fraction of all area emits, form factors estimate its light better than shadow rays."""
-_CARRIED: Final = ("areas", "normals", "reflectance", "emission", "shadow_rays_find_emission")
+_CARRIED: Final = (
+    "areas", "normals", "textured", "coordinates", "reflectance", "emission", "shadow_rays_find_emission",
+)  # fmt: skip
 """Cached properties that stay valid when a shape moves."""
 _ORIGIN: Final = (0.0, 0.0, 0.0)
 """Of what is made of patches: their coordinates are relative to `scene_origin` already."""
@@ -93,15 +96,30 @@ class Patches:
 
     @cached_property
     def reflectance(self) -> _Floats:
-        """(n, 3) float64, of both sides."""
+        """(n, 3) float64, of both sides; of a texture the mean over the patch."""
         rows = [(0.0, 0.0, 0.0) if s.material is None else self._lambert(s.material) for s in self.scene.shapes]
         colors: _Floats = np.array(rows, np.float64).reshape(-1, 3)[self.shape]
-        return colors
+        return patch_reflectance(self, colors, self.textured) if self.textured.any() else colors
 
     def _lambert(self, name: str) -> tuple[float, float, float]:
         material = self.scene.materials[name]
-        assert isinstance(material, Lambert) and isinstance(material.reflectance, tuple)
-        return material.reflectance
+        assert isinstance(material, Lambert)
+        return material.reflectance if isinstance(material.reflectance, tuple) else (0.0, 0.0, 0.0)
+
+    @cached_property
+    def textured(self) -> NDArray[np.bool_]:
+        """(n,) bool: patches whose reflectance is a texture."""
+        return textured_shapes(self.scene)[self.shape]
+
+    @cached_property
+    def textured_sides(self) -> NDArray[np.bool_]:
+        """(2 n + 1,) bool: their sides."""
+        return np.append(np.repeat(self.textured, 2), False)
+
+    @cached_property
+    def coordinates(self) -> _Floats:
+        """(2, n, 3, 2) float64: texture coordinates of the corners, of both sets; zero where there is no texture."""
+        return patch_coordinates(self)
 
     @cached_property
     def emission(self) -> _Floats:
@@ -158,7 +176,12 @@ class Patches:
 
     def _meshes(self) -> list[MeshData]:
         points = self.corners.reshape(-1, 3)
-        return [MeshData(points[corners], triangles) for corners, triangles in self._welded]
+        meshes = [MeshData(points[corners], triangles) for corners, triangles in self._welded]
+        for shape in np.flatnonzero(textured_shapes(self.scene)).tolist():
+            first, end = (side // 2 for side in self.sides_of(shape))
+            uvs = self.coordinates[:, first:end].astype(np.float32)
+            meshes[shape] = replace(meshes[shape], uvs=uvs[0], uvs_1=uvs[1])
+        return meshes
 
     @cached_property
     def _welded(self) -> list[tuple[NDArray[np.int64], NDArray[np.uint32]]]:
@@ -188,7 +211,11 @@ class Patches:
         places = np.repeat(rows, np.where(which, 2, 1))
         second = np.diff(places, prepend=-1) == 0
         corners = np.where(which[places, None, None], both[places, second.astype(np.int64)], self.corners[places])
-        return Patches(self.scene, corners, self.shape[places], self.primitive[places])
+        finer = Patches(self.scene, corners, self.shape[places], self.primitive[places])
+        if "reflectance" in self.__dict__ and self.textured.any():
+            new = which[places] & finer.textured
+            finer.__dict__["reflectance"] = patch_reflectance(finer, self.reflectance[places], new)
+        return finer
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
         """The same patches with one shape moved, in the scene's description too.

@@ -20,7 +20,7 @@ def prepare(request: Request) -> Prepared:
     request.notify(summary(solution))
     if settings.radiosity_display == "gather" and solution.complete:
         whole = solution.patches.whole(settings.width, settings.height, settings.light_sampler)
-        atlas = atlas_of(solution.patches, solution.indirect, solution.used, solution.open_share)
+        atlas = atlas_of(solution.patches, solution.shown_indirect, solution.used, solution.open_share)
         return Prepared(whole, GATHER, partial(Gather, atlas=atlas))
     table = looks(solution, settings.radiosity_display)
     return Prepared(solution.flat, request.pipeline, partial(Display, table=table))

@@ -102,6 +102,21 @@ class Rows:
         """(2 n + 1, 3) float64: `reflected` without direct light from shadow rays."""
         return self._spread(self._reflected - self._reflectance(patches) * self.irradiance / math.pi)
 
+    def shown(self, patches: Patches) -> _Floats:
+        """(2 n + 1, 3) float64: `reflected`, but of textured sides what they would reflect if they were white."""
+        return self._shown(patches, self.reflected, self.irradiance / math.pi)
+
+    def shown_indirect(self, patches: Patches) -> _Floats:
+        """(2 n + 1, 3) float64: `indirect` in the same way."""
+        return self._shown(patches, self.indirect(patches), np.zeros_like(self.irradiance))
+
+    def _shown(self, patches: Patches, plain: _Floats, straight: _Floats) -> _Floats:
+        if not patches.textured.any():
+            return plain
+        assert self._arriving is not None
+        white = lifted(np.ones_like(straight), 1.0 - self._covered / self.rays)
+        return np.where(patches.textured_sides[:, None], self._spread(white * (self._arriving + straight)), plain)
+
     @property
     def open_share(self) -> _Floats:
         """(2 n + 1,) float64: uncovered fraction of each side's area; 1 for those without a row."""

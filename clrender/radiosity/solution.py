@@ -99,6 +99,9 @@ class Solution:
         By step.
     complete : bool
         False when it was stopped.
+    direct_light, indirect_light : (2 n + 1, 3) float64, or None
+        Radiance that each side would reflect if it were white: of light from shadow rays, and of all other; None where
+        no patch is textured.
     """
 
     patches: Patches
@@ -111,6 +114,8 @@ class Solution:
     unshot: float
     seconds: dict[str, float]
     complete: bool = True
+    direct_light: _Floats | None = None
+    indirect_light: _Floats | None = None
 
     @property
     def factors(self) -> FormFactors:
@@ -126,6 +131,20 @@ class Solution:
     def indirect(self) -> _Floats:
         """(2 n + 1, 3) float64: `reflected` without direct light from shadow rays."""
         return self.reflected - self.balance.spread(self.balance.direct)
+
+    @property
+    def shown(self) -> _Floats:
+        """(2 n + 1, 3) float64: `reflected`, but of textured sides what they would reflect if they were white."""
+        if self.direct_light is None or self.indirect_light is None:
+            return self.reflected
+        return np.where(self.patches.textured_sides[:, None], self.direct_light + self.indirect_light, self.reflected)
+
+    @property
+    def shown_indirect(self) -> _Floats:
+        """(2 n + 1, 3) float64: `indirect` in the same way."""
+        if self.indirect_light is None:
+            return self.indirect
+        return np.where(self.patches.textured_sides[:, None], self.indirect_light, self.indirect)
 
     @property
     def radiosity(self) -> _Floats:
@@ -265,7 +284,13 @@ def _solve(
     seconds = {name: end - start for name, start, end in zip(names, times[:-1], times[1:], strict=True)}
     open_ = np.zeros(factors.columns)
     open_[sides] = share
-    return Solution(patches, flat, balance, balance.spread(done.reflected), used, open_, done.steps, left, seconds)
+    reflected = balance.spread(done.reflected)
+    solution = Solution(patches, flat, balance, reflected, used, open_, done.steps, left, seconds)
+    if not patches.textured.any():
+        return solution
+    white = lifted(np.ones_like(reflectance), share)
+    straight, other = white * irradiance / math.pi, white * factors.gathered(balance.sent + reflected)
+    return replace(solution, direct_light=balance.spread(straight), indirect_light=balance.spread(other))
 
 
 def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
@@ -275,7 +300,15 @@ def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
     visible.
     """
     patches = solution.patches
-    shown = solution.indirect if gathered else solution.reflected
+    shown = solution.shown_indirect if gathered else solution.shown
+    if patches.textured.any():
+        # In the mean colour of the shape: what is seen of a texture does not depend on how fine patches are
+        weights = np.bincount(patches.shape, patches.areas)
+        means = np.stack(
+            [np.bincount(patches.shape, patches.areas * c) / weights for c in patches.reflectance.T], axis=1
+        )
+        color = np.append(np.repeat(means[patches.shape], 2, axis=0), [[1.0, 1.0, 1.0]], axis=0)
+        shown = np.where(patches.textured_sides[:, None], shown * color, shown)
     corners = Corners(patches)
     sides = [slice(back, 2 * len(patches), 2) for back in (0, 1)]
     contrast = np.maximum(*(corners.contrast(shown[side], solution.used[side]) for side in sides))

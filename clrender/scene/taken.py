@@ -6,7 +6,7 @@ from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.material_rows import has_row
-from clrender.scene.materials import Dielectric, material_textures
+from clrender.scene.materials import Dielectric, Principled, material_textures
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import Checker, ImageTexture, Ramp
 
@@ -33,43 +33,44 @@ def check_materials(scene: Scene, integrator: str) -> None:
             f"{scene.source}: lights[{scene.lights.index(light)}].file: the integrator {integrator} takes no picture "
             "of the environment; give its radiance instead, or use --integrator path"
         )
-    taken, volumes = INTEGRATORS[integrator].materials, INTEGRATORS[integrator].volumes
+    takes = INTEGRATORS[integrator]
+    taken, volumes = takes.materials, takes.volumes
     for index, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material] if shape.material is not None else None
-        if isinstance(material, Dielectric) and not volumes:
+        if isinstance(material, Dielectric | Principled) and not volumes:
             for key in ("priority", "attenuation_color"):
-                if getattr(material, key) is not None:
+                if getattr(material, key, None) is not None:
                     raise SceneError(
                         f"{scene.source}: shapes[{index}].material: {shape.material!r} has {key}, which the integrator "
                         f"{integrator} does not take; leave it out, or use --integrator path"
                     )
-        if isinstance(shape.emission, ImageTexture | Checker | Ramp) and not INTEGRATORS[integrator].textures:
+        if taken and material is not None and (material.type not in taken or has_row(material)):
+            of = f"of type {material.type}"
+            if material.type in taken:
+                rough = isinstance(material, Dielectric) and material.rough
+                thin = isinstance(material, Dielectric)
+                of += " with roughness" if rough else " and thin" if thin else ", not two_sided"
+            raise SceneError(
+                f"{scene.source}: shapes[{index}].material: {shape.material!r} is {of}, which the integrator "
+                f"{integrator} does not take; give the shape a {'smooth ' if 'dielectric' in taken else ''}material "
+                f"of type {' or '.join(taken)}, or use --integrator path"
+            )
+        if isinstance(shape.emission, ImageTexture | Checker | Ramp) and not takes.emission_textures:
             raise SceneError(
                 f"{scene.source}: shapes[{index}].emission is a texture, which the integrator {integrator} does not "
                 "take; give it a constant, or use --integrator path"
             )
-        textures = [] if shape.material is None else list(material_textures(scene.materials, shape.material))
-        if textures and not INTEGRATORS[integrator].textures:
+        textures = () if shape.material is None else material_textures(scene.materials, shape.material)
+        refused = [key for key, _ in textures if takes.textures is not None and key not in takes.textures]
+        if refused:
+            cure = "leave it out" if refused[0] in ("normal_map", "bump_map") else "give it a constant"
             raise SceneError(
-                f"{scene.source}: shapes[{index}].material: {shape.material!r} has a texture ({textures[0][0]}), which "
-                f"the integrator {integrator} does not take; give it a constant, or use --integrator path"
+                f"{scene.source}: shapes[{index}].material: {shape.material!r} has a texture ({refused[0]}), which "
+                f"the integrator {integrator} does not take; {cure}, or use --integrator path"
             )
         colored = shape.color_key if isinstance(shape, Mesh) else None
-        if colored and not INTEGRATORS[integrator].textures:
+        if colored and not takes.vertex_colors:
             raise SceneError(
                 f"{scene.source}: shapes[{index}].{colored}: the integrator {integrator} takes no colours of vertices; "
                 "leave them out, or use --integrator path"
             )
-        if not taken or material is None:
-            continue
-        of = f"of type {material.type}"
-        if material.type in taken and has_row(material):
-            rough = isinstance(material, Dielectric) and material.rough
-            of += " with roughness" if rough else " and thin" if isinstance(material, Dielectric) else ", not two_sided"
-        elif material.type in taken:
-            continue
-        raise SceneError(
-            f"{scene.source}: shapes[{index}].material: {shape.material!r} is {of}, which the integrator "
-            f"{integrator} does not take; give the shape a {'smooth ' if 'dielectric' in taken else ''}material "
-            f"of type {' or '.join(taken)}, or use --integrator path"
-        )

@@ -59,7 +59,7 @@ class TextureMeans:
     def triangles(self, corners: NDArray[np.float32]) -> _Floats:
         """Mean over each triangle, (T, 3), whose corners have these texture coordinates, (T, 3, 2)."""
         uv = corners.astype(np.float64)
-        x, y = self._place(uv[..., 0], uv[..., 1])
+        x, y = self.place(uv[..., 0], uv[..., 1])
         lengths = np.maximum(np.abs(x - np.roll(x, 1, axis=1)), np.abs(y - np.roll(y, 1, axis=1))).max(axis=1)
         steps = np.clip(_power_of_two(lengths / self._reach), 2, _MOST_STEPS)
         means = np.empty((len(uv), 3))
@@ -117,25 +117,37 @@ class TextureMeans:
     def _bits(self) -> NDArray[np.uint32]:
         return self._row.view(np.uint32)
 
-    def _place(self, u: _Floats, v: _Floats) -> tuple[_Floats, _Floats]:
+    def place(self, u: _Floats, v: _Floats) -> tuple[_Floats, _Floats]:
         """Texture coordinates as columns and rows of texels."""
         row = self._row.astype(np.float64)
         width, height = (float(size) for size in self._bits[1:3])
         return (u * row[6] + v * row[7] + row[8]) * width, (u * row[9] + v * row[10] + row[11]) * height
 
     @property
-    def _is_nearest(self) -> bool:
+    def is_nearest(self) -> bool:
+        """Whether a texel's value holds all over it; else values are interpolated between the middles of texels."""
         return int(self._bits[3]) >> 9 & 3 == layout.TEXTURE_FILTERS["nearest"]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, texels."""
+        return int(self._bits[1]), int(self._bits[2])
+
+    @property
+    def wraps(self) -> tuple[int, int]:
+        """`layout.TEXTURE_WRAPS` of columns and of rows."""
+        form = int(self._bits[3])
+        return form >> 5 & 3, form >> 7 & 3
 
     @property
     def _reach(self) -> float:
         """Texels that a point looks at, along an edge."""
-        return 1.0 if self._is_nearest else 2.0
+        return 1.0 if self.is_nearest else 2.0
 
     def _steps(self) -> int:
         """Steps along the square from 0 to 1, so that all texels are looked at."""
         u, v = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-        x, y = self._place(u, v)
+        x, y = self.place(u, v)
         lengths = np.array([max(abs(x[1] - x[0]) + abs(x[2] - x[0]), abs(y[1] - y[0]) + abs(y[2] - y[0]))])
         return int(np.clip(_power_of_two(lengths / self._reach), 64, _MOST_STEPS)[0])
 
@@ -156,21 +168,24 @@ class TextureMeans:
 
     def _values(self, u: _Floats, v: _Floats) -> _Floats:
         """Values at points, (..., 3)."""
-        x, y = self._place(u, v)
+        x, y = self.place(u, v)
         width, height = int(self._bits[1]), int(self._bits[2])
-        if self._is_nearest:
-            return self._texels(np.floor(x).astype(np.int64), np.floor(y).astype(np.int64), width, height)
+        if self.is_nearest:
+            return self.texels(np.floor(x).astype(np.int64), np.floor(y).astype(np.int64), width, height)
         left, top = np.floor(x - 0.5), np.floor(y - 0.5)
         across, down = ((x - 0.5) - left)[..., None], ((y - 0.5) - top)[..., None]
         column, row = left.astype(np.int64), top.astype(np.int64)
-        a, b, c, d = (self._texels(column + i, row + j, width, height) for j in (0, 1) for i in (0, 1))
+        a, b, c, d = (self.texels(column + i, row + j, width, height) for j in (0, 1) for i in (0, 1))
         above, below = a + across * (b - a), c + across * (d - c)
         value: _Floats = above + down * (below - above)
         return value
 
-    def _texels(self, column: _Ints, row: _Ints, width: int, height: int) -> _Floats:
+    def texels(self, column: _Ints, row: _Ints, width: int, height: int) -> _Floats:
+        """Values of texels, (..., 3), also beyond the rims of the picture."""
         form = int(self._bits[3])
-        x, y = _wrapped(column, width, form >> 5 & 3), _wrapped(row, height, form >> 7 & 3)
+        x, y = (
+            _wrapped(at, size, wrap) for at, size, wrap in zip((column, row), (width, height), self.wraps, strict=True)
+        )
         across, down = tile_shape(form & 7)
         tile = int(self._bits[0]) + (y // down) * -(-width // across) + x // across
         return self._numbers((tile * down + y % down) * across + x % across) * self._row[12:15].astype(np.float64)

@@ -2,7 +2,8 @@
 // through the same point of the film and of the lens, so that the layers lie on the image exactly; one number or vector a launch.
 //
 // The albedo is that of the first surface that is neither mirror nor glass, on the way that the image's path takes, as Open Image
-// Denoise advises (documentation of version 2, "Albedos"); all else is of the first surface of any kind.
+// Denoise advises (documentation of version 2, "Albedos"); all else is of the first surface of any kind. What is rough scatters too widely
+// to be looked through: its albedo is the share of light that it reflects and passes, of all its lobes.
 #ifndef INTEGRATOR_FIRST_HIT_H
 #define INTEGRATOR_FIRST_HIT_H
 
@@ -32,6 +33,29 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surf
     return choose(found, vec3_of(vfloat_of(vint_from_uint(low)), vfloat_of(vint_from_uint(high)), splat(0.0f)), nowhere);
 }
 
+// Where a surface shows an image of what is before or behind it: deltas, and metal and glass of the least roughness that lobes have.
+static vmask first_hit_clear(const Bsdf* b) {
+#ifdef MATERIALS
+    const Closure* c = &b->closure;
+    const vmask smooth = (c->facets.mean <= CLOSURE_SMOOTH) & (!c->coat.there | (c->coat.alpha <= CLOSURE_SMOOTH));
+    return b->specular | (c->there & smooth & !c->diffuse.there & !c->sheen.there);
+#else
+    return b->specular;
+#endif
+}
+
+// The colour of that image. Radiance is squeezed together in glass, which says nothing about colour.
+static vec3 first_hit_tint(const Bsdf* b, const BsdfSample* next) {
+#ifdef MATERIALS
+    const vmask crosses = b->closure.glass.there & !b->closure.glass.thin & (inner(next->direction, b->side) < 0.0f);
+    const vec3 w = scale(next->weight, crosses ? b->closure.glass.eta * b->closure.glass.eta : splat(1.0f));
+    const vec3 most = vec3_of(lesser(w.x, splat(1.0f)), lesser(w.y, splat(1.0f)), lesser(w.z, splat(1.0f)));
+    return choose(b->closure.there | (b->kind == MATERIAL_CONDUCTOR) | b->thin, most, b->color);
+#else
+    return b->color;
+#endif
+}
+
 static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, uint wanted) {
     __global const Settings* settings = scene->settings;
     const uint followed = wanted == FIRST_HIT_ALBEDO ? FIRST_HIT_FOLLOWED : 0u;
@@ -46,24 +70,26 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const vmask found = path.alive & (hit.primitive != NONE);
         Surface surface = surface_at(scene, &path.ray, hit, found);
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
+        path.throughput = choose(found, interior_absorb(scene, &path.interior, hit, path.throughput), path.throughput);
         const vmask straight = interior_straight(&crossing);
         const vec3 outside =
             lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction, path.alive & !found) : vec3_all(0.0f);
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
-        // Look through mirrors and glass, in the direction that the image's path takes there. Their colour counts; that radiance is
-        // squeezed together in glass does not, for it says nothing about colour
+        // Look through mirrors and glass, in the direction that the image's path takes there; their colour counts
         const Bsdf bsdf = bsdf_at(scene, &surface, path.ray.direction);
         vuint bits_u, bits_v;
         sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
         BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
         interior_straighten(&crossing, path.ray.direction, &next.direction, &next.weight);
-        vmask goes_on = found & ((bsdf.specular & (path.depth < followed)) | straight) & (largest(next.weight) > 0.0f);
+        const vmask looks_on = first_hit_clear(&bsdf) & (path.depth < followed);
+        vmask goes_on = found & (looks_on | straight) & (largest(next.weight) > 0.0f);
         interior_cross(&path.interior, &crossing, next.direction, bsdf.side);
         goes_on = goes_on & interior_goes_on(&path.interior, &crossing, path.sample.sampler, &path.throughput);
         const vmask ended = path.alive & !goes_on;
-        path.throughput = choose(found, mul(path.throughput, bsdf_albedo(&bsdf)), path.throughput);
+        const vec3 color = choose(looks_on, first_hit_tint(&bsdf, &next), bsdf_albedo(&bsdf));
+        path.throughput = choose(found, mul(path.throughput, color), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
         if (lane_any(ended)) pool_deliver(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
         path.depth = straight ? path.depth : path.depth + 1u;

@@ -106,12 +106,21 @@ static vec3 path_to_light(const Scene* scene, const Path* path, const Vertex* ve
     return interior_transmittance(scene, &in, magnitude(sub(light->target, vertex->surface.point)), light->infinite);
 }
 
+// How many of the BSDF's samples the MIS weights count at a vertex. Photon mapping has none where photons are gathered, and elsewhere one.
+static vfloat path_bsdf_samples(const Scene* scene, const Path* path, const Vertex* vertex) {
+#if defined(PATH_GATHERS) && defined(MATERIALS)
+    return vertex->surface.kind == MATERIAL_LAMBERT ? splat(0.0f) : splat(1.0f);
+#else
+    return split_bsdf_samples(&path->split, scene->settings->bsdf_samples);
+#endif
+}
+
 // The share of the path's radiance that one of its light samples brings, as far as nothing is in the way.
 static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light) {
     __global const Settings* settings = scene->settings;
     vfloat bsdf_pdf;
     const vec3 f = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
-    const vfloat bsdf_samples = split_bsdf_samples(&path->split, settings->bsdf_samples);
+    const vfloat bsdf_samples = path_bsdf_samples(scene, path, vertex);
     const vfloat weight = mis_weight(splat((float)settings->light_samples), light->pdf, bsdf_samples, bsdf_pdf);
     const vfloat share = (light->delta ? splat(1.0f) : weight) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
     const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), path_to_light(scene, path, vertex, light));
@@ -158,7 +167,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex) {
     const Bsdf* bsdf = &vertex->bsdf;
     const vmask straight = interior_straight(&vertex->crossing);
     path->specular = bsdf->specular | straight;
-    path->bsdf_samples = split_bsdf_samples(&path->split, settings->bsdf_samples);
+    path->bsdf_samples = path_bsdf_samples(scene, path, vertex);
     split_leave(&path->split, &path->ray, path->interior, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
 
     // Sample a direction, and the weight of the radiance that arrives along it
@@ -172,7 +181,11 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex) {
     path->ray = surface_leave(&vertex->surface, next.direction);
     interior_cross(&path->interior, &vertex->crossing, next.direction, bsdf->side);
     vmask goes_on = vertex->scatters & (largest(path->throughput) > 0.0f);
+#if defined(PATH_GATHERS) && defined(MATERIALS)
+    goes_on = goes_on & (path->specular | (vertex->surface.kind != MATERIAL_LAMBERT));
+#else
     if (settings->indirect_rays == 0) goes_on = goes_on & path->specular;
+#endif
     goes_on = goes_on & interior_goes_on(&path->interior, &vertex->crossing, path->sample.sampler, &path->throughput);
 
     // Play Russian roulette, but not where nothing happened to the path

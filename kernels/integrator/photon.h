@@ -2,11 +2,13 @@
 // photon mapping: a probabilistic approach", ACM TOG 30(3) 2011): each sample of a pixel looks into a photon map of its own, whose radius
 // shrinks from map to map, so that noise and blur both vanish in the mean. Consistent, not unbiased.
 //
-// A path is followed through mirrors and glass to its first diffuse surface; light straight from the lights is added there by shadow
-// rays, and all other light from the photons around.
+// A path is followed to its first surface of the material `lambert`; light straight from the lights is added there by shadow rays, and all
+// other light from the photons around. On the way it meets mirrors, glass and all that is rough, where it goes on as in path.h, with light
+// and BSDF samples weighted: there every direction counts for something else, and few photons come from those that count.
 #ifndef INTEGRATOR_PHOTON_H
 #define INTEGRATOR_PHOTON_H
 
+#define PATH_GATHERS         // paths end where photons are gathered
 #include "integrator/path.h"
 #include "photon/deposit.h"
 #include "photon/disk.h"
@@ -144,13 +146,14 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
 
         // On a diffuse surface add light straight from the lights, and what the photons brought
         path_add_direct(scene, path, vertex, stats);
-        if (lane_any(vertex->diffuse)) {
-            const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, &vertex->bsdf, path, vertex->diffuse, stats);
+        const vmask gathers = vertex->diffuse & (vertex->surface.kind == MATERIAL_LAMBERT);
+        if (lane_any(gathers)) {
+            const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, &vertex->bsdf, path, gathers, stats);
             const vec3 leaving = scale(mul(mul(path->throughput, vertex->bsdf.color), arriving), splat(INV_PI));
-            path->radiance = choose(vertex->diffuse, add(path->radiance, leaving), path->radiance);
+            path->radiance = choose(gathers, add(path->radiance, leaving), path->radiance);
         }
 
-        // Follow mirrors and glass: settings have no indirect rays, so that a path ends at a diffuse surface
+        // Go on, but not from where photons were gathered
         path_scatter(scene, path, vertex);
         path_deliver(pool, path);
     }

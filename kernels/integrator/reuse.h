@@ -1,15 +1,19 @@
 // Path reuse with stochastic multiple importance sampling (West, Georgiev, Gruson, Hachisuka, "Continuous Multiple Importance
 // Sampling", ACM TOG 39(4) 2020, section 5; Bekaert, Sbert, Halton 2002).
 //
-// Each pixel of a group sends a path to its first diffuse surface, the anchor y, and goes on from there in one sampled direction, to
+// Each pixel of a group sends a path to its first matt surface, the anchor y, and goes on from there in one sampled direction, to
 // z. The light that leaves z, found by following the path to its end, then serves all pixels k of the group that see z:
 //
 //     T_k Σ_i f(y_k, z_i) G(y_k, z_i) V(y_k, z_i) L_i / Σ_j p(z_i | y_j) V(y_j, z_i)
 //
 // where p is the density, by area, with which anchor j finds z, the roulette's chance included. Given the anchors this is the balance
 // heuristic over the group, one sample a technique: without bias. The visibility has to stand in both sums: an anchor that does not see
-// z could not have found it, and counting it would lose light. Direct light, and what lies behind a mirror or glass seen from the
+// z could not have found it, and counting it would lose light. Direct light, and what lies behind all that is not matt, seen from the
 // anchor, stay with their own pixel.
+//
+// Matt is what sends the same radiance into all directions: only there L_i is the same for all anchors. Whether z is matt depends on z
+// alone, so that the two kinds of light are a partition, and each is estimated without bias. Lobes of other kinds at an anchor would
+// do, too, but each pixel would have to evaluate its own for the targets of all, and those of the others for their densities.
 //
 // Three kernels: integrator_reuse follows the paths and keeps a record of each; reuse_weigh asks, in the lane of i, which anchors see
 // z_i, and divides L_i by the lower sum; reuse_gather adds up, in the lane of k.
@@ -23,14 +27,14 @@
 
 // Where the path has left its own pixel: what others need to know of it.
 typedef struct {
-    vmask anchored;          // it has met a diffuse surface, the anchor
+    vmask anchored;          // it has met a matt surface, the anchor
     vec3 origin;             // where rays leave the anchor
     vec3 side, shading;      // its normals, of the geometry and of the shading, on the side that the camera sees
     vec3 reflects;           // throughput there times its reflectance
     vuint from, depth;       // Ray.from; scattering events before it
     vfloat survival;         // probability that a path leaves it
     vmask leaves;            // the last ray of the path is the one that left the anchor
-    vmask shared;            // the next vertex, z, is diffuse too
+    vmask shared;            // the next vertex, z, is matt too
     vec3 target, target_side;
     vuint primitive;         // of z
     vec3 own;                // radiance that belongs to this pixel alone
@@ -46,7 +50,27 @@ static Reuse reuse_none(void) {
     return r;
 }
 
-// The first diffuse surface of the path.
+// Where light scatters alike into all directions.
+static vmask reuse_matt(const Vertex* vertex) {
+#ifdef MATERIALS
+    return vertex->diffuse & (vertex->bsdf.kind == MATERIAL_LAMBERT) & !vertex->bsdf.closure.there;
+#else
+    return vertex->diffuse;
+#endif
+}
+
+// And where that is seen alike from all directions: a normal map's normal is bent towards the viewer.
+static vmask reuse_alike(const Vertex* vertex) {
+#ifdef TEXTURES
+    const Surface* s = &vertex->surface;
+    const vec3 own = choose(s->front, s->shading, negate(s->shading)), normal = vertex->bsdf.frame.normal;
+    return (normal.x == own.x) & (normal.y == own.y) & (normal.z == own.z);
+#else
+    return mask_all();
+#endif
+}
+
+// The first matt surface of the path.
 static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const Vertex* vertex, vmask anchors) {
     const Surface* surface = &vertex->surface;
     const Bsdf* bsdf = &vertex->bsdf;
@@ -140,7 +164,7 @@ static void reuse_store(__global float* records, vuint record, vmask shared, vec
     }
 }
 
-// As path_trace; every pixel has one ray from its first diffuse surface, which is what it shares.
+// As path_trace; every pixel has one ray from its first matt surface, which is what it shares.
 static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
@@ -159,8 +183,8 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         vertex[0] = path_vertex(scene, path, hit[0], stats);
         path_add_emission(scene, path, vertex);
 
-        // The first diffuse surface anchors the path; a diffuse one right after it sends its light to the whole group
-        const vmask anchors = vertex->diffuse & !reuse.anchored, shares = vertex->diffuse & reuse.leaves;
+        // The first matt surface anchors the path; a matt one right after it sends its light to the whole group
+        const vmask matt = reuse_matt(vertex), anchors = matt & !reuse.anchored, shares = matt & reuse_alike(vertex) & reuse.leaves;
         if (lane_any(shares)) reuse_share(&reuse, path, vertex, shares);
         if (lane_any(anchors)) reuse_anchor(scene, &reuse, path, vertex, anchors);
         reuse.leaves = anchors;

@@ -1,4 +1,4 @@
-// Photons on their way from the lights: at every diffuse surface that they reach after at least one scattering event they leave a
+// Photons on their way from the lights: at every surface of the material `lambert` that they reach after at least one scattering event they leave a
 // deposit. Light that comes straight from the lights is found by shadow rays, with less noise.
 #ifndef PHOTON_TRACE_H
 #define PHOTON_TRACE_H
@@ -89,7 +89,11 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     sampler_bits(p->sampler, sampler_set(p->depth, SET_BSDF), &bits_u, &bits_v);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     // bsdf_sample weighs radiance, which shrinks by eta² where it crosses glass; flux does not
-    const vmask crosses = (bsdf->kind == MATERIAL_DIELECTRIC) & (inner(next.direction, bsdf->side) < 0.0f);
+    vmask glass = bsdf->kind == MATERIAL_DIELECTRIC;
+#ifdef MATERIALS
+    glass = glass | bsdf->closure.glass.there;
+#endif
+    const vmask crosses = glass & (inner(next.direction, bsdf->side) < 0.0f);
     const vfloat in = photon_shading(bsdf, p->ray.direction), out = photon_shading(bsdf, next.direction);
     const vfloat turned = in / greater(out, splat(1.0e-6f)) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
     vec3 weight = scale(next.weight, turned);
@@ -128,7 +132,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         const Crossing crossing = interior_meet(scene, &photon.interior, &surface, found);
         photon.flux = interior_absorb(scene, &photon.interior, hit, photon.flux);
         const Bsdf bsdf = bsdf_at(scene, &surface, photon.ray.direction);
-        const vmask arrives = found & !bsdf.specular & ((photon.depth > 0u) | photon.hidden);
+        const vmask arrives = found & (surface.kind == MATERIAL_LAMBERT) & ((photon.depth > 0u) | photon.hidden);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
             const vec3 flux = scale(photon.flux, photon_shading(&bsdf, photon.ray.direction));

@@ -5,9 +5,11 @@
 #include "camera/perspective.h"
 #include "film/pool.h"
 #include "geometry/surface.h"
+#include "material/bsdf.h"
 #include "radiosity/patch.h"
 
-// `looks` has a row for each side, and at the end one for what lies outside: LOOK_ROW_* of types.h, radiance W/(sr m²).
+// `looks` has a row for each side, and at the end one for what lies outside: LOOK_ROW_* of types.h, radiance W/(sr m²); of a textured
+// side that of a white one.
 
 static vec3 display_interpolated(const Scene* scene, const Surface* s, const vfloat look[16]) {
     vfloat row[16], b, c;
@@ -32,7 +34,10 @@ static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __gl
         const Surface s = surface_at(scene, &ray, hit, found);
         lane_rows(looks, found ? s.primitive * 2u + (s.front ? splat_uint(0u) : splat_uint(1u)) : patch_outside(scene), look);
         const vec3 own = vec3_row(look, LOOK_ROW_OWN);
-        const vec3 reflected = display_interpolated(scene, &s, look);
+        vec3 reflected = display_interpolated(scene, &s, look);
+#ifdef TEXTURES
+        reflected = choose(s.attributes.textured, mul(reflected, bsdf_at(scene, &s, ray.direction).color), reflected);
+#endif
         pool_deliver(pool, &sample, add(own, choose(found, reflected, vec3_all(0.0f))), start);
         stats->deepest = pool_deepest(stats->deepest, splat_uint(0u), found);
     }

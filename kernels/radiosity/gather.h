@@ -62,14 +62,20 @@ static vuint gather_texel_along(vfloat x, vuint along) {
     return vuint_of(at);
 }
 
-// Radiance that patches reflect, from a point of one side, of light that has been reflected before.
-static vec3 gather_indirect(const Scene* scene, const Atlas* atlas, const Surface* s, const AtlasRow* row) {
+// Radiance that patches reflect, from a point of one side, of light that has been reflected before. Texels hold it as of a white surface
+// where there is a texture, which has more detail than patches.
+static vec3 gather_indirect(const Scene* scene, const Atlas* atlas, const Surface* s, const Bsdf* bsdf, const AtlasRow* row) {
     vfloat x, y;
     gather_place(scene, s, &x, &y);
     const vuint back = s->front ? splat_uint(0u) : splat_uint(1u);
     const vuint line = back * row->along + gather_texel_along(y, row->along);
     const vuint texel = (row->first + line * row->along + gather_texel_along(x, row->along)) * 3u;
-    return vec3_of(lane_gather(atlas->texels, texel), lane_gather(atlas->texels, texel + 1u), lane_gather(atlas->texels, texel + 2u));
+    const vec3 sent = vec3_of(lane_gather(atlas->texels, texel), lane_gather(atlas->texels, texel + 1u), lane_gather(atlas->texels, texel + 2u));
+#ifdef TEXTURES
+    return choose(s->attributes.textured, mul(sent, bsdf->color), sent);
+#else
+    return sent;
+#endif
 }
 
 // Radiance that leaves a surface of light straight from a light, sampled.
@@ -107,7 +113,7 @@ static void gather_trace(const Scene* scene, const Atlas* atlas, Pool* pool, Poo
             const Bsdf bsdf = bsdf_at(scene, &s, ray.direction);
             stats->rays += lane_count(alive);
             vec3 sent = gather_direct(scene, &s, &bsdf, sample.sampler, bounce, found, stats);
-            if (bounce == GATHER_BOUNCES) sent = choose(found, add(sent, gather_indirect(scene, atlas, &s, &row)), sent);
+            if (bounce == GATHER_BOUNCES) sent = choose(found, add(sent, gather_indirect(scene, atlas, &s, &bsdf, &row)), sent);
             const vmask counts = splat(bounce == 0u ? 1.0f : 0.0f) + row.counted > 0.0f, shows = alive & (!found | s.front) & counts;
             sent = choose(shows, add(sent, row.own), sent);
             radiance = choose(alive, add(radiance, mul(throughput, sent)), radiance);

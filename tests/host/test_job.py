@@ -165,7 +165,7 @@ def test_materials_that_an_integrator_does_not_take_are_refused(integrator: str,
             "shapes": [{"type": "sphere", "center": (0, 0, 0), "radius": 1, "material": "rough"}],
         }
     )
-    if integrator in ("photon", "reuse", "radiosity"):
+    if integrator == "radiosity":
         with pytest.raises(
             SceneError, match=rf"shapes\[0\].material: 'rough' is of type {kind}.*, .* use --integrator"
         ):

@@ -138,12 +138,42 @@ def _many_lights() -> Scene:
         return clrender.load(str(write_scene("S4", Path(folder))))
 
 
+@functools.cache
+def _rich_room() -> Scene:
+    """Matt walls around all kinds of other materials: what integrators share is between them."""
+    materials: dict[str, Any] = {
+        "wall": {"type": "lambert", "reflectance": [0.8, 0.6, 0.4]},
+        "floor": {"type": "lambert", "reflectance": {"checker": [0.2, 0.9], "size": 0.25}},
+        "gold": {"type": "conductor", "metal": "Au", "roughness": 0.4},
+        "plastic": {"type": "principled", "base_color": [0.7, 0.3, 0.2], "roughness": 0.4, "coat": 1.0},
+        "frosted": {"type": "dielectric", "ior": 1.5, "roughness": 0.4},
+        "mirror": {"type": "mirror"},
+        "mixed": {"type": "mix", "materials": ["wall", "mirror"], "weight": 0.4},
+    }
+    shapes: list[dict[str, Any]] = [
+        {"type": "box", "size": [2, 2, 2], "flip_normals": True, "material": "wall"},
+        {"type": "quad", "origin": [-1, -0.99, 1], "edge_u": [2, 0, 0], "edge_v": [0, 0, -2], "material": "floor"},
+        {"type": "quad", "origin": [-0.4, 0.98, -0.4], "edge_u": [0.8, 0, 0], "edge_v": [0, 0, 0.8]},
+        {"type": "sphere", "center": [-0.5, -0.6, -0.1], "radius": 0.35, "material": "gold"},
+        {"type": "sphere", "center": [0.3, -0.65, 0.2], "radius": 0.3, "material": "plastic"},
+        {"type": "sphere", "center": [-0.1, -0.7, 0.5], "radius": 0.2, "material": "frosted"},
+        {"type": "box", "center": [0.5, -0.5, -0.6], "size": [0.5, 0.9, 0.4], "material": "mixed"},
+    ]
+    shapes[2]["emission"] = [4.0, 4.0, 4.0]
+    camera = {"position": [0.0, 0.1, 0.95], "target": [0.0, -0.4, -0.2], "vertical_fov": 80.0}
+    return clrender.Scene.model_validate({"camera": camera, "materials": materials, "shapes": shapes})
+
+
+_MADE: Final = {"S4": _many_lights, "rich room": _rich_room}
+
+
 def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None, **settings: Any) -> RenderedImage:
     """One of `SCENES` on these very devices, whose programs stay built from one render to the next.
 
     Parameters
     ----------
     scene : str
+        Or ``rich room``.
     devices : sequence of Device
     cutting : Cutting, optional
         Default: as the devices choose.
@@ -156,7 +186,7 @@ def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None
         if cutting.order == "shuffled":
             stack.enter_context(patch("clrender.scheduling.run.Remaining", ShuffledUnits))
         return session.render(
-            _many_lights() if scene == "S4" else clrender.load(scene),
+            _MADE[scene]() if scene in _MADE else clrender.load(scene),
             **{
                 "size": WIDTH_HEIGHT,
                 "spp": SPP,

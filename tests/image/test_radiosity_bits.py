@@ -46,6 +46,27 @@ def test_the_same_bits_on_every_driver(all_devices: list[Device], expected: dict
             assert image.stats["image_sha256"] == expected[display], f"{display} on {device.info.title}"
 
 
+@pytest.mark.slow
+def test_textures_in_every_number_of_lanes_and_on_every_driver(all_devices: list[Device]) -> None:
+    """A room whose diffuse shapes have checkers: means on the host, the texture itself in the kernels."""
+    room = clrender.load("room-diffuse")
+    checked = {"type": "lambert", "reflectance": {"checker": [[0.9, 0.1, 0.3], [0.0, 0.8, 0.5]], "size": 0.3}}
+    painted = clrender.Scene.model_validate(
+        {**room.model_dump(exclude_none=True), "materials": dict.fromkeys(room.materials, checked)}
+    )
+    settings: dict[str, Any] = {"spp": 2, "size": (40, 30), "patches": 700, "patch_rays": 48, "integrator": "radiosity"}
+    for display in DISPLAYS:
+        made = set()
+        for device in all_devices:
+            lanes = (1,) if "rusticl" in device.info.platform else (1, 4, 8, 16)
+            for each in lanes:
+                image = clrender.render(
+                    painted, device=device.info.index, lanes=each, radiosity_display=display, **settings
+                )
+                made.add(image.stats["image_sha256"])
+        assert len(made) == 1, display
+
+
 def test_what_decides_the_picture(device: Device, expected: dict[str, str]) -> None:
     changed = [
         render(device, "constant", **change).stats["image_sha256"]

@@ -207,6 +207,21 @@ def test_every_integrator_on_every_driver(all_devices: list[Device], settings: d
             np.testing.assert_array_equal(layer, first.aovs[name], f"{name} on {device.info.title}")
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [{"integrator": "photon", "photons": 2000}, {"integrator": "reuse"}], ids=str)
+@pytest.mark.parametrize("scene", ["rich room", "textures"])
+def test_rich_scenes_by_those_that_share(all_devices: list[Device], scene: str, settings: dict[str, Any]) -> None:
+    """Rough materials and textures by integrators whose pixels have work in common, in every number of lanes."""
+    wanted = sha(scene, all_devices[:1], spp=5, **settings)
+    assert wanted != sha(scene, all_devices[:1], spp=5), "pixels have something in common"
+    for device in all_devices:
+        if GPU_LIKE in device.info.platform:
+            continue  # over rough materials its compiler takes minutes
+        for number, lanes in enumerate(LANES):
+            cutting = Cutting(lanes, TRAVERSALS[number % 2], 16, 1, 16, "shuffled")
+            assert sha(scene, [device], cutting, spp=5, **settings) == wanted, f"{cutting} on {device.info.title}"
+
+
 def test_no_more_lanes_than_a_driver_can_compile(all_devices: list[Device]) -> None:
     """Where its compiler would go on until memory ends, an error says so at once."""
     limited = [device for device in all_devices if GPU_LIKE in device.info.platform]

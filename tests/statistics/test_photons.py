@@ -8,21 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from photon_support import ALBEDO, PHOTONS, photon_map
 from render_support import Studio, disk, lambert, quad, scene, sphere
 from stats_support import Evidence
 
 import clrender
 from clrender.device import Device
-from clrender.device.device import Buffer
-from clrender.device.worker import DeviceWorker
-from clrender.flatten import flatten
-from clrender.integrators import INTEGRATORS
-from clrender.photon_maps import PhotonMaps, _shrunk, radius_of_pass
+from clrender.photon_maps import _shrunk, radius_of_pass
 from clrender.scene import Scene
-from clrender.settings import RenderSettings
-
-PHOTONS = 1 << 14
-ALBEDO = 0.8
 
 # A light of each kind in the middle of a closed diffuse box, and its power in watts, per channel.
 LIGHTS: dict[str, tuple[dict[str, Any], float]] = {
@@ -31,22 +24,6 @@ LIGHTS: dict[str, tuple[dict[str, Any], float]] = {
     "disk": ({"shapes": [disk((0.1, 0.2, 0.3), (0, 1, 0), 0.5, emission=1.5)]}, math.pi * math.pi * 0.25 * 1.5),
     "point": ({"lights": [{"type": "point", "position": [0.1, 0, 0], "intensity": [2, 2, 2]}]}, 4 * math.pi * 2.0),
 }
-
-
-def photon_map(device: Device, what: Scene, number: int, photons: int = PHOTONS) -> npt.NDArray[np.float32]:
-    """(10, n) the deposits of a map: position, normal, flux, scattering events."""
-    flat = flatten(what, 16, 16, "power")
-    worker = DeviceWorker(device, flat, RenderSettings(integrator="photon").struct(16), INTEGRATORS["photon"].pipeline)
-    maps = PhotonMaps(worker, flat, photons, None)
-    buffer, starts, stride, _, size, _, _ = maps.arguments(number)
-    assert isinstance(buffer, Buffer) and isinstance(starts, Buffer)
-    assert isinstance(size, np.ndarray) and isinstance(stride, np.uint32)
-    begin, words = np.empty(int(size[3]) + 1, np.uint32), np.empty((10, int(stride)), np.float32)
-    device.read(starts, begin)
-    device.read(buffer, words)
-    maps.release()
-    worker.release()
-    return words[:, : begin[-1]]
 
 
 @pytest.mark.parametrize("name", LIGHTS)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from render_support import Studio, lambert, scene
+from render_support import Studio, lambert, quad, scene, sphere
 from stats_support import Evidence
 
 import clrender
 from clrender.device.worker import DeviceWorker, LaunchConfig
+from clrender.image.files import write_image
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -52,20 +54,104 @@ def test_every_way_of_reuse_is_unbiased(evidence: Evidence, studio: Studio, way:
     compare(evidence, studio, clrender.load("cornell"), 16, **WAYS[way])
 
 
-def partitioned_furnace(studio: Studio, **settings: Any) -> npt.NDArray[np.float64]:
+def partitioned_furnace(
+    studio: Studio, partition: dict[str, Any] | None = None, **settings: Any
+) -> npt.NDArray[np.float64]:
     """(16, 16) radiance of the tiles of an image, of sixteen seeds; 1 / (1 - 0.8) = 5 is exact.
 
     A thin wall, seen from its edge, parts a room: pixels beside each other do not see what their neighbours see.
     """
     glow = {"material": "wall", "emission": [1.0, 1.0, 1.0]}
     room = {"type": "box", "size": [4.0, 4.0, 4.0], "flip_normals": True, **glow}
-    walls = [{"type": "box", "center": [x, -0.5, 0.0], "size": [0.02, 2.9, 3.9], **glow} for x in (-0.9, 0.0, 0.9)]
+    thin = {"material": "thin"} if partition else glow
+    walls = [{"type": "box", "center": [x, -0.5, 0.0], "size": [0.02, 2.9, 3.9], **thin} for x in (-0.9, 0.0, 0.9)]
     camera = {"position": [0.1, 1.9, 0.2], "target": [0.1, 0.0, 0.1], "up": [0, 0, -1], "vertical_fov": 70.0}
-    return studio.tiles(scene([room, *walls], camera=camera, wall=lambert(0.8)), spp=16, **settings)
+    materials = {"wall": lambert(0.8), "thin": partition or lambert(0.8)}
+    return studio.tiles(scene([room, *walls], (), camera, **materials), spp=16, **settings)
 
 
 def test_reuse_is_exact_in_a_furnace(evidence: Evidence, studio: Studio) -> None:
     evidence.mean_is("radiance", partitioned_furnace(studio, integrator="reuse"), 5.0)
+
+
+def rich_room(where: Path) -> Scene:
+    """Matt surfaces among all others: behind a rough metal, in a mixture, and with normals that point elsewhere."""
+    slopes = np.random.default_rng(5).random((8, 8, 3)).astype(np.float32)
+    slopes[..., 2] = 0.6
+    write_image(where / "n.exr", slopes)
+    bumpy = {"texture": "n.exr", "filter": "nearest"}
+    materials: dict[str, Any] = {
+        "wall": lambert([0.8, 0.6, 0.4]),
+        "floor": {"type": "lambert", "reflectance": {"checker": [0.2, 0.9], "size": 0.25}, "normal_map": bumpy},
+        "gold": {"type": "conductor", "metal": "Au", "roughness": 0.5},
+        "plastic": {"type": "principled", "base_color": [0.7, 0.3, 0.2], "roughness": 0.4, "coat": 1.0},
+        "back": {"type": "lambert", "reflectance": [0.7, 0.7, 0.9], "two_sided": False},
+        "mirror": {"type": "mirror"},
+        "mixed": {"type": "mix", "materials": ["wall", "mirror"], "weight": 0.4},
+    }
+    shapes: list[dict[str, Any]] = [
+        {"type": "box", "size": [2.0, 2.0, 2.0], "flip_normals": True, "material": "wall"},
+        quad((-1, -0.99, 1), (2, 0, 0), (0, 0, -2), material="floor"),
+        quad((-0.4, 0.98, -0.4), (0.8, 0, 0), (0, 0, 0.8), emission=4.0),
+        quad((-0.9, -0.9, -0.8), (0.0, 1.2, 0.0), (0.6, 0, -0.1), material="back"),
+        sphere((-0.5, -0.6, -0.1), 0.35, material="gold"),
+        sphere((0.3, -0.65, 0.2), 0.3, material="plastic"),
+        {"type": "box", "center": [0.5, -0.5, -0.6], "size": [0.5, 0.9, 0.4], "material": "mixed"},
+    ]
+    camera = {"position": [0.0, 0.1, 0.95], "target": [0.0, -0.4, -0.2], "vertical_fov": 80.0}
+    return scene(shapes, (), camera, **materials).placed("here", where)
+
+
+def test_reuse_is_unbiased_around_rough_metal(evidence: Evidence, studio: Studio) -> None:
+    """Metal and matt surfaces in one block of sixteen pixels, which share all that they find.
+
+    Where neighbours are alike, a wrong density stands above and below the line, and next to nothing is wrong.
+    """
+    metal = {"type": "conductor", "f0": [0.9, 0.9, 0.9], "roughness": 0.4}
+    shapes = [
+        {"type": "box", "size": [2.0, 2.0, 2.0], "flip_normals": True, "material": "dark"},
+        quad((-1, -0.98, 1), (2, 0, 0), (0, 0, -2), material="metal"),
+        quad((-0.98, -1, 1), (0, 0, -2), (0, 2, 0), material="metal"),
+        quad((0.2, -1, -0.98), (0.7, 0, 0), (0, 2, 0), material="white"),
+        quad((0.97, -1, -0.9), (0, 0, 0.3), (0, 2, 0), emission=3.0),
+    ]
+    camera = {"position": [0.3, 0.0, 0.9], "target": [0.0, -0.6, -0.6], "vertical_fov": 75.0}
+    materials = {"dark": lambert(0.7), "white": lambert(0.9), "metal": metal}
+    what, block = scene(shapes, (), camera, **materials), {"size": 4, "spp": 512}
+    path = studio.tiles(what, range(12), **block)
+    evidence.equal("pixels", path, studio.tiles(what, range(1000, 1012), integrator="reuse", **block))
+
+
+def test_what_metal_sends_into_one_direction_is_not_shared(evidence: Evidence, studio: Studio) -> None:
+    """A lamp that turns its back on the floor, and a metal wall that mirrors it to some places of the floor only."""
+    metal = {"type": "conductor", "f0": [0.9, 0.9, 0.9], "roughness": 0.4}
+    shapes = [
+        quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), material="white"),
+        quad((-1, 0, -1), (2, 0, 0), (0, 1.5, 0), material="metal"),
+        quad((-0.7, 0.4, -0.3), (0, 0.5, 0), (0.5, 0, 0), emission=8.0),
+    ]
+    camera = {"position": [0.0, 2.5, 0.0], "target": [0.0, 0.0, 0.0], "up": [0, 0, -1], "vertical_fov": 42.0}
+    what, block = scene(shapes, (), camera, white=lambert(0.8), metal=metal), {"size": 4, "spp": 1024}
+    path = studio.tiles(what, range(16), **block)
+    evidence.equal("pixels", path, studio.tiles(what, range(1000, 1016), integrator="reuse", **block))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [96])
+def test_reuse_is_unbiased_among_all_materials(evidence: Evidence, studio: Studio, tmp_path: Path, seeds: int) -> None:
+    compare(evidence, studio, rich_room(tmp_path), seeds)
+
+
+@pytest.mark.slow
+def test_reuse_is_unbiased_in_a_scene_with_textures(evidence: Evidence, studio: Studio) -> None:
+    compare(evidence, studio, clrender.load("textures"), 48)
+
+
+@pytest.mark.slow
+def test_a_furnace_with_walls_of_white_metal(evidence: Evidence, studio: Studio) -> None:
+    """Its thin walls reflect all light; to a thousandth is what a compensated metal promises (docs/furnace.md)."""
+    metal = {"type": "conductor", "f0": [1.0, 1.0, 1.0], "roughness": 0.5}
+    evidence.mean_is("radiance", partitioned_furnace(studio, metal, integrator="reuse"), 5.0, rounding=1e-3)
 
 
 def test_an_anchor_that_does_not_see_may_not_be_counted(

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from exact import mirrored, polygon_irradiance
+from photon_support import ALBEDO, PHOTONS, photon_map
 from PIL import Image
 from render_support import Studio, disk, lambert, quad, scene, sphere
 from stats_support import Evidence
-from test_photons import ALBEDO, PHOTONS, photon_map
 
 import clrender
 from clrender.flatten import flatten

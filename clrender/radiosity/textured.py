@@ -1,0 +1,149 @@
+"""Patches of surfaces whose reflectance is a texture: where they lie in it, and its mean over each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.scene.materials import material_textures
+from clrender.scene.surfaces import FlatSurfaces, flat_surfaces
+from clrender.scene.texture_integrals import reflectance_means
+from clrender.scene.texture_means import TextureMeans
+from clrender.scene.texture_rows import flat_textures
+
+if TYPE_CHECKING:
+    from clrender.radiosity.patches import Patches
+    from clrender.scene.description import Scene
+
+__all__ = ["patch_coordinates", "patch_reflectance", "textured_shapes"]
+
+_TURN: Final = (
+    -6.45303749e-4, 3.47959646e-3, -8.89872294e-3, 1.53460354e-2, -2.21362729e-2, 3.17459442e-2, -5.30461222e-2,
+    1.59154832e-1,
+)  # fmt: skip
+"""atan(x) / 2π over x, in powers of x², as in kernels/texture/mapping.h: no two libraries agree on theirs."""
+_POLE: Final = 1e-6
+"""Of a sphere's radius: so near the axis there is no longitude."""
+
+_Floats = NDArray[np.float64]
+
+
+def textured_shapes(scene: Scene) -> NDArray[np.bool_]:
+    """(s,) bool: which shapes have a material with a texture."""
+    materials = [shape.material for shape in scene.shapes]
+    return np.array(
+        [m is not None and any(True for _ in material_textures(scene.materials, m)) for m in materials], bool
+    )
+
+
+def patch_coordinates(patches: Patches) -> _Floats:
+    """Texture coordinates of the corners of patches: (2, n, 3, 2) float64, of both sets; of plain shapes zero.
+
+    They are linear over a patch, on triangles and disks exactly. On spheres, whose patches are flat too, that is
+    another approximation: a patch that the seam runs through has longitudes beyond 1, and at a pole that of its others.
+    """
+    surfaces = flat_surfaces(patches.scene)
+    uvs = np.zeros((2, len(patches), 3, 2))
+    flat = patches.primitive < len(surfaces.triangles)
+    textured = textured_shapes(patches.scene)[patches.shape]
+    for which, fill in ((textured & flat, _on_triangles), (textured & ~flat, _on_rounds)):
+        some = np.flatnonzero(which)
+        if len(some):
+            fill(surfaces, patches.corners[some], patches.primitive[some], some, uvs)
+    return uvs
+
+
+def _on_triangles(
+    surfaces: FlatSurfaces, corners: _Floats, primitive: NDArray[np.int64], some: NDArray[np.int64], uvs: _Floats
+) -> None:
+    whole = surfaces.vertices[surfaces.triangles[primitive]].astype(np.float64)
+    ab, ac = whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0]
+    normal = _cross(ab, ac)
+    square = _dot(normal, normal)
+    rows = surfaces.attributes[primitive].astype(np.float64)
+    for corner in range(3):
+        to = corners[:, corner] - whole[:, 0]
+        b, c = _dot(_cross(to, ac), normal) / square, _dot(_cross(ab, to), normal) / square
+        for number in (0, 1):
+            at, to_b, to_c = (rows[:, 6 * number + 2 * k : 6 * number + 2 * k + 2] for k in range(3))
+            uvs[number, some, corner] = at + b[:, None] * (to_b - at) + c[:, None] * (to_c - at)
+
+
+def _on_rounds(
+    surfaces: FlatSurfaces, corners: _Floats, primitive: NDArray[np.int64], some: NDArray[np.int64], uvs: _Floats
+) -> None:
+    shapes = surfaces.analytic_shapes[primitive - len(surfaces.triangles)]
+    center = shapes["center_radius"].astype(np.float64)
+    axes = surfaces.attributes[primitive, :9].astype(np.float64)
+    out = (corners - center[:, None, :3]) / center[:, None, 3:]
+    x, y, z = (
+        out[..., 0] * axes[:, None, k] + out[..., 1] * axes[:, None, k + 1] + out[..., 2] * axes[:, None, k + 2]
+        for k in (0, 3, 6)
+    )
+    level = np.sqrt(x * x + z * z)
+    longitude, latitude = _turn(x, z) + 0.5, _turn(y, level) * 2.0 + 0.5
+    pole = level < _POLE
+    first = np.where(pole, -1.0, longitude).max(axis=1)[:, None]
+    longitude = np.where(longitude < first - 0.5, longitude + 1.0, longitude)
+    others = np.where(pole, 0.0, longitude).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
+    longitude = np.where(pole, others[:, None], longitude)
+    disk = np.any(shapes["normal"][:, :3] != 0.0, axis=1, keepdims=True)
+    u, v = np.where(disk, x * 0.5 + 0.5, longitude), np.where(disk, y * 0.5 + 0.5, latitude)
+    uvs[:, some] = np.stack([u, v], axis=-1)
+
+
+def _turn(y: _Floats, x: _Floats) -> _Floats:
+    """The angle of (x, y), in turns from -1/2 to 1/2; 0 at the origin."""
+    ax, ay = np.abs(x), np.abs(y)
+    high, low = np.maximum(ax, ay), np.minimum(ax, ay)
+    ratio = low / np.where(high > 0.0, high, 1.0)
+    square, p = ratio * ratio, np.full_like(ratio, _TURN[0])
+    for factor in _TURN[1:]:
+        p = p * square + factor
+    eighth = p * ratio
+    quarter = np.where(ay > ax, 0.25 - eighth, eighth)
+    half = np.where(x < 0.0, 0.5 - quarter, quarter)
+    return np.where(y < 0.0, -half, half)
+
+
+def patch_reflectance(patches: Patches, known: _Floats, which: NDArray[np.bool_]) -> _Floats:
+    """Mean reflectance of each patch.
+
+    Parameters
+    ----------
+    patches : Patches
+    known : (n, 3) float64
+        That of the others.
+    which : (n,) bool
+        Textured ones.
+
+    Returns
+    -------
+    (n, 3) float64
+    """
+    scene = patches.scene
+    textures = flat_textures(scene)
+    slots = textures.slots.view(np.uint32)[:, layout.TEXTURE_SLOTS["BASE_COLOR"]]
+    numbers = {name: int(slots[number]) for number, name in enumerate(scene.materials)}
+    of = np.array([-1 if s.material is None else numbers[s.material] for s in scene.shapes])
+    of[~textured_shapes(scene)] = -1
+    means = known.copy()
+    for number in np.unique(of[of >= 0]).tolist():
+        some = np.flatnonzero((of == number)[patches.shape] & which)
+        texture = TextureMeans(textures, number)
+        means[some] = reflectance_means(texture, patches.coordinates[texture.uv_set, some])
+    return means
+
+
+def _cross(a: _Floats, b: _Floats) -> _Floats:
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+
+
+def _dot(a: _Floats, b: _Floats) -> _Floats:
+    product = a * b
+    dot: _Floats = (product[:, 0] + product[:, 1]) + product[:, 2]
+    return dot
