@@ -167,7 +167,9 @@ class _Maker:
             corners = [_rounded(np.array(self._place()) + self.random.uniform(-0.7, 0.7, 3)) for _ in range(3)]
             self.shapes.append({"type": "triangle", "vertices": corners, "material": plain})
         else:
-            self._quad(self._place(), self._place(0.8), self._place(0.8), material=str(self.random.choice(self.flat)))
+            # Without the normal map: from behind clrender reverses the normal, as glTF asks, and Mitsuba mirrors it
+            place, u, v, flat = self._place(), self._place(0.8), self._place(0.8), str(self.random.choice(self.flat))
+            self._quad(place, u, v, material="texture0" if flat == "texture1" else flat)
 
     def _light(self) -> None:
         kind = self.random.choice(["sphere", "disk", "quad", "point", "directional", "constant", "map"])
