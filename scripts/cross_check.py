@@ -1,11 +1,14 @@
 """Random scenes of every shape, material, texture and light: do clrender and Mitsuba agree?
 
     .venv/bin/python scripts/cross_check.py FIRST LAST --mitsuba PYTHON [--folder DIR]
+    .venv/bin/python scripts/cross_check.py spheres --mitsuba PYTHON [--folder DIR]
 
 Renders the scenes of the seeds FIRST to LAST - 1 six times each with both, and compares means and tiles by Welch's
 t-test with Holm's correction over all of them. PYTHON is one that has Mitsuba. New seeds are always a blind test. The
 materials are those whose definitions agree: Mitsuba's metals and rough glass lose what is scattered more than once, so
 they are nearly smooth here.
+
+With `spheres` the scenes are single spheres between two lamps, one material each; some are defined differently.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,12 +36,18 @@ _LEVEL: Final = 0.01
 """False alarms over all means, and over all tiles."""
 _SHARP: Final = 0.002
 """Standard error of a mean of which 0.5 % can be told: caustics of small lights leave some without an answer."""
+_BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
 _HALF: Final = 2.0
 """Half the side of the room, metres."""
 
 
 def _rounded(values: npt.NDArray[np.float64]) -> list[float]:
     return [float(x) for x in values.round(4)]
+
+
+def _seeds(number: int) -> range:
+    """Of the batches of that scene of a run; of the others other ones, for what is seen directly is alike in many."""
+    return range(1 + number * _BATCHES, 1 + (number + 1) * _BATCHES)
 
 
 class _Maker:
@@ -48,7 +58,7 @@ class _Maker:
         self.folder = folder
         self.shapes: list[dict[str, Any]] = []
         self.lights: list[dict[str, Any]] = []
-        self.materials: dict[str, Any] = {"black": {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}}
+        self.materials: dict[str, Any] = {"black": dict(_BLACK)}
         self.flat = [self._material(f"diffuse{i}", self._diffuse()) for i in range(3)]
         self.flat += [self._material(f"texture{i}", self._textured(i)) for i in range(2)]
         self.any = [f"diffuse{i}" for i in range(3)]
@@ -101,6 +111,10 @@ class _Maker:
             tilts = self.random.normal(size=(8, 8, 3)) * [0.02, 0.02, 0.0] + [0.5, 0.5, 1.0]
             write_image(self.folder / "normals.exr", tilts.astype(np.float32))
             made["normal_map"] = {"texture": "normals.exr"}
+            # Mitsuba shades what is between texels, clrender's paths see one of them, of all pictures at a vertex by
+            # the same numbers. It is the same for one picture that enters linearly, as that of number 0
+            for picture in (made["reflectance"], made["normal_map"]):
+                picture["filter"] = "nearest"
         return made
 
     def make(self) -> dict[str, Any]:
@@ -153,7 +167,9 @@ class _Maker:
             corners = [_rounded(np.array(self._place()) + self.random.uniform(-0.7, 0.7, 3)) for _ in range(3)]
             self.shapes.append({"type": "triangle", "vertices": corners, "material": plain})
         else:
-            self._quad(self._place(), self._place(0.8), self._place(0.8), material=str(self.random.choice(self.flat)))
+            # Without the normal map: from behind clrender reverses the normal, as glTF asks, and Mitsuba mirrors it
+            place, u, v, flat = self._place(), self._place(0.8), self._place(0.8), str(self.random.choice(self.flat))
+            self._quad(place, u, v, material="texture0" if flat == "texture1" else flat)
 
     def _light(self) -> None:
         kind = self.random.choice(["sphere", "disk", "quad", "point", "directional", "constant", "map"])
@@ -195,6 +211,64 @@ class _Maker:
         self.lights.append({"type": "environment", "file": "sky.exr"})
 
 
+_GOLD: Final = {"eta": [0.21, 0.43, 1.38], "k": [3.272, 2.455, 1.914]}
+_RED: Final = {"type": "lambert", "reflectance": [0.7, 0.3, 0.1]}
+_SILK: Final = {"type": "conductor", **_GOLD, "roughness": 0.1}
+_SPHERES: Final[dict[str, dict[str, Any]]] = {
+    "lambert": _RED,
+    "mirror": {"type": "mirror", "reflectance": [0.9, 0.8, 0.7]},
+    "smooth gold": {"type": "conductor", **_GOLD, "roughness": 0.0},
+    "gold, alpha 0.01": _SILK,
+    "brushed gold, alpha 0.003 and 0.01": {"type": "conductor", **_GOLD, "roughness": 0.0548, "anisotropy": 0.084},
+    "smooth glass": {"type": "dielectric", "ior": 1.5},
+    "thin glass": {"type": "dielectric", "ior": 1.5, "thin": True},
+    "rough glass, alpha 0.01": {"type": "dielectric", "ior": 1.5, "roughness": 0.1},
+    # Of nothing smooth: Mitsuba's `blendbsdf` adds the probability of a delta to the density of what else there is
+    "mixture of lambert and gold": {"type": "mix", "materials": ["red", "silk"], "weight": 0.3},
+}
+"""Spheres of materials that are the same in both."""
+_OTHERS: Final[dict[str, tuple[dict[str, Any], str]]] = {
+    "gold, alpha 0.2": (
+        {"type": "conductor", **_GOLD, "roughness": 0.4472135955},
+        "Mitsuba loses what is scattered more than once",
+    ),
+    "rough glass, alpha 0.1": (
+        {"type": "dielectric", "ior": 1.5, "roughness": 0.316227766},
+        "Mitsuba loses what is scattered more than once",
+    ),
+    "plastic": (
+        {"type": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.4},
+        "glTF's plastic here, Disney's there",
+    ),
+}
+"""Spheres of materials that are not, and why."""
+
+
+def _lamp(origin: list[float], u: list[float], v: list[float], emission: list[float]) -> dict[str, Any]:
+    return {"type": "quad", "origin": origin, "edge_u": u, "edge_v": v, "emission": emission, "material": "black"}
+
+
+def _spheres(folder: Path) -> list[Path]:
+    """Write the scenes: the sphere fills the picture nearly, between two lamps under an even sky."""
+    folders = []
+    for name, made in (_SPHERES | {name: made for name, (made, _) in _OTHERS.items()}).items():
+        place = folder / name.replace(",", "").replace(" ", "_")
+        place.mkdir(parents=True, exist_ok=True)
+        scene = {
+            "camera": {"position": [0.0, 1.0, 3.9], "target": [0.0, 0.0, 0.0], "vertical_fov": 26.0},
+            "materials": {"black": _BLACK, "red": _RED, "silk": _SILK, "this": made},
+            "shapes": [
+                {"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 1.0, "material": "this"},
+                _lamp([-3.0, 0.5, 3.0], [1.5, 0.0, 1.0], [0.0, 1.5, 0.0], [9.0, 8.0, 6.0]),
+                _lamp([1.5, -2.0, -3.0], [1.5, 0.0, 0.0], [0.0, 1.0, 0.5], [3.0, 5.0, 8.0]),
+            ],
+            "lights": [{"type": "environment", "radiance": [0.4, 0.5, 0.6]}],
+        }
+        (place / "scene.json").write_text(json.dumps(scene), encoding="utf-8")
+        folders.append(place)
+    return folders
+
+
 def _in_mitsuba(folders: list[Path]) -> None:
     """The Mitsuba side: `folder`/scene.json -> `folder`/mitsuba.npy, (batches, height, width, 3)."""
     sys.path.insert(0, str(_ROOT / "clrender" / "bench"))
@@ -204,76 +278,135 @@ def _in_mitsuba(folders: list[Path]) -> None:
     import peer_mitsuba  # type: ignore[import-not-found]
     from peer_scene import Job
 
-    for folder in folders:
+    for number, folder in enumerate(folders):
         job = Job("llvm_ad_rgb", folder / "scene.json", _SIDE, _SIDE, _SPP, -1, folder / "mitsuba.npy")
         scene = peer_mitsuba.load(job)
-        images = [np.array(mitsuba.render(scene, spp=_SPP, seed=1 + k)) for k in range(_BATCHES)]
+        images = [np.array(mitsuba.render(scene, spp=_SPP, seed=seed)) for seed in _seeds(number)]
         np.save(job.image, np.array(images, np.float32))
         print(folder.name, flush=True)
+
+
+@dataclass
+class _Comparison:
+    """What came of one scene; each array has the shape (k,)."""
+
+    name: str
+    ratio: float
+    """Mean of ours over theirs."""
+    error: float
+    """Standard error of the worst colour's mean, as a share of it."""
+    means: npt.NDArray[np.float64]
+    tiles: npt.NDArray[np.float64]
+    """p-values."""
+    deviate: float
+    """Of the tile that is farthest off."""
+
+
+def _ours(session: Any, folder: Path, number: int) -> npt.NDArray[np.float32]:
+    import clrender
+
+    scene = clrender.load(str(folder / "scene.json"))
+    size = (_SIDE, _SIDE)
+    own = np.array([session.render(scene, spp=_SPP, size=size, seed=seed).linear for seed in _seeds(number)])
+    np.save(folder / "clrender.npy", own)
+    return own
+
+
+def _comparison(name: str, own: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> _Comparison:
+    from clrender.agreement.significance import welch
+
+    side = _SIDE // _TILES
+    split = [
+        x.mean(-1).reshape(-1, _TILES, side, _TILES, side).mean((2, 4)).reshape(_BATCHES, -1) for x in (own, other)
+    ]
+    whole = [x.astype(np.float64).mean((1, 2)) for x in (own, other)]
+    mean, tile = (welch(a, b, _ROUNDING * b.mean(0)) for a, b in (whole, split))
+    with np.errstate(divide="ignore", invalid="ignore"):  # of scenes that are black in every way
+        error = float(np.abs(mean.error / whole[1].mean(0)).max())
+        ratio = float(whole[0].mean() / whole[1].mean())
+    return _Comparison(name, ratio, error, mean.p, tile.p, float(tile.z[np.abs(tile.z).argmax()]))
+
+
+def _adjusted(p_values: list[npt.NDArray[np.float64]]) -> tuple[float, int, int]:
+    """The smallest p-value after Holm's correction, how many of them are significant, and of how many."""
+    from clrender.agreement.significance import holm
+
+    p = np.concatenate(p_values)
+    return min(1.0, float(p.min()) * len(p)), int(holm(p, _LEVEL).sum()), len(p)
 
 
 def _compare(folders: list[Path]) -> bool:
     """Render with clrender, print a line a scene and a verdict; whether all agree."""
     import clrender
-    from clrender.agreement.significance import holm, welch
 
-    means, tiles, ratios, errors = [], [], [], []
+    found = []
     with clrender.Session() as session:
-        for folder in folders:
-            scene = clrender.load(str(folder / "scene.json"))
-            size = (_SIDE, _SIDE)
-            own = np.array([session.render(scene, spp=_SPP, size=size, seed=100 + k).linear for k in range(_BATCHES)])
-            other = np.load(folder / "mitsuba.npy")
-            side = _SIDE // _TILES
-            split = [
-                x.mean(-1).reshape(-1, _TILES, side, _TILES, side).mean((2, 4)).reshape(_BATCHES, -1)
-                for x in (own, other)
-            ]
-            whole = [x.astype(np.float64).mean((1, 2)) for x in (own, other)]
-            mean, tile = (welch(a, b, _ROUNDING * b.mean(0)) for a, b in (whole, split))
-            ratios.append(float(whole[0].mean() / whole[1].mean()))
-            means.append(mean.p)
-            tiles.append(tile.p)
-            z = tile.z[np.abs(tile.z).argmax()]
-            errors.append(float(np.abs(mean.error / whole[1].mean(0)).max()))
-            print(f"{folder.name}: ratio {ratios[-1]:.5f}, error {errors[-1]:.5f}, worst tile z {z:+.1f}", flush=True)
-    rejected = [int(holm(np.concatenate(p), _LEVEL).sum()) for p in (means, tiles)]
-    sharp = [ratio for ratio, error in zip(ratios, errors, strict=True) if error < _SHARP]
+        for number, folder in enumerate(folders):
+            one = _comparison(folder.name, _ours(session, folder, number), np.load(folder / "mitsuba.npy"))
+            found.append(one)
+            words = f"ratio {one.ratio:.5f}, error {one.error:.5f}, worst tile z {one.deviate:+.1f}"
+            print(f"{one.name}: {words}", flush=True)
+    return _verdict(found)
+
+
+def _verdict(found: list[_Comparison]) -> bool:
+    (p_mean, means, mean_count), (p_tile, tiles, tile_count) = (
+        _adjusted(each) for each in ([one.means for one in found], [one.tiles for one in found])
+    )
+    sharp = [one.ratio for one in found if one.error < _SHARP]
     far = sum(abs(ratio - 1.0) > 0.005 for ratio in sharp)
     print(
-        f"{len(folders)} scenes: {rejected[0]} means and {rejected[1]} tiles differ significantly; "
+        f"{len(found)} scenes: {means} of {mean_count} means and {tiles} of {tile_count} tiles differ significantly "
+        f"(smallest p after Holm's correction {p_mean:.2g} and {p_tile:.2g}); "
         f"of {len(sharp)} means that are known to {_SHARP:.1%} {far} differ by 0.5 %"
     )
-    return not any(rejected)
+    return means + tiles == 0
+
+
+def _compare_spheres(folders: list[Path]) -> bool:
+    """Render with clrender and print a table; whether all agree that should."""
+    import clrender
+
+    with clrender.Session() as session:
+        names = [*_SPHERES, *_OTHERS]
+        found = [
+            _comparison(name, _ours(session, folder, number), np.load(folder / "mitsuba.npy"))
+            for number, (name, folder) in enumerate(zip(names, folders, strict=True))
+        ]
+    print("| sphere | mean over Mitsuba's | ± | worst tile, standard deviations | |\n|---|---:|---:|---:|---|")
+    for one in found:
+        reason = _OTHERS[one.name][1] if one.name in _OTHERS else ""
+        print(f"| {one.name} | {one.ratio:.5f} | {one.error:.5f} | {one.deviate:+.1f} | {reason} |")
+    return _verdict([one for one in found if one.name in _SPHERES])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("first", type=int)
-    parser.add_argument("last", type=int)
+    parser.add_argument("scenes", nargs="+", metavar="FIRST LAST | spheres")
     parser.add_argument("--mitsuba", help="a Python that has Mitsuba")
     parser.add_argument("--folder", type=Path, default=Path("cross_check"))
     parser.add_argument("--in-mitsuba", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
-    folders = [asked.folder.resolve() / str(seed) for seed in range(asked.first, asked.last)]
+    folder = asked.folder.resolve()
     if asked.in_mitsuba:
-        _in_mitsuba(folders)
+        _in_mitsuba([folder / name for name in asked.scenes])
         return
-    for seed, folder in enumerate(folders, asked.first):
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "scene.json").write_text(json.dumps(_Maker(seed, folder).make()), encoding="utf-8")
+    spheres = asked.scenes == ["spheres"]
+    if spheres:
+        folders = _spheres(folder)
+    elif len(asked.scenes) == 2 and all(text.isdecimal() for text in asked.scenes):
+        first, last = map(int, asked.scenes)
+        folders = [folder / str(seed) for seed in range(first, last)]
+        for seed, place in enumerate(folders, first):
+            place.mkdir(parents=True, exist_ok=True)
+            (place / "scene.json").write_text(json.dumps(_Maker(seed, place).make()), encoding="utf-8")
+    else:
+        parser.error("give the first seed and the one after the last, such as 0 100, or `spheres`")
     if asked.mitsuba:
-        command = [
-            asked.mitsuba,
-            __file__,
-            str(asked.first),
-            str(asked.last),
-            "--folder",
-            str(asked.folder),
-            "--in-mitsuba",
-        ]
+        names = [place.name for place in folders]
+        command = [asked.mitsuba, __file__, *names, "--folder", str(folder), "--in-mitsuba"]
         subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": ""})
-    sys.exit(0 if _compare(folders) else 1)
+    sys.exit(0 if (_compare_spheres if spheres else _compare)(folders) else 1)
 
 
 if __name__ == "__main__":

@@ -26,7 +26,9 @@ def texture(value: Any, folder: Path) -> Any:
         raw = value.get("color_space") != "srgb"
         # The first row lies at v = 0 there, and at v = 1 in clrender.
         upright = mitsuba.ScalarTransform4f().scale([1.0, -1.0, 1.0])
-        return {"type": "bitmap", "filename": str(folder / value["texture"]), "raw": raw, "to_uv": upright}
+        between = {"linear": "bilinear", "nearest": "nearest"}[value.get("filter", "linear")]
+        file = {"filename": str(folder / value["texture"]), "raw": raw, "filter_type": between}
+        return {"type": "bitmap", **file, "to_uv": upright}
     return color(value)
 
 
@@ -34,6 +36,8 @@ def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     kind = described["type"]
     alpha = described.get("roughness", 0.0) ** 2
     if kind == "dielectric":
+        if described.get("thin"):
+            return {"type": "thindielectric", "int_ior": described["ior"], "ext_ior": 1.0}
         rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha} if alpha else {"type": "dielectric"}
         return {**rough, "int_ior": described["ior"], "ext_ior": 1.0}
     if kind == "mirror":
@@ -43,12 +47,24 @@ def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
             "specular_reflectance": color(described["reflectance"]),
         }
     elif kind == "conductor":
-        one = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
+        one = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha} if alpha else {"type": "conductor"}
+        if described.get("anisotropy"):
+            del one["alpha"]
+            # Rougher around the y axis, where `round_shape` puts the poles
+            one |= {"alpha_u": alpha + (1.0 - alpha) * described["anisotropy"] ** 2, "alpha_v": alpha}
         one |= {key: color(value) for key, value in zip(("eta", "k"), index_of(described), strict=True)}
     elif kind == "principled":
         one = {"type": "principled", "base_color": texture(described["base_color"], folder), "specular": 0.5}
-        one |= {"roughness": described["roughness"], "clearcoat": described.get("coat", 0.0)}
+        one |= {
+            "metallic": described.get("metallic", 0.0),
+            "roughness": described["roughness"],
+            "clearcoat": described.get("coat", 0.0),
+        }
         one |= {"clearcoat_gloss": 1.0 - described.get("coat_roughness", 0.0)}
+    elif kind == "mix":
+        first, second = (material(part, folder) for part in described["materials"])
+        # The weight is that of the second, as in clrender. Each part has its two sides itself
+        return {"type": "blendbsdf", "weight": described["weight"], "first": first, "second": second}
     else:
         one = {"type": "diffuse", "reflectance": texture(described["reflectance"], folder)}
     if "normal_map" in described:
@@ -100,6 +116,10 @@ def round_shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
         made["emitter"] = {"type": "area", "radiance": color(described["emission"])}
     center, radius = described["center"], described["radius"]
     if described["type"] == "sphere":
+        if described["material"].get("anisotropy"):
+            # Its poles are on the z axis there, on y in clrender
+            upright = mitsuba.ScalarTransform4f().translate(center).rotate([1.0, 0.0, 0.0], -90.0).scale(radius)
+            return {**made, "to_world": upright}
         return {**made, "center": center, "radius": radius}
     normal = np.array(described["normal"]) / np.linalg.norm(described["normal"])
     upward = [1, 0, 0] if abs(normal[0]) < 0.9 else [0, 1, 0]

@@ -37,7 +37,7 @@ class Part:
     ----------
     name : str
     material : dict
-        As in the scene file.
+        As in the scene file; of a mixture the parts themselves stand in the place of their names.
     emission : list of float or None
     vertices, faces : (V, 3) float32, (F, 3) int32
     normals : (V, 3) float32 or None
@@ -85,7 +85,7 @@ def refuse_rich(one: Job, name: str) -> None:
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
     """The scene's meshes, and its spheres and disks as in the scene file, with their materials resolved."""
     described = json.loads(one.scene.read_text(encoding="utf-8"))
-    materials = described["materials"]
+    materials = {name: _resolved(name, described["materials"]) for name in described["materials"]}
     parts, spheres = [], []
     groups: dict[str, list[dict[str, Any]]] = {}
     for number, shape in enumerate(described["shapes"]):
@@ -111,6 +111,14 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
         )
         parts.append(group)
     return parts, spheres
+
+
+def _resolved(name: str, materials: dict[str, Any]) -> dict[str, Any]:
+    """A material; of a mixture with its parts in the place of their names."""
+    made: dict[str, Any] = materials[name]
+    if made["type"] != "mix":
+        return made
+    return {**made, "materials": [_resolved(part, materials) for part in made["materials"]]}
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:

@@ -54,6 +54,7 @@ _STEERING: Final = (
     "LIBGL_",
     "MESA_",
     "GALLIUM_",
+    "GALLIVM_",
     "LP_",
     "ZINK_",
     "VK_",

@@ -17,6 +17,7 @@ from clrender.flatten import flatten
 from clrender.furnace.directions import Floats
 from clrender.integrators.descriptor import Pipeline
 from clrender.scene import Camera
+from clrender.scene.materials import Mix
 from clrender.scene.shapes import Mesh
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ _CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 """Texture coordinates of a triangle, if nothing else is said: half of a quad's."""
 _POINT: Final = (0.58, 0.31)
 """Those of the point that is measured, which ``kernels/material/furnace.cl`` chooses."""
+_CHOICES: Final = 1 << 16
+"""Choices among mixed materials that are tried, to find out how often each is met."""
+_GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 _PADDING: Final = 16
 """Directions are made a multiple of so many: the most lanes a work-item has."""
 
@@ -68,6 +72,9 @@ class Samples:
 
 class Surfaces:
     """Flat surfaces that face z, one of each material of a scene.
+
+    Where materials are mixed, each point of a surface shows one of them. Measured is what many points show together:
+    each sample meets another point, and an evaluation is the mean over all.
 
     Parameters
     ----------
@@ -111,6 +118,8 @@ class Surfaces:
         first = flat.arrays["shapes"]["first_primitive"]
         self._primitive = {place: np.uint32(first[i]) for i, place in enumerate(places)}
         self._uv: Uv | None = None
+        self._mixtures = {name for name in self.names if isinstance(scene.materials[name], Mix)}
+        self._parts: dict[tuple[str, Uv | None], list[tuple[float, float]]] = {}
         settings = np.zeros(1, layout.dtype("Settings"))
         self._device = device
         self._worker = DeviceWorker(device, flat, settings, _PIPELINE, cut)
@@ -138,7 +147,9 @@ class Surfaces:
         bits = np.zeros((2, _padded(count)), np.uint32)
         bits[:, :count] = (numbers * 2.0**32).astype(np.uint64)
         four = np.append(wo, 0.0).astype(np.float32)
-        out = self._run("furnace_sample", bits, 11, [self._primitive[name, self._uv], four])[:, :count]
+        # Evenly, and in no step with strata of the samples
+        choices = np.mod((np.arange(bits.shape[1]) + 0.5) * _GOLDEN, 1.0)
+        out = self._run("furnace_sample", choices, bits, 11, [self._primitive[name, self._uv], four])[:, :count]
         return Samples(out[:3].T, out[3:6].T, out[6], out[7:10].T, out[10])
 
     def evaluate(self, name: str, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
@@ -161,20 +172,46 @@ class Surfaces:
         directions[2] = directions[5] = 1.0
         directions[:3, :count] = np.broadcast_to(wo, wi.shape).T
         directions[3:, :count] = wi.T
-        out = self._run("furnace_eval", directions, 4, [self._primitive[name, self._uv]])[:, :count]
+        out: Floats = np.zeros((4, count))
+        for share, choice in self.parts(name):
+            choices = np.full(directions.shape[1], choice)
+            found = self._run("furnace_eval", choices, directions, 4, [self._primitive[name, self._uv]])
+            out += share * found[:, :count]
         return out[:3].T, out[3]
 
-    def _run(self, kernel: str, numbers: npt.NDArray[Any], outputs: int, arguments: list[Any]) -> Floats:
-        device, count = self._device, numbers.shape[1]
-        given, results = device.upload(numbers), device.empty(4 * outputs * count)
-        out = np.empty((outputs, count), np.float32)
+    def parts(self, name: str) -> list[tuple[float, float]]:
+        """Shares of the materials that a mixture is made of, each with a choice that meets it; else one, all of it."""
+        if name not in self._mixtures:
+            return [(1.0, 0.5)]
+        place = name, self._uv
+        if place not in self._parts:
+            choices = ((np.arange(_CHOICES) + 0.5) / _CHOICES).astype(np.float32)
+            rows = self._launch("furnace_choose", [choices], np.uint32, 1, [self._primitive[place]])[0]
+            _, first, count = np.unique(rows, return_index=True, return_counts=True)
+            self._parts[place] = [(float(n) / _CHOICES, float(choices[i])) for n, i in zip(count, first, strict=True)]
+        return self._parts[place]
+
+    def _run(
+        self, kernel: str, choices: Floats, numbers: npt.NDArray[Any], outputs: int, arguments: list[Any]
+    ) -> Floats:
+        below_one = np.minimum(choices, 1.0 - 2.0**-24).astype(np.float32)
+        return self._launch(kernel, [below_one, numbers], np.float32, outputs, arguments).astype(np.float64)
+
+    def _launch(
+        self, kernel: str, given: Sequence[npt.NDArray[Any]], kind: type, outputs: int, arguments: list[Any]
+    ) -> npt.NDArray[Any]:
+        """(outputs, n) results of that kind, of as many lanes as each row of what is given has numbers."""
+        device, count = self._device, given[0].shape[-1]
+        buffers = [device.upload(each) for each in given]
+        results = device.empty(4 * outputs * count)
+        out: npt.NDArray[Any] = np.empty((outputs, count), kind)
         try:
-            self._worker.launch_over(self._program, kernel, count, [given, *arguments, np.uint32(count), results])
+            self._worker.launch_over(self._program, kernel, count, [*buffers, *arguments, np.uint32(count), results])
             device.read(results, out)
         finally:
-            device.release(given)
-            device.release(results)
-        return out.astype(np.float64)
+            for buffer in (*buffers, results):
+                device.release(buffer)
+        return out
 
     def release(self) -> None:
         """Give the device's memory back."""

@@ -32,6 +32,11 @@ static vuint parameters_hash(vec3 point) {
     return hash_pair(hash_pair(parameters_bits(point.x), parameters_bits(point.y)), parameters_bits(point.z));
 }
 
+// The point's number in [0, 1), which chooses among mixed materials. `clrender furnace` has its own.
+#ifndef PARAMETERS_CHOICE
+#define PARAMETERS_CHOICE(surface) unit_interval(parameters_hash((surface)->point))
+#endif
+
 // Of mixed materials one is met, as often as its weight says: which, is a function of the point alone (PBR 4ed, 10.5.1, takes the
 // direction, too), so that all that happens at a vertex happens to one material, and is reciprocal. `first` is the row of each lane's material.
 // Returns where there was a choice.
@@ -39,7 +44,7 @@ static vmask parameters_unmix(const Scene* scene, const Surface* s, vmask has_ro
     vmask mixed = has_row & (vfloat_bits(first[MATERIAL_ROW_KIND]) == MATERIAL_MIX);
     const vmask mixtures = mixed;
     if (!lane_any(mixed)) return mixtures;
-    vfloat u = unit_interval(parameters_hash(s->point));
+    vfloat u = PARAMETERS_CHOICE(s);
     while (lane_any(mixed)) {
         vfloat weight = first[MATERIAL_ROW_WEIGHT];
 #ifdef TEXTURES

@@ -246,7 +246,8 @@ def test_a_list_without_a_device_is_kept_where_that_is_normal(fake_driver: list[
 @pytest.mark.parametrize(
     "name",
     ["POCL_CACHE_DIR", "POCL_DEVICES", "RUSTICL_ENABLE", "CL_CONFIG_X", "OCL_X", "OPENCL_LAYERS", "LD_LIBRARY_PATH",
-     "LD_PRELOAD", "MESA_SHADER_CACHE_DIR", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES", "ZE_AFFINITY_MASK"],
+     "LD_PRELOAD", "MESA_SHADER_CACHE_DIR", "GALLIVM_PERF", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES",
+     "ZE_AFFINITY_MASK"],
 )  # fmt: skip
 def test_variables_that_steer_a_driver_are_part_of_what_is_known_of_it(
     name: str, monkeypatch: pytest.MonkeyPatch

@@ -177,12 +177,40 @@ def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
     for device in all_devices:
         if GPU_LIKE in device.info.platform and scene != "room":
-            continue  # it is slow, and over rough materials its compiler takes minutes; see test_every_combination
+            continue  # it is slow; see test_every_combination, and test_rich_scenes_on_rusticl
         other = Cutting(tile=32, samples_per_pass=16, work_group=64)
         if GPU_LIKE not in device.info.platform:
             other = Cutting(4, "single", 16, 4, 16, "shuffled")
         for cutting in (Cutting(), other):
             assert sha(scene, [device], cutting) == expected[scene], f"{cutting} on {device.info.title}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scene", "gigabytes"), [("sky", 4), ("drink", 4), ("metals", 9)])
+def test_rich_scenes_on_rusticl(
+    all_devices: list[Device], scene: str, gigabytes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without LLVM's passes, which take longer than all else: whether to run them, the driver asks once in its life."""
+    if not any(GPU_LIKE in device.info.platform for device in all_devices):
+        pytest.skip(f"{GPU_LIKE} is not installed")
+    if (free := free_memory()) < gigabytes * 2**30:
+        pytest.skip(f"its compiler takes up to {gigabytes} GiB for {scene}, and {free / 2**30:.1f} are free")
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{Path(__file__).parent}")
+    monkeypatch.setenv("GALLIVM_PERF", "nopt")
+    settings = "size=(16, 16), spp=1"
+    code = (
+        "from clrender.device import select; from image_support import *; "
+        f"print(render({scene!r}, select('llvmpipe'), {settings}).stats['image_sha256'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[-1] == sha(scene, all_devices[:1], size=(16, 16), spp=1)
+
+
+def free_memory() -> int:
+    """Bytes that a process could take."""
+    lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvailable"))
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,41 @@ def test_places_have_the_colours_that_the_texture_has_there(device: Device) -> N
     surfaces.release()
 
 
+def test_mixtures_are_the_mean_of_their_parts(device: Device) -> None:
+    """At a point one of them is met; measured is what many points show. Evaluated by shares found to 2^-16."""
+    inner = {"type": "mix", "materials": ["clay", "glass"], "weight": 0.25}
+    outer = {"type": "mix", "materials": ["gold", "inner"], "weight": 0.4}
+    surfaces = Surfaces(device, subject(clay=CLAY, gold=GOLD, glass=GLASS, inner=inner, outer=outer).scene)
+    shares = {"gold": 0.6, "clay": 0.3, "glass": 0.1}
+    found = sorted(share for share, _ in surfaces.parts("outer"))
+    np.testing.assert_allclose(found, sorted(shares.values()), atol=2.0**-16)
+    assert surfaces.parts("gold") == [(1.0, 0.5)]
+
+    wo, rng = incident(40.0), np.random.default_rng(660)
+    numbers = jittered(rng, 1, 64).reshape(2, -1)
+    samples = surfaces.sample("outer", wo, numbers)
+    several = {name: surfaces.evaluate(name, wo, samples.directions) for name in shares}
+    for which in (0, 1):
+        expected = sum(share * several[name][which] for name, share in shares.items())
+        np.testing.assert_allclose(surfaces.evaluate("outer", wo, samples.directions)[which], expected, atol=1e-4)
+    # Samples go through the parts evenly, so that each has its share of them but for a few
+    assert samples.delta.mean() == pytest.approx(0.1, abs=8 / 4096)
+    surfaces.release()
+
+
+def test_a_mixture_has_no_faults(device: Device) -> None:
+    """One point alone would be no mixture, and which one is met would hang on rounding: it would not be reciprocal."""
+    mixed = {"type": "mix", "materials": ["clay", "gold"], "weight": 0.4}
+    clay, gold, both = measure(subject(clay=CLAY, gold=GOLD, both=mixed), device, side=16)
+    assert [found.sentence for found in findings(both, 3) if found.fault] == []
+    assert both.reciprocity.largest < 1e-6 and both.reciprocity.compared > 5000
+    expected = 0.6 * clay.energies[0].sampled + 0.4 * gold.energies[0].sampled
+    error = np.hypot(both.energies[0].sampled_error, 0.4 * gold.energies[0].sampled_error)
+    np.testing.assert_array_less(np.abs(both.energies[0].sampled - expected), 5.0 * error + 1e-4)
+    absorbs = next(found for found in findings(both, 3) if found.kind == "absorbs")
+    assert absorbs.amount > 0.3
+
+
 @pytest.mark.slow
 def test_every_roughness_keeps_all_light(device: Device) -> None:
     """Of white conductors and white rough diffuse surfaces, from alpha 0.001 to 1; false alarms: 1 %."""
