@@ -72,11 +72,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     const vfloat alpha = p->roughness * p->roughness, none = splat(0.0f), one = splat(1.0f);
     const vmask glass = p->kind == MATERIAL_DIELECTRIC, thin = parameters_flag(p, MATERIAL_FLAG_THIN);
     const vmask lit = front | !parameters_flag(p, MATERIAL_FLAG_ONE_SIDED);
-    c.facets.alpha.y = greater(alpha, splat(CLOSURE_SMOOTH));
-    c.facets.alpha.x = fma(p->anisotropy * p->anisotropy, one - c.facets.alpha.y, c.facets.alpha.y);
-    c.facets.mean = (c.facets.alpha.x + c.facets.alpha.y) * 0.5f;
-    c.facets.turned = p->anisotropy > 0.0f;
-    c.facets.strength = p->anisotropy;
+    c.facets = facets_of(alpha, CLOSURE_SMOOTH, p->anisotropy);
 
     // The shares of metal, glass, and of what is neither, of the base
     const vfloat metallic = layered ? p->metallic : metal ? one : none;

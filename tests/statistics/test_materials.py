@@ -64,8 +64,9 @@ BOUNDED = {
 }
 """White materials that may lose some, and gain nothing."""
 ANISOTROPIC = {
-    f"{s}, {a}": conductor(a, f0=WHITE, anisotropy=s) for s in (0.2, 0.5, 0.8, 1.0) for a in (0.01, 0.05, 0.3)
+    f"{s}, {a}": conductor(a, f0=WHITE, anisotropy=s) for s in (0.2, 0.5, 0.8, 1.0) for a in (0.0012, 0.01, 0.05, 0.3)
 }
+"""White metals that lose nothing, within 1e-3, towards any side."""
 RECIPROCAL = {**WHOLE, **BOUNDED, **ANISOTROPIC, "clear": principled(0.3, transmission=1.0, base_color=(0.9, 0.6, 0.3))}
 
 
@@ -99,12 +100,42 @@ def test_layers_gain_nothing(device: Device, name: str) -> None:
         assert mean <= 1.0 + 1e-3 + 4.0 * error, where
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ANISOTROPIC)
-def test_anisotropic_metals_send_nearly_all_light_back(device: Device, name: str) -> None:
-    """Their tables are coarser: within 1e-2."""
-    for where, mean, error in furnace(device, ANISOTROPIC[name], 580 + list(ANISOTROPIC).index(name)):
-        assert abs(mean - 1.0) <= 1e-2 + 4.0 * error, where
+@pytest.mark.parametrize(
+    "name", [n if n in ("0.8, 0.05", "1.0, 0.01") else pytest.param(n, marks=pytest.mark.slow) for n in ANISOTROPIC]
+)
+def test_anisotropic_metals_send_all_light_back(device: Device, name: str) -> None:
+    """Also towards the smooth side, where they lose most of what they lose at first, and near it."""
+    for i, (turn, angle) in enumerate((t, a) for t in (0.0, 0.1, 0.23, 0.248, 0.25) for a in (20.0, 60.0, 85.0, 89.5)):
+        wo = towards(angle, turn)
+        _, weight, _ = sampled(device, ANISOTROPIC[name], wo, 580_000 + 100 * list(ANISOTROPIC).index(name) + i)
+        mean, error = weight[:, 0].mean(), weight[:, 0].std() / math.sqrt(len(weight))
+        print(f"{turn}, {angle} degrees: {mean:.5f} +- {error:.5f}")
+        assert abs(mean - 1.0) <= 1e-3 + 4.0 * error, (turn, angle)
+
+
+@pytest.mark.parametrize("alpha", [0.003, 0.006, 0.012])
+def test_smooth_metals_send_all_light_back_at_grazing_angles(device: Device, alpha: float) -> None:
+    """Where the cosine is about as large as alpha, they lose a tenth at first, and return it to other such cosines.
+
+    Too few samples go there: by a grid that is dense at both ends of the column of the tables, and around the mirror's
+    direction.
+    """
+    steps, narrow = 512, 1e-6
+    grid = (np.arange(steps) + 0.5) / steps
+    column = grid * (2.0 - grid)
+    cosine = alpha * column**2 / (1.0 + alpha - column**2)
+    height = 2.0 * column * alpha * (1.0 + alpha) / (1.0 + alpha - column**2) ** 2 * (2.0 - 2.0 * grid)
+    span = math.asinh(math.pi / narrow)
+    turn, width = narrow * np.sinh(span * grid), narrow * span * np.cosh(span * grid)
+    z, around = (part.ravel() for part in np.meshgrid(cosine, turn, indexing="ij"))
+    sine = np.sqrt(1.0 - z**2)
+    wi = np.stack([-sine * np.cos(around), sine * np.sin(around), z], axis=1)
+    for ratio in (0.3, 1.0, 3.0):
+        wo = towards(math.degrees(math.acos(ratio * alpha)), 0.0)
+        f, _, _ = evaluated(device, conductor(alpha), np.broadcast_to(wo, wi.shape), wi)
+        energy = 2.0 * float((f[:, 0].reshape(steps, steps) * height[:, None] * width).sum()) / steps**2
+        print(f"cosine {ratio} alpha: {energy:.5f}")
+        assert abs(energy - 1.0) <= 1e-3, ratio
 
 
 @pytest.mark.parametrize("name", RECIPROCAL)
