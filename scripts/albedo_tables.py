@@ -12,16 +12,25 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
     ggx_schlick (R,) float32         B_avg
     turned      (R, A, Q, C) uint16  E of anisotropic facets, by the larger √alpha_x; by how far √alpha_y is from it
                                      towards the least one, from 0 to 1; by the logarithm of the alpha that a direction
-                                     sees, √(alpha_x² cos²φ + alpha_y² sin²φ), from alpha_y (0) to alpha_x (1); columns over
-                                     that alpha. In the last two E is nearly linear
+                                     sees, √(alpha_x² cos²φ + alpha_y² sin²φ), from alpha_y (0) to alpha_x (1);
+                                     columns over that alpha. In the last two E is nearly linear
     turned_lost (R, A) float32       (1 - E_avg) / alpha^(3/2) of the mean alpha
     glass       (2, L, R, C) uint16  share E that rough glass reflects and transmits at first: seen from the thinner
                                      medium and from the denser; by √((n - 1) / (n + 1)) of its index n, from 0 to 1;
                                      columns over the mean of √μ and of that above
     glass_lost  (2, L, 4R - 3) float32  (1 - E_avg) / alpha^(3/2)
-    sheen       (R, C) uint16        share that sheen reflects, times sheen_scale
+    sheen       (R, C) uint16        share that sheen reflects, times sheen_scale; columns over √μ
     sheen_scale (R,) float32         by which sheen is scaled, so that it reflects no more light than arrives
     sheen_mean  (R,) float32         average of the table
+    covered     (2, L, R, C) uint16  four times what a white metal below a coat (0) or white sheen (1) loses of light
+                                     along μ where the lesser of what the cover leaves of both directions passes: by
+                                     √alpha of the cover, √alpha of the metal and √μ
+    covered_mean (2, L, R) float32   average of the table, without that factor
+    slants      (3, S) uint32        how E and B of GGX and the albedo of sheen vary over μ: two components of sixteen
+                                     bits for each √alpha, (component + 0.05) / 0.2, along functions b and c that are
+                                     orthonormal with weight 2 μ, have average 0 and come as near as two can
+    slant_numbers (17,) float32      averages of b³ and b² c; with Q what EON at roughness 1 does more than Lambert,
+                                     over its A, of b Qb, b Qc and c Qc; polynomials in μ of Qb (7) and Qc (5)
 
 `--check` compares with the file in place of writing it.
 """
@@ -330,16 +339,109 @@ def glass_tables() -> dict[str, NDArray[Any]]:
 def sheen_tables() -> dict[str, NDArray[Any]]:
     """``sheen``, ``sheen_scale`` and ``sheen_mean``."""
     rows, columns = layout.SHEEN_ROWS, layout.SHEEN_COLUMNS
-    table = np.array([[sheen_albedo(max(c, 1e-3), max(a, 0.0025)) for c in cosines(a, columns)] for a in alphas(rows)])
+    at = np.arange(columns) / (columns - 1)
+    table = np.array([[sheen_albedo(max(x * x, 1e-3), max(a, 0.0025)) for x in at] for a in alphas(rows)])
     scale = 1.0 / np.maximum(table.max(axis=1) * 1.005, 1.0)
     kept = packed(table * scale[:, None])
-    means = np.array([average(row, alpha) for row, alpha in zip(kept / 65535.0, alphas(rows), strict=True)])
+    steps = (np.arange(1 << 13) + 0.5) / (1 << 13)
+    means = np.array([(np.interp(steps, at, row / 65535.0) * 4.0 * steps**3).mean() for row in kept])
     return {"sheen": kept, "sheen_scale": scale.astype("<f4"), "sheen_mean": means.astype("<f4")}
+
+
+def interpolated(table: NDArray[np.uint16], row: float, columns: _Floats) -> _Floats:
+    """A line of a table at a row from 0 to 1 and columns from 0 to 1, as the kernels find it."""
+    y = row * (len(table) - 1)
+    lower = min(int(y), len(table) - 2)
+    line = (table[lower] * (lower + 1.0 - y) + table[lower + 1] * (y - lower)) / 65535.0
+    of: _Floats = np.interp(columns * (table.shape[1] - 1), np.arange(table.shape[1]), line)
+    return of
+
+
+def slant_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """``slants`` and ``slant_numbers``, of the other tables."""
+    nodes, weights = np.polynomial.legendre.leggauss(600)
+    mu = ((nodes + 1.0) / 2.0) ** 2
+    weight = weights * (nodes + 1.0) * mu  # for 2 ∫ … μ dμ
+    rows = np.maximum(np.arange(layout.SLANT_ROWS) / (layout.SLANT_ROWS - 1), np.sqrt(LEAST_TURNED))
+    lines = []
+    for row in rows:
+        e = interpolated(of["ggx"], row, np.sqrt(mu * (1.0 + row**2) / (mu + row**2)))
+        b = e * interpolated(of["schlick"], row, np.sqrt(mu)) ** 5
+        upright = max(row, 0.1)
+        lines += [e, b, interpolated(of["sheen"], upright, np.sqrt(mu))]
+    varying = np.array([line - (line * weight).sum() for line in lines]).reshape(-1, 3, len(mu))
+    # What glossy layers of metal alone reflect has no diffuse surface below
+    _, _, axes = np.linalg.svd(varying[:, 1:].reshape(-1, len(mu)) * np.sqrt(weight), full_matrices=False)
+    b, c = (axis * np.sign(axis.sum()) / np.sqrt(weight) for axis in axes[:2])
+    components = np.stack([(varying * axis * weight).sum(axis=2) for axis in (b, c)], axis=-1)
+    words = np.rint(np.clip((components + 0.05) / 0.2, 0.0, 1.0) * 65535.0).astype(np.uint32)
+    # EON (kernels/material/eon.h), over all turns, in white: 1 + r A Q
+    sine, g = np.sqrt(1.0 - mu * mu), 1.0 - mu
+    albedo_fit = g * (0.0571085289 + g * (0.491881867 + g * (-0.332181442 + g * 0.0714429953)))
+    c1, c2 = 0.5 - 2.0 / (3.0 * np.pi), 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
+    missing = np.maximum(c1 - albedo_fit, 0.0)
+    once = sine[:, None] * sine / np.pi * (1.0 / np.maximum(mu[:, None], mu) - 1.0) - c1
+    eon = (once + missing[:, None] * missing / (c1 - c2)) * weight
+    along_b, along_c = eon @ b, eon @ c
+    averages = [(x * weight).sum() for x in (b**3, b * b * c, b * along_b, b * along_c, c * along_c)]
+    fits = [np.polynomial.polynomial.polyfit(mu, y, n, w=np.sqrt(weight)) for y, n in ((along_b, 6), (along_c, 4))]
+    numbers = np.concatenate([averages, *fits])
+    return {"slants": (words[..., 0] | words[..., 1] << 16).T.astype("<u4"), "slant_numbers": numbers.astype("<f4")}
+
+
+def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """``covered`` and ``covered_mean``, of the other tables."""
+    layers, rows, columns = layout.COVERED_LAYERS, layout.COVERED_ROWS, layout.COVERED_COLUMNS
+    mus = np.maximum((np.arange(columns) / (columns - 1)) ** 2, 1e-4)
+    turn, v = spread(16)
+    even = (np.arange(512) + 0.5) / 512
+
+    def metal(row: float, mu: _Floats) -> _Floats:
+        return interpolated(of["ggx"], row, np.sqrt(mu * (1.0 + row**2) / (mu + row**2)))
+
+    def cover(which: int, layer: float, mu: _Floats) -> _Floats:
+        if which == 1:
+            return interpolated(of["sheen"], layer, np.sqrt(mu))
+        part = 0.04 + 0.96 * interpolated(of["schlick"], layer, np.sqrt(mu)) ** 5
+        return metal(layer, mu) * part
+
+    table = np.zeros((2, layers, rows, columns))
+    for j in range(rows):
+        row = max(j / (rows - 1), np.sqrt(LEAST_TURNED))
+        average_lost = float((2.0 * even * (1.0 - metal(row, even))).mean())
+        for k, mu in enumerate(mus):
+            wo, alpha = seen_at(mu), alike(row**2)
+            stretched = alpha * wo / np.linalg.norm(alpha * wo)
+            z = (1.0 - v) * (1.0 + stretched[2]) - stretched[2]
+            r = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+            m = np.array([r * np.cos(2.0 * np.pi * turn), r * np.sin(2.0 * np.pi * turn), z]) + stretched[:, None]
+            m = alpha[:, None] * m
+            m /= np.linalg.norm(m, axis=0)
+            wi = 2.0 * (wo @ m) * m - wo[:, None]
+            seen = (1.0 + smith(wo, alpha)) / (1.0 + smith(wo, alpha) + smith(wi, alpha))
+            seen = np.where(wi[2] > 0.0, seen, 0.0)
+            beyond = np.clip(wi[2], 1e-6, 1.0)
+            # What it scatters more often goes to μ with density 2 μ (1 - E(μ)) / (1 - E_avg)
+            often = (1.0 - float(metal(row, mus[k : k + 1])[0])) * 2.0 * even * (1.0 - metal(row, even)) / average_lost
+            for which in (0, 1):
+                for i in range(layers):
+                    layer = max(i / (layers - 1), 0.1 if which else np.sqrt(LEAST_TURNED))
+                    here = cover(which, layer, mus[k : k + 1])[0]
+                    once = seen * np.maximum(cover(which, layer, beyond) - here, 0.0)
+                    again = often * np.maximum(cover(which, layer, even) - here, 0.0)
+                    table[which, i, j, k] = once.mean() + again.mean()
+    kept = packed(table * 4.0)
+    at = np.arange(columns) / (columns - 1)
+    steps = (np.arange(4096) + 0.5) / 4096
+    flat = kept.reshape(-1, columns) / 262140.0
+    means = [(np.interp(steps, at, line) * 4.0 * steps**3).mean() for line in flat]
+    return {"covered": kept, "covered_mean": np.array(means).reshape(2, layers, rows).astype("<f4")}
 
 
 def tables() -> dict[str, NDArray[Any]]:
     """All of them, by the names in the file."""
-    return {**ggx_tables(), **turned_tables(), **glass_tables(), **sheen_tables()}
+    made = {**ggx_tables(), **turned_tables(), **glass_tables(), **sheen_tables()}
+    return {**made, **slant_tables(made), **covered_tables(made)}
 
 
 if __name__ == "__main__":

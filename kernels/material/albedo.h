@@ -52,6 +52,26 @@ static vfloat albedo_grazing(__global const float* tables, vfloat alpha, vfloat 
 }
 static vfloat albedo_grazing_average(__global const float* tables, vfloat alpha) { return albedo_line(tables, splat_uint(ALBEDO_GGX_SCHLICK), GGX_ROWS, alpha); }
 
+// How E (0), B (1) or the albedo of sheen (2) varies over μ: its components along two functions b and c, which have average 0 and with
+// weight 2μ are orthonormal (scripts/albedo_tables.py).
+typedef struct {
+    vfloat b, c;
+} Slant;
+
+static Slant albedo_slant(__global const float* tables, uint which, vfloat alpha) {
+    const vfloat y = root(alpha) * (float)(SLANT_ROWS - 1u);
+    const vint row = vint_of(bounded(y, 0.0f, (float)(SLANT_ROWS - 2u)));
+    const vuint at = vuint_from_int(row) + (ALBEDO_SLANTS + which * SLANT_ROWS);
+    const vuint upper = vfloat_bits(lane_gather(tables, at)), lower = vfloat_bits(lane_gather(tables, at + 1u));
+    const vfloat down = y - vfloat_of(row);
+    const vfloat b0 = vfloat_of(vint_from_uint(upper & 0xffffu)), b1 = vfloat_of(vint_from_uint(lower & 0xffffu));
+    const vfloat c0 = vfloat_of(vint_from_uint(upper >> 16)), c1 = vfloat_of(vint_from_uint(lower >> 16));
+    Slant s;
+    s.b = fma(fma(down, b1 - b0, b0), splat(0.2f / 65535.0f), splat(-0.05f));
+    s.c = fma(fma(down, c1 - c0, c0), splat(0.2f / 65535.0f), splat(-0.05f));
+    return s;
+}
+
 // Facets that are rougher along x. E of a direction is nearly a function of the alpha that it sees, √(alpha_x² cos²φ + alpha_y² sin²φ),
 // and between both alphas nearly linear in its logarithm.
 typedef struct {

@@ -46,19 +46,25 @@ WHOLE = {
     **{f"thin {a}": dielectric(a, thin=True) for a in (0.1, 1.0)},
     **{f"plastic {a}": principled(a) for a in (0.01, 0.25, 1.0)},
     "plastic, ior 2.5": principled(0.1, ior=2.5),
+    "rough plastic": principled(0.05, diffuse_roughness=1.0),
+    "rough plastic, ior 2.5": principled(0.3, diffuse_roughness=1.0, ior=2.5),
+    **{
+        f"cloth {r}": principled(0.3, sheen_color=WHITE, sheen_roughness=r, specular=0.0, diffuse_roughness=d)
+        for r, d in ((0.1, 0.0), (0.4, 0.5), (1.0, 1.0))
+    },
+    "half metal": principled(0.1, metallic=0.5, diffuse_roughness=0.5),
+    **{f"coat {r} on metal": principled(0.1, metallic=1.0, coat=1.0, coat_roughness=r) for r in (0.0, 0.1, 0.6)},
+    "sheen on metal": principled(0.3, metallic=1.0, sheen_color=WHITE, sheen_roughness=0.5),
 }
 """White materials that lose nothing, within 1e-3."""
 BOUNDED = {
     "coat": principled(0.5, coat=1.0, coat_roughness=0.3),
-    "coat on metal": principled(0.1, metallic=1.0, coat=1.0, coat_roughness=0.1),
     "coat on half metal": principled(0.1, metallic=0.5, coat=0.5, diffuse_roughness=0.5),
     **{f"sheen {r}": principled(0.3, sheen_color=WHITE, sheen_roughness=r) for r in (0.1, 0.4, 1.0)},
     "sheen alone": principled(0.3, sheen_color=WHITE, sheen_roughness=0.2, base_color=(0.0, 0.0, 0.0), specular=0.0),
     "sheen and coat": principled(
         0.3, sheen_color=WHITE, sheen_roughness=0.6, coat=1.0, coat_roughness=0.6, diffuse_roughness=1.0
     ),
-    "rough plastic": principled(0.05, diffuse_roughness=1.0),
-    "rough plastic, ior 2.5": principled(0.3, diffuse_roughness=1.0, ior=2.5),
     "blend": principled(0.4, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, sheen_color=WHITE),
     "blend, thin": principled(0.4, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, thin=True),
 }
@@ -82,7 +88,7 @@ def furnace(device: Device, material: dict[str, Any], seed: int, count: int = 2*
     return results
 
 
-FAST = ("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "plastic 0.25")
+FAST = ("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "cloth 0.4", "coat 0.1 on metal")
 
 
 @pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in WHOLE])
@@ -96,8 +102,11 @@ def test_white_surfaces_send_all_light_back(device: Device, name: str) -> None:
     "name", [n if n in ("coat", "blend", "sheen 0.4") else pytest.param(n, marks=pytest.mark.slow) for n in BOUNDED]
 )
 def test_layers_gain_nothing(device: Device, name: str) -> None:
+    """And lose little: gloss that is no metal below a coat, and three layers. What goes back into glass is lost."""
+    least = 0.0 if name == "sheen alone" else 1.0 - 1e-2
     for where, mean, error in furnace(device, BOUNDED[name], 560 + list(BOUNDED).index(name)):
         assert mean <= 1.0 + 1e-3 + 4.0 * error, where
+        assert mean >= least - 4.0 * error or "behind" in where, where
 
 
 @pytest.mark.parametrize(
