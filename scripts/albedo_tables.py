@@ -8,19 +8,29 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
     ggx         (R, C) uint16        share E that mirror-like facets reflect at first
     schlick     (R, C) uint16        (B / E)^(1/5), where B is E weighted by (1 - c)^5 of the cosine c at the facet, for
                                      Schlick's Fresnel term; columns over √μ
-    ggx_lost    (R,) float32         1 - E_avg
+    ggx_lost    (4R - 3,) float32    (1 - E_avg) / alpha^(3/2), which varies little
     ggx_schlick (R,) float32         B_avg
-    turned      (A, R, Q, C) uint16  E of anisotropic facets: by the strength s of anisotropy from 0 to 1, where
-                                     alpha_x = alpha_y + (1 - alpha_y) s²; √alpha_y; the square of the cosine between x
-                                     and the direction in the plane; columns over their mean alpha
-    turned_lost (A, R) float32       1 - E_avg
+    turned      (R, A, Q, C) uint16  E of anisotropic facets, by the larger √alpha_x; by how far √alpha_y is from it
+                                     towards the least one, from 0 to 1; by the logarithm of the alpha that a direction
+                                     sees, √(alpha_x² cos²φ + alpha_y² sin²φ), from alpha_y (0) to alpha_x (1);
+                                     columns over that alpha. In the last two E is nearly linear
+    turned_lost (R, A) float32       (1 - E_avg) / alpha^(3/2) of the mean alpha
     glass       (2, L, R, C) uint16  share E that rough glass reflects and transmits at first: seen from the thinner
                                      medium and from the denser; by √((n - 1) / (n + 1)) of its index n, from 0 to 1;
                                      columns over the mean of √μ and of that above
-    glass_lost  (2, L, R) float32    1 - E_avg
-    sheen       (R, C) uint16        share that sheen reflects, times sheen_scale
+    glass_lost  (2, L, 4R - 3) float32  (1 - E_avg) / alpha^(3/2)
+    sheen       (R, C) uint16        share that sheen reflects, times sheen_scale; columns over √μ
     sheen_scale (R,) float32         by which sheen is scaled, so that it reflects no more light than arrives
     sheen_mean  (R,) float32         average of the table
+    covered     (2, L, R, C) uint16  four times what a white metal below a coat (0) or white sheen (1) loses of light
+                                     along μ where the lesser of what the cover leaves of both directions passes: by
+                                     √alpha of the cover, √alpha of the metal and √μ
+    covered_mean (2, L, R) float32   average of the table, without that factor
+    slants      (3, S) uint32        how E and B of GGX and the albedo of sheen vary over μ: two components of sixteen
+                                     bits for each √alpha, (component + 0.05) / 0.2, along functions b and c that are
+                                     orthonormal with weight 2 μ, have average 0 and come as near as two can
+    slant_numbers (17,) float32      averages of b³ and b² c; with Q what EON at roughness 1 does more than Lambert,
+                                     over its A, of b Qb, b Qc and c Qc; polynomials in μ of Qb (7) and Qc (5)
 
 `--check` compares with the file in place of writing it.
 """
@@ -38,6 +48,7 @@ from clrender import layout
 
 FILE = Path(__file__).resolve().parent.parent / "clrender" / "scene" / "albedo_tables.npz"
 LEAST_ALPHA = 1e-5
+LEAST_TURNED = 1e-3  # the least alpha that is no delta: CLOSURE_SMOOTH of kernels/material/closure.h
 
 _Floats = NDArray[np.float64]
 
@@ -85,6 +96,46 @@ def albedo(wo: _Floats, alpha: _Floats, grid: int = 384) -> tuple[float, float]:
     seen = (1.0 + smith(wo, alpha)) / (1.0 + smith(wo, alpha) + smith(wi, alpha))
     reflected = np.where(wi[2] > 0.0, seen, 0.0)
     return float(reflected.mean()), float((reflected * np.maximum(1.0 - at, 0.0) ** 5).mean())
+
+
+def spread(count: int) -> tuple[_Floats, _Floats]:
+    """Points (n,) of the unit square, even in all directions: a lattice of `count` Fibonacci numbers."""
+    last, size = 1, 1
+    for _ in range(count):
+        last, size = size, last + size
+    turns: _Floats = np.mod(np.arange(size) * last, size) / size
+    return turns, (np.arange(size) + 0.5) / size
+
+
+def turned_albedo(wo: _Floats, alpha: _Floats, count: int = 19) -> _Floats:
+    """Of mirror-like facets that are rougher along x, from directions (3, n)."""
+    turn, v = spread(count)
+    stretched = alpha[:, None] * wo
+    stretched = (stretched / np.linalg.norm(stretched, axis=0))[..., None]
+    wo = wo[..., None]
+    z = (1.0 - v) * (1.0 + stretched[2]) - stretched[2]
+    r = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+    x = alpha[0] * (r * np.cos(2.0 * np.pi * turn) + stretched[0])
+    y = alpha[1] * (r * np.sin(2.0 * np.pi * turn) + stretched[1])
+    z = np.maximum(z + stretched[2], 0.0)
+    # wi = 2 (wo · m) m - wo of a facet m whose length is not yet 1
+    both = 2.0 * (wo[0] * x + wo[1] * y + wo[2] * z) / (x * x + y * y + z * z)
+    wi = np.array([both * x - wo[0], both * y - wo[1], both * z - wo[2]])
+    here = 1.0 + smith(wo, alpha)
+    of: _Floats = np.where(wi[2] > 0.0, here / (here + smith(wi, alpha)), 0.0).mean(axis=1)
+    return of
+
+
+def fitted(table: _Floats) -> _Floats:
+    """Values at the nodes that halve the error of linear interpolation between them.
+
+    That error has the sign of the curvature, and is most in the middle: all nodes are moved by half of it.
+    """
+    of = table.copy()
+    for axis in range(of.ndim):
+        line = np.moveaxis(of, axis, 0)
+        line[1:-1] -= (line[2:] - 2.0 * line[1:-1] + line[:-2]) / 14.0
+    return np.minimum(of, 1.0)
 
 
 def glass_albedo(cosine: float, alpha: _Floats, eta: float, grid: int = 96) -> float:
@@ -181,12 +232,23 @@ def packed(table: Any) -> NDArray[np.uint16]:
 
 
 def lost(table: NDArray[np.uint16], mixed: bool = False) -> NDArray[np.float32]:
-    """1 - E_avg of the rows of a table of (…, rows, columns); `mixed`: whose columns are those of glass."""
+    """(1 - E_avg) / alpha^(3/2) of a table of (…, rows, columns); `mixed`: whose columns are those of glass.
+
+    Where alpha is small, 1 - E_avg grows too fast from row to row to be interpolated: there are four times as many, of
+    the table as it is interpolated at each of them.
+    """
     rows, columns = table.shape[-2:]
-    flat = (65535.0 - table.reshape(-1, columns)) / 65535.0
+    fine = 4 * (rows - 1) + 1
     means = mixed_average if mixed else average
-    of = [means(row, alphas(rows)[i % rows]) for i, row in enumerate(flat)]
-    return np.array(of, dtype="<f4").reshape(table.shape[:-1])
+    of = []
+    for block in (65535.0 - table.reshape(-1, rows, columns)) / 65535.0:
+        for i, alpha in enumerate(alphas(fine)):
+            row = min(i // 4, rows - 2)
+            of.append(means(block[row] + (i / 4 - row) * (block[row + 1] - block[row]), alpha) / alpha**1.5)
+    ratios = np.array(of).reshape(*table.shape[:-2], fine)
+    # Alphas that small are deltas
+    ratios[..., 0] = ratios[..., 1]
+    return ratios.astype("<f4")
 
 
 def ggx_tables() -> dict[str, NDArray[Any]]:
@@ -206,33 +268,59 @@ def ggx_tables() -> dict[str, NDArray[Any]]:
         ratio = (schlick[lower] * (1.0 - part) + schlick[lower + 1] * part) / 65535.0
         g = np.interp(np.sqrt(steps) * (cells - 1), np.arange(cells), ratio)
         means.append(2.0 * (e * g**5 * steps).mean())
-    return {"ggx": table, "schlick": schlick, "ggx_lost": lost(table), "ggx_schlick": np.array(means, dtype="<f4")}
+    return {
+        "ggx": table,
+        "schlick": schlick,
+        "ggx_lost": lost(table),
+        "ggx_schlick": np.array(means, dtype="<f4"),
+    }
+
+
+def turned_facets(row: float, across: float) -> tuple[float, float]:
+    """alpha_x and alpha_y of a row, from 0 to 1, and of how far they are apart."""
+    most = max(row * row, LEAST_TURNED)
+    least = (np.sqrt(most) + (np.sqrt(LEAST_TURNED) - np.sqrt(most)) * across) ** 2
+    return most, float(least)
+
+
+def turned_seen(most: float, least: float, seen: _Floats) -> _Floats:
+    """The square of the cosine between x and directions in the plane that see such an alpha."""
+    if most < least * (1.0 + 1e-9):
+        return np.linspace(0.0, 1.0, len(seen))
+    of: _Floats = np.clip((seen**2 - least**2) / (most**2 - least**2), 0.0, 1.0)
+    return of
+
+
+def turned_average(table: _Floats, most: float, least: float) -> float:
+    """1 - E_avg of the (Q, C) part of the table for such facets, as the kernels interpolate it."""
+    turns = len(table)
+    angles = (np.arange(64) + 0.5) / 64 * np.pi / 2.0
+    seen = np.sqrt((most * np.cos(angles)) ** 2 + (least * np.sin(angles)) ** 2)
+    at = np.log(seen / least) / np.log(most / least) if most > least * (1.0 + 1e-9) else np.zeros_like(seen)
+    means = []
+    for x, alpha in zip(at * (turns - 1), seen, strict=True):
+        lower = min(int(x), turns - 2)
+        means.append(average(1.0 - table[lower] - (x - lower) * (table[lower + 1] - table[lower]), float(alpha)))
+    return float(np.mean(means))
 
 
 def turned_tables() -> dict[str, NDArray[Any]]:
     """``turned`` and ``turned_lost``."""
-    strengths, rows, turns, columns = (
-        layout.TURNED_STRENGTHS,
-        layout.TURNED_ROWS,
-        layout.TURNED_TURNS,
-        layout.TURNED_COLUMNS,
-    )
-    table = np.zeros((strengths, rows, turns, columns))
-    averages = np.zeros((strengths, rows))
-    for i in range(strengths):
-        for j, least in enumerate(np.maximum(alphas(rows), 1e-3)):
-            most = least + (1.0 - least) * (i / (strengths - 1)) ** 2
-            alpha, mean = np.array([most, least, 1.0]), (most + least) / 2.0
-            for k in range(turns):
-                along_x = k / (turns - 1)
-                table[i, j, k] = [albedo(seen_at(c, along_x), alpha, 160)[0] for c in cosines(mean, columns)]
-            # The mean over all turns: of the angle, not of its cosine's square
-            angles = (np.arange(64) + 0.5) / 64 * np.pi / 2.0
-            at = np.cos(angles) ** 2 * (turns - 1)
-            kept = packed(table[i, j]) / 65535.0
-            around = np.mean([[np.interp(x, np.arange(turns), kept[:, c]) for c in range(columns)] for x in at], axis=0)
-            averages[i, j] = average(1.0 - around, mean)
-    return {"turned": packed(table), "turned_lost": averages.astype("<f4")}
+    rows, apart, turns, columns = layout.TURNED_ROWS, layout.TURNED_APART, layout.TURNED_TURNS, layout.TURNED_COLUMNS
+    table = np.zeros((rows, apart, turns, columns))
+    steps = [(i, j, *turned_facets(i / (rows - 1), j / (apart - 1))) for i in range(rows) for j in range(apart)]
+    for i, j, most, least in steps:
+        seen = least * (most / least) ** (np.arange(turns) / (turns - 1))
+        for k, (alpha, along_x) in enumerate(zip(seen, turned_seen(most, least, seen), strict=True)):
+            cosine = cosines(alpha, columns)
+            sine = np.sqrt(1.0 - cosine**2)
+            wo = np.array([sine * np.sqrt(along_x), sine * np.sqrt(1.0 - along_x), cosine])
+            table[i, j, k] = turned_albedo(wo, np.array([most, least, 1.0]))
+    kept = packed(fitted(table))
+    averages = np.zeros((rows, apart))
+    for i, j, most, least in steps:
+        averages[i, j] = turned_average(kept[i, j] / 65535.0, most, least) / ((most + least) / 2.0) ** 1.5
+    return {"turned": kept, "turned_lost": averages.astype("<f4")}
 
 
 def glass_tables() -> dict[str, NDArray[Any]]:
@@ -251,15 +339,109 @@ def glass_tables() -> dict[str, NDArray[Any]]:
 def sheen_tables() -> dict[str, NDArray[Any]]:
     """``sheen``, ``sheen_scale`` and ``sheen_mean``."""
     rows, columns = layout.SHEEN_ROWS, layout.SHEEN_COLUMNS
-    table = np.array([[sheen_albedo(max(c, 1e-3), max(a, 0.0025)) for c in cosines(a, columns)] for a in alphas(rows)])
+    at = np.arange(columns) / (columns - 1)
+    table = np.array([[sheen_albedo(max(x * x, 1e-3), max(a, 0.0025)) for x in at] for a in alphas(rows)])
     scale = 1.0 / np.maximum(table.max(axis=1) * 1.005, 1.0)
     kept = packed(table * scale[:, None])
-    return {"sheen": kept, "sheen_scale": scale.astype("<f4"), "sheen_mean": 1.0 - lost(kept)}
+    steps = (np.arange(1 << 13) + 0.5) / (1 << 13)
+    means = np.array([(np.interp(steps, at, row / 65535.0) * 4.0 * steps**3).mean() for row in kept])
+    return {"sheen": kept, "sheen_scale": scale.astype("<f4"), "sheen_mean": means.astype("<f4")}
+
+
+def interpolated(table: NDArray[np.uint16], row: float, columns: _Floats) -> _Floats:
+    """A line of a table at a row from 0 to 1 and columns from 0 to 1, as the kernels find it."""
+    y = row * (len(table) - 1)
+    lower = min(int(y), len(table) - 2)
+    line = (table[lower] * (lower + 1.0 - y) + table[lower + 1] * (y - lower)) / 65535.0
+    of: _Floats = np.interp(columns * (table.shape[1] - 1), np.arange(table.shape[1]), line)
+    return of
+
+
+def slant_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """``slants`` and ``slant_numbers``, of the other tables."""
+    nodes, weights = np.polynomial.legendre.leggauss(600)
+    mu = ((nodes + 1.0) / 2.0) ** 2
+    weight = weights * (nodes + 1.0) * mu  # for 2 ∫ … μ dμ
+    rows = np.maximum(np.arange(layout.SLANT_ROWS) / (layout.SLANT_ROWS - 1), np.sqrt(LEAST_TURNED))
+    lines = []
+    for row in rows:
+        e = interpolated(of["ggx"], row, np.sqrt(mu * (1.0 + row**2) / (mu + row**2)))
+        b = e * interpolated(of["schlick"], row, np.sqrt(mu)) ** 5
+        upright = max(row, 0.1)
+        lines += [e, b, interpolated(of["sheen"], upright, np.sqrt(mu))]
+    varying = np.array([line - (line * weight).sum() for line in lines]).reshape(-1, 3, len(mu))
+    # What glossy layers of metal alone reflect has no diffuse surface below
+    _, _, axes = np.linalg.svd(varying[:, 1:].reshape(-1, len(mu)) * np.sqrt(weight), full_matrices=False)
+    b, c = (axis * np.sign(axis.sum()) / np.sqrt(weight) for axis in axes[:2])
+    components = np.stack([(varying * axis * weight).sum(axis=2) for axis in (b, c)], axis=-1)
+    words = np.rint(np.clip((components + 0.05) / 0.2, 0.0, 1.0) * 65535.0).astype(np.uint32)
+    # EON (kernels/material/eon.h), over all turns, in white: 1 + r A Q
+    sine, g = np.sqrt(1.0 - mu * mu), 1.0 - mu
+    albedo_fit = g * (0.0571085289 + g * (0.491881867 + g * (-0.332181442 + g * 0.0714429953)))
+    c1, c2 = 0.5 - 2.0 / (3.0 * np.pi), 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
+    missing = np.maximum(c1 - albedo_fit, 0.0)
+    once = sine[:, None] * sine / np.pi * (1.0 / np.maximum(mu[:, None], mu) - 1.0) - c1
+    eon = (once + missing[:, None] * missing / (c1 - c2)) * weight
+    along_b, along_c = eon @ b, eon @ c
+    averages = [(x * weight).sum() for x in (b**3, b * b * c, b * along_b, b * along_c, c * along_c)]
+    fits = [np.polynomial.polynomial.polyfit(mu, y, n, w=np.sqrt(weight)) for y, n in ((along_b, 6), (along_c, 4))]
+    numbers = np.concatenate([averages, *fits])
+    return {"slants": (words[..., 0] | words[..., 1] << 16).T.astype("<u4"), "slant_numbers": numbers.astype("<f4")}
+
+
+def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """``covered`` and ``covered_mean``, of the other tables."""
+    layers, rows, columns = layout.COVERED_LAYERS, layout.COVERED_ROWS, layout.COVERED_COLUMNS
+    mus = np.maximum((np.arange(columns) / (columns - 1)) ** 2, 1e-4)
+    turn, v = spread(16)
+    even = (np.arange(512) + 0.5) / 512
+
+    def metal(row: float, mu: _Floats) -> _Floats:
+        return interpolated(of["ggx"], row, np.sqrt(mu * (1.0 + row**2) / (mu + row**2)))
+
+    def cover(which: int, layer: float, mu: _Floats) -> _Floats:
+        if which == 1:
+            return interpolated(of["sheen"], layer, np.sqrt(mu))
+        part = 0.04 + 0.96 * interpolated(of["schlick"], layer, np.sqrt(mu)) ** 5
+        return metal(layer, mu) * part
+
+    table = np.zeros((2, layers, rows, columns))
+    for j in range(rows):
+        row = max(j / (rows - 1), np.sqrt(LEAST_TURNED))
+        average_lost = float((2.0 * even * (1.0 - metal(row, even))).mean())
+        for k, mu in enumerate(mus):
+            wo, alpha = seen_at(mu), alike(row**2)
+            stretched = alpha * wo / np.linalg.norm(alpha * wo)
+            z = (1.0 - v) * (1.0 + stretched[2]) - stretched[2]
+            r = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+            m = np.array([r * np.cos(2.0 * np.pi * turn), r * np.sin(2.0 * np.pi * turn), z]) + stretched[:, None]
+            m = alpha[:, None] * m
+            m /= np.linalg.norm(m, axis=0)
+            wi = 2.0 * (wo @ m) * m - wo[:, None]
+            seen = (1.0 + smith(wo, alpha)) / (1.0 + smith(wo, alpha) + smith(wi, alpha))
+            seen = np.where(wi[2] > 0.0, seen, 0.0)
+            beyond = np.clip(wi[2], 1e-6, 1.0)
+            # What it scatters more often goes to μ with density 2 μ (1 - E(μ)) / (1 - E_avg)
+            often = (1.0 - float(metal(row, mus[k : k + 1])[0])) * 2.0 * even * (1.0 - metal(row, even)) / average_lost
+            for which in (0, 1):
+                for i in range(layers):
+                    layer = max(i / (layers - 1), 0.1 if which else np.sqrt(LEAST_TURNED))
+                    here = cover(which, layer, mus[k : k + 1])[0]
+                    once = seen * np.maximum(cover(which, layer, beyond) - here, 0.0)
+                    again = often * np.maximum(cover(which, layer, even) - here, 0.0)
+                    table[which, i, j, k] = once.mean() + again.mean()
+    kept = packed(table * 4.0)
+    at = np.arange(columns) / (columns - 1)
+    steps = (np.arange(4096) + 0.5) / 4096
+    flat = kept.reshape(-1, columns) / 262140.0
+    means = [(np.interp(steps, at, line) * 4.0 * steps**3).mean() for line in flat]
+    return {"covered": kept, "covered_mean": np.array(means).reshape(2, layers, rows).astype("<f4")}
 
 
 def tables() -> dict[str, NDArray[Any]]:
     """All of them, by the names in the file."""
-    return {**ggx_tables(), **turned_tables(), **glass_tables(), **sheen_tables()}
+    made = {**ggx_tables(), **turned_tables(), **glass_tables(), **sheen_tables()}
+    return {**made, **slant_tables(made), **covered_tables(made)}
 
 
 if __name__ == "__main__":

@@ -42,7 +42,8 @@ def albedo_tables() -> NDArray[np.float32]:
     """
     names = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
     with np.load(Path(__file__).with_name("albedo_tables.npz")) as file:
-        parts = [_words(file[name]) for name in (*names, "sheen", "sheen_scale", "sheen_mean")]
+        more = ("sheen", "sheen_scale", "sheen_mean", "slants", "slant_numbers", "covered", "covered_mean")
+        parts = [_words(file[name]) for name in (*names, *more)]
     tables = np.concatenate(parts)
     assert len(tables) == layout.ALBEDO_END
     return tables
@@ -52,6 +53,8 @@ def _words(table: NDArray[Any]) -> NDArray[np.float32]:
     if table.dtype == np.uint16:
         low, high = (part.astype(np.uint32) for part in (table[..., :-1], table[..., 1:]))
         table = (low | high << np.uint32(16)).view(np.float32)
+    if table.dtype == np.uint32:
+        table = table.view(np.float32)
     return table.astype(np.float32, copy=False).reshape(-1)
 
 

@@ -3,7 +3,7 @@
 #ifndef MATERIAL_ALBEDO_H
 #define MATERIAL_ALBEDO_H
 
-#include "core/exact.h"
+#include "core/power.h"
 #include "material/ggx.h"
 #include "types.h"
 
@@ -20,13 +20,15 @@ static vfloat albedo_at(__global const float* tables, vuint first, uint rows, ui
 }
 static vfloat albedo_column(vfloat alpha, vfloat cosine) { return root(cosine * (splat(1.0f) + alpha) / (cosine + alpha)); }
 
-// A number for each row of such a table.
-static vfloat albedo_line(__global const float* tables, vuint first, uint rows, vfloat alpha) {
-    const vfloat y = root(alpha) * (float)(rows - 1u);
+// A number for each row of such a table, interpolated at row `y`.
+static vfloat albedo_between(__global const float* tables, vuint first, uint rows, vfloat y) {
     const vint row = vint_of(bounded(y, 0.0f, (float)(rows - 2u)));
     const vuint at = first + vuint_from_int(row);
     const vfloat a = lane_gather(tables, at), b = lane_gather(tables, at + 1u);
     return fma(y - vfloat_of(row), b - a, a);
+}
+static vfloat albedo_line(__global const float* tables, vuint first, uint rows, vfloat alpha) {
+    return albedo_between(tables, first, rows, root(alpha) * (float)(rows - 1u));
 }
 
 // E(μ): what GGX facets that are perfect mirrors reflect of light along a direction at first.
@@ -34,8 +36,10 @@ static vfloat albedo_ggx(__global const float* tables, vfloat alpha, vfloat cosi
     const vfloat x = albedo_column(alpha, cosine) * (float)(GGX_COLUMNS - 1u);
     return albedo_at(tables, splat_uint(ALBEDO_GGX), GGX_ROWS, GGX_COLUMNS - 1u, GGX_COLUMNS - 1u, root(alpha) * (float)(GGX_ROWS - 1u), x);
 }
-// 1 − E_avg.
-static vfloat albedo_ggx_lost(__global const float* tables, vfloat alpha) { return albedo_line(tables, splat_uint(ALBEDO_GGX_LOST), GGX_ROWS, alpha); }
+// 1 − E_avg. The table has it over alpha^(3/2), and more rows: where alpha is small, it grows too fast to be interpolated.
+static vfloat albedo_ggx_lost(__global const float* tables, vfloat alpha) {
+    return albedo_line(tables, splat_uint(ALBEDO_GGX_LOST), GGX_LOST_ROWS, alpha) * alpha * root(alpha);
+}
 
 // B(μ) / E(μ), where B is what E would be with facets that reflect (1 − c)^5, c the cosine at the facet: with Schlick's Fresnel term,
 // f0 + (f90 − f0) (1 − c)^5, a surface reflects f0 E + (f90 − f0) B at first.
@@ -48,39 +52,77 @@ static vfloat albedo_grazing(__global const float* tables, vfloat alpha, vfloat 
 }
 static vfloat albedo_grazing_average(__global const float* tables, vfloat alpha) { return albedo_line(tables, splat_uint(ALBEDO_GGX_SCHLICK), GGX_ROWS, alpha); }
 
-// Facets that are rougher along x: by how much, from 0 to 1.
+// How E (0), B (1) or the albedo of sheen (2) varies over μ: its components along two functions b and c, which have average 0 and with
+// weight 2μ are orthonormal (scripts/albedo_tables.py).
+typedef struct {
+    vfloat b, c;
+} Slant;
+
+static Slant albedo_slant(__global const float* tables, uint which, vfloat alpha) {
+    const vfloat y = root(alpha) * (float)(SLANT_ROWS - 1u);
+    const vint row = vint_of(bounded(y, 0.0f, (float)(SLANT_ROWS - 2u)));
+    const vuint at = vuint_from_int(row) + (ALBEDO_SLANTS + which * SLANT_ROWS);
+    const vuint upper = vfloat_bits(lane_gather(tables, at)), lower = vfloat_bits(lane_gather(tables, at + 1u));
+    const vfloat down = y - vfloat_of(row);
+    const vfloat b0 = vfloat_of(vint_from_uint(upper & 0xffffu)), b1 = vfloat_of(vint_from_uint(lower & 0xffffu));
+    const vfloat c0 = vfloat_of(vint_from_uint(upper >> 16)), c1 = vfloat_of(vint_from_uint(lower >> 16));
+    Slant s;
+    s.b = fma(fma(down, b1 - b0, b0), splat(0.2f / 65535.0f), splat(-0.05f));
+    s.c = fma(fma(down, c1 - c0, c0), splat(0.2f / 65535.0f), splat(-0.05f));
+    return s;
+}
+
+// Facets that are rougher along x. E of a direction is nearly a function of the alpha that it sees, √(alpha_x² cos²φ + alpha_y² sin²φ),
+// and between both alphas nearly linear in its logarithm.
 typedef struct {
     Alpha alpha;
     vfloat mean;             // of both alphas
     vmask turned;            // they differ
-    vfloat strength;
+    vfloat row, apart;       // where they are in the tables
+    vfloat stretch;          // cells of the table over the binary logarithm of a squared alpha
 } Facets;
+
+// `alpha` along y, the least one that counts, and the strength of anisotropy from 0 to 1 (glTF, KHR_materials_anisotropy).
+static Facets facets_of(vfloat alpha, float least, vfloat strength) {
+    Facets f;
+    f.alpha.y = greater(alpha, splat(least));
+    f.alpha.x = fma(strength * strength, splat(1.0f) - f.alpha.y, f.alpha.y);
+    f.mean = (f.alpha.x + f.alpha.y) * 0.5f;
+    f.turned = strength > 0.0f;
+    f.row = f.apart = f.stretch = splat(0.0f);
+    if (!lane_any(f.turned)) return f;
+    const vfloat most = root(f.alpha.x), ratio = f.alpha.x / f.alpha.y;
+    f.row = most * (float)(TURNED_ROWS - 1u);
+    f.apart = (most - root(f.alpha.y)) * inverse_or_one(most - root(splat(least))) * (float)(TURNED_APART - 1u);
+    f.stretch = ratio > 1.0001f ? splat(0.5f * (float)(TURNED_TURNS - 1u)) / log2_of(greater(ratio, splat(1.0001f))) : splat(0.0f);
+    return f;
+}
 
 // E of a direction above such facets.
 static vfloat albedo_facets(__global const float* tables, const Facets* f, vec3 w) {
     const vfloat even = albedo_ggx(tables, f->mean, w.z);
     if (!lane_any(f->turned)) return even;
-    const vfloat across = fma(w.x, w.x, w.y * w.y);
-    const vfloat i = f->strength * (float)(TURNED_STRENGTHS - 1u), k = w.x * w.x * inverse_or_one(across) * (float)(TURNED_TURNS - 1u);
-    const vint strength = vint_of(bounded(i, 0.0f, (float)(TURNED_STRENGTHS - 2u))), turn = vint_of(bounded(k, 0.0f, (float)(TURNED_TURNS - 2u)));
-    const vfloat y = root(f->alpha.y) * (float)(TURNED_ROWS - 1u), x = albedo_column(f->mean, w.z) * (float)(TURNED_COLUMNS - 1u);
-    const uint words = TURNED_COLUMNS - 1u, stride = TURNED_TURNS * words, next = TURNED_ROWS * stride;
-    const vuint first = vuint_from_int(strength) * next + vuint_from_int(turn) * words + ALBEDO_TURNED;
-    const vfloat further = i - vfloat_of(strength), around = k - vfloat_of(turn);
-    const vfloat a = albedo_at(tables, first, TURNED_ROWS, stride, words, y, x), b = albedo_at(tables, first + words, TURNED_ROWS, stride, words, y, x);
-    const vfloat c = albedo_at(tables, first + next, TURNED_ROWS, stride, words, y, x);
-    const vfloat d = albedo_at(tables, first + (next + words), TURNED_ROWS, stride, words, y, x);
-    const vfloat weak = fma(around, b - a, a), strong = fma(around, d - c, c);
-    return f->turned ? fma(further, strong - weak, weak) : even;
+    const vfloat across2 = fma(w.x, w.x, w.y * w.y), x = w.x * f->alpha.x, y = w.y * f->alpha.y;
+    const vfloat seen2 = across2 > 1.0e-20f ? fma(x, x, y * y) * inverse_or_one(across2) : f->alpha.y * f->alpha.y;
+    const vfloat seen = lesser(greater(root(seen2), f->alpha.y), f->alpha.x), ratio = seen / f->alpha.y;
+    const vfloat turn = log2_of(ratio) * 2.0f * f->stretch, column = albedo_column(seen, w.z) * (float)(TURNED_COLUMNS - 1u);
+    const vint row = vint_of(bounded(f->row, 0.0f, (float)(TURNED_ROWS - 2u))), apart = vint_of(bounded(f->apart, 0.0f, (float)(TURNED_APART - 2u)));
+    const uint words = TURNED_COLUMNS - 1u, part = TURNED_TURNS * words, next = TURNED_APART * part;
+    const vuint first = vuint_from_int(row) * next + vuint_from_int(apart) * part + ALBEDO_TURNED;
+    const vfloat a = albedo_at(tables, first, TURNED_TURNS, words, words, turn, column);
+    const vfloat b = albedo_at(tables, first + part, TURNED_TURNS, words, words, turn, column);
+    const vfloat c = albedo_at(tables, first + next, TURNED_TURNS, words, words, turn, column);
+    const vfloat d = albedo_at(tables, first + (next + part), TURNED_TURNS, words, words, turn, column);
+    const vfloat further = f->apart - vfloat_of(apart), upper = fma(further, b - a, a), lower = fma(further, d - c, c);
+    return f->turned ? fma(f->row - vfloat_of(row), lower - upper, upper) : even;
 }
 static vfloat albedo_facets_lost(__global const float* tables, const Facets* f) {
     const vfloat even = albedo_ggx_lost(tables, f->mean);
     if (!lane_any(f->turned)) return even;
-    const vfloat i = f->strength * (float)(TURNED_STRENGTHS - 1u);
-    const vint strength = vint_of(bounded(i, 0.0f, (float)(TURNED_STRENGTHS - 2u)));
-    const vuint first = vuint_from_int(strength) * TURNED_ROWS + ALBEDO_TURNED_LOST;
-    const vfloat a = albedo_line(tables, first, TURNED_ROWS, f->alpha.y), b = albedo_line(tables, first + TURNED_ROWS, TURNED_ROWS, f->alpha.y);
-    return f->turned ? fma(i - vfloat_of(strength), b - a, a) : even;
+    const vint row = vint_of(bounded(f->row, 0.0f, (float)(TURNED_ROWS - 2u)));
+    const vuint first = vuint_from_int(row) * TURNED_APART + ALBEDO_TURNED_LOST;
+    const vfloat a = albedo_between(tables, first, TURNED_APART, f->apart), b = albedo_between(tables, first + TURNED_APART, TURNED_APART, f->apart);
+    return f->turned ? fma(f->row - vfloat_of(row), b - a, a) * f->mean * root(f->mean) : even;
 }
 
 #endif

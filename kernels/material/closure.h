@@ -2,7 +2,8 @@
 //
 // The base is metal, or a diffuse surface below a layer that reflects, or glass, or a blend of the three. Sheen lies on it, and a clear
 // coat on the sheen. Each of these two takes of the light along a direction what it reflects itself, E(μ); what is below keeps
-// min(1 − E(μo), 1 − E(μi)), which is reciprocal and never gains energy (glTF, KHR_materials_sheen).
+// min(1 − E(μo), 1 − E(μi)), which is reciprocal and never gains energy (glTF, KHR_materials_sheen). lobe/diffuse.h and lobe/covered.h
+// give back what a diffuse surface and metal lose so.
 //
 // Frame: local, z = shading normal on the side of `wo`. Directions point away from the surface. eval: f in 1/sr, without the cosine.
 // pdf: per steradian, of all the ways together in which closure_sample may choose a direction.
@@ -11,6 +12,7 @@
 
 #include "core/warp.h"
 #include "material/lobe/coat.h"
+#include "material/lobe/covered.h"
 #include "material/lobe/diffuse.h"
 #include "material/lobe/glass.h"
 #include "material/lobe/reflection.h"
@@ -30,6 +32,8 @@ typedef struct {
     Glass glass;
     Sheen sheen;
     Coat coat;
+    Covered coated, clothed; // metal below the coat, and below sheen
+    vec3 metal;              // what it reflects on average, times its share
     vmask inside;            // seen from within a solid: coat and sheen lie on the other side
     vfloat below;            // what coat and sheen leave of light along `wo`
     vec3 albedo;             // about the share of light along `wo` that is reflected or passes
@@ -49,19 +53,29 @@ static vfloat closure_below(const Closure* c, vfloat cosine) {
     return left;
 }
 
-// What a diffuse surface gets through both, twice: lobe/diffuse.h.
-static vfloat closure_under(const Closure* c) {
-    vfloat passes = splat(1.0f);
-    if (lane_any(c->sheen.there)) {
+// Both as covers of a diffuse surface.
+static Covers closure_covers(const Closure* c) {
+    const vfloat none = splat(0.0f), one = splat(1.0f);
+    Covers over;
+    over.sheen_passes = over.coat_passes = one;
+    over.sheen.b = over.sheen.c = over.coat.b = over.coat.c = none;
+    if (lane_any(c->sheen.there & !c->inside)) {
+        const vmask there = c->sheen.there & !c->inside;
         const vfloat most = largest(c->sheen.color), mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
-        const vfloat alike = most * fma(c->diffuse.roughness, splat(DIFFUSE_ALIKE_EON_SHEEN), splat(DIFFUSE_ALIKE_SHEEN));
-        passes = c->sheen.there ? fma(-most, mean, splat(1.0f)) * (splat(1.0f) + alike) : passes;
+        const vfloat passes = fma(-most, mean, one), share = there ? most / passes : none;
+        over.sheen_passes = there ? passes * fma(most * c->diffuse.roughness, splat(DIFFUSE_SHEEN_SLACK), one) : one;
+        const Slant s = albedo_slant(c->tables, 2u, c->sheen.alpha);
+        over.sheen.b = s.b * share, over.sheen.c = s.c * share;
     }
-    if (lane_any(c->coat.there)) {
-        const vfloat alike = c->coat.share * fma(c->diffuse.roughness, splat(DIFFUSE_ALIKE_EON), splat(DIFFUSE_ALIKE));
-        passes = passes * (splat(1.0f) - coat_average(&c->coat, c->tables)) * (c->coat.there ? splat(1.0f) + alike : splat(1.0f));
+    if (lane_any(c->coat.there & !c->inside)) {
+        const vmask there = c->coat.there & !c->inside;
+        over.coat_passes = there ? one - coat_average(&c->coat, c->tables) : one;
+        const vfloat share = there ? c->coat.share / over.coat_passes : none;
+        const Slant e = albedo_slant(c->tables, 0u, c->coat.alpha), g = albedo_slant(c->tables, 1u, c->coat.alpha);
+        over.coat.b = fma(g.b, splat(1.0f - COAT_F0), e.b * COAT_F0) * share;
+        over.coat.c = fma(g.c, splat(1.0f - COAT_F0), e.c * COAT_F0) * share;
     }
-    return c->below / passes;
+    return over;
 }
 
 // Which lobes there are, and their numbers as far as they do not depend on `wo`. `front`: seen from the front.
@@ -72,11 +86,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     const vfloat alpha = p->roughness * p->roughness, none = splat(0.0f), one = splat(1.0f);
     const vmask glass = p->kind == MATERIAL_DIELECTRIC, thin = parameters_flag(p, MATERIAL_FLAG_THIN);
     const vmask lit = front | !parameters_flag(p, MATERIAL_FLAG_ONE_SIDED);
-    c.facets.alpha.y = greater(alpha, splat(CLOSURE_SMOOTH));
-    c.facets.alpha.x = fma(p->anisotropy * p->anisotropy, one - c.facets.alpha.y, c.facets.alpha.y);
-    c.facets.mean = (c.facets.alpha.x + c.facets.alpha.y) * 0.5f;
-    c.facets.turned = p->anisotropy > 0.0f;
-    c.facets.strength = p->anisotropy;
+    c.facets = facets_of(alpha, CLOSURE_SMOOTH, p->anisotropy);
 
     // The shares of metal, glass, and of what is neither, of the base
     const vfloat metallic = layered ? p->metallic : metal ? one : none;
@@ -100,11 +110,12 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     Diffuse* d = &c.diffuse;
     d->there = lit & ((p->kind == MATERIAL_OREN_NAYAR) | (plastic > 0.0f));
     d->covered = layered;
-    d->color = scale(p->color, layered ? plastic : one);
+    d->color = p->color;
+    d->share = layered ? plastic : one;
     d->roughness = p->diffuse_roughness;
     d->f0 = f0, d->f90 = f90;
     d->passed = vec3_all(1.0f);
-    d->under = one;
+    d->bends = mask_none();
 
     // Glass. Where it bends nothing, its facets would have no direction
     Glass* g = &c.glass;
@@ -126,6 +137,8 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     c.sheen.alpha = cloth;
     c.sheen.scale = c.sheen.hidden = none;
     c.coat.there = layered & lit & (p->coat > 0.0f);
+    c.coated.there = c.clothed.there = mask_none();
+    c.metal = vec3_all(0.0f);
     c.coat.share = p->coat;
     c.coat.alpha = greater(p->coat_roughness * p->coat_roughness, splat(CLOSURE_SMOOTH));
     return c;
@@ -136,21 +149,29 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     const vfloat none = splat(0.0f);
     vec3 reflected = vec3_all(0.0f), spread = vec3_all(0.0f), passed = vec3_all(0.0f);
     c->with_through = none;
+    c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
     vfloat glassy = none, glass_spread = none;
     if (lane_any(c->reflection.there)) {
         const vfloat all = albedo_facets(c->tables, &c->facets, wo), grazing = albedo_grazing(c->tables, c->facets.mean, wo.z);
         const vfloat lost = albedo_facets_lost(c->tables, &c->facets);
         const vec3 average = choose(c->reflection.measured, p->fresnel, fresnel_schlick_average(p->color, vec3_all(1.0f)));
         const vfloat metallic = p->kind == MATERIAL_CONDUCTOR ? splat(1.0f) : p->metallic;
+        const vmask below_coat = c->coat.there & (metallic > 0.0f), below_sheen = c->sheen.there & (metallic > 0.0f);
+        if (lane_any(below_coat | below_sheen)) {
+            c->metal = scale(average, metallic);
+            c->coated = covered_by(c->tables, COVERED_BY_COAT, below_coat, c->coat.share, c->coat.alpha, c->facets.mean, wo.z);
+            c->clothed = covered_by(c->tables, COVERED_BY_SHEEN, below_sheen, largest(c->sheen.color), c->sheen.alpha, c->facets.mean, wo.z);
+        }
         c->reflection.missing = splat(1.0f) - all;
         c->reflection.multiple = scale(reflection_multiple(average, lost), metallic);
         const vec3 f0 = choose(c->reflection.measured, p->color, c->reflection.f0), f90 = choose(c->reflection.measured, vec3_all(1.0f), c->reflection.f90);
         reflected = choose(c->reflection.there, along(scale(f0, all), sub(f90, f0), all * grazing), reflected);
         spread = choose(c->reflection.there, scale(c->reflection.multiple, c->reflection.missing * lost * PI), spread);
         if (lane_any(c->diffuse.there & c->diffuse.covered)) {
-            diffuse_cover(&c->diffuse, c->tables, c->facets.mean, splat(1.0f) - lost, all, grazing);
+            const Covers over = closure_covers(c);
+            diffuse_cover(&c->diffuse, &over, c->tables, c->facets.mean, splat(1.0f) - lost, all, grazing, c->below, wo.z);
             const vec3 left = choose(c->diffuse.covered, sub(vec3_all(1.0f), diffuse_layer(&c->diffuse, all, grazing)), vec3_all(1.0f));
-            spread = choose(c->diffuse.there, add(spread, mul(c->diffuse.color, left)), spread);
+            spread = choose(c->diffuse.there, add(spread, scale(mul(c->diffuse.color, left), c->diffuse.share)), spread);
         }
     }
     spread = choose(c->diffuse.there & !c->diffuse.covered, c->diffuse.color, spread);
@@ -169,8 +190,6 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
         c->sheen.hidden = sheen_hidden(&c->sheen, wo.z);
         sheen = c->sheen.there & !c->inside ? sheen_albedo(&c->sheen, c->tables, wo.z) * (splat(1.0f) - coat) : none;
     }
-    c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
-    c->diffuse.under = c->inside ? splat(1.0f) : closure_under(c);
     c->albedo = add(add(vec3_of(coat, coat, coat), scale(c->sheen.color, sheen)), scale(add(add(reflected, spread), passed), c->below));
     c->albedo = choose(c->there, c->albedo, vec3_all(0.0f));
 
@@ -186,6 +205,13 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     c->with_coat = c->with_coat * inverse, c->with_sheen = c->with_sheen * inverse, c->with_reflection = c->with_reflection * inverse;
     c->with_glass = c->with_glass * inverse, c->with_through = c->with_through * inverse;
     c->with_cosine = sum > 0.0f ? c->with_cosine * inverse : splat(1.0f);
+}
+
+// What sheen leaves along both directions.
+static vfloat closure_unclothed(const Closure* c, vfloat out, vfloat in) {
+    if (!lane_any(c->sheen.there)) return splat(1.0f);
+    const vfloat most = largest(c->sheen.color), taken = greater(sheen_albedo(&c->sheen, c->tables, out), sheen_albedo(&c->sheen, c->tables, in));
+    return c->sheen.there ? fma(-most, taken, splat(1.0f)) : splat(1.0f);
 }
 
 // f, and the density.
@@ -220,17 +246,19 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
         f = scale(f, c->inside ? within : passes ? c->below : lesser(c->below, other));
         if (lane_any(c->sheen.there)) {
             const vfloat coat = lesser(splat(1.0f) - coat_albedo(&c->coat, c->tables, wo.z), splat(1.0f) - coat_albedo(&c->coat, c->tables, cosine));
+            if (lane_any(c->clothed.there)) f = along(f, c->metal, above & !c->inside ? coat * covered_eval(&c->clothed, c->tables, cosine) : splat(0.0f));
             f = choose(above & !c->inside, add(f, scale(sheen_eval(&c->sheen, wo, up), coat)), f);
             density = above ? fma(c->with_sheen, splat(SHEEN_PDF), density) : density;
         }
         if (lane_any(c->coat.there)) {
             const vfloat shine = coat_eval(&c->coat, wo, up, &one);
+            if (lane_any(c->coated.there)) f = along(f, c->metal, above & !c->inside ? closure_unclothed(c, wo.z, cosine) * covered_eval(&c->coated, c->tables, cosine) : splat(0.0f));
             f = choose(above & !c->inside, add(f, vec3_of(shine, shine, shine)), f);
             density = above ? fma(c->with_coat, one, density) : density;
         }
     }
     if (lane_any(c->diffuse.there))
-        f = choose(above, add(f, diffuse_eval(&c->diffuse, wo, up, all, grazing, c->inside ? splat(1.0f) : other)), f);
+        f = choose(above, add(f, diffuse_eval(&c->diffuse, c->tables, wo, up, all, grazing, c->inside ? splat(1.0f) : other)), f);
     *pdf = density;
     return f;
 }

@@ -46,26 +46,33 @@ WHOLE = {
     **{f"thin {a}": dielectric(a, thin=True) for a in (0.1, 1.0)},
     **{f"plastic {a}": principled(a) for a in (0.01, 0.25, 1.0)},
     "plastic, ior 2.5": principled(0.1, ior=2.5),
+    "rough plastic": principled(0.05, diffuse_roughness=1.0),
+    "rough plastic, ior 2.5": principled(0.3, diffuse_roughness=1.0, ior=2.5),
+    **{
+        f"cloth {r}": principled(0.3, sheen_color=WHITE, sheen_roughness=r, specular=0.0, diffuse_roughness=d)
+        for r, d in ((0.1, 0.0), (0.4, 0.5), (1.0, 1.0))
+    },
+    "half metal": principled(0.1, metallic=0.5, diffuse_roughness=0.5),
+    **{f"coat {r} on metal": principled(0.1, metallic=1.0, coat=1.0, coat_roughness=r) for r in (0.0, 0.1, 0.6)},
+    "sheen on metal": principled(0.3, metallic=1.0, sheen_color=WHITE, sheen_roughness=0.5),
 }
 """White materials that lose nothing, within 1e-3."""
 BOUNDED = {
     "coat": principled(0.5, coat=1.0, coat_roughness=0.3),
-    "coat on metal": principled(0.1, metallic=1.0, coat=1.0, coat_roughness=0.1),
     "coat on half metal": principled(0.1, metallic=0.5, coat=0.5, diffuse_roughness=0.5),
     **{f"sheen {r}": principled(0.3, sheen_color=WHITE, sheen_roughness=r) for r in (0.1, 0.4, 1.0)},
     "sheen alone": principled(0.3, sheen_color=WHITE, sheen_roughness=0.2, base_color=(0.0, 0.0, 0.0), specular=0.0),
     "sheen and coat": principled(
         0.3, sheen_color=WHITE, sheen_roughness=0.6, coat=1.0, coat_roughness=0.6, diffuse_roughness=1.0
     ),
-    "rough plastic": principled(0.05, diffuse_roughness=1.0),
-    "rough plastic, ior 2.5": principled(0.3, diffuse_roughness=1.0, ior=2.5),
     "blend": principled(0.4, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, sheen_color=WHITE),
     "blend, thin": principled(0.4, metallic=0.3, transmission=0.4, coat=0.7, coat_roughness=0.5, thin=True),
 }
 """White materials that may lose some, and gain nothing."""
 ANISOTROPIC = {
-    f"{s}, {a}": conductor(a, f0=WHITE, anisotropy=s) for s in (0.2, 0.5, 0.8, 1.0) for a in (0.01, 0.05, 0.3)
+    f"{s}, {a}": conductor(a, f0=WHITE, anisotropy=s) for s in (0.2, 0.5, 0.8, 1.0) for a in (0.0012, 0.01, 0.05, 0.3)
 }
+"""White metals that lose nothing, within 1e-3, towards any side."""
 RECIPROCAL = {**WHOLE, **BOUNDED, **ANISOTROPIC, "clear": principled(0.3, transmission=1.0, base_color=(0.9, 0.6, 0.3))}
 
 
@@ -81,7 +88,7 @@ def furnace(device: Device, material: dict[str, Any], seed: int, count: int = 2*
     return results
 
 
-FAST = ("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "plastic 0.25")
+FAST = ("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "cloth 0.4", "coat 0.1 on metal")
 
 
 @pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in WHOLE])
@@ -95,16 +102,49 @@ def test_white_surfaces_send_all_light_back(device: Device, name: str) -> None:
     "name", [n if n in ("coat", "blend", "sheen 0.4") else pytest.param(n, marks=pytest.mark.slow) for n in BOUNDED]
 )
 def test_layers_gain_nothing(device: Device, name: str) -> None:
+    """And lose little: gloss that is no metal below a coat, and three layers. What goes back into glass is lost."""
+    least = 0.0 if name == "sheen alone" else 1.0 - 1e-2
     for where, mean, error in furnace(device, BOUNDED[name], 560 + list(BOUNDED).index(name)):
         assert mean <= 1.0 + 1e-3 + 4.0 * error, where
+        assert mean >= least - 4.0 * error or "behind" in where, where
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ANISOTROPIC)
-def test_anisotropic_metals_send_nearly_all_light_back(device: Device, name: str) -> None:
-    """Their tables are coarser: within 1e-2."""
-    for where, mean, error in furnace(device, ANISOTROPIC[name], 580 + list(ANISOTROPIC).index(name)):
-        assert abs(mean - 1.0) <= 1e-2 + 4.0 * error, where
+@pytest.mark.parametrize(
+    "name", [n if n in ("0.8, 0.05", "1.0, 0.01") else pytest.param(n, marks=pytest.mark.slow) for n in ANISOTROPIC]
+)
+def test_anisotropic_metals_send_all_light_back(device: Device, name: str) -> None:
+    """Also towards the smooth side, where they lose most of what they lose at first, and near it."""
+    for i, (turn, angle) in enumerate((t, a) for t in (0.0, 0.1, 0.23, 0.248, 0.25) for a in (20.0, 60.0, 85.0, 89.5)):
+        wo = towards(angle, turn)
+        _, weight, _ = sampled(device, ANISOTROPIC[name], wo, 580_000 + 100 * list(ANISOTROPIC).index(name) + i)
+        mean, error = weight[:, 0].mean(), weight[:, 0].std() / math.sqrt(len(weight))
+        print(f"{turn}, {angle} degrees: {mean:.5f} +- {error:.5f}")
+        assert abs(mean - 1.0) <= 1e-3 + 4.0 * error, (turn, angle)
+
+
+@pytest.mark.parametrize("alpha", [0.003, 0.006, 0.012])
+def test_smooth_metals_send_all_light_back_at_grazing_angles(device: Device, alpha: float) -> None:
+    """Where the cosine is about as large as alpha, they lose a tenth at first, and return it to other such cosines.
+
+    Too few samples go there: by a grid that is dense at both ends of the column of the tables, and around the mirror's
+    direction.
+    """
+    steps, narrow = 512, 1e-6
+    grid = (np.arange(steps) + 0.5) / steps
+    column = grid * (2.0 - grid)
+    cosine = alpha * column**2 / (1.0 + alpha - column**2)
+    height = 2.0 * column * alpha * (1.0 + alpha) / (1.0 + alpha - column**2) ** 2 * (2.0 - 2.0 * grid)
+    span = math.asinh(math.pi / narrow)
+    turn, width = narrow * np.sinh(span * grid), narrow * span * np.cosh(span * grid)
+    z, around = (part.ravel() for part in np.meshgrid(cosine, turn, indexing="ij"))
+    sine = np.sqrt(1.0 - z**2)
+    wi = np.stack([-sine * np.cos(around), sine * np.sin(around), z], axis=1)
+    for ratio in (0.3, 1.0, 3.0):
+        wo = towards(math.degrees(math.acos(ratio * alpha)), 0.0)
+        f, _, _ = evaluated(device, conductor(alpha), np.broadcast_to(wo, wi.shape), wi)
+        energy = 2.0 * float((f[:, 0].reshape(steps, steps) * height[:, None] * width).sum()) / steps**2
+        print(f"cosine {ratio} alpha: {energy:.5f}")
+        assert abs(energy - 1.0) <= 1e-3, ratio
 
 
 @pytest.mark.parametrize("name", RECIPROCAL)

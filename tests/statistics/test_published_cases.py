@@ -203,3 +203,68 @@ def test_photon_ball_in_a_furnace(evidence: Evidence, studio: Studio, material: 
     camera = {"position": [0.0, 0.0, 16.0], "target": [0.0, 0.0, 15.0], "vertical_fov": half}
     what = scene([box, sphere([0.0, 0.0, 0.0], 9.0, material="it")], camera=camera, it=material)
     evidence.mean_is("patches", studio.patches(what, spp=64, roulette="none", max_depth=1000), 0.5)
+
+
+def nori(name: str) -> tuple[Any, float]:
+    """The scene of a triangle over a floor, and the floor's radiance."""
+    exact, vertices = NORI[name]
+    a, b, c = np.asarray(vertices)
+    away = bool(np.cross(b - a, c - a) @ a > 0.0)
+    camera = {"position": [0.0, 0.01, 0.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 0.0, 1.0], "vertical_fov": 1e-4}
+    return scene([FLOOR, triangle(vertices, emission=1.0, flip_normals=away)], camera=camera, floor=lambert(0.5)), exact
+
+
+def square() -> tuple[Any, float]:
+    """A white plate one metre below the middle of a square light of one metre and radiance 10."""
+    light = quad([-0.5, 1.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], emission=10.0)
+    plate = quad([-5.0, 0.0, 5.0], [10.0, 0.0, 0.0], [0.0, 0.0, -10.0], material="plate")
+    camera = {"position": [0.3, 0.2, 0.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 0.0, 1.0], "vertical_fov": 1e-3}
+    irradiance = 40.0 * math.atan(1.0 / math.sqrt(5.0)) / math.sqrt(5.0)
+    return scene([plate, light], camera=camera, plate=lambert(1.0)), irradiance / math.pi
+
+
+def furnace_box(albedo: float) -> Any:
+    box = {"type": "box", "size": [1.0] * 3, "emission": [1.0] * 3, "material": "wall", "flip_normals": True}
+    camera = {"position": [0.0, 0.0, 0.0], "target": [0.0, 0.0, 1.0], "vertical_fov": 10.0}
+    return scene([box], camera=camera, wall=lambert(albedo))
+
+
+def glowing_ball(sides: dict[str, Any]) -> Any:
+    half = math.degrees(2.0 * math.atan(math.tan(math.radians(40.0))))
+    box = {"type": "box", "size": [1800.0] * 3, "emission": [0.5] * 3, "flip_normals": True}
+    camera = {"position": [0.0, 0.0, 16.0], "target": [0.0, 0.0, 15.0], "vertical_fov": half}
+    return scene([box, sphere([0.0, 0.0, 0.0], 9.0, material="it")], camera=camera, it=sides)
+
+
+POINT = {"type": "point", "position": [0.0, 0.0, 0.0], "intensity": [math.pi] * 3}
+LONG: dict[str, Any] = {"roulette": "none", "max_depth": 60}
+KNOWN: dict[str, tuple[Any, float, dict[str, Any]]] = {
+    **{name: (*nori(name), {}) for name in NORI},
+    "square": (*square(), {"max_depth": 1}),
+    "furnace": (furnace_box(0.5), 2.0, LONG),
+    "furnace, one bounce": (furnace_box(0.5), 1.5, {"roulette": "none", "max_depth": 1}),
+    "sphere, point light": (scene([PBRT_SPHERE], [POINT], PBRT_CAMERA, m=lambert(0.5)), 1.0, LONG),
+    "sphere, emissive": (
+        scene([{**PBRT_SPHERE, "emission": [0.5] * 3}], camera=PBRT_CAMERA, m=lambert(0.5)),
+        1.0,
+        LONG,
+    ),
+    "diffuse ball": (glowing_ball(lambert(1.0)), 0.5, {"roulette": "none", "max_depth": 1000}),
+    "glass ball": (glowing_ball({"type": "dielectric", "ior": 1.5}), 0.5, {"roulette": "none", "max_depth": 1000}),
+}
+"""Scene, exact mean, and how to render it. A point light is found by light samples alone."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_million_and_ten_million_paths(studio: Studio, name: str, sampling: str) -> None:
+    """Within 3.5 standard errors and 1e-4 by a million paths; within 0.1 % by ten million."""
+    what, exact, settings = KNOWN[name]
+    if name == "sphere, point light" and sampling == "bsdf":
+        pytest.skip("no BSDF sample meets a point")
+    for spp in (100, 1000):
+        pixels = studio.gray(what, 100, spp=spp, sampling=sampling, **settings).ravel()
+        mean, error = float(pixels.mean()) / exact, float(pixels.std()) / exact / math.sqrt(len(pixels))
+        print(f"{name}, {sampling}, {spp * len(pixels):.0e} paths: {mean - 1.0:+.2e} +- {error:.1e}")
+        assert abs(mean - 1.0) <= (3.5 * error + 1e-4 if spp == 100 else 1e-3)

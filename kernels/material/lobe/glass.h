@@ -46,9 +46,10 @@ static vfloat glass_missing(const Glass* g, __global const float* tables, vfloat
 // 1 − E_avg.
 static vfloat glass_lost(const Glass* g, __global const float* tables, vfloat eta) {
     vfloat further;
-    const vuint first = glass_layer(eta, &further) * GLASS_ROWS + ALBEDO_GLASS_LOST;
-    const vfloat low = albedo_line(tables, first, GLASS_ROWS, g->alpha), high = albedo_line(tables, first + GLASS_ROWS, GLASS_ROWS, g->alpha);
-    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low);
+    const vuint first = glass_layer(eta, &further) * GLASS_LOST_ROWS + ALBEDO_GLASS_LOST;
+    const vfloat low = albedo_line(tables, first, GLASS_LOST_ROWS, g->alpha);
+    const vfloat high = albedo_line(tables, first + GLASS_LOST_ROWS, GLASS_LOST_ROWS, g->alpha);
+    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low) * g->alpha * root(g->alpha);
     return greater(lost, splat(1.0e-7f));
 }
 

@@ -32,7 +32,7 @@ static vfloat sheen_hidden(const Sheen* s, vfloat cosine) {
 
 // The share of light along a direction that it reflects, for a white one.
 static vfloat sheen_albedo(const Sheen* s, __global const float* tables, vfloat cosine) {
-    const vfloat x = albedo_column(s->alpha, cosine) * (float)(SHEEN_COLUMNS - 1u);
+    const vfloat x = root(cosine) * (float)(SHEEN_COLUMNS - 1u);
     return albedo_at(tables, splat_uint(ALBEDO_SHEEN), SHEEN_ROWS, SHEEN_COLUMNS - 1u, SHEEN_COLUMNS - 1u, root(s->alpha) * (float)(SHEEN_ROWS - 1u), x);
 }
 
