@@ -160,7 +160,7 @@ def test_reciprocity(device: Device, name: str) -> None:
         # Seen from behind, z points to there
         back, _, _ = evaluated(device, material, wi, wo * turned, front=False)
         assert (forth > 0.0).any()
-        np.testing.assert_allclose(forth * squared / wi[:, 2:], back / wo[:, 2:], rtol=2e-4, atol=1e-6)
+        np.testing.assert_allclose(forth * squared / wi[:, 2:], back / wo[:, 2:], rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("angle", [0.0, 40.0, 75.0])

@@ -259,7 +259,11 @@ KNOWN: dict[str, tuple[Any, float, dict[str, Any]]] = {
 @pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_million_and_ten_million_paths(studio: Studio, name: str, sampling: str) -> None:
-    """Within 3.5 standard errors and 1e-4 by a million paths; within 0.1 % by ten million."""
+    """Within 3.5 standard errors and 1e-4 by a million paths; within 0.1 % by ten million.
+
+    But lights alone have no finite variance in the corners of a glowing box: there 0.1 % is no promise.
+    """
+    corners = sampling == "light" and name.startswith("furnace")
     what, exact, settings = KNOWN[name]
     if name == "sphere, point light" and sampling == "bsdf":
         pytest.skip("no BSDF sample meets a point")
@@ -267,4 +271,4 @@ def test_a_million_and_ten_million_paths(studio: Studio, name: str, sampling: st
         pixels = studio.gray(what, 100, spp=spp, sampling=sampling, **settings).ravel()
         mean, error = float(pixels.mean()) / exact, float(pixels.std()) / exact / math.sqrt(len(pixels))
         print(f"{name}, {sampling}, {spp * len(pixels):.0e} paths: {mean - 1.0:+.2e} +- {error:.1e}")
-        assert abs(mean - 1.0) <= (3.5 * error + 1e-4 if spp == 100 else 1e-3)
+        assert abs(mean - 1.0) <= (3.5 * error + 1e-4 if spp == 100 or corners else 1e-3)

@@ -77,11 +77,12 @@ static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
     return g->thin ? glass_thin(reflected) : reflected;
 }
 
-// The same from the cosines on both sides, which near total reflection are known better than one from the other.
+// What passes, from the cosines on both sides, which near total reflection are known better than one from the other, and without the
+// difference of 1 and what is reflected: the same bits but for roundings whichever side light comes from.
 static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
-    const vfloat parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
-    const vfloat perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
-    return (parallel * parallel + perpendicular * perpendicular) * 0.5f;
+    const vfloat parallel = fma(eta, cosine, beyond), perpendicular = fma(eta, beyond, cosine);
+    const vfloat p = splat(1.0f) / parallel, s = splat(1.0f) / perpendicular;
+    return eta * cosine * beyond * 2.0f * fma(p, p, s * s);
 }
 
 // The density is that of glass_sample; the diffuse lobes have others.
@@ -95,9 +96,9 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
     m = choose(m.z < 0.0f, negate(m), m);
     const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
-    vfloat reflected = glass_fresnel(g, near);
-    if (lane_any(bent)) reflected = bent ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : reflected;
-    const vfloat part = above ? reflected : splat(1.0f) - reflected;
+    const vfloat reflected = glass_fresnel(g, near);
+    vfloat part = above ? reflected : splat(1.0f) - reflected;
+    if (lane_any(bent)) part = bent ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : part;
 
     // From a density of facets to a density of directions (Walter et al., eq. 14 and 17)
     const vfloat stretch = fma(in, splat(1.0f) / g->eta, out);
