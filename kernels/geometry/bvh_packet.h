@@ -7,10 +7,15 @@
 #include "geometry/bvh_single.h"
 #include "geometry/ray.h"
 
-// With so few lanes left, they part: sooner where several packets' rays take turns, which spares each of them waiting. 0: never, as on a
-// GPU, where one lane walks the tree and nothing is left to part.
+// With so few lanes left, they part: sooner where several packets' rays take turns, which spares each of them waiting, but not where
+// paths are sorted by their materials (measured: docs/notes/materials.md). 0: never, as on a GPU, where one lane walks the tree and
+// nothing is left to part.
 #ifndef PACKET_PARTS
-#define PACKET_PARTS (PACKETS > 1 ? LANES / 2 : LANES / 4)
+#if PACKETS > 1 && !defined(MATERIALS) && !defined(TEXTURES)
+#define PACKET_PARTS (LANES / 2)
+#else
+#define PACKET_PARTS (LANES / 4)
+#endif
 #endif
 
 typedef struct {
