@@ -112,7 +112,7 @@ def test_directions_are_sampled_by_their_light(evidence: Evidence, device: Devic
 
 
 def test_neighbouring_numbers_give_neighbouring_directions(device: Device) -> None:
-    """Down with the first; with the second round along one of two rows, and once more along the other: nets of the sampler stay nets."""
+    """Down with the first; with the second round along one of two rows, then along the other: nets stay nets."""
     table, steps = DevicePicture(device, PICTURES["wild"]), (np.arange(4096) + 0.5) / 4096
     down = table.samples(steps, np.full(4096, 0.3))
     assert (np.diff(down[1]) <= 2e-7).all()
