@@ -69,14 +69,6 @@ def test_bad_textures(reflectance: Any, expected: str) -> None:
     assert str(error.value).startswith("Scene: ") and expected in str(error.value), str(error.value)
 
 
-def test_radiosity_takes_no_textures(tmp_path: Path) -> None:
-    what = scene(tmp_path, {"type": "sphere", "radius": 1, "material": "m"}, m=lambert({"checker": [0.1, 0.9]}))
-    with pytest.raises(
-        SceneError, match=r"shapes\[0\].material: 'm' has a texture \(reflectance\), which the integrat"
-    ):
-        RenderJob.of(what, integrator="radiosity")
-
-
 @pytest.mark.parametrize(
     ("emission", "expected"),
     [
