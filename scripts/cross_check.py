@@ -279,7 +279,7 @@ def _in_mitsuba(folders: list[Path]) -> None:
     from peer_scene import Job
 
     for number, folder in enumerate(folders):
-        job = Job("llvm_ad_rgb", folder / "scene.json", _SIDE, _SIDE, _SPP, -1, folder / "mitsuba.npy")
+        job = Job("llvm_ad_rgb", folder / "scene.json", _SIDE, _SIDE, _SPP, -1, 0, folder / "mitsuba.npy")
         scene = peer_mitsuba.load(job)
         images = [np.array(mitsuba.render(scene, spp=_SPP, seed=seed)) for seed in _seeds(number)]
         np.save(job.image, np.array(images, np.float32))

@@ -151,18 +151,18 @@ def _measure_scene(
         place.mkdir()
         paths[spheres] = write_scene(name, place, triangles=not spheres)
         if task.errors:
-            better = dataclasses.replace(task, spp=task.spp * _REFERENCE_TIMES, light_sampler="auto")
-            _own(paths[spheres], better, device, folder / "own.npy", _REFERENCE_SEED)
+            times = task.spp * _REFERENCE_TIMES
+            better = dataclasses.replace(task, spp=times, light_sampler="auto", seed=_REFERENCE_SEED)
+            _own(paths[spheres], better, device, folder / "own.npy")
             references[spheres] = np.load(folder / "own.npy")
     for repeat in range(-1, repeats):
+        turn = dataclasses.replace(task, seed=repeat + 1)
         for peer in (None, *peers):
             image = folder / "image.npy"
             image.unlink(missing_ok=True)
             spheres = peer is None or peer.spheres
-            if peer is None:
-                details = _own(paths[True], task, device, image, repeat + 1)
-            else:
-                details = peer.run(paths[spheres], task, image)
+            path = paths[spheres]
+            details = _own(path, turn, device, image) if peer is None else peer.run(path, turn, image)
             if task.errors and image.exists():
                 details["rel_mse"] = round(relative_error(np.load(image), references[spheres]), 7)
             wall, cpu = details.pop("wall_seconds"), details.pop("cpu_seconds")
@@ -219,7 +219,7 @@ def _known(value: float | None) -> float:
     return value
 
 
-def _own(path: Path, task: Task, device: str | None, image_path: Path, seed: int) -> dict[str, Any]:
+def _own(path: Path, task: Task, device: str | None, image_path: Path) -> dict[str, Any]:
     scene = clrender.load(str(path))
     begin, cpu = time.perf_counter(), time.process_time()
     image = clrender.render(
@@ -227,7 +227,7 @@ def _own(path: Path, task: Task, device: str | None, image_path: Path, seed: int
         device=device,
         size=(task.width, task.height),
         spp=task.spp,
-        seed=seed,
+        seed=task.seed,
         roulette="none",
         max_depth=SEGMENTS - 1,
         light_sampler=task.light_sampler,

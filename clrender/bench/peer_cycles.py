@@ -91,7 +91,7 @@ def set_up(one: Job) -> None:
         setattr(cycles, f"{name}_bounces", bounces)
     cycles.transparent_max_bounces, cycles.volume_bounces = bounces, 0
     cycles.min_light_bounces = cycles.min_transparent_bounces = 1024
-    cycles.device, cycles.samples, cycles.seed = "CPU", one.spp, 2
+    cycles.device, cycles.samples, cycles.seed = "CPU", one.spp, one.seed
     cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_guiding = cycles.use_auto_tile = False
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = cycles.blur_glossy = cycles.light_sampling_threshold = 0
     cycles.caustics_reflective = cycles.caustics_refractive = True

@@ -164,9 +164,9 @@ def main() -> None:
     if not one.variant.startswith("scalar"):
         drjit.eval()
         drjit.sync_thread()
-    mitsuba.render(scene, spp=1, seed=1).numpy()  # compiled, and the tree built
+    mitsuba.render(scene, spp=1, seed=one.seed + 1).numpy()  # compiled, and the tree built
     setup = time.perf_counter() - begin
-    image, wall, cpu = timed(lambda: mitsuba.render(scene, spp=one.spp, seed=2).numpy())
+    image, wall, cpu = timed(lambda: mitsuba.render(scene, spp=one.spp, seed=one.seed).numpy())
     answer(one, image, wall, cpu, mitsuba.__version__, setup)
 
 

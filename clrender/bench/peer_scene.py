@@ -18,7 +18,7 @@ __all__ = ["Job", "Part", "answer", "camera_of", "job", "lights_of", "parts_of",
 
 @dataclass(frozen=True)
 class Job:
-    """One render: `variant` of the peer, scene, size, samples per pixel, segments of a path, output path."""
+    """One render: `variant` of the peer, scene, size, samples per pixel, segments of a path, seed, output path."""
 
     variant: str
     scene: Path
@@ -26,6 +26,7 @@ class Job:
     height: int
     spp: int
     segments: int
+    seed: int
     image: Path
 
 
@@ -59,9 +60,10 @@ class Part:
 
 
 def job() -> Job:
-    """The command line: ``VARIANT SCENE.json WIDTH HEIGHT SPP SEGMENTS IMAGE.npy``."""
-    variant, scene, width, height, spp, segments, image = sys.argv[1:]
-    return Job(variant, Path(scene), int(width), int(height), int(spp), int(segments), Path(image))
+    """The command line: ``VARIANT SCENE.json WIDTH HEIGHT SPP SEGMENTS SEED IMAGE.npy``."""
+    variant, scene, *numbers, image = sys.argv[1:]
+    width, height, spp, segments, seed = (int(number) for number in numbers)
+    return Job(variant, Path(scene), width, height, spp, segments, seed, Path(image))
 
 
 def camera_of(one: Job) -> dict[str, Any]:

@@ -55,6 +55,8 @@ class Task:
     """Whether images are compared with a reference by clrender with 64 times the samples."""
     light_sampler: str = "auto"
     """Of clrender; Mitsuba picks lights uniformly."""
+    seed: int = 0
+    """Of the random numbers: another one in each turn."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class Peer:
             When the peer cannot be started or fails.
         """
         kind = PEERS[self.name]
-        numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS)]
+        numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS, task.seed)]
         command = [self.python, str(_FOLDER / kind.script), kind.variant, str(scene), *numbers, str(image)]
         environment = {**os.environ, "OCL_ICD_VENDORS": str(image.parent)} if kind.no_opencl else None
         try:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.radiosity.sides import own_radiance, side_areas
+from clrender.radiosity.vectors import cross, dot
 from clrender.scene.surfaces import FlatSurfaces, flat_surfaces
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ class _Places:
         self._round = np.flatnonzero(~flat)
         corners = surfaces.vertices[surfaces.triangles[patches.primitive[self._flat]]].astype(np.float64)
         self._a, self._ab, self._ac = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        self._normal = _cross(self._ab, self._ac)
+        self._normal = cross(self._ab, self._ac)
         shapes = surfaces.analytic_shapes[patches.primitive[self._round] - len(surfaces.triangles)]
         self._center = shapes["center_radius"].astype(np.float64)
         axis = np.abs(shapes["normal"][:, :3])
@@ -144,9 +145,9 @@ class _Places:
         """(n,) and (n,), of a point on each patch."""
         x, y = np.zeros(len(points)), np.zeros(len(points))
         to = points[self._flat] - self._a
-        square = _dot(self._normal, self._normal)
-        x[self._flat] = _dot(_cross(to, self._ac), self._normal) / square
-        y[self._flat] = _dot(_cross(self._ab, to), self._normal) / square
+        square = dot(self._normal, self._normal)
+        x[self._flat] = dot(cross(to, self._ac), self._normal) / square
+        y[self._flat] = dot(cross(self._ab, to), self._normal) / square
         away = points[self._round] - self._center[:, :3]
         x[self._round], y[self._round] = np.where(self._disk, self._on_disk(away), _unfolded(away))
         return x, y
@@ -165,14 +166,3 @@ def _unfolded(away: _Floats) -> _Floats:
     u = np.where(low, np.copysign(1.0 - np.abs(y), x), x)
     v = np.where(low, np.copysign(1.0 - np.abs(x), y), y)
     return np.stack([u, v]) * 0.5 + 0.5
-
-
-def _cross(a: _Floats, b: _Floats) -> _Floats:
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def _dot(a: _Floats, b: _Floats) -> _Floats:
-    product = a * b
-    dot: _Floats = (product[:, 0] + product[:, 1]) + product[:, 2]
-    return dot

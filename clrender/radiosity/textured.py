@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.radiosity.vectors import cross, dot
 from clrender.scene.materials import material_textures
 from clrender.scene.surfaces import FlatSurfaces, flat_surfaces
 from clrender.scene.texture_integrals import reflectance_means
@@ -61,12 +62,12 @@ def _on_triangles(
 ) -> None:
     whole = surfaces.vertices[surfaces.triangles[primitive]].astype(np.float64)
     ab, ac = whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0]
-    normal = _cross(ab, ac)
-    square = _dot(normal, normal)
+    normal = cross(ab, ac)
+    square = dot(normal, normal)
     rows = surfaces.attributes[primitive].astype(np.float64)
     for corner in range(3):
         to = corners[:, corner] - whole[:, 0]
-        b, c = _dot(_cross(to, ac), normal) / square, _dot(_cross(ab, to), normal) / square
+        b, c = dot(cross(to, ac), normal) / square, dot(cross(ab, to), normal) / square
         for number in (0, 1):
             at, to_b, to_c = (rows[:, 6 * number + 2 * k : 6 * number + 2 * k + 2] for k in range(3))
             uvs[number, some, corner] = at + b[:, None] * (to_b - at) + c[:, None] * (to_c - at)
@@ -136,14 +137,3 @@ def patch_reflectance(patches: Patches, known: _Floats, which: NDArray[np.bool_]
         texture = TextureMeans(textures, number)
         means[some] = reflectance_means(texture, patches.coordinates[texture.uv_set, some])
     return means
-
-
-def _cross(a: _Floats, b: _Floats) -> _Floats:
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
-
-
-def _dot(a: _Floats, b: _Floats) -> _Floats:
-    product = a * b
-    dot: _Floats = (product[:, 0] + product[:, 1]) + product[:, 2]
-    return dot
