@@ -270,11 +270,13 @@ def radiosity(device: Device) -> str:
 
 
 def furnace(device: Device) -> str:
-    """Hash of what materials sample, and of what they evaluate to, on both sides."""
+    """Hash of what materials sample, and of what they evaluate to, on both sides; and of the parts of a mixture."""
     rough = {"type": "conductor", "metal": "Au", "roughness": 0.5}
     materials = {"rough": rough, "glass": {"type": "dielectric", "ior": 1.5}}
+    mixture = {"type": "mix", "materials": ["rough", "glass"], "weight": 0.25}
     camera = {"position": (0, 1, 2.5), "target": (0, 0.5, 0)}
-    surfaces = Surfaces(device, Scene.model_validate({"camera": camera, "materials": materials}), LaunchConfig(4, 2))
+    described = {"camera": camera, "materials": {**materials, "mixture": mixture}}
+    surfaces = Surfaces(device, Scene.model_validate(described), LaunchConfig(4, 2))
     numbers = np.random.default_rng(71).random((2, 20))
     digest = hashlib.sha256()
     for name in materials:
@@ -283,6 +285,9 @@ def furnace(device: Device) -> str:
             values, pdf = surfaces.evaluate(name, incident(50.0, below), samples.directions)
             assert np.array_equal(pdf, samples.density) and np.array_equal(values, samples.values)
             digest.update(samples.directions.tobytes() + samples.weights.tobytes() + samples.pdf.tobytes())
+    parts = surfaces.parts("mixture")
+    assert sorted(share for share, _ in parts) == [0.25, 0.75]
+    digest.update(repr(parts).encode())
     surfaces.release()
     return digest.hexdigest()
 
