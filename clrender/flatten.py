@@ -114,7 +114,12 @@ def scene_origin(camera: Camera) -> Vector:
 
 
 def flatten(
-    scene: Scene, width: int, height: int, light_sampler: str = "auto", origin: Vector | None = None
+    scene: Scene,
+    width: int,
+    height: int,
+    light_sampler: str = "auto",
+    origin: Vector | None = None,
+    compensated: bool = False,
 ) -> FlatScene:
     """Arrays of a scene for an image of `width` by `height` pixels.
 
@@ -127,6 +132,9 @@ def flatten(
         A light sampler of `clrender.settings`.
     origin : (3,) float, optional
         World space, metres: what coordinates on the device are relative to; default: `scene_origin`.
+    compensated : bool
+        Light samples of the environment leave what is darker than its mean to samples of the BSDF, which are taken,
+        too: `clrender.scene.environment.environment_table`.
 
     Returns
     -------
@@ -145,9 +153,9 @@ def flatten(
     camera = _camera_row(scene.camera, width, height, scene.source, origin)
     surfaces = flat_surfaces(scene, origin)
     media = scene_media(scene)
-    around = flat_environment(scene)
+    around = flat_environment(scene, compensated)
     textures = flat_textures(scene)
-    lights, environment, tree = flat_lights(scene, surfaces, textures, around.radiance, light_sampler)
+    lights, environment, tree = flat_lights(scene, surfaces, textures, around, light_sampler)
     triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
     materials = flat_materials(scene, media.of_material)
     arrays = {

@@ -435,9 +435,10 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("WIDTH", 0, 1, "head of the environment's picture: bits: pixels"),
         ("HEIGHT", 1, 1, "bits"),
         ("TURN", 2, 1, "fraction of a turn that it is rotated by, about +y"),
-        ("INVERSE", 3, 1, "one over the integral of its luminance by solid angle"),
+        ("INVERSE", 3, 1, "one over the integral by solid angle of what samples are in proportion to"),
         ("BAND_GUIDES", 4, 1, "bits: entries of the guide table of the bands, less one"),
         ("GUIDES", 5, 1, "bits: entries of each row's guide table, less one"),
+        ("COMPENSATION", 6, 1, "luminance that light samples leave to those of the BSDF: the mean, or 0"),
     ),
     "BAND": (
         ("SHARE", 0, 1, "between two lines of latitude, half a row: share of the light that lies before the first"),

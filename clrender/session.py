@@ -199,17 +199,19 @@ class _Geometry:
 
     scene: Scene
     light_sampler: str
+    compensated: bool
     absorption: float | None
     origin: tuple[float, float, float]
 
     @classmethod
     def of(cls, job: RenderJob) -> _Geometry:
-        return cls(job.scene, _light_sampler(job), job.settings.absorption, scene_origin(job.scene.camera))
+        origin = scene_origin(job.scene.camera)
+        return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.absorption, origin)
 
     def same(self, other: _Geometry) -> bool:
-        if (self.light_sampler, self.absorption, self.origin) != (other.light_sampler, other.absorption, other.origin):
-            return False
         a, b = self.scene, other.scene
+        if dataclasses.replace(self, scene=b) != other:  # all but the scene
+            return False
         if all(
             getattr(a, name) is getattr(b, name) for name in ("shapes", "materials", "lights", "_meshes", "_pictures")
         ):
@@ -223,9 +225,24 @@ def _light_sampler(job: RenderJob) -> str:
     return job.integrator.auto_light_sampler if asked == "auto" else asked
 
 
+def _compensated(job: RenderJob) -> bool:
+    """Whether there is a picture of the environment, which samples of the BSDF find wherever light samples do."""
+    around = job.scene.environment
+    if around is None or around.file is None:
+        return False
+    settings = job.settings.struct(1, job.integrator.fixed)
+    return bool(settings["light_samples"][0] and settings["bsdf_samples"][0])
+
+
 def _flattened(job: RenderJob) -> FlatScene:
     settings = job.settings
-    flat = flatten(job.scene, settings.width, settings.height, _light_sampler(job))
+    flat = flatten(
+        job.scene,
+        settings.width,
+        settings.height,
+        _light_sampler(job),
+        compensated=_compensated(job),
+    )
     if settings.absorption is None:
         return flat
     materials = flat.arrays["materials"].copy()

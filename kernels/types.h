@@ -243,9 +243,10 @@ typedef struct {
 #define ENVIRONMENT_ROW_WIDTH 0         // head of the environment's picture: bits: pixels
 #define ENVIRONMENT_ROW_HEIGHT 1        // bits
 #define ENVIRONMENT_ROW_TURN 2          // fraction of a turn that it is rotated by, about +y
-#define ENVIRONMENT_ROW_INVERSE 3       // one over the integral of its luminance by solid angle
+#define ENVIRONMENT_ROW_INVERSE 3       // one over the integral by solid angle of what samples are in proportion to
 #define ENVIRONMENT_ROW_BAND_GUIDES 4   // bits: entries of the guide table of the bands, less one
 #define ENVIRONMENT_ROW_GUIDES 5        // bits: entries of each row's guide table, less one
+#define ENVIRONMENT_ROW_COMPENSATION 6  // luminance that light samples leave to those of the BSDF: the mean, or 0
 
 #define BAND_ROW_SHARE 0                // between two lines of latitude, half a row: share of the light that lies before the first
 #define BAND_ROW_NEXT_SHARE 1           // before the second

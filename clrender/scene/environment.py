@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +31,15 @@ _CHUNK: Final = 2**19
 """Pixels that are worked on at a time."""
 _MANTISSA: Final = 19
 _BIAS: Final = 64
+_HEAD: Final = {name: at for name, at, _, _ in layout.ROWS["ENVIRONMENT"]}
 _BAND: Final = {name: at for name, at, _, _ in layout.ROWS["BAND"]}
+_LEAST_REST: Final = 1e-3
+"""Of the luminance: where less is above the mean, it is all left to light samples, for then it might be none."""
 _POWERS: Final = np.ldexp(1.0, np.arange(128) - _BIAS)
 """The units that mantissas can count."""
 
 _Floats = NDArray[np.float64]
+_Number = TypeVar("_Number", float, _Floats)
 
 
 @dataclass(frozen=True)
@@ -121,15 +125,25 @@ class EnvironmentTable:
     ----------
     radiance : (3,) float
         Mean over all directions, W/(sr m²); black: there is no such light.
+    sampled : float
+        Share of its luminance that light samples are in proportion to.
     words : (N,) float32
         As `kernels/light/environment.h` says; one zero where the radiance is the same everywhere.
     """
 
     radiance: Color
+    sampled: float
     words: NDArray[np.float32]
 
+    @classmethod
+    def even(cls, radiance: Color) -> EnvironmentTable:
+        """Of the same radiance from everywhere."""
+        return cls(radiance, 1.0, np.zeros(1, np.float32))
 
-def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) -> EnvironmentTable:
+
+def environment_table(
+    picture: EnvironmentPicture, turn: float, scale: Color, compensated: bool = False
+) -> EnvironmentTable:
     """The table of a picture.
 
     Parameters
@@ -139,6 +153,8 @@ def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) ->
         Fraction of a turn by which it is rotated about +y, right-handed: from +z towards +x.
     scale : (3,) float
         What its radiance is multiplied by.
+    compensated : bool
+        Light samples leave what is darker than the mean to those of the BSDF.
 
     Returns
     -------
@@ -147,40 +163,77 @@ def environment_table(picture: EnvironmentPicture, turn: float, scale: Color) ->
     """
     height, width, _ = picture.pixels.shape
     table = _Arrays.empty(height, width)
-    row_sums = np.zeros((height, 4))  # luminance, then the colours
-    step = max(1, _CHUNK // width)
-    for top in range(0, height, step):
-        rows = slice(top, top + step)
-        red, green, blue = held = _packed(picture.pixels[rows], scale, table.pixels[rows, :width, 1:])
-        luminance = (0.2126 * red + 0.7152 * green) + 0.0722 * blue
-        sums = np.cumsum((luminance + np.roll(luminance, -1, axis=1)) * 0.5, axis=1)
-        table.sums[rows, 1:] = sums
-        row_sums[rows, 0] = sums[:, -1]
+    colors = np.zeros((height, 3))
+    for rows in table.chunks():
+        held = _packed(picture.pixels[rows], scale, table.pixels[rows, :width, 1:])
         for channel, values in enumerate(held):
-            row_sums[rows, 1 + channel] = np.cumsum(values, axis=1)[:, -1]
+            colors[rows, channel] = np.cumsum(values, axis=1)[:, -1]
     table.pixels[:, width, 1:] = table.pixels[:, 0, 1:]
-    # Lines of latitude: the poles have the light of the rows beside them.
-    line_sums = row_sums[np.clip(np.arange(height + 2) - 1, 0, height - 1)]
     drops = _drops(height)
-    between = (line_sums[:-1] + line_sums[1:]) * (0.5 * np.diff(drops.astype(np.float64)))[:, None]
-    before = np.cumsum(between, axis=0)
-    total, *colors = (before[-1] * (2.0 * math.pi / width)).tolist()
-    mean = (colors[0] / (4.0 * math.pi), colors[1] / (4.0 * math.pi), colors[2] / (4.0 * math.pi))
-    if total == 0.0:
-        return EnvironmentTable((0.0, 0.0, 0.0), np.zeros(1, np.float32))
-    shares = np.append(0.0, before[:, 0] / before[-1, 0])
+    red, green, blue = (float(np.cumsum(_bands(sums, drops))[-1]) / (2.0 * width) for sums in colors.T)
+    mean = _luminance(red, green, blue)
+    if mean == 0.0:
+        return EnvironmentTable.even((0.0, 0.0, 0.0))
+    rest = _distribute(table, drops, np.float32(mean)) if compensated else 0.0
+    if rest < _LEAST_REST * mean:
+        rest = _distribute(table, drops, np.float32(0.0))
+    table.words[_HEAD["TURN"]] = np.float32(turn) % np.float32(1.0)
+    return EnvironmentTable((red, green, blue), rest / mean, table.words)
+
+
+def _luminance(red: _Number, green: _Number, blue: _Number) -> _Number:
+    return (0.2126 * red + 0.7152 * green) + 0.0722 * blue
+
+
+def _bands(sums: _Floats, drops: NDArray[np.float32]) -> _Floats:
+    """Integrals between lines of latitude, by its cosine, of what has these sums along the rows."""
+    lines = _lines(sums)
+    between: _Floats = (lines[:-1] + lines[1:]) * (0.5 * np.diff(drops.astype(np.float64)))
+    return between
+
+
+def _lines(sums: _Floats) -> _Floats:
+    """Those along lines of latitude: the poles have the light of the rows beside them."""
+    return np.concatenate((sums[:1], sums, sums[-1:]))
+
+
+def _distribute(table: _Arrays, drops: NDArray[np.float32], compensation: np.float32) -> float:
+    """Write what directions are sampled by; gives its mean over all directions.
+
+    Parameters
+    ----------
+    table : _Arrays
+        With its pixels.
+    drops : (H + 2,) float32
+    compensation : float32
+        Luminance up to which pixels do not count.
+    """
+    height, width = table.guide.shape[0], table.pixels.shape[1] - 1
+    row_sums = np.zeros(height)
+    for rows in table.chunks():
+        weight = np.maximum(_luminance(*_unpacked(table.pixels[rows, :width, 1:])) - float(compensation), 0.0)
+        sums = np.cumsum((weight + np.roll(weight, -1, axis=1)) * 0.5, axis=1)
+        table.sums[rows, 1:] = sums
+        row_sums[rows] = sums[:, -1]
+    line_sums = _lines(row_sums)
+    before = np.cumsum(_bands(row_sums, drops))
+    if before[-1] == 0.0:
+        return 0.0
+    shares = np.append(0.0, before / before[-1])
     nearer = np.minimum(np.arange(height + 1), np.arange(height + 1)[::-1])
     for name, first, second in (
         ("SHARE", shares[:-1], shares[1:]),
-        ("SUM", line_sums[:-1, 0], line_sums[1:, 0]),
+        ("SUM", line_sums[:-1], line_sums[1:]),
         ("DROP", drops[nearer], drops[nearer + 1]),
     ):
         table.bands[:, _BAND[name]], table.bands[:, _BAND[f"NEXT_{name}"]] = first, second
     _guide(table.bands[:, _BAND["SHARE"]], np.float32(1.0), table.band_guide)
     for sums, guide in zip(table.sums, table.guide, strict=True):
         _guide(sums[:-1], sums[-1], guide)
-    table.words[2], table.words[3] = np.float32(turn) % np.float32(1.0), 1.0 / total
-    return EnvironmentTable(mean, table.words)
+    mean: float = before[-1] / (2.0 * width)
+    table.words[_HEAD["INVERSE"]] = 1.0 / (mean * 4.0 * math.pi)
+    table.words[_HEAD["COMPENSATION"]] = compensation
+    return mean
 
 
 @dataclass(frozen=True)
@@ -198,6 +251,12 @@ class _Arrays:
         """The first word of each pixel: the luminance that lies before its centre."""
         return self.pixels[..., 0].view(np.float32)
 
+    def chunks(self) -> Iterator[slice]:
+        """Rows of pixels that are worked on at a time."""
+        height, width = self.guide.shape[0], self.pixels.shape[1] - 1
+        step = max(1, _CHUNK // width)
+        return (slice(top, top + step) for top in range(0, height, step))
+
     @classmethod
     def empty(cls, height: int, width: int) -> _Arrays:
         band_guides, guides = _power_of_two(height + 1), _power_of_two(width)
@@ -208,7 +267,8 @@ class _Arrays:
         head, bands, band_guide, pixels, guide = (
             part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
         )
-        head.view(np.uint32)[[0, 1, 4, 5]] = width, height, band_guides, guides
+        sizes_at = [_HEAD[name] for name in ("WIDTH", "HEIGHT", "BAND_GUIDES", "GUIDES")]
+        head.view(np.uint32)[sizes_at] = width, height, band_guides, guides
         return cls(words, bands, band_guide.view(np.uint32), pixels.view(np.uint32), guide.view(np.uint32))
 
 
@@ -243,6 +303,15 @@ def _packed(pixels: NDArray[np.float32], scale: Color, packed: NDArray[np.uint32
     for values in channels:
         values *= unit
     return channels
+
+
+def _unpacked(packed: NDArray[np.uint32]) -> list[_Floats]:
+    """The radiance that two words hold, an array for each channel."""
+    low, high = packed[..., 0], packed[..., 1]
+    unit = _POWERS[(high >> np.uint32(25)).astype(np.intp)]
+    mask = np.uint32(2**_MANTISSA - 1)
+    green = (low >> np.uint32(19)) | ((high << np.uint32(13)) & mask)
+    return [values.astype(np.float64) * unit for values in (low & mask, green, (high >> np.uint32(6)) & mask)]
 
 
 def _drops(height: int) -> NDArray[np.float32]:

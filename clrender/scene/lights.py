@@ -32,8 +32,14 @@ _LEAST_SHARE: Final = 1e-3
 """Of the mean of a texture: no part of a light that shines as one counts as darker, as its mean is one of points."""
 
 
-def flat_environment(scene: Scene) -> EnvironmentTable:
+def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTable:
     """The scene's environment as kernels read it; black where there is none.
+
+    Parameters
+    ----------
+    scene : Scene
+    compensated : bool
+        As of `environment_table`.
 
     Raises
     ------
@@ -42,16 +48,16 @@ def flat_environment(scene: Scene) -> EnvironmentTable:
     """
     light, picture = scene.environment, scene.environment_picture()
     if light is None or picture is None:
-        return EnvironmentTable(light.constant if light else (0.0, 0.0, 0.0), np.zeros(1, np.float32))
+        return EnvironmentTable.even(light.constant if light else (0.0, 0.0, 0.0))
     brightest = max(float(picture.pixels[..., i].max()) * light.scale[i] for i in range(3))
     if brightest > POWER_LIMIT:
         place = f"{scene.source}: lights[{scene.lights.index(light)}].scale"
         raise SceneError(f"{place}: makes a radiance of {brightest:g}; at most {POWER_LIMIT:g} is known")
-    return environment_table(picture, light.rotate_degrees % 360.0 / 360.0, light.scale)
+    return environment_table(picture, light.rotate_degrees % 360.0 / 360.0, light.scale, compensated)
 
 
 def flat_lights(
-    scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, environment_radiance: Color, choice: str = "auto"
+    scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, around: EnvironmentTable, choice: str = "auto"
 ) -> tuple[_Rows, int, LightTree | None]:
     """Rows of all lights that shine: shapes in order, then the lights of the file in order.
 
@@ -62,8 +68,8 @@ def flat_lights(
         Of this scene; `first_light` of its shapes is written.
     textures : FlatTextures
         Of this scene.
-    environment_radiance : (3,) float
-        Of the environment light, the mean over all directions.
+    around : EnvironmentTable
+        Of the environment light.
     choice : str
         A light sampler of `clrender.settings`.
 
@@ -123,7 +129,7 @@ def flat_lights(
             size = length(light.direction)
             row["position"][0, :3] = [x / size for x in light.direction]
         else:
-            color, factor = environment_radiance, 4.0 * math.pi * math.pi * radius * radius
+            color, factor = around.radiance, 4.0 * math.pi * math.pi * radius * radius * around.sampled
             kind = layout.LIGHT_ENVIRONMENT
         if _luminance(color) == 0.0:
             continue

@@ -75,9 +75,9 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
         pdf = light_pdf(scene, &light, surface, path->ray.origin, path->normal);
     }
     if (lane_any(outside)) {
-        const vec3 around = environment_emitted(scene, path->ray.direction, outside);
-        emitted = choose(outside, around, emitted);
-        pdf = outside ? environment_pdf(scene, around, path->ray.origin, path->normal) : pdf;
+        const EnvironmentSample around = environment_found(scene, path->ray.direction, outside);
+        emitted = choose(outside, around.radiance, emitted);
+        pdf = outside ? environment_pdf(scene, &around, path->ray.origin, path->normal) : pdf;
     }
     const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)settings->light_samples), pdf);
     const vec3 counted = scale(mul(path->throughput, emitted), path->specular ? splat(1.0f) : weight);

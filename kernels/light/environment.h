@@ -8,7 +8,8 @@
 // sample: by inversion of the marginal distribution over latitudes, then of the conditional one along the latitude (PBR 4ed, 2.4.2 and
 // A.5.2, there for constant cells), which is a mixture of those of two rows of pixels: numbers up to the first one's share go
 // round along it, the others once more along the second, so that neighbouring random numbers give neighbouring directions. pdf: luminance over
-// its integral, per steradian; zero only where the radiance is.
+// its integral, per steradian. Where BSDF samples find the environment, too, light samples leave what is darker than the mean to them: the
+// luminance counts as far as it is above it (Karlik, Sik, Vevoda, Skrivan, Krivanek, "MIS compensation", ACM TOG 38(6), 2019).
 #ifndef LIGHT_ENVIRONMENT_H
 #define LIGHT_ENVIRONMENT_H
 
@@ -86,8 +87,10 @@ static vec3 vec3_between(vec3 a, vec3 b, vfloat share) {
     return vec3_of(between(a.x, b.x, share), between(a.y, b.y, share), between(a.z, b.z, share));
 }
 
-static vfloat environment_luminance(vec3 radiance) {
-    return fma(radiance.x, splat(0.2126f), fma(radiance.y, splat(0.7152f), radiance.z * 0.0722f));
+// What samples are in proportion to, at a pixel: its luminance, or how far this is above the mean.
+static vfloat environment_weight(const Scene* scene, vec3 pixel) {
+    const vfloat luminance = fma(pixel.x, splat(0.2126f), fma(pixel.y, splat(0.7152f), pixel.z * 0.0722f));
+    return greater(luminance - scene->environment_map[ENVIRONMENT_ROW_COMPENSATION], splat(0.0f));
 }
 
 // The row that a line of latitude lies on; a pole has that of the row beside it.
@@ -127,6 +130,13 @@ static EnvironmentCorners environment_corners(const EnvironmentMap* map, vuint l
 
 static vec3 environment_between(const EnvironmentCorners* c, vfloat down, vfloat right) {
     return vec3_between(vec3_between(c->upper.left, c->lower.left, down), vec3_between(c->upper.right, c->lower.right, down), right);
+}
+
+// The density with which that point is sampled.
+static vfloat environment_density(const Scene* scene, const EnvironmentCorners* c, vfloat down, vfloat right) {
+    const vfloat upper = between(environment_weight(scene, c->upper.left), environment_weight(scene, c->upper.right), right);
+    const vfloat lower = between(environment_weight(scene, c->lower.left), environment_weight(scene, c->lower.right), right);
+    return between(upper, lower, down) * scene->environment_map[ENVIRONMENT_ROW_INVERSE];
 }
 
 // Where a direction of any length points to. Lines are counted from the nearer pole, from which 1 − |cosine| has all its digits.
@@ -194,11 +204,6 @@ static vuint environment_search(__global const float* numbers, vuint begin, uint
 }
 static vuint environment_entry(vfloat part, uint entries) { return vuint_from_int(vint_of(part * (float)entries)); }
 
-// The density with which a direction is sampled from which such radiance comes.
-static vfloat environment_density(const Scene* scene, vec3 radiance) {
-    return environment_luminance(radiance) * scene->environment_map[ENVIRONMENT_ROW_INVERSE];
-}
-
 // A sample takes three steps. The first two ask for the memory that the next one reads, so that other packets can take theirs meanwhile.
 //
 // First, choose the latitude, between two lines, by all light there, and of the two lines one.
@@ -244,22 +249,26 @@ static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
     const vfloat left = c->below ? corners.lower.left_sum : corners.upper.left_sum;
     const vfloat right = c->below ? corners.lower.right_sum : corners.upper.right_sum;
-    const vfloat at_left = environment_luminance(choose(c->below, corners.lower.left, corners.upper.left));
-    const vfloat at_right = environment_luminance(choose(c->below, corners.lower.right, corners.upper.right));
+    const vfloat at_left = environment_weight(scene, choose(c->below, corners.lower.left, corners.upper.left));
+    const vfloat at_right = environment_weight(scene, choose(c->below, corners.lower.right, corners.upper.right));
     place.right = environment_linear(at_left, at_right, (c->sought - left) * inverse_or_one(right - left));
     EnvironmentSample s;
     s.direction = environment_direction(scene, &map, place, c->drop_before, c->drop_after);
     s.radiance = environment_between(&corners, place.down, place.right);
-    s.pdf = environment_density(scene, s.radiance);
+    s.pdf = environment_density(scene, &corners, place.down, place.right);
     return s;
 }
 
-// Radiance from a direction of any length.
-static vec3 environment_radiance(const Scene* scene, vec3 mean, vec3 direction) {
+// The sample that a direction of any length would be.
+static EnvironmentSample environment_along(const Scene* scene, vec3 mean, vec3 direction) {
     const EnvironmentMap map = environment_map_of(scene);
     const EnvironmentPlace place = environment_place(scene, &map, direction);
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
-    return environment_between(&corners, place.down, place.right);
+    EnvironmentSample s;
+    s.direction = direction;
+    s.radiance = environment_between(&corners, place.down, place.right);
+    s.pdf = environment_density(scene, &corners, place.down, place.right);
+    return s;
 }
 
 #else
@@ -281,8 +290,13 @@ static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean
     s.pdf = splat(WARP_SPHERE_PDF);
     return s;
 }
-static vec3 environment_radiance(const Scene* scene, vec3 mean, vec3 direction) { return mean; }
-static vfloat environment_density(const Scene* scene, vec3 radiance) { return splat(WARP_SPHERE_PDF); }
+static EnvironmentSample environment_along(const Scene* scene, vec3 mean, vec3 direction) {
+    EnvironmentSample s;
+    s.direction = direction;
+    s.radiance = mean;
+    s.pdf = splat(WARP_SPHERE_PDF);
+    return s;
+}
 
 #endif
 

@@ -195,17 +195,19 @@ static vfloat light_pdf(const Scene* scene, const LightRow* l, const Surface* s,
     return density * light_probability(scene, origin, normal, l);
 }
 
-// The same two of the environment, for a ray that leaves the scene: what it finds, and the density of a direction from which there comes
-// such radiance.
-static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves) {
-    if (scene->settings->environment == NONE) return vec3_all(0.0f);
+// What a ray finds that leaves the scene, where there is an environment: its radiance, and its density among the environment's samples.
+static EnvironmentSample environment_found(const Scene* scene, vec3 direction, vmask leaves) {
     const LightRow light = light_at(scene, splat_uint(scene->settings->environment));
-    return environment_radiance(scene, light.radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
+    return environment_along(scene, light.radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
 }
-static vfloat environment_pdf(const Scene* scene, vec3 radiance, vec3 origin, vec3 normal) {
-    if (scene->settings->environment == NONE) return splat(0.0f);
-    const LightRow l = light_at(scene, splat_uint(scene->settings->environment));
-    return light_probability(scene, origin, normal, &l) * environment_density(scene, radiance);
+static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves) {
+    return scene->settings->environment == NONE ? vec3_all(0.0f) : environment_found(scene, direction, leaves).radiance;
+}
+
+// The density, per steradian, with which light_sample chooses it from `origin`, with this normal.
+static vfloat environment_pdf(const Scene* scene, const EnvironmentSample* found, vec3 origin, vec3 normal) {
+    const LightRow light = light_at(scene, splat_uint(scene->settings->environment));
+    return light_probability(scene, origin, normal, &light) * found->pdf;
 }
 
 // The ray that has to be free for the sample to arrive. The limit leaves out a few roundings before the light.

@@ -11,13 +11,13 @@ __kernel void environment_samples(SCENE_PARAMETERS __global const float* numbers
     const vfloat u = vfloat_of(vint_from_uint(vfloat_bits(lane_load(numbers + at)) >> 8)) * 5.9604645e-8f;
     const vfloat v = vfloat_of(vint_from_uint(vfloat_bits(lane_load(numbers + count + at)) >> 8)) * 5.9604645e-8f;
     const EnvironmentSample s = environment_sample(&scene, vec3_all(0.0f), u, v);
-    const vec3 again = environment_radiance(&scene, vec3_all(0.0f), s.direction);
+    const EnvironmentSample again = environment_along(&scene, vec3_all(0.0f), s.direction);
     vfloat out[11];
     out[0] = s.direction.x, out[1] = s.direction.y, out[2] = s.direction.z;
     out[3] = s.radiance.x, out[4] = s.radiance.y, out[5] = s.radiance.z;
     out[6] = s.pdf;
-    out[7] = again.x, out[8] = again.y, out[9] = again.z;
-    out[10] = environment_density(&scene, again);
+    out[7] = again.radiance.x, out[8] = again.radiance.y, out[9] = again.radiance.z;
+    out[10] = again.pdf;
     for (int k = 0; k < 11; ++k) lane_save(out[k], results + (size_t)k * count + at);
 }
 
@@ -28,7 +28,7 @@ __kernel void environment_looks(SCENE_PARAMETERS __global const float* numbers, 
     if (at >= count) return;
     vec3 d;
     d.x = lane_load(numbers + at), d.y = lane_load(numbers + count + at), d.z = lane_load(numbers + (size_t)2 * count + at);
-    const vec3 radiance = environment_radiance(&scene, vec3_all(0.0f), d);
+    const vec3 radiance = environment_along(&scene, vec3_all(0.0f), d).radiance;
     lane_save(radiance.x, results + at);
     lane_save(radiance.y, results + count + at);
     lane_save(radiance.z, results + (size_t)2 * count + at);

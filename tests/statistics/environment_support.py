@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from clrender.device.device import Argument
     from clrender.scene import Scene
 
-__all__ = ["PICTURES", "DevicePicture", "cells", "irradiance", "luminance", "radiance", "under"]
+__all__ = ["PICTURES", "DevicePicture", "brighter", "cells", "irradiance", "luminance", "radiance", "under"]
 
 Floats = npt.NDArray[np.float64]
 
@@ -114,6 +114,13 @@ def cells(pixels: Floats) -> tuple[Floats, Floats, float]:
     return edges, light / light.sum(), float(light.sum()) * math.pi / width
 
 
+def brighter(pixels: Floats) -> Floats:
+    """How far the luminance of pixels is above the mean over all directions, as grey pixels."""
+    bright = np.repeat(luminance(pixels)[..., None], 3, axis=2)
+    grey: Floats = np.maximum(bright - cells(pixels)[2] / (4.0 * math.pi), 0.0)
+    return grey
+
+
 def irradiance(pixels: Floats, normal: tuple[float, ...], degrees: float = 0.0, fine: int = 8) -> Floats:
     """(3,) W/m2 on a surface with this normal: a sum over parts of pixels, each with its exact solid angle."""
     height, width, _ = pixels.shape
@@ -141,13 +148,15 @@ class DevicePicture:
     ----------
     device : Device
     pixels : (H, W, 3) float
+    compensated : bool
+        Sampled as far as it is brighter than its mean.
     more
         Of the environment light.
     """
 
-    def __init__(self, device: Device, pixels: Floats, **more: Any) -> None:
+    def __init__(self, device: Device, pixels: Floats, compensated: bool = False, **more: Any) -> None:
         what = under(pixels, scene([], [{"type": "environment", "file": "sky", **more}]))
-        self.device, self.flat = device, flatten(what, 16, 16)
+        self.device, self.flat = device, flatten(what, 16, 16, compensated=compensated)
         self.arrays = SceneArrays(device, self.flat)
 
     def samples(self, u: Floats, v: Floats) -> Floats:
