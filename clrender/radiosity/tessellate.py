@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.radiosity.vectors import cross, dot
 from clrender.scene.angles import sin_cos_degrees
 
 __all__ = ["disk_triangles", "sphere_triangles"]
@@ -69,7 +70,7 @@ def _icosphere(level: int) -> _Floats:
         ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
         parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
         corners = _on_sphere(np.stack([np.stack(part, axis=1) for part in parts], axis=1).reshape(-1, 3, 3))
-    total = float(sum(_length(_cross(t[1] - t[0], t[2] - t[0])) for t in corners)) / 2.0
+    total = float(sum(_length(cross(t[1] - t[0], t[2] - t[0])) for t in corners)) / 2.0
     grown: _Floats = corners * math.sqrt(4.0 * math.pi / total)
     return grown
 
@@ -94,27 +95,21 @@ def disk_triangles(center: _Floats, radius: float, normal: _Floats, size: float)
     corners = [sin_cos_degrees(360.0 * k / sides) for k in range(sides)]
     grown = radius * math.sqrt(2.0 * math.pi / sides / corners[1][0])
     helper = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.5 else np.array([0.0, 1.0, 0.0])
-    u = _cross(normal, helper)
+    u = cross(normal, helper)
     u = u / _length(u)
-    v = _cross(normal, u)
+    v = cross(normal, u)
     rim = [center + grown * (cosine * u + sine * v) for sine, cosine in corners]
     return np.array([(center, rim[k], rim[(k + 1) % sides]) for k in range(sides)])
 
 
 def _on_sphere(points: _Floats) -> _Floats:
-    x, y, z = points[..., 0], points[..., 1], points[..., 2]
-    result: _Floats = points / np.sqrt((x * x + y * y) + z * z)[..., None]
+    result: _Floats = points / np.sqrt(dot(points, points))[..., None]
     return result
 
 
-def _cross(a: _Floats, b: _Floats) -> _Floats:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
 def _length(a: _Floats) -> float:
-    return math.sqrt(float((a[0] * a[0] + a[1] * a[1]) + a[2] * a[2]))
+    return math.sqrt(float(dot(a, a)))
 
 
 def _volume(a: _Floats, b: _Floats, c: _Floats) -> float:
-    n = _cross(a, b)
-    return float((n[0] * c[0] + n[1] * c[1]) + n[2] * c[2])
+    return float(dot(cross(a, b), c))

@@ -201,9 +201,11 @@ __attribute__((always_inline)) static void lane_rows(__global const float* table
     columns[8] = r.s8, columns[9] = r.s9, columns[10] = r.sa, columns[11] = r.sb;
     columns[12] = r.sc, columns[13] = r.sd, columns[14] = r.se, columns[15] = r.sf;
 }
+// Eight numbers of a table, from `index` on.
 static void lane_octets(__global const float* table, vuint index, vfloat columns[8]) {
     for (int i = 0; i < 8; ++i) columns[i] = table[index + (uint)i];
 }
+// A row of a table that only this work-item has; and to write its only one.
 static void lane_own_rows(const float* table, vuint row, vfloat columns[16]) {
     for (int i = 0; i < 16; ++i) columns[i] = table[row * 16 + i];
 }

@@ -13,7 +13,7 @@ import clrender
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-__all__ = ["Studio", "disk", "down", "lambert", "quad", "scene", "sphere", "triangle"]
+__all__ = ["Studio", "disk", "down", "lambert", "quad", "room", "scene", "sphere", "triangle"]
 
 _WEIGHTS: Final = np.array([0.5, 0.3, 0.2])
 """Channels become one number: they are not independent of each other, and unequal weights tell them apart."""
@@ -111,6 +111,11 @@ def triangle(vertices: Sequence[Vector], **more: Any) -> dict[str, Any]:
 def sphere(center: Vector, radius: float, **more: Any) -> dict[str, Any]:
     """A sphere."""
     return {"type": "sphere", "center": list(center), "radius": radius, **_colors(more)}
+
+
+def room(size: Vector, **more: Any) -> dict[str, Any]:
+    """A box that is looked at from within."""
+    return {"type": "box", "size": list(size), "flip_normals": True, **_colors(more)}
 
 
 def disk(center: Vector, normal: Vector, radius: float, **more: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from photon_support import ALBEDO, PHOTONS, photon_map
-from render_support import Studio, disk, lambert, quad, scene, sphere
+from render_support import Studio, disk, lambert, quad, room, scene, sphere
 from stats_support import Evidence
 
 import clrender
@@ -30,7 +30,7 @@ LIGHTS: dict[str, tuple[dict[str, Any], float]] = {
 def test_deposits_carry_the_power_of_the_light(evidence: Evidence, device: Device, name: str) -> None:
     """A photon of power P arrives P albedo**k after k events; those with none are not kept. The light is black."""
     more, power = LIGHTS[name]
-    box = {"type": "box", "size": [4.0, 3.0, 5.0], "flip_normals": True, "material": "wall"}
+    box = room([4.0, 3.0, 5.0], material="wall")
     black = [{**shape, "material": "black"} for shape in more.get("shapes", [])]
     what = scene([box, *black], more.get("lights", ()), wall=lambert(ALBEDO), black=lambert(0.0))
     totals = []
@@ -64,7 +64,7 @@ def test_first_deposits_spread_as_the_cosine_says(evidence: Evidence, device: De
 def test_no_photon_gains_from_a_grazing_direction(device: Device) -> None:
     """Between walls that all reflect the same every photon keeps its power, in ten million scattering events too."""
     more, power = LIGHTS["point"]
-    box = {"type": "box", "size": [4.0, 3.0, 5.0], "flip_normals": True, "material": "wall"}
+    box = room([4.0, 3.0, 5.0], material="wall")
     what = scene([box], more["lights"], wall=lambert(0.95))
     for number in range(2):
         deposits = photon_map(device, what, number, 1 << 18)
@@ -79,7 +79,7 @@ def furnace(camera: dict[str, Any]) -> Scene:
     same: dict[str, Any] = {"material": "wall", "emission": [1.0, 1.0, 1.0]}
     feet = [[-0.9, -1, 0.2], [-0.1, -1, 0.3], [-0.5, -1, -0.4], [-0.4, -0.2, 0]]
     shapes = [
-        {"type": "box", "size": [2.0, 2.0, 2.0], "flip_normals": True, **same},
+        room([2.0, 2.0, 2.0], **same),
         {"type": "box", "center": [0.4, -0.75, 0.3], "size": [0.6, 0.5, 0.6], **same},
         {"type": "tetrahedron", "vertices": feet, **same},
         sphere([0.5, -0.7, -0.5], 0.3, **same),
@@ -187,17 +187,11 @@ def test_depth_counts_events_of_path_and_photon_together(studio: Studio) -> None
 
 def test_a_mirror_before_the_photons_counts_as_an_event(studio: Studio) -> None:
     """Of depth 2 one event is the mirror's, and only direct light is left for what it shows."""
-    room = {
-        "type": "box",
-        "size": [4.0, 4.0, 4.0],
-        "flip_normals": True,
-        "material": "wall",
-        "emission": [1.0, 1.0, 1.0],
-    }
+    walls = room([4.0, 4.0, 4.0], material="wall", emission=1.0)
     mirror = quad((-1.5, -1.5, -1.5), (3, 0, 0), (0, 3, 0), material="mirror")
     camera = {"position": [0, 0, 0], "target": [0.1, 0.1, -1], "vertical_fov": 20.0}
     materials: dict[str, Any] = {"wall": lambert(ALBEDO), "mirror": {"type": "mirror", "reflectance": [0.9, 0.9, 0.9]}}
-    what = scene([room, mirror], camera=camera, **materials)
+    what = scene([walls, mirror], camera=camera, **materials)
     path = studio.image(what, 16, spp=256, max_depth=2).mean()
     photon = studio.image(what, 16, spp=32, integrator="photon", photons=16384, max_depth=2).mean()
     assert photon == pytest.approx(path, rel=0.02)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from photon_support import PHOTONS, photon_map
-from render_support import Studio, lambert, quad, scene, sphere
+from render_support import Studio, lambert, quad, room, scene, sphere
 from stats_support import Evidence
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def agree(evidence: Evidence, studio: Studio, what: Scene, seeds: int, spp: int,
 def test_tiles_are_those_of_path_tracing(evidence: Evidence, studio: Studio, name: str) -> None:
     """A ball in a closed room with a textured floor: light goes from the lamp over the ball to the floor, and back."""
     shapes: list[dict[str, Any]] = [
-        {"type": "box", "size": [2.0, 2.0, 2.0], "flip_normals": True, "material": "wall"},
+        room([2.0, 2.0, 2.0], material="wall"),
         quad((-1, -0.99, 1), (2, 0, 0), (0, 0, -2), material="floor"),
         quad((-0.4, 0.98, -0.4), (0.8, 0, 0), (0, 0, 0.8), emission=4.0),
         sphere((0.0, -0.45, -0.1), 0.5, material="ball"),
@@ -84,9 +84,9 @@ LOSSLESS: dict[str, dict[str, Any]] = {
 def test_photons_keep_their_power(evidence: Evidence, device: Device, name: str) -> None:
     """A ball that absorbs nothing before a point light: all that meets it reaches the walls, and that alone is kept."""
     distance, radius = 0.9, 0.7
-    room = {"type": "box", "size": [4.0, 4.0, 4.0], "flip_normals": True, "material": "wall"}
+    walls = room([4.0, 4.0, 4.0], material="wall")
     light = {"type": "point", "position": [0.0, distance, 0.0], "intensity": [1.0, 1.0, 1.0]}
-    what = scene([room, sphere((0, 0, 0), radius, material="ball")], [light], wall=lambert(0.0), ball=LOSSLESS[name])
+    what = scene([walls, sphere((0, 0, 0), radius, material="ball")], [light], wall=lambert(0.0), ball=LOSSLESS[name])
     totals = [photon_map(device, what, number)[6].sum(dtype=np.float64) / PHOTONS for number in range(8)]
     cap = 2.0 * math.pi * (1.0 - math.sqrt(1.0 - (radius / distance) ** 2))
     # To a thousandth is what materials promise (docs/furnace.md)
@@ -97,7 +97,7 @@ def test_photons_keep_their_power(evidence: Evidence, device: Device, name: str)
 @pytest.mark.parametrize("name", LOSSLESS)
 def test_a_furnace_around_what_absorbs_nothing(evidence: Evidence, studio: Studio, name: str) -> None:
     """Everything lambert sends out 1 and reflects 0.6: as bright as 2.5, and so is what a white rough ball shows."""
-    box = {"type": "box", "size": [2.0, 2.0, 2.0], "flip_normals": True, "material": "wall", "emission": [1.0] * 3}
+    box = room([2.0, 2.0, 2.0], material="wall", emission=1.0)
     ball = sphere((0, -0.3, 0), 0.4, material="white")
     what = scene([box, ball], (), CAMERA, wall=lambert(0.6), white=LOSSLESS[name])
     photons: dict[str, Any] = {"integrator": "photon", "photons": 8192, "photon_radius": 0.12, "spp": 8}

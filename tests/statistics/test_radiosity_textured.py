@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from radiosity_support import path_traced
-from render_support import Studio, disk, quad, scene, sphere
+from render_support import Studio, disk, quad, room, scene, sphere
 from stats_support import Evidence
 
 import clrender
@@ -30,11 +30,11 @@ CHECKED = {"type": "lambert", "reflectance": {"checker": [[0.9, 0.1, 0.1], [0.0,
 """Parts of it are black in one channel: of light that they get there nothing can be told from what they reflect."""
 
 
-def room(where: Path) -> Scene:
+def painted_room(where: Path) -> Scene:
     """Textures on all that there is: walls with a picture, and a checker on floor, ball and box."""
     write_image(where / "p.exr", PICTURE)
     shapes: list[dict[str, Any]] = [
-        {"type": "box", "size": [2.0, 2.0, 2.0], "flip_normals": True, "material": "wall"},
+        room([2.0, 2.0, 2.0], material="wall"),
         quad((-1, -0.99, 1), (2, 0, 0), (0, 0, -2), material="floor"),
         quad((-0.4, 0.98, -0.4), (0.8, 0, 0), (0, 0, 0.8), emission=4.0),
         sphere((-0.4, -0.6, -0.1), 0.35, material="floor"),
@@ -102,13 +102,7 @@ def seen_and_exact(studio: Studio, where: Path, name: str, patches: int, display
 def test_all_light_is_absorbed(device: Device, evidence: Evidence, tmp_path: Path) -> None:
     """In a closed box what the walls send out equals what they keep, in each channel, whatever is painted on them."""
     write_image(tmp_path / "p.exr", PICTURE)
-    shell = {
-        "type": "box",
-        "size": [2.0, 1.5, 1.0],
-        "flip_normals": True,
-        "material": "wall",
-        "emission": [1.0, 1.0, 1.0],
-    }
+    shell = room([2.0, 1.5, 1.0], material="wall", emission=1.0)
     what = scene([shell], (), {"position": [0, 0, 0], "target": [0, 0, 1]}, wall=PAINTED).placed("here", tmp_path)
     kept = []
     for seed in range(8):
@@ -123,7 +117,7 @@ def test_all_light_is_absorbed(device: Device, evidence: Evidence, tmp_path: Pat
 @pytest.mark.slow
 def test_pictures_agree_with_paths(evidence: Evidence, studio: Studio, tmp_path: Path) -> None:
     """By a final gather, whose patches come in at the fourth surface: no tile is off by noise and half a percent."""
-    what = room(tmp_path)
+    what = painted_room(tmp_path)
     path = studio.tiles(what, range(12), size=24, spp=64)
     settings: dict[str, Any] = {
         "integrator": "radiosity",
@@ -139,7 +133,7 @@ def test_pictures_agree_with_paths(evidence: Evidence, studio: Studio, tmp_path:
 @pytest.mark.slow
 def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence: Evidence, tmp_path: Path) -> None:
     """Shapes, by solutions of their own seeds and by paths to the same patches, which see every texel."""
-    what = room(tmp_path)
+    what = painted_room(tmp_path)
     patches = solve_scene(what, device, RadiositySettings(6000, 64, seed=77, gathered=True)).patches
     area, solved, traced = np.bincount(patches.shape, patches.areas), [], []
     for seed in range(12):
@@ -157,7 +151,7 @@ def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence:
 def test_a_textured_shape_takes_its_texture_along(device: Device, tmp_path: Path) -> None:
     """A step that is brought up to date is, to the tolerance, what a fresh start with the same patches gives."""
     sought = RadiositySettings(1500, 64, tolerance=1e-4, refine=False)
-    moving = DynamicRadiosity(room(tmp_path), device, sought)
+    moving = DynamicRadiosity(painted_room(tmp_path), device, sought)
     before = moving.patches.reflectance.copy()
     moving.move(4, (0.05, 0.0, 0.1))
     moving.settle()
@@ -174,7 +168,7 @@ def test_a_textured_shape_takes_its_texture_along(device: Device, tmp_path: Path
 
 def test_light_on_black_texels_is_known(device: Device, tmp_path: Path) -> None:
     """Of patches that reflect no red, too: else the edges of their neighbours would be dark in a smooth display."""
-    solution = solve_scene(room(tmp_path), device, RadiositySettings(1500, 32))
+    solution = solve_scene(painted_room(tmp_path), device, RadiositySettings(1500, 32))
     black = np.flatnonzero((solution.patches.reflectance[:, 0] == 0.0) & solution.patches.textured)
     lit = solution.used[2 * black]
     assert lit.sum() > 50
