@@ -51,14 +51,16 @@ class FlatScene:
         ``media_rows`` (N, 16) float32, of one row where paths need no account of what they are inside of;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
-        ``lights`` (L,) `Light`, each with a probability above 0; ``light_nodes`` (N, 16) float32 and ``light_order``
-        (N,) uint32, the tree of lights; ``environment_map`` (N,) float32, one zero where the environment has no
-        picture. Little-endian, C-contiguous.
+        ``lights`` (L,) `Light`, as of `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and
+        ``light_order`` (N,) uint32, the tree of lights; ``environment_map`` (N,) float32, one zero where the
+        environment has no picture. Little-endian, C-contiguous.
     camera : (1,) `Camera`
         All that depends on the camera, but for `origin`.
     environment : int
         Index of the environment light, or `layout.NONE`.
-    triangle_count, analytic_count, light_count : int
+    triangle_count, analytic_count : int
+    light_count : int
+        Of the lights that light samples choose from.
     light_levels : int
         Of the tree of lights; 0: there is none.
     arrays_sha256 : str
@@ -155,8 +157,9 @@ def flatten(
     media = scene_media(scene)
     around = flat_environment(scene, compensated)
     textures = flat_textures(scene)
-    lights, environment, tree = flat_lights(scene, surfaces, textures, around, light_sampler)
-    triangle_count, analytic_count, light_count = len(surfaces.triangles), len(surfaces.analytic_shapes), len(lights)
+    lights = flat_lights(scene, surfaces, textures, around, light_sampler)
+    tree = lights.tree
+    triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
     materials = flat_materials(scene, media.of_material)
     arrays = {
         "vertices": _padded(surfaces.vertices),
@@ -174,12 +177,12 @@ def flatten(
         "texture_slots": textures.slots,
         "texel_values": textures.values,
         "texels": textures.texels,
-        "lights": _padded(lights),
+        "lights": _padded(lights.rows),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
         "environment_map": around.words,
     }
-    digest = hashlib.sha256(f"{environment} {triangle_count} {analytic_count} {light_count}".encode())
+    digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
     for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
         if name == "texels":
@@ -189,10 +192,10 @@ def flatten(
     return FlatScene(
         arrays=arrays,
         camera=_surrounded(camera, arrays, triangle_count, scene.camera, origin),
-        environment=environment,
+        environment=lights.environment,
         triangle_count=triangle_count,
         analytic_count=analytic_count,
-        light_count=light_count,
+        light_count=lights.count,
         light_levels=tree.levels if tree else 0,
         arrays_sha256=digest.hexdigest(),
         warnings=(

@@ -226,9 +226,8 @@ def _light_sampler(job: RenderJob) -> str:
 
 
 def _compensated(job: RenderJob) -> bool:
-    """Whether there is a picture of the environment, which samples of the BSDF find wherever light samples do."""
-    around = job.scene.environment
-    if around is None or around.file is None:
+    """Whether there is an environment, and samples of the BSDF find it wherever light samples do."""
+    if job.scene.environment is None:
         return False
     settings = job.settings.struct(1, job.integrator.fixed)
     return bool(settings["light_samples"][0] and settings["bsdf_samples"][0])

@@ -33,8 +33,8 @@ _MANTISSA: Final = 19
 _BIAS: Final = 64
 _HEAD: Final = {name: at for name, at, _, _ in layout.ROWS["ENVIRONMENT"]}
 _BAND: Final = {name: at for name, at, _, _ in layout.ROWS["BAND"]}
-_LEAST_REST: Final = 1e-3
-"""Of the luminance: where less is above the mean, it is all left to light samples, for then it might be none."""
+_EVEN: Final = 1e-6
+"""Where so small a share of the luminance is above the mean, rounding may have made it."""
 _POWERS: Final = np.ldexp(1.0, np.arange(128) - _BIAS)
 """The units that mantissas can count."""
 
@@ -126,7 +126,7 @@ class EnvironmentTable:
     radiance : (3,) float
         Mean over all directions, W/(sr m²); black: there is no such light.
     sampled : float
-        Share of its luminance that light samples are in proportion to.
+        Share of its luminance that light samples are in proportion to. 0: they are not to choose it.
     words : (N,) float32
         As `kernels/light/environment.h` says; one zero where the radiance is the same everywhere.
     """
@@ -136,9 +136,9 @@ class EnvironmentTable:
     words: NDArray[np.float32]
 
     @classmethod
-    def even(cls, radiance: Color) -> EnvironmentTable:
-        """Of the same radiance from everywhere."""
-        return cls(radiance, 1.0, np.zeros(1, np.float32))
+    def even(cls, radiance: Color, compensated: bool) -> EnvironmentTable:
+        """Of the same radiance from everywhere: nothing of it is brighter than the mean."""
+        return cls(radiance, 0.0 if compensated else 1.0, np.zeros(1, np.float32))
 
 
 def environment_table(
@@ -173,12 +173,10 @@ def environment_table(
     red, green, blue = (float(np.cumsum(_bands(sums, drops))[-1]) / (2.0 * width) for sums in colors.T)
     mean = _luminance(red, green, blue)
     if mean == 0.0:
-        return EnvironmentTable.even((0.0, 0.0, 0.0))
-    rest = _distribute(table, drops, np.float32(mean)) if compensated else 0.0
-    if rest < _LEAST_REST * mean:
-        rest = _distribute(table, drops, np.float32(0.0))
+        return EnvironmentTable.even((0.0, 0.0, 0.0), compensated)
+    sampled = _distribute(table, drops, np.float32(mean if compensated else 0.0)) / mean
     table.words[_HEAD["TURN"]] = np.float32(turn) % np.float32(1.0)
-    return EnvironmentTable((red, green, blue), rest / mean, table.words)
+    return EnvironmentTable((red, green, blue), sampled if sampled > _EVEN else 0.0, table.words)
 
 
 def _luminance(red: _Number, green: _Number, blue: _Number) -> _Number:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -22,7 +23,7 @@ from clrender.scene.texture_rows import FlatTextures
 from clrender.scene.values import POWER_LIMIT, Color, length
 from clrender.scene.wording import place
 
-__all__ = ["flat_environment", "flat_lights"]
+__all__ = ["FlatLights", "flat_environment", "flat_lights"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
@@ -30,6 +31,29 @@ _TREE_FROM: Final = 16
 """So many lights are worth a walk down a tree at every point."""
 _LEAST_SHARE: Final = 1e-3
 """Of the mean of a texture: no part of a light that shines as one counts as darker, as its mean is one of points."""
+
+
+@dataclass(frozen=True)
+class FlatLights:
+    """Lights as kernels read them.
+
+    Attributes
+    ----------
+    rows : (L,) `Light`
+        Black lights are left out. May be empty.
+    count : int
+        Of the first rows, which light samples choose from: each has a probability above 0. Behind them there may be an
+        environment that is left to samples of the BSDF.
+    environment : int
+        Row of the environment light, or `layout.NONE`.
+    tree : LightTree or None
+        Where it picks, and not the alias table.
+    """
+
+    rows: _Rows
+    count: int
+    environment: int
+    tree: LightTree | None
 
 
 def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTable:
@@ -48,7 +72,7 @@ def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTabl
     """
     light, picture = scene.environment, scene.environment_picture()
     if light is None or picture is None:
-        return EnvironmentTable.even(light.constant if light else (0.0, 0.0, 0.0))
+        return EnvironmentTable.even(light.constant if light else (0.0, 0.0, 0.0), compensated)
     brightest = max(float(picture.pixels[..., i].max()) * light.scale[i] for i in range(3))
     if brightest > POWER_LIMIT:
         place = f"{scene.source}: lights[{scene.lights.index(light)}].scale"
@@ -58,7 +82,7 @@ def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTabl
 
 def flat_lights(
     scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, around: EnvironmentTable, choice: str = "auto"
-) -> tuple[_Rows, int, LightTree | None]:
+) -> FlatLights:
     """Rows of all lights that shine: shapes in order, then the lights of the file in order.
 
     Parameters
@@ -75,12 +99,7 @@ def flat_lights(
 
     Returns
     -------
-    lights : (L,) `Light`
-        Black lights are left out, so each has a probability above 0. May be empty.
-    environment : int
-        Row of the environment light, or `layout.NONE`.
-    tree : LightTree or None
-        Where it picks, and not the alias table.
+    FlatLights
 
     Raises
     ------
@@ -88,6 +107,7 @@ def flat_lights(
         If more than 2**24 triangles shine, or a texture is no radiance.
     """
     rows: list[_Rows] = []
+    unsampled: list[_Rows] = []
     powers: list[NDArray[np.float64]] = []
     total, environment = 0, layout.NONE
     darkest: dict[int, float] = {}
@@ -133,24 +153,31 @@ def flat_lights(
             kind = layout.LIGHT_ENVIRONMENT
         if _luminance(color) == 0.0:
             continue
+        row["kind"], row["radiance"][0, :3] = kind, color
+        row["alias_threshold"], row["place"] = 1.0, layout.NONE
+        if kind == layout.LIGHT_ENVIRONMENT and around.sampled == 0.0:
+            unsampled.append(row)
+            continue
         if kind == layout.LIGHT_ENVIRONMENT:
             environment = total
-        row["kind"], row["radiance"][0, :3] = kind, color
         rows.append(row)
         powers.append(np.array([factor * _luminance(color)]))
         total += 1
-    if not rows:
-        return np.zeros(0, dtype=layout.dtype("Light")), layout.NONE, None
-    lights = np.concatenate(rows)
+    if unsampled:
+        environment = total
+    lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
+    if total == 0:
+        return FlatLights(lights, 0, environment, None)
     power = np.concatenate(powers)
     shares = np.ones(total) if choice == "uniform" else power
-    lights["probability"], lights["alias_threshold"], lights["alias"] = alias_table(shares)
-    lights["place"] = layout.NONE
+    sampled = lights[:total]
+    sampled["probability"], sampled["alias_threshold"], sampled["alias"] = alias_table(shares)
+    sampled["place"] = layout.NONE
     if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
-        return lights, environment, None
-    tree = light_tree(_emitters(lights, power, radius, surfaces))
-    lights["place"] = tree.place
-    return lights, environment, tree
+        return FlatLights(lights, total, environment, None)
+    tree = light_tree(_emitters(sampled, power, radius, surfaces))
+    sampled["place"] = tree.place
+    return FlatLights(lights, total, environment, tree)
 
 
 def _emitters(lights: _Rows, power: NDArray[np.float64], radius: float, surfaces: FlatSurfaces) -> Emitters:

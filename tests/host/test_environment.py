@@ -85,6 +85,34 @@ def test_a_scale_counts_for_a_constant_environment_too() -> None:
     assert len(flat.arrays["environment_map"]) == 1
 
 
+@pytest.mark.parametrize("how", ["even", "picture", "even picture"])
+@pytest.mark.parametrize("light_sampler", ["power", "bvh"])
+def test_what_is_left_to_the_bsdf_is_not_chosen(how: str, light_sampler: str) -> None:
+    """Beside other lights, before and after it; a picture keeps what of it is above the mean."""
+    around = {"type": "environment", **({"radiance": (1, 1, 1)} if how == "even" else {"file": "a"})}
+    lamps = [{"type": "point", "position": (x, 2, 0), "intensity": (1, 1, 1)} for x in (-1, 1)]
+    ball = {"type": "sphere", "center": (0, 0, 0), "radius": 1}
+    what = Scene.model_validate({"camera": CAMERA, "shapes": [ball], "lights": [lamps[0], around, lamps[1]]})
+    pixels = np.ones((4, 8, 3), np.float32)
+    if how == "picture":
+        pixels[0, 0] = 100.0
+    if how != "even":
+        what = what.with_pictures({"a": EnvironmentPicture(pixels)})
+    whole = flatten(what, 8, 8, light_sampler)
+    assert (whole.light_count, whole.environment) == (3, 1)
+    assert whole.arrays["lights"]["probability"].sum() == pytest.approx(1.0)
+    flat = flatten(what, 8, 8, light_sampler, compensated=True)
+    lights = flat.arrays["lights"]
+    assert len(lights) == 3 and lights["kind"][flat.environment] == layout.LIGHT_ENVIRONMENT
+    assert lights["probability"].sum() == pytest.approx(1.0)
+    if how == "picture":
+        assert (flat.light_count, flat.environment) == (3, 1)
+        assert 0.0 < lights["probability"][1] < whole.arrays["lights"]["probability"][1]
+    else:
+        assert (flat.light_count, flat.environment) == (2, 2)
+        assert (lights["probability"][2], lights["place"][2]) == (0.0, layout.NONE)
+
+
 @pytest.mark.parametrize("ending", [".hdr", ".exr", ".png"])
 def test_a_scene_counts_by_the_pixels_and_not_by_the_name(tmp_path: Path, ending: str) -> None:
     pixels = np.random.default_rng(4).random((3, 5, 3)).astype(np.float32)

@@ -101,7 +101,11 @@ __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4
     const vmask shines = found & light_shines(&surface);
     const LightRow met = light_of(&scene, &surface, shines);
     const vfloat density = shines ? light_pdf(&scene, &met, &surface, from, up) : splat(0.0f);
-    const vfloat outside = environment_pdf(&scene, environment_emitted(&scene, light.direction, mask_all()), from, up);
+    vfloat outside = splat(0.0f);
+    if (settings->environment != NONE) {
+        const EnvironmentSample around = environment_found(&scene, light.direction, mask_all());
+        outside = environment_pdf(&scene, &around, from, up);
+    }
     const vec3 off = sub(surface.point, light.target);
     vfloat out[8];
     out[0] = light.direction.x, out[1] = light.direction.y, out[2] = light.direction.z;

@@ -143,6 +143,14 @@ def test_an_even_picture_is_a_constant_environment(evidence: Evidence, studio: S
         evidence.mean_is(name, studio.pixels(what, spp=16, sampling=sampling), 0.25 * pixels[0, 0, 0])
 
 
+@pytest.mark.parametrize("light", [{"radiance": [1.0, 1.0, 1.0]}, {"file": "sky", "scale": 0.5}], ids=str)
+def test_light_samples_leave_an_even_environment_to_the_bsdf(studio: Studio, light: dict[str, Any]) -> None:
+    """Whose samples of a diffuse plane have no noise."""
+    what = under(PICTURES["constant 3 x 2"], plane((0.0, 1.0, 0.0), {"type": "environment", **light}))
+    np.testing.assert_allclose(studio.pixels(what, spp=4), 1.0, rtol=1e-6)
+    assert np.ptp(studio.pixels(what, spp=4, sampling="light")) > 0.1
+
+
 @pytest.mark.parametrize("normal", NORMALS, ids=str)
 @pytest.mark.parametrize("name", ["wild", pytest.param("sunny", marks=pytest.mark.slow)])
 def test_irradiance(evidence: Evidence, studio: Studio, normal: tuple[float, ...], name: str) -> None:
