@@ -67,18 +67,19 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
     const vmask shines = vertex->found & light_shines(surface);
     const vmask outside = vertex->traced & !vertex->found & (splat_uint(settings->environment) != NONE);
     if (!lane_any(shines | outside)) return;
+    const LightRow light = light_met(scene, surface, shines, outside);
     vec3 emitted = vec3_all(0.0f);
-    vfloat pdf = splat(0.0f);
+    vfloat density = splat(0.0f);
     if (lane_any(shines)) {
-        const LightRow light = light_of(scene, surface, shines);
         emitted = emission_found(scene, &light, surface, shines);
-        pdf = light_pdf(scene, &light, surface, path->ray.origin, path->normal);
+        density = light_density(&light, surface, path->ray.origin);
     }
     if (lane_any(outside)) {
-        const EnvironmentSample around = environment_found(scene, path->ray.direction, outside);
+        const EnvironmentSample around = environment_found(scene, &light, path->ray.direction, outside);
         emitted = choose(outside, around.radiance, emitted);
-        pdf = outside ? environment_pdf(scene, &around, path->ray.origin, path->normal) : pdf;
+        density = outside ? around.pdf : density;
     }
+    const vfloat pdf = density * light_probability(scene, path->ray.origin, path->normal, &light);
     const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)settings->light_samples), pdf);
     const vec3 counted = scale(mul(path->throughput, emitted), path->specular ? splat(1.0f) : weight);
     path->radiance = choose(shines | outside, add(path->radiance, counted), path->radiance);

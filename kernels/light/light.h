@@ -170,19 +170,22 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own,
 // Whether a surface shines towards where the ray came from: not from behind.
 static vmask light_shines(const Surface* s) { return (s->light != NONE) & s->front; }
 
-// Its light, where it does.
-static LightRow light_of(const Scene* scene, const Surface* s, vmask shines) { return light_at(scene, shines ? s->light : splat_uint(0u)); }
+// Its light, where it does, and the environment where a ray has left the scene.
+static LightRow light_met(const Scene* scene, const Surface* s, vmask shines, vmask outside) {
+    const vuint other = outside ? splat_uint(scene->settings->environment) : splat_uint(0u);
+    return light_at(scene, shines ? s->light : other);
+}
 
 // The radiance that it sends there.
 static vec3 light_emitted(const Scene* scene, const Surface* s, vmask found) {
     const vmask shines = found & light_shines(s);
     if (!lane_any(shines)) return vec3_all(0.0f);
-    const LightRow light = light_of(scene, s, shines);
+    const LightRow light = light_met(scene, s, shines, mask_none());
     return choose(shines, emission_found(scene, &light, s, shines), vec3_all(0.0f));
 }
 
-// The density, per steradian, with which light_sample chooses that point of its light from `origin`, with this normal.
-static vfloat light_pdf(const Scene* scene, const LightRow* l, const Surface* s, vec3 origin, vec3 normal) {
+// The density, per steradian, with which a point of a surface that shines is chosen among the points of its light, from `origin`.
+static vfloat light_density(const LightRow* l, const Surface* s, vec3 origin) {
     const vfloat radius = l->row[LIGHT_ROW_RADIUS];
     const vmask sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
     vfloat inverse_area = l->row[LIGHT_ROW_INVERSE] * 2.0f;
@@ -192,22 +195,17 @@ static vfloat light_pdf(const Scene* scene, const LightRow* l, const Surface* s,
         const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER);
         density = sphere ? sphere_pdf(origin, center, radius, l->row[LIGHT_ROW_FACING], s->point, s->normal) : density;
     }
-    return density * light_probability(scene, origin, normal, l);
+    return density;
 }
 
-// What a ray finds that leaves the scene, where there is an environment: its radiance, and its density among the environment's samples.
-static EnvironmentSample environment_found(const Scene* scene, vec3 direction, vmask leaves) {
-    const LightRow light = light_at(scene, splat_uint(scene->settings->environment));
-    return environment_along(scene, light.radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
+// What a ray finds that leaves the scene, where that has an environment: its radiance, and its density among the environment's samples.
+static EnvironmentSample environment_found(const Scene* scene, const LightRow* environment, vec3 direction, vmask leaves) {
+    return environment_along(scene, environment->radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
 }
 static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves) {
-    return scene->settings->environment == NONE ? vec3_all(0.0f) : environment_found(scene, direction, leaves).radiance;
-}
-
-// The density, per steradian, with which light_sample chooses it from `origin`, with this normal.
-static vfloat environment_pdf(const Scene* scene, const EnvironmentSample* found, vec3 origin, vec3 normal) {
-    const LightRow light = light_at(scene, splat_uint(scene->settings->environment));
-    return light_probability(scene, origin, normal, &light) * found->pdf;
+    if (scene->settings->environment == NONE) return vec3_all(0.0f);
+    const LightRow environment = light_at(scene, splat_uint(scene->settings->environment));
+    return environment_found(scene, &environment, direction, leaves).radiance;
 }
 
 // The ray that has to be free for the sample to arrive. The limit leaves out a few roundings before the light.

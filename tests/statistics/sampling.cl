@@ -99,20 +99,18 @@ __kernel void sampling_light(SCENE_PARAMETERS __global const float* bits, float4
     const vmask found = hit.primitive != NONE;
     const Surface surface = surface_at(&scene, &ray, hit, found);
     const vmask shines = found & light_shines(&surface);
-    const LightRow met = light_of(&scene, &surface, shines);
-    const vfloat density = shines ? light_pdf(&scene, &met, &surface, from, up) : splat(0.0f);
-    vfloat outside = splat(0.0f);
-    if (settings->environment != NONE) {
-        const EnvironmentSample around = environment_found(&scene, light.direction, mask_all());
-        outside = environment_pdf(&scene, &around, from, up);
-    }
+    const vmask outside = !found & (splat_uint(settings->environment) != NONE);
+    const LightRow met = light_met(&scene, &surface, shines, outside);
+    vfloat density = shines ? light_density(&met, &surface, from) : splat(0.0f);
+    if (lane_any(outside)) density = outside ? environment_found(&scene, &met, light.direction, outside).pdf : density;
+    density = density * light_probability(&scene, from, up, &met);
     const vec3 off = sub(surface.point, light.target);
     vfloat out[8];
     out[0] = light.direction.x, out[1] = light.direction.y, out[2] = light.direction.z;
     out[3] = light.pdf;
     out[4] = vfloat_from_bits(light.primitive);
     out[5] = vfloat_from_bits(hit.primitive);
-    out[6] = found ? density : outside;
+    out[6] = density;
     out[7] = found ? magnitude(off) : splat(0.0f);
     for (int k = 0; k < 8; ++k) lane_save(out[k], results + (size_t)k * count + at);
 }
