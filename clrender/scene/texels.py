@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -153,6 +153,10 @@ class TexelStore:
                 with files.opened(name, label) as (file, ending), _Telling(label):
                     self._add(name, open_picture(file, ending), label)
         self.texels = self.texels[: max(self._used, 1)]
+
+    def holds(self, textures: Iterable[AnyTexture]) -> bool:
+        """Whether the pictures of these textures are all there."""
+        return all(_name(texture) in self.pictures for texture in textures)
 
     def picture(self, texture: AnyTexture) -> StoredPicture:
         """The picture of one of the textures."""

@@ -265,6 +265,19 @@ def test_a_picture_used_twice_is_stored_once(tmp_path: Path) -> None:
     assert one.texels.ctypes.data % 4096 == 0
 
 
+def test_a_copy_of_a_scene_may_have_other_textures(tmp_path: Path) -> None:
+    """After the first one's files were read; neither forgets its own."""
+    Image.fromarray(COLORS).save(tmp_path / "a.png")
+    Image.fromarray(COLORS[::-1]).save(tmp_path / "b.png")
+    first = scene(tmp_path, m=lambert({"texture": "a.png"}))
+    store = first.textures()
+    second = first.model_copy(update={"materials": scene(tmp_path, m=lambert({"texture": "b.png"})).materials})
+    third = first.model_copy(update={"shapes": ()})
+    assert list(second.textures().pictures) == ["b.png"]
+    assert first.textures() is store and third.textures() is store
+    assert first.content_sha256() != second.content_sha256()
+
+
 def test_hashes_follow_the_pixels(tmp_path: Path) -> None:
     Image.fromarray(COLORS).save(tmp_path / "a.png")
     Image.fromarray(COLORS).save(tmp_path / "b.png", compress_level=0)

@@ -17,6 +17,7 @@ import numpy as np
 import clrender
 from clrender.bench import write_scene
 from clrender.film.unit import Unit, slot_count
+from clrender.scene.materials import Lambert, OrenNayar
 from clrender.scheduling.policy import Plan
 
 if TYPE_CHECKING:
@@ -164,7 +165,24 @@ def _rich_room() -> Scene:
     return clrender.Scene.model_validate({"camera": camera, "materials": materials, "shapes": shapes})
 
 
-_MADE: Final = {"S4": _many_lights, "rich room": _rich_room}
+@functools.cache
+def _matt_textures() -> Scene:
+    """The scene `textures`, all of it lambert, below a light that shines as one: a program without lobes."""
+    scene = clrender.load("textures")
+    floor = scene.materials["floor"]
+    assert isinstance(floor, OrenNayar)
+    matt = {"type": "lambert", "reflectance": floor.reflectance, "normal_map": floor.normal_map}
+    *others, lamp = scene.shapes
+    checkered = {"checker": [[9.0, 8.7, 8.2], [1.0, 0.5, 0.25]], "size": 0.5}
+    return scene.model_copy(
+        update={
+            "materials": {**scene.materials, "floor": Lambert.model_validate(matt)},
+            "shapes": (*others, type(lamp).model_validate({**lamp.model_dump(), "emission": checkered})),
+        }
+    )
+
+
+_MADE: Final = {"S4": _many_lights, "rich room": _rich_room, "matt textures": _matt_textures}
 
 
 def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None, **settings: Any) -> RenderedImage:
@@ -173,7 +191,7 @@ def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None
     Parameters
     ----------
     scene : str
-        Or ``rich room``.
+        Or ``rich room`` or ``matt textures``.
     devices : sequence of Device
     cutting : Cutting, optional
         Default: as the devices choose.
