@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 from pydantic import Field, Strict, model_validator
 
@@ -61,7 +61,10 @@ _AttenuationColor: TypeAlias = Annotated[
 ]
 _AttenuationDistance: TypeAlias = Annotated[Length | None, Field(description="metres, in the medium behind the front")]
 _NO_INSIDE: Final = "cannot be given beside thin: such a wall has no inside; leave it out"
-_METAL: TypeAlias = Literal["Ag", "Au", "Cu"]
+if TYPE_CHECKING:
+    _Metal: TypeAlias = str
+else:
+    _Metal = Literal[tuple(METALS)]
 
 
 class _Surface(Part):
@@ -147,7 +150,7 @@ class Conductor(_Opaque):
     """A metal: a measured one by name, any by `eta` and `k`, or by its colour `f0`; smooth or rough (GGX)."""
 
     type: Literal["conductor"]
-    metal: _METAL | None = None
+    metal: _Metal | None = None
     eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the index of refraction")
     k: tuple[Extinction, Extinction, Extinction] | None = Field(None, description="and its imaginary part")
     f0: ReflectanceOrTexture | None = Field(None, description="reflectance straight on, of Schlick's Fresnel term")
