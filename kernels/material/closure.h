@@ -128,6 +128,8 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     g->share = clear;
     g->alpha = c.facets.mean;
     g->missing = g->passes = g->back = g->through = g->squeezed = none;
+    g->further = g->row = g->critical = g->bend = g->level = none;
+    g->layer = splat_uint(0u);
 
     // Sheen and coat
     c.inside = (clear > 0.0f) & !thin & !front;
