@@ -156,29 +156,32 @@ def check_glass(device: Device, alpha: float, ior: float, cosine: float, seed: i
     assert abs(mean - 1.0) <= 1e-3 + 4.0 * error
 
 
-@pytest.mark.parametrize("alpha", [0.003, 0.006, 0.012])
+@pytest.mark.parametrize("alpha", [0.0011, 0.0015, 0.003, 0.012])
 def test_smooth_metals_send_all_light_back_at_grazing_angles(device: Device, alpha: float) -> None:
     """Where the cosine is about as large as alpha, they lose a tenth at first, and return it to other such cosines.
 
     Too few samples go there: by a grid that is dense at both ends of the column of the tables, and around the mirror's
-    direction.
+    direction on either side. Rounded directions say of facets no more than a part of alpha there; without regard to
+    that, energies were up to 1 % off, either way, by how the direction is rounded. 1e-4: quadrature and sixteen bits.
     """
-    steps, narrow = 512, 1e-6
+    steps, narrow = 384, 1e-6
     grid = (np.arange(steps) + 0.5) / steps
     column = grid * (2.0 - grid)
     cosine = alpha * column**2 / (1.0 + alpha - column**2)
     height = 2.0 * column * alpha * (1.0 + alpha) / (1.0 + alpha - column**2) ** 2 * (2.0 - 2.0 * grid)
     span = math.asinh(math.pi / narrow)
     turn, width = narrow * np.sinh(span * grid), narrow * span * np.cosh(span * grid)
-    z, around = (part.ravel() for part in np.meshgrid(cosine, turn, indexing="ij"))
+    z, around = (part.ravel() for part in np.meshgrid(cosine, np.append(-turn, turn), indexing="ij"))
     sine = np.sqrt(1.0 - z**2)
-    wi = np.stack([-sine * np.cos(around), sine * np.sin(around), z], axis=1)
-    for ratio in (0.3, 1.0, 3.0):
-        wo = towards(math.degrees(math.acos(ratio * alpha)), 0.0)
+    for ratio, way in ((0.1, 0.23), (0.3, 0.1), (0.3, 0.61), (1.0, 0.0), (3.0, 0.1)):
+        at = around + 2.0 * math.pi * way
+        wi = np.stack([-sine * np.cos(at), -sine * np.sin(at), z], axis=1)
+        wo = towards(math.degrees(math.acos(ratio * alpha)), way)
         f, _, _ = evaluated(device, conductor(alpha), np.broadcast_to(wo, wi.shape), wi)
-        energy = 2.0 * float((f[:, 0].reshape(steps, steps) * height[:, None] * width).sum()) / steps**2
-        print(f"cosine {ratio} alpha: {energy:.5f}")
-        assert abs(energy - 1.0) <= 1e-3, ratio
+        both = f[:, 0].reshape(steps, 2, steps) * height[:, None, None] * width
+        energy = float(both.sum()) / steps**2
+        print(f"cosine {ratio} alpha, turn {way}: {energy:.5f}")
+        assert 1.0 - 1e-3 <= energy <= 1.0 + 1e-4, (ratio, way)
 
 
 @pytest.mark.parametrize("name", RECIPROCAL)

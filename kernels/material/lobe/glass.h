@@ -112,7 +112,7 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
     const vec3 up = vec3_of(wi.x, wi.y, cosine), down = vec3_of(wi.x, wi.y, -cosine);
 
     // The facet that takes light from one direction to the other
-    vec3 m = unit(choose(bent, along(wo, down, g->eta), add(wo, up)));
+    vec3 m = unit(choose(bent, along(wo, down, g->eta), ggx_between(a, wo, up)));
     m = choose(m.z < 0.0f, negate(m), m);
     const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
