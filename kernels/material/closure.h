@@ -63,7 +63,7 @@ static Covers closure_covers(const Closure* c) {
         const vmask there = c->sheen.there & !c->inside;
         const vfloat most = largest(c->sheen.color), mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
         const vfloat passes = fma(-most, mean, one), share = there ? most / passes : none;
-        over.sheen_passes = there ? passes * fma(most * c->diffuse.roughness, splat(DIFFUSE_SHEEN_SLACK), one) : one;
+        over.sheen_passes = there ? passes * fma(most * c->diffuse.roughness, splat(DIFFUSE_SHEEN_SLACK) / c->sheen.alpha, one) : one;
         const Slant s = albedo_slant(c->tables, 2u, c->sheen.alpha);
         over.sheen.b = s.b * share, over.sheen.c = s.c * share;
     }
