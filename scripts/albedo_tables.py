@@ -16,8 +16,7 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
                                      columns over that alpha. In the last two E is nearly linear
     turned_lost (R, A) float32       (1 - E_avg) / alpha^(3/2) of the mean alpha
     glass       (2, L, R, C) uint16  share E that rough glass reflects and transmits at first: seen from the thinner
-                                     medium and from the denser; by the logarithm of (n - 1) / (n + 1) of its index n,
-                                     from 2^-11 to 1; columns: glass_column
+                                     medium and from the denser; layers: glass_index; columns: glass_column
     glass_lost  (2, L, 8R - 7) float32  (1 - E_avg) / alpha
     sheen       (R, C) uint16        share that sheen reflects, times sheen_scale; columns over √μ
     sheen_scale (R,) float32         by which sheen is scaled, so that it reflects no more light than arrives
@@ -238,9 +237,19 @@ def glass_cosines(alpha: float, ior: float, denser: bool, size: int) -> _Floats:
 
 
 def glass_index(layer: int) -> float:
-    """The index of a layer of glass."""
-    ratio: float = min(2.0 ** (-11.0 * (1.0 - layer / (layout.GLASS_LAYERS - 1))), 1.0 - 1e-7)
+    """The index n of a layer of glass: even over 1.3 t / (t + 0.3), where t² is (n - 1) / (n + 1).
+
+    Near n = 1, alpha and t count by their ratio, so layers are to be nearly as dense as of a logarithm there.
+    """
+    at = layer / (layout.GLASS_LAYERS - 1)
+    ratio = min((0.3 * at / (1.3 - at)) ** 2, 1.0 - 1e-7)
     return (1.0 + ratio) / (1.0 - ratio)
+
+
+def glass_layer(ior: float) -> float:
+    """The layer of an index."""
+    t = np.sqrt((ior - 1.0) / (ior + 1.0))
+    return float(1.3 * t / (t + 0.3) * (layout.GLASS_LAYERS - 1))
 
 
 def alphas(size: int) -> _Floats:

@@ -48,10 +48,12 @@ static vfloat ggx_reflected_pdf(Alpha a, vec3 wo, vec3 m) { return ggx_visible(a
 // Along the facet normal between two directions. Rounded directions are no unit vectors: their lengths are off by 2^-24, and beside a
 // small sum of both z that turns the normal by a part of what smooth facets stand apart. But lengths follow from z: with o and i the parts
 // along the surface, (o + i) · (o − i) is i.z² − o.z². Where o and i are less than 1 apart, the facet is far from upright.
-static vec3 ggx_between(Alpha a, vec3 wo, vec3 wi) {
+// `flat`: whether any lane may need it, by ggx_flat of `wo`.
+static vmask ggx_flat(vfloat alpha, vfloat cosine) { return (alpha < 0.02f) & (cosine < 0.25f); }
+static vec3 ggx_between(Alpha a, int flat, vec3 wo, vec3 wi) {
     vec3 m = add(wo, wi);
-    const vmask smooth = (m.z < 0.25f) & (lesser(a.x, a.y) < 0.02f);
-    if (lane_any(smooth)) {
+    if (flat) {
+        const vmask smooth = ggx_flat(lesser(a.x, a.y), m.z);
         const vfloat x = wo.x - wi.x, y = wo.y - wi.y;
         const vfloat missing = fma(wi.z - wo.z, m.z, -fma(m.x, x, m.y * y)) / greater(fma(x, x, y * y), splat(1.0f));
         m.x = smooth ? fma(missing, x, m.x) : m.x;

@@ -8,7 +8,6 @@
 #ifndef MATERIAL_LOBE_GLASS_H
 #define MATERIAL_LOBE_GLASS_H
 
-#include "core/power.h"
 #include "material/albedo.h"
 #include "material/dielectric.h"
 #include "material/fresnel.h"
@@ -23,9 +22,7 @@ typedef struct {
     vfloat passes;           // of what both lobes leave over, the share that is transmitted
     vfloat back, through;    // scales of the diffuse lobes: r / (π (1 − E_avg)), s / π
     vfloat squeezed;         // 1/eta², thin: 1
-    vuint layer;             // of the tables
-    vfloat further;          // how far the next one's index is
-    vfloat row;              // of alpha
+    vfloat layer;            // of the tables
     vfloat critical;         // cosine of the critical angle
     vfloat bend;             // columns from one end of its bend to the other
     vfloat level;            // of them, how far the horizon is from the middle
@@ -37,38 +34,47 @@ static vfloat glass_bend(const Glass* g, vfloat cosine) {
     return apart / fma(g->alpha, splat(3.0f), absolute(apart));
 }
 
-// Where the tables have an index.
+// Where the tables have an index, and the bend.
 static void glass_place(Glass* g, vfloat index) {
-    const vfloat ratio = (index - 1.0f) / (index + 1.0f), last = splat((float)(GLASS_LAYERS - 1u));
-    const vfloat at = bounded(fma(log2_of(ratio), last * (1.0f / 11.0f), last), 0.0f, (float)(GLASS_LAYERS - 1u));
-    const vint layer = vint_of(bounded(at, 0.0f, (float)(GLASS_LAYERS - 2u)));
-    g->layer = vuint_from_int(layer);
-    g->further = at - vfloat_of(layer);
-    g->row = root(g->alpha) * (float)(GLASS_ROWS - 1u);
+    const vfloat t = root((index - 1.0f) / (index + 1.0f));
+    g->layer = t * (1.3f * (float)(GLASS_LAYERS - 1u)) / (t + 0.3f);
     g->critical = root((index - 1.0f) * (index + 1.0f)) / index;
     const vfloat lowest = glass_bend(g, splat(0.0f));
     g->bend = splat(0.23f) / (glass_bend(g, splat(1.0f)) - lowest);
     g->level = -lowest * g->bend;
 }
 
+// The layer before it, of the denser medium's or the thinner one's, and how far the next is.
+static vuint glass_layer(const Glass* g, vmask denser, vfloat* further) {
+    const vint layer = vint_of(lesser(g->layer, splat((float)(GLASS_LAYERS - 2u))));
+    *further = g->layer - vfloat_of(layer);
+    return vuint_from_int(layer) + (denser ? splat_uint(GLASS_LAYERS) : splat_uint(0u));
+}
+
 // 1 − E(μ) of light within the denser medium, or the thinner one.
 static vfloat glass_missing(const Glass* g, __global const float* tables, vmask denser, vfloat cosine) {
+    vfloat further;
     const uint words = GLASS_COLUMNS - 1u, next = GLASS_ROWS * words;
-    const vuint first = (g->layer + (denser ? splat_uint(GLASS_LAYERS) : splat_uint(0u))) * next + ALBEDO_GLASS;
-    const vfloat square = cosine * cosine, bend = denser ? fma(glass_bend(g, cosine), g->bend, g->level) : splat(0.0f);
-    const vfloat column = fma(albedo_column(g->alpha, cosine), denser ? splat(0.7f) : splat(0.93f), fma(square * square, splat(0.07f), bend));
-    const vfloat x = column * (float)words, low = albedo_at(tables, first, GLASS_ROWS, words, words, g->row, x);
-    const vfloat high = albedo_at(tables, first + next, GLASS_ROWS, words, words, g->row, x);
-    vfloat e = fma(g->further, high - low, low);
+    const vuint first = glass_layer(g, denser, &further) * next + ALBEDO_GLASS;
+    // One division for albedo_column and glass_bend
+    const vfloat apart = cosine - g->critical, sum = cosine + g->alpha, reach = fma(g->alpha, splat(3.0f), absolute(apart));
+    const vfloat inverse = splat(1.0f) / (sum * reach), square = cosine * cosine;
+    const vfloat by_slope = root(cosine * fma(g->alpha, reach, reach) * inverse);
+    const vfloat bend = denser ? fma(apart * sum * inverse, g->bend, g->level) : splat(0.0f);
+    const vfloat column = fma(by_slope, denser ? splat(0.7f) : splat(0.93f), fma(square * square, splat(0.07f), bend));
+    const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = column * (float)words, low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x);
+    const vfloat high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
+    vfloat e = fma(further, high - low, low);
     if (lane_any(g->there & g->thin)) e = g->thin ? albedo_ggx(tables, g->alpha, cosine) : e;
     return splat(1.0f) - e;
 }
 // 1 − E_avg.
 static vfloat glass_lost(const Glass* g, __global const float* tables, vmask denser) {
-    const vuint first = (g->layer + (denser ? splat_uint(GLASS_LAYERS) : splat_uint(0u))) * GLASS_LOST_ROWS + ALBEDO_GLASS_LOST;
+    vfloat further;
+    const vuint first = glass_layer(g, denser, &further) * GLASS_LOST_ROWS + ALBEDO_GLASS_LOST;
     const vfloat low = albedo_line(tables, first, GLASS_LOST_ROWS, g->alpha);
     const vfloat high = albedo_line(tables, first + GLASS_LOST_ROWS, GLASS_LOST_ROWS, g->alpha);
-    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(g->further, high - low, low) * g->alpha;
+    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low) * g->alpha;
     return greater(lost, splat(1.0e-7f));
 }
 
@@ -106,13 +112,13 @@ static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
 }
 
 // The density is that of glass_sample; the diffuse lobes have others.
-static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, vec3 wo, vec3 wi, vfloat* pdf) {
+static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, int flat, vec3 wo, vec3 wi, vfloat* pdf) {
     const vmask above = wi.z > 0.0f, bent = !above & !g->thin;
     const vfloat cosine = greater(absolute(wi.z), splat(1.0e-7f));
     const vec3 up = vec3_of(wi.x, wi.y, cosine), down = vec3_of(wi.x, wi.y, -cosine);
 
     // The facet that takes light from one direction to the other
-    vec3 m = unit(choose(bent, along(wo, down, g->eta), ggx_between(a, wo, up)));
+    vec3 m = unit(choose(bent, along(wo, down, g->eta), ggx_between(a, flat, wo, up)));
     m = choose(m.z < 0.0f, negate(m), m);
     const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
