@@ -111,14 +111,15 @@ static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
     return eta * cosine * beyond * 2.0f * fma(p, p, s * s);
 }
 
-// The density is that of glass_sample; the diffuse lobes have others.
-static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, int flat, vec3 wo, vec3 wi, vfloat* pdf) {
+// `between`: the facet normal between `wo` and `wi`, where both are above. The density is that of glass_sample; the diffuse lobes have others.
+static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, vec3 between, vec3 wo, vec3 wi, vfloat* pdf) {
     const vmask above = wi.z > 0.0f, bent = !above & !g->thin;
     const vfloat cosine = greater(absolute(wi.z), splat(1.0e-7f));
     const vec3 up = vec3_of(wi.x, wi.y, cosine), down = vec3_of(wi.x, wi.y, -cosine);
 
     // The facet that takes light from one direction to the other
-    vec3 m = unit(choose(bent, along(wo, down, g->eta), ggx_between(a, flat, wo, up)));
+    vec3 m = between;
+    if (lane_any(bent)) m = choose(bent, unit(along(wo, down, g->eta)), m);
     m = choose(m.z < 0.0f, negate(m), m);
     const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
