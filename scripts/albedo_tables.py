@@ -16,9 +16,8 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
                                      columns over that alpha. In the last two E is nearly linear
     turned_lost (R, A) float32       (1 - E_avg) / alpha^(3/2) of the mean alpha
     glass       (2, L, R, C) uint16  share E that rough glass reflects and transmits at first: seen from the thinner
-                                     medium and from the denser; by √((n - 1) / (n + 1)) of its index n, from 0 to 1;
-                                     columns over the mean of √μ and of that above
-    glass_lost  (2, L, 4R - 3) float32  (1 - E_avg) / alpha^(3/2)
+                                     medium and from the denser; layers: glass_index; columns: glass_column
+    glass_lost  (2, L, 8R - 7) float32  (1 - E_avg) / alpha
     sheen       (R, C) uint16        share that sheen reflects, times sheen_scale; columns over √μ
     sheen_scale (R,) float32         by which sheen is scaled, so that it reflects no more light than arrives
     sheen_mean  (R,) float32         average of the table
@@ -87,6 +86,13 @@ def smith(w: _Floats, alpha: _Floats) -> _Floats:
     return of
 
 
+def smith_even(cosine: _Floats, alpha: float) -> _Floats:
+    """Λ of GGX of the same roughness on all sides."""
+    cosine2 = np.clip(cosine * cosine, 1e-24, 1.0)
+    of: _Floats = (np.sqrt(1.0 + alpha * alpha * (1.0 - cosine2) / cosine2) - 1.0) / 2.0
+    return of
+
+
 def albedo(wo: _Floats, alpha: _Floats, grid: int = 384) -> tuple[float, float]:
     """Of mirror-like facets, and weighted by (1 - c)^5."""
     m = facets(wo, alpha, grid)
@@ -138,21 +144,33 @@ def fitted(table: _Floats) -> _Floats:
     return np.minimum(of, 1.0)
 
 
-def glass_albedo(cosine: float, alpha: _Floats, eta: float, grid: int = 96) -> float:
-    """Of facets of glass: `eta` is the index beyond over the index on this side."""
-    m = facets(seen_at(cosine), alpha, grid)
-    wo = seen_at(cosine)[:, None, None]
-    at = (m * wo).sum(axis=0)
-    sine2 = np.maximum(1.0 - at * at, 0.0) / (eta * eta)
+def glass_albedo(cosine: _Floats, alpha: float, eta: float, count: int = 20) -> _Floats:
+    """Of facets of glass, from directions of these cosines (n,): `eta` is the index beyond over that on this side.
+
+    A lattice: even grids miss by 0.3 % where all facets beyond one angle reflect all light.
+    """
+    turn, v = spread(count)
+    mu = cosine[:, None]
+    sine = np.sqrt(np.maximum(1.0 - mu * mu, 0.0))
+    length = np.sqrt((alpha * sine) ** 2 + mu * mu)
+    x, z = alpha * sine / length, mu / length
+    up = (1.0 - v) * (1.0 + z) - z
+    r = np.sqrt(np.maximum(1.0 - up * up, 0.0))
+    normal = np.array([alpha * (r * np.cos(2.0 * np.pi * turn) + x), alpha * r * np.sin(2.0 * np.pi * turn), up + z])
+    normal[2] = np.maximum(normal[2], 0.0)
+    normal /= np.sqrt((normal**2).sum(axis=0))
+    at = np.minimum(normal[0] * sine + normal[2] * mu, 1.0)
+    sine2 = (1.0 - at * at) / (eta * eta)
     beyond = np.sqrt(np.maximum(1.0 - sine2, 0.0))
     parallel = (eta * at - beyond) / np.maximum(eta * at + beyond, 1e-30)
     perpendicular = (at - eta * beyond) / np.maximum(at + eta * beyond, 1e-30)
     fresnel = np.where(sine2 >= 1.0, 1.0, (parallel**2 + perpendicular**2) / 2.0)
-    back, through = 2.0 * at * m - wo, (at / eta - beyond) * m - wo / eta
-    here = 1.0 + smith(wo, alpha)
-    reflected = np.where(back[2] > 0.0, here / (here + smith(back, alpha)), 0.0)
-    passed = np.where(through[2] < 0.0, here / (here + smith(through, alpha)), 0.0)
-    return float((fresnel * reflected + (1.0 - fresnel) * passed).mean())
+    here = 1.0 + smith_even(mu, alpha)
+    back, through = 2.0 * at * normal[2] - mu, (at / eta - beyond) * normal[2] - mu / eta
+    reflected = np.where(back > 0.0, here / (here + smith_even(back, alpha)), 0.0)
+    passed = np.where(through < 0.0, here / (here + smith_even(through, alpha)), 0.0)
+    of: _Floats = (fresnel * reflected + (1.0 - fresnel) * passed).mean(axis=1)
+    return of
 
 
 def sheen_lambda(cosine: Any, alpha: float) -> Any:
@@ -189,17 +207,49 @@ def cosines(alpha: float, size: int) -> _Floats:
     return of
 
 
-def mixed_column(alpha: float, cosine: _Floats) -> _Floats:
-    """The column's coordinate for glass."""
-    of: _Floats = 0.5 * (np.sqrt(cosine) + np.sqrt(cosine * (1.0 + alpha) / (cosine + alpha)))
+def glass_column(alpha: float, cosine: _Floats, ior: float, denser: bool) -> _Floats:
+    """The column's coordinate for glass of that index, seen from the denser medium or the thinner one.
+
+    Columns are dense where the cosine is about alpha, and within the denser medium about the critical angle, too, where
+    E bends within a few alphas. All layers have the bend in nearly the same column, so that it lies there between them.
+    """
+    by_slope = np.sqrt(cosine * (1.0 + alpha) / (cosine + alpha))
+    if not denser:
+        thinner: _Floats = 0.93 * by_slope + 0.07 * cosine**4
+        return thinner
+    critical = np.sqrt(1.0 - 1.0 / ior**2)
+
+    def bend(mu: Any) -> Any:
+        return (mu - critical) / (np.abs(mu - critical) + 3.0 * alpha)
+
+    of: _Floats = 0.7 * by_slope + 0.07 * cosine**4 + 0.23 * (bend(cosine) - bend(0.0)) / (bend(1.0) - bend(0.0))
     return of
 
 
-def mixed_cosines(alpha: float, size: int) -> _Floats:
+def glass_cosines(alpha: float, ior: float, denser: bool, size: int) -> _Floats:
     """Of the columns of a row of glass."""
-    cosine = np.linspace(0.0, 1.0, 1 << 16) ** 4
-    of: _Floats = np.maximum(np.interp(np.arange(size) / (size - 1), mixed_column(alpha, cosine), cosine), 1e-7)
+    even = np.linspace(0.0, 1.0, 1 << 13)
+    around = np.sqrt(1.0 - 1.0 / ior**2) + alpha * np.sinh(np.linspace(-9.0, 9.0, 1 << 12))
+    cosine = np.unique(np.concatenate([even, even**4, np.clip(around, 0.0, 1.0)]))
+    column = glass_column(alpha, cosine, ior, denser)
+    of: _Floats = np.maximum(np.interp(np.arange(size) / (size - 1), column, cosine), 1e-7)
     return of
+
+
+def glass_index(layer: int) -> float:
+    """The index n of a layer of glass: even over 1.3 t / (t + 0.3), where t² is (n - 1) / (n + 1).
+
+    Near n = 1, alpha and t count by their ratio, so layers are to be nearly as dense as of a logarithm there.
+    """
+    at = layer / (layout.GLASS_LAYERS - 1)
+    ratio = min((0.3 * at / (1.3 - at)) ** 2, 1.0 - 1e-7)
+    return (1.0 + ratio) / (1.0 - ratio)
+
+
+def glass_layer(ior: float) -> float:
+    """The layer of an index."""
+    t = np.sqrt((ior - 1.0) / (ior + 1.0))
+    return float(1.3 * t / (t + 0.3) * (layout.GLASS_LAYERS - 1))
 
 
 def alphas(size: int) -> _Floats:
@@ -218,11 +268,11 @@ def average(row: _Floats, alpha: float) -> float:
     return float(2.0 * (value * cosine * slope).mean())
 
 
-def mixed_average(row: _Floats, alpha: float) -> float:
-    """The same of glass, over the fourth root of the cosine."""
-    at = (np.arange(1 << 13) + 0.5) / (1 << 13)
-    value = np.interp(mixed_column(alpha, at**4) * (len(row) - 1), np.arange(len(row)), row)
-    return float(2.0 * (value * at**4 * 4.0 * at**3).mean())
+def glass_average(table: NDArray[np.uint16], alpha: float, ior: float, denser: bool) -> float:
+    """1 - E_avg of a layer (R, C) of glass as the kernels interpolate it, over the fourth root of the cosine."""
+    at = (np.arange(1 << 11) + 0.5) / (1 << 11)
+    value = interpolated(table, np.sqrt(alpha), np.clip(glass_column(alpha, at**4, ior, denser), 0.0, 1.0))
+    return float(2.0 * ((1.0 - value) * at**4 * 4.0 * at**3).mean())
 
 
 def packed(table: Any) -> NDArray[np.uint16]:
@@ -231,20 +281,19 @@ def packed(table: Any) -> NDArray[np.uint16]:
     return of
 
 
-def lost(table: NDArray[np.uint16], mixed: bool = False) -> NDArray[np.float32]:
-    """(1 - E_avg) / alpha^(3/2) of a table of (…, rows, columns); `mixed`: whose columns are those of glass.
+def lost(table: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """(1 - E_avg) / alpha^(3/2) of a table of (…, rows, columns).
 
     Where alpha is small, 1 - E_avg grows too fast from row to row to be interpolated: there are four times as many, of
     the table as it is interpolated at each of them.
     """
     rows, columns = table.shape[-2:]
     fine = 4 * (rows - 1) + 1
-    means = mixed_average if mixed else average
     of = []
     for block in (65535.0 - table.reshape(-1, rows, columns)) / 65535.0:
         for i, alpha in enumerate(alphas(fine)):
             row = min(i // 4, rows - 2)
-            of.append(means(block[row] + (i / 4 - row) * (block[row + 1] - block[row]), alpha) / alpha**1.5)
+            of.append(average(block[row] + (i / 4 - row) * (block[row + 1] - block[row]), alpha) / alpha**1.5)
     ratios = np.array(of).reshape(*table.shape[:-2], fine)
     # Alphas that small are deltas
     ratios[..., 0] = ratios[..., 1]
@@ -326,14 +375,18 @@ def turned_tables() -> dict[str, NDArray[Any]]:
 def glass_tables() -> dict[str, NDArray[Any]]:
     """``glass`` and ``glass_lost``."""
     layers, rows, columns = layout.GLASS_LAYERS, layout.GLASS_ROWS, layout.GLASS_COLUMNS
-    sides = []
-    for denser in (False, True):
-        for layer in range(layers):
-            t = min(max((layer / (layers - 1)) ** 2, 1e-4), 1.0 - 1e-7)
-            eta = (1.0 - t) / (1.0 + t) if denser else (1.0 + t) / (1.0 - t)
-            sides.append([[glass_albedo(c, alike(a), eta) for c in mixed_cosines(a, columns)] for a in alphas(rows)])
-    table = packed(np.array(sides).reshape(2, layers, rows, columns))
-    return {"glass": table, "glass_lost": lost(table, mixed=True)}
+    sides = [(denser, glass_index(layer)) for denser in (False, True) for layer in range(layers)]
+    table = [
+        [glass_albedo(glass_cosines(a, n, denser, columns), a, 1.0 / n if denser else n) for a in alphas(rows)]
+        for denser, n in sides
+    ]
+    kept = packed(fitted(np.array(table).reshape(2, layers, rows, columns)))
+    fine = alphas(layout.GLASS_LOST_ROWS)
+    blocks = zip(sides, kept.reshape(-1, rows, columns), strict=True)
+    averages = np.array([[glass_average(block, a, n, denser) / a for a in fine] for (denser, n), block in blocks])
+    # Alphas that small are deltas
+    averages[:, 0] = averages[:, 1]
+    return {"glass": kept, "glass_lost": averages.reshape(2, layers, -1).astype("<f4")}
 
 
 def sheen_tables() -> dict[str, NDArray[Any]]:

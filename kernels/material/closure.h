@@ -36,6 +36,7 @@ typedef struct {
     vec3 metal;              // what it reflects on average, times its share
     vmask inside;            // seen from within a solid: coat and sheen lie on the other side
     vfloat below;            // what coat and sheen leave of light along `wo`
+    vfloat smoothest;        // alpha of the facets
     vec3 albedo;             // about the share of light along `wo` that is reflected or passes
     vfloat with_cosine, with_through, with_reflection, with_glass, with_sheen, with_coat;   // how often each way is sampled; sum 1
 } Closure;
@@ -63,7 +64,7 @@ static Covers closure_covers(const Closure* c) {
         const vmask there = c->sheen.there & !c->inside;
         const vfloat most = largest(c->sheen.color), mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
         const vfloat passes = fma(-most, mean, one), share = there ? most / passes : none;
-        over.sheen_passes = there ? passes * fma(most * c->diffuse.roughness, splat(DIFFUSE_SHEEN_SLACK), one) : one;
+        over.sheen_passes = there ? passes * fma(most * c->diffuse.roughness, splat(DIFFUSE_SHEEN_SLACK) / c->sheen.alpha, one) : one;
         const Slant s = albedo_slant(c->tables, 2u, c->sheen.alpha);
         over.sheen.b = s.b * share, over.sheen.c = s.c * share;
     }
@@ -147,6 +148,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
 // What depends on `wo`, and how often each way to choose a direction is taken: as often as it reflects light, about.
 static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     const vfloat none = splat(0.0f);
+    c->smoothest = c->coat.there ? lesser(c->facets.alpha.y, c->coat.alpha) : c->facets.alpha.y;
     vec3 reflected = vec3_all(0.0f), spread = vec3_all(0.0f), passed = vec3_all(0.0f);
     c->with_through = none;
     c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
@@ -223,17 +225,20 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     vec3 f = vec3_all(0.0f);
     vfloat density = spread * (above ? c->with_cosine : c->with_through), one;
 
+    vec3 m = up;
+    if (lane_any(c->reflection.there | c->glass.there | c->coat.there)) m = ggx_between(c->smoothest, wo, up);
+
     // The base
     vfloat all = splat(0.0f), grazing = splat(0.0f);
     if (lane_any(c->reflection.there)) {
         all = albedo_facets(c->tables, &c->facets, up);
         if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, c->facets.mean, cosine);
-        f = reflection_eval(&c->reflection, c->facets.alpha, wo, up, splat(1.0f) - all, &one);
+        f = reflection_eval(&c->reflection, c->facets.alpha, m, wo, up, splat(1.0f) - all, &one);
         density = above ? fma(c->with_reflection, one, density) : density;
     }
     f = choose(above, f, vec3_all(0.0f));
     if (lane_any(c->glass.there)) {
-        f = add(f, glass_eval(&c->glass, c->tables, c->facets.alpha, wo, wi, &one));
+        f = add(f, glass_eval(&c->glass, c->tables, c->facets.alpha, m, wo, wi, &one));
         density = fma(c->with_glass, one, density);
     }
 
@@ -251,7 +256,7 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
             density = above ? fma(c->with_sheen, splat(SHEEN_PDF), density) : density;
         }
         if (lane_any(c->coat.there)) {
-            const vfloat shine = coat_eval(&c->coat, wo, up, &one);
+            const vfloat shine = coat_eval(&c->coat, m, wo, up, &one);
             if (lane_any(c->coated.there)) f = along(f, c->metal, above & !c->inside ? closure_unclothed(c, wo.z, cosine) * covered_eval(&c->coated, c->tables, cosine) : splat(0.0f));
             f = choose(above & !c->inside, add(f, vec3_of(shine, shine, shine)), f);
             density = above ? fma(c->with_coat, one, density) : density;

@@ -45,6 +45,19 @@ static vfloat ggx_visible(Alpha a, vec3 wo, vec3 m) { return ggx_distribution(a,
 // Density of the direction that `wo` is reflected to at such a facet, per steradian.
 static vfloat ggx_reflected_pdf(Alpha a, vec3 wo, vec3 m) { return ggx_visible(a, wo, m) * 0.25f; }
 
+// The facet normal between two directions. Rounded directions are no unit vectors: their lengths are off by 2^-24, and beside a small sum
+// of both z that turns the normal by a part of what smooth facets stand apart. But lengths follow from z: with o and i the parts along the
+// surface, (o + i) · (o − i) is i.z² − o.z². Where o and i are less than 1 apart, the facet is far from upright. `alpha`: the smoothest.
+static vec3 ggx_between(vfloat alpha, vec3 wo, vec3 wi) {
+    vec3 m = add(wo, wi);
+    const vfloat x = wo.x - wi.x, y = wo.y - wi.y;
+    const vfloat missing = fma(wi.z - wo.z, m.z, -fma(m.x, x, m.y * y)) / greater(fma(x, x, y * y), splat(1.0f));
+    const vfloat part = alpha * m.z < 1.0e-4f ? missing : splat(0.0f);
+    m.x = fma(part, x, m.x);
+    m.y = fma(part, y, m.y);
+    return unit(m);
+}
+
 // Reflection by perfect mirrors as facets, once: f in 1/sr, without the cosine; with the density of `wi` beside it.
 static vfloat ggx_reflection(Alpha a, vec3 wo, vec3 wi, vec3 m, vfloat* pdf) {
     const vfloat d = ggx_distribution(a, m), hidden = splat(1.0f) + ggx_lambda(a, wo);

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import runpy
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +25,7 @@ __all__ = [
     "chances",
     "conductor",
     "counted",
+    "covers_leave",
     "dielectric",
     "directions",
     "evaluated",
@@ -142,3 +145,35 @@ def counted(wi: Floats, weight: Floats, cells: tuple[int, int]) -> tuple[npt.NDA
     column = np.minimum((turn * cells[1]).astype(int), cells[1] - 1)
     counts = np.bincount(row * cells[1] + column, minlength=cells[0] * cells[1]).reshape(cells)
     return counts, int(np.count_nonzero(~there))
+
+
+@cache
+def _tables() -> dict[str, Any]:
+    """Those of ``scripts/albedo_tables.py``, and its functions."""
+    made = runpy.run_path(str(SOURCE.parents[2] / "scripts" / "albedo_tables.py"))
+    with np.load(made["FILE"]) as file:
+        return {"interpolated": made["interpolated"], **file}
+
+
+def covers_leave(material: Described, cosine: Floats, *, gloss: bool = False) -> Floats:
+    """The share of light that coat and sheen leave along directions, and with `gloss` that of the base, too."""
+    tables = _tables()
+    table = tables["interpolated"]
+
+    def reflected(alpha: float, f0: float) -> Floats:
+        row = math.sqrt(alpha)
+        all_of = table(tables["ggx"], row, np.sqrt(cosine * (1.0 + alpha) / (cosine + alpha)))
+        share: Floats = all_of * (f0 + (1.0 - f0) * table(tables["schlick"], row, np.sqrt(cosine)) ** 5)
+        return share
+
+    left = np.ones_like(cosine)
+    if gloss:
+        ior = material.get("ior", 1.5)
+        left *= 1.0 - material.get("specular", 1.0) * reflected(
+            material["roughness"] ** 2, ((ior - 1) / (ior + 1)) ** 2
+        )
+    if "sheen_color" in material:
+        row = max(material.get("sheen_roughness", 0.3), 0.1)
+        left *= 1.0 - max(material["sheen_color"]) * table(tables["sheen"], row, np.sqrt(cosine))
+    left *= 1.0 - material.get("coat", 0.0) * reflected(max(material.get("coat_roughness", 0.0) ** 2, 1e-3), 0.04)
+    return left

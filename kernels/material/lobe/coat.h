@@ -33,8 +33,8 @@ static Alpha coat_facets(const Coat* c) {
     return a;
 }
 
-static vfloat coat_eval(const Coat* c, vec3 wo, vec3 wi, vfloat* pdf) {
-    const vec3 m = unit(add(wo, wi));
+// `m`: the normal between `wo` and `wi`.
+static vfloat coat_eval(const Coat* c, vec3 m, vec3 wo, vec3 wi, vfloat* pdf) {
     const vfloat once = ggx_reflection(coat_facets(c), wo, wi, m, pdf);
     const vfloat fresnel = fma(fresnel_grazing(bounded(inner(wo, m), 0.0f, 1.0f)), splat(1.0f - COAT_F0), splat(COAT_F0));
     *pdf = c->there ? *pdf : splat(0.0f);

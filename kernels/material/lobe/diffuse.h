@@ -5,8 +5,8 @@
 // which is reciprocal, and with a white Lambertian surface below nothing is lost (Kelemen & Szirmay-Kalos, Eurographics 2001). All T
 // vary alike, so that T_avg is not the product of their averages: what is between comes from their slants (Slant of material/albedo.h).
 // EON is no Lambertian surface. It sends back f = (1 + r A Q(μo, μi)) / π, and what comes out of a is a(μo) ∫ f a, which is to be T(μo).
-// With a = T (1 + x) / √T_avg that is so where x = −r A (QT)(μo) / T_avg, and half of its average less, to first order; x² / 2 is taken off
-// for the next.
+// With a = T (1 + y) / √T_avg that is so where y = x = −r A (QT)(μo) / T_avg, and half of its average less, to first order. To the next,
+// y = x + x² − r A (QTx)(μo) / T_avg; there Tx / T_avg counts as x, and its average, x² / 2, as nothing.
 #ifndef MATERIAL_LOBE_DIFFUSE_H
 #define MATERIAL_LOBE_DIFFUSE_H
 
@@ -20,8 +20,8 @@ typedef struct {
     vfloat roughness;        // r of EON
     vmask covered;           // there is such a layer
     vec3 f0, f90;            // of the layer
-    vec3 passed;             // T(μo) (1 + x(μo)) / T_avg of all layers
-    vec3 bend_b, bend_c, bend;   // of x: along Qb, along Qc, and the rest
+    vec3 passed;             // T(μo) (1 + y(μo)) / T_avg of all layers
+    vec3 bend_b, bend_c, bend;   // of y, but for x²: along Qb, along Qc, and the rest
     vmask bends;
 } Diffuse;
 
@@ -31,22 +31,22 @@ typedef struct {
     Slant sheen, coat;
 } Covers;
 
-// What the next order may gain of EON below sheen.
-#define DIFFUSE_SHEEN_SLACK 0.002f
+// Times r over alpha of sheen: narrow sheen varies by more than b and c can say, and of what is below up to so much would be gained.
+#define DIFFUSE_SHEEN_SLACK 4.0e-6f
 
 static vec3 diffuse_layer(const Diffuse* d, vfloat all, vfloat grazing) { return along(scale(d->f0, all), sub(d->f90, d->f0), all * grazing); }
 
-// x(μ) − x² / 2.
+// y(μ).
 static vec3 diffuse_bent(const Diffuse* d, __global const float* tables, vfloat cosine) {
     __global const float* n = tables + ALBEDO_SLANT_NUMBERS;
     vfloat qb = splat(n[11]), qc = splat(n[16]);
     for (int k = 10; k >= 5; --k) qb = fma(qb, cosine, splat(n[k]));
     for (int k = 15; k >= 12; --k) qc = fma(qc, cosine, splat(n[k]));
     const vec3 x = along(along(d->bend, d->bend_b, qb), d->bend_c, qc);
-    return along(x, mul(x, x), splat(-0.5f));
+    return add(x, mul(x, x));
 }
 
-// One colour's T_avg over the product of the layers' averages; and bends of x.
+// One colour's T_avg over the product of the layers' averages; and bends of y.
 static vfloat diffuse_alike(Slant layer, const Covers* over, __global const float* tables, vfloat eon, vfloat* bend_b, vfloat* bend_c, vfloat* bend) {
     __global const float* n = tables + ALBEDO_SLANT_NUMBERS;
     const Slant s = over->sheen, c = over->coat;
@@ -54,7 +54,7 @@ static vfloat diffuse_alike(Slant layer, const Covers* over, __global const floa
     const vfloat alike = fma(layer.c, s.c + c.c, fma(s.c, c.c, pairs)) + fma(upper * layer.b, splat(-n[0]), splat(1.0f));
     const vfloat b = fma(pairs, splat(-n[0]), layer.b + both), e = fma(pairs, splat(-n[1]), layer.c + s.c + c.c);
     const vfloat q = eon / alike;
-    *bend_b = q * b, *bend_c = q * e;
+    *bend_b = q * fma(-q, fma(b, splat(n[2]), e * n[3]), b), *bend_c = q * fma(-q, fma(b, splat(n[3]), e * n[4]), e);
     *bend = q * fma(b, fma(b, splat(n[2]), e * (n[3] + n[3])), e * e * n[4]) / (alike * 2.0f);
     return alike;
 }

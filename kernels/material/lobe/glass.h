@@ -22,34 +22,59 @@ typedef struct {
     vfloat passes;           // of what both lobes leave over, the share that is transmitted
     vfloat back, through;    // scales of the diffuse lobes: r / (π (1 − E_avg)), s / π
     vfloat squeezed;         // 1/eta², thin: 1
+    vfloat layer;            // of the tables
+    vfloat critical;         // cosine of the critical angle
+    vfloat bend;             // columns from one end of its bend to the other
+    vfloat level;            // of them, how far the horizon is from the middle
 } Glass;
 
-// The layer of the tables for an index, and how far the next is; on the side where the other has `eta` times the index.
-static vuint glass_layer(vfloat eta, vfloat* further) {
-    const vfloat t = root(absolute(eta - 1.0f) / (eta + 1.0f)) * (float)(GLASS_LAYERS - 1u);
-    const vint layer = vint_of(lesser(t, splat((float)(GLASS_LAYERS - 2u))));
-    *further = t - vfloat_of(layer);
-    return vuint_from_int(layer) + (eta < 1.0f ? splat_uint(GLASS_LAYERS) : splat_uint(0u));
+// How far a cosine is from the critical one: from −1 to 1, and most of that within a few alphas (scripts/albedo_tables.py, glass_column).
+static vfloat glass_bend(const Glass* g, vfloat cosine) {
+    const vfloat apart = cosine - g->critical;
+    return apart / fma(g->alpha, splat(3.0f), absolute(apart));
 }
 
-// 1 − E(μ) of light on that side.
-static vfloat glass_missing(const Glass* g, __global const float* tables, vfloat eta, vfloat cosine) {
+// Where the tables have an index, and the bend.
+static void glass_place(Glass* g, vfloat index) {
+    const vfloat t = root((index - 1.0f) / (index + 1.0f));
+    g->layer = t * (1.3f * (float)(GLASS_LAYERS - 1u)) / (t + 0.3f);
+    g->critical = root((index - 1.0f) * (index + 1.0f)) / index;
+    const vfloat lowest = glass_bend(g, splat(0.0f));
+    g->bend = splat(0.23f) / (glass_bend(g, splat(1.0f)) - lowest);
+    g->level = -lowest * g->bend;
+}
+
+// The layer before it, of the denser medium's or the thinner one's, and how far the next is.
+static vuint glass_layer(const Glass* g, vmask denser, vfloat* further) {
+    const vint layer = vint_of(lesser(g->layer, splat((float)(GLASS_LAYERS - 2u))));
+    *further = g->layer - vfloat_of(layer);
+    return vuint_from_int(layer) + (denser ? splat_uint(GLASS_LAYERS) : splat_uint(0u));
+}
+
+// 1 − E(μ) of light within the denser medium, or the thinner one.
+static vfloat glass_missing(const Glass* g, __global const float* tables, vmask denser, vfloat cosine) {
     vfloat further;
     const uint words = GLASS_COLUMNS - 1u, next = GLASS_ROWS * words;
-    const vuint first = glass_layer(eta, &further) * next + ALBEDO_GLASS;
-    const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = (root(cosine) + albedo_column(g->alpha, cosine)) * (0.5f * (float)words);
-    const vfloat low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x), high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
+    const vuint first = glass_layer(g, denser, &further) * next + ALBEDO_GLASS;
+    // One division for albedo_column and glass_bend
+    const vfloat apart = cosine - g->critical, sum = cosine + g->alpha, reach = fma(g->alpha, splat(3.0f), absolute(apart));
+    const vfloat inverse = splat(1.0f) / (sum * reach), square = cosine * cosine;
+    const vfloat by_slope = root(cosine * fma(g->alpha, reach, reach) * inverse);
+    const vfloat bend = denser ? fma(apart * sum * inverse, g->bend, g->level) : splat(0.0f);
+    const vfloat column = fma(by_slope, denser ? splat(0.7f) : splat(0.93f), fma(square * square, splat(0.07f), bend));
+    const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = column * (float)words, low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x);
+    const vfloat high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
     vfloat e = fma(further, high - low, low);
     if (lane_any(g->there & g->thin)) e = g->thin ? albedo_ggx(tables, g->alpha, cosine) : e;
     return splat(1.0f) - e;
 }
 // 1 − E_avg.
-static vfloat glass_lost(const Glass* g, __global const float* tables, vfloat eta) {
+static vfloat glass_lost(const Glass* g, __global const float* tables, vmask denser) {
     vfloat further;
-    const vuint first = glass_layer(eta, &further) * GLASS_LOST_ROWS + ALBEDO_GLASS_LOST;
+    const vuint first = glass_layer(g, denser, &further) * GLASS_LOST_ROWS + ALBEDO_GLASS_LOST;
     const vfloat low = albedo_line(tables, first, GLASS_LOST_ROWS, g->alpha);
     const vfloat high = albedo_line(tables, first + GLASS_LOST_ROWS, GLASS_LOST_ROWS, g->alpha);
-    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low) * g->alpha * root(g->alpha);
+    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low) * g->alpha;
     return greater(lost, splat(1.0e-7f));
 }
 
@@ -60,15 +85,16 @@ static vfloat glass_thin(vfloat reflected) { return reflected * 2.0f / (splat(1.
 static void glass_prepare(Glass* g, __global const float* tables, vec3 wo) {
     const vfloat inverse = splat(1.0f) / g->eta;
     const vmask denser = g->eta < 1.0f;
-    const vfloat average = fresnel_dielectric_average(denser ? inverse : g->eta);
-    const vfloat here = glass_lost(g, tables, g->eta), there = g->thin ? here : glass_lost(g, tables, inverse);
+    const vfloat index = denser ? inverse : g->eta, average = fresnel_dielectric_average(index);
+    glass_place(g, index);
+    const vfloat here = glass_lost(g, tables, denser), there = g->thin ? here : glass_lost(g, tables, !denser);
     // Of diffuse light a smooth boundary passes 1 − F_avg into the denser medium, and 1/n² of that out of it
     const vfloat passes = (splat(1.0f) - average) * (denser ? g->eta * g->eta : splat(1.0f));
     g->passes = g->thin ? splat(1.0f) - glass_thin(average) : passes * there / greater(here, there);
     g->through = g->passes / there * INV_PI;
     g->back = (splat(1.0f) - g->passes) / here * INV_PI;
     g->squeezed = g->thin ? splat(1.0f) : inverse * inverse;
-    g->missing = glass_missing(g, tables, g->eta, wo.z);
+    g->missing = glass_missing(g, tables, denser, wo.z);
 }
 
 static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
@@ -85,14 +111,15 @@ static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
     return eta * cosine * beyond * 2.0f * fma(p, p, s * s);
 }
 
-// The density is that of glass_sample; the diffuse lobes have others.
-static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, vec3 wo, vec3 wi, vfloat* pdf) {
+// `between`: the facet normal between `wo` and `wi`, where both are above. The density is that of glass_sample; the diffuse lobes have others.
+static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, vec3 between, vec3 wo, vec3 wi, vfloat* pdf) {
     const vmask above = wi.z > 0.0f, bent = !above & !g->thin;
     const vfloat cosine = greater(absolute(wi.z), splat(1.0e-7f));
     const vec3 up = vec3_of(wi.x, wi.y, cosine), down = vec3_of(wi.x, wi.y, -cosine);
 
     // The facet that takes light from one direction to the other
-    vec3 m = unit(choose(bent, along(wo, down, g->eta), add(wo, up)));
+    vec3 m = between;
+    if (lane_any(bent)) m = choose(bent, unit(along(wo, down, g->eta)), m);
     m = choose(m.z < 0.0f, negate(m), m);
     const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
@@ -110,7 +137,7 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
     const vfloat once = common / ((hidden + ggx_lambda(a, up)) * cosine);
 
     // Diffuse lobes
-    const vfloat missing = glass_missing(g, tables, (above ? g->eta : splat(1.0f) / g->eta), cosine);
+    const vfloat missing = glass_missing(g, tables, above == (g->eta < 1.0f), cosine);
     const vfloat f = fma(g->missing * missing, above ? g->back : g->through, once);
     const vec3 tinted = choose(above, vec3_all(1.0f), scale(g->color, g->squeezed));
     return choose(g->there, scale(tinted, f * g->share), vec3_all(0.0f));

@@ -32,9 +32,8 @@ static vec3 reflection_fresnel(const Reflection* r, vfloat cosine) {
     return f;
 }
 
-// `missing`: 1 − E(μi). The density is that of the first lobe.
-static vec3 reflection_eval(const Reflection* r, Alpha a, vec3 wo, vec3 wi, vfloat missing, vfloat* pdf) {
-    const vec3 m = unit(add(wo, wi));
+// `m`: the normal between `wo` and `wi`. `missing`: 1 − E(μi). The density is that of the first lobe.
+static vec3 reflection_eval(const Reflection* r, Alpha a, vec3 m, vec3 wo, vec3 wi, vfloat missing, vfloat* pdf) {
     const vfloat once = ggx_reflection(a, wo, wi, m, pdf);
     const vec3 f = scale(reflection_fresnel(r, bounded(inner(wo, m), 0.0f, 1.0f)), once);
     *pdf = r->there ? *pdf : splat(0.0f);
