@@ -253,32 +253,40 @@ def _padded(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:
-    """Film rectangle on the plane of focus: right-handed, image right = forward x up."""
+    """As kernels/camera/camera.h reads it; right-handed, image right = forward x up."""
     view = _difference(camera.target, camera.position)
-    distance = camera.focus_distance if camera.focus_distance is not None else length(view)
     forward = _scaled(view, 1.0 / length(view))
     right = cross(forward, _scaled(camera.up, 1.0 / length(camera.up)))
     right = _scaled(right, 1.0 / length(right))
     upward = cross(right, forward)
-    half_height = distance * tan_degrees(camera.vertical_fov / 2.0)
-    half_width = half_height * width / height
-    corner = [f * distance - r * half_width + u * half_height for f, r, u in zip(forward, right, upward, strict=True)]
     row = np.zeros(1, dtype=layout.dtype("Camera"))
+    row["kind"] = getattr(layout, f"CAMERA_{camera.type.upper()}")
+    row["origin"][0, :3], row["world"][0, :3] = _difference(camera.position, origin), origin
+    if camera.type in ("panoramic", "fisheye"):
+        row["right"][0, :3], row["down"][0, :3], row["axis"][0, :3] = right, _scaled(upward, -1.0), forward
+        row["aspect"], row["angle"] = width / height, camera.vertical_fov / 720.0
+        return row
+    # The film's rectangle on the plane of focus
+    distance = camera.focus_distance if camera.focus_distance is not None else length(view)
+    spread = distance * tan_degrees(camera.vertical_fov / 2.0) if camera.type == "perspective" else camera.height / 2.0
+    half_height, half_width = spread, spread * width / height
+    corner = [f * distance - r * half_width + u * half_height for f, r, u in zip(forward, right, upward, strict=True)]
     for name, vector in (
-        ("origin", _difference(camera.position, origin)),
         ("corner", corner),
         ("right", _scaled(right, 2.0 * half_width)),
         ("down", _scaled(upward, -2.0 * half_height)),
+        ("axis", _scaled(forward, distance)),
         ("lens_u", _scaled(right, camera.aperture_radius)),
         ("lens_v", _scaled(upward, camera.aperture_radius)),
-        ("world", origin),
     ):
         row[0][name][:3] = vector
+    row["blades"], row["blade_turn"] = camera.blades, camera.blade_rotation_degrees % 360.0 / 360.0
     sizes = [2.0 * half_width, 2.0 * half_height]
     if not (min(sizes) >= SMALLEST and max(sizes) <= COORDINATE_LIMIT):
         low, high = f"{min(sizes):g}", f"{max(sizes):g}"
         text = f"the view spans {low} to {high} metres at the focus distance, too extreme for single precision"
-        raise SceneError(f"{source}: camera: {text}; choose a more moderate vertical_fov or focus_distance")
+        keys = "vertical_fov or focus_distance" if camera.type == "perspective" else "height"
+        raise SceneError(f"{source}: camera: {text}; choose a more moderate {keys}")
     return row
 
 

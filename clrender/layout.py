@@ -29,6 +29,10 @@ __all__ = [
     "ALBEDO_SLANT_NUMBERS",
     "ALBEDO_TURNED",
     "ALBEDO_TURNED_LOST",
+    "CAMERA_FISHEYE",
+    "CAMERA_ORTHOGRAPHIC",
+    "CAMERA_PANORAMIC",
+    "CAMERA_PERSPECTIVE",
     "CONSTANTS",
     "COVERED_COLUMNS",
     "COVERED_LAYERS",
@@ -148,6 +152,11 @@ ALBEDO_COVERED_MEAN: Final = ALBEDO_COVERED + 2 * COVERED_LAYERS * COVERED_ROWS 
 ALBEDO_END: Final = ALBEDO_COVERED_MEAN + 2 * COVERED_LAYERS * COVERED_ROWS
 """Where the tables of `clrender.scene.microfacets.albedo_tables` begin, in words, and where the last ends."""
 
+CAMERA_PERSPECTIVE: Final = 0
+CAMERA_ORTHOGRAPHIC: Final = 1
+CAMERA_PANORAMIC: Final = 2
+CAMERA_FISHEYE: Final = 3
+
 LIGHT_POINT: Final = 0
 LIGHT_DIRECTIONAL: Final = 1
 LIGHT_AREA_TRIANGLE: Final = 2
@@ -246,6 +255,10 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "ALBEDO_SLANT_NUMBERS": ALBEDO_SLANT_NUMBERS,
     "ALBEDO_COVERED": ALBEDO_COVERED,
     "ALBEDO_COVERED_MEAN": ALBEDO_COVERED_MEAN,
+    "CAMERA_PERSPECTIVE": CAMERA_PERSPECTIVE,
+    "CAMERA_ORTHOGRAPHIC": CAMERA_ORTHOGRAPHIC,
+    "CAMERA_PANORAMIC": CAMERA_PANORAMIC,
+    "CAMERA_FISHEYE": CAMERA_FISHEYE,
     "LIGHT_POINT": LIGHT_POINT,
     "LIGHT_DIRECTIONAL": LIGHT_DIRECTIONAL,
     "LIGHT_AREA_TRIANGLE": LIGHT_AREA_TRIANGLE,
@@ -301,15 +314,20 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
     "Camera": (
         ("origin", "float4", "xyz, metres"),
         ("corner", "float4", "from origin to the top left corner of the image plane at focus distance"),
-        ("right", "float4", "whole width of that plane, left to right"),
-        ("down", "float4", "whole height of it, top to bottom"),
+        ("right", "float4", "whole width of that plane, left to right; of panoramas and fisheyes, unit"),
+        ("down", "float4", "whole height of it, top to bottom; of those, unit"),
+        ("axis", "float4", "from origin to the middle of that plane; of those, unit"),
         ("lens_u", "float4", "aperture radius along image right; 0: pinhole"),
         ("lens_v", "float4", "aperture radius along image up"),
         ("world", "float4", "xyz: where the origin of all coordinates on the device lies in world space"),
         ("interior_first", "uint", "media around it, highest first, a byte each from the highest on"),
         ("interior_last", "uint", "and four more of them"),
+        ("kind", "uint", "CAMERA_*"),
+        ("blades", "uint", "corners of the lens; 0: a disk"),
+        ("blade_turn", "float", "where the first corner is, fraction of a turn from image right to up, below 1"),
+        ("aspect", "float", "fisheye: width over height of the image"),
+        ("angle", "float", "fisheye: from the axis to the upper edge, fraction of a turn"),
         ("padding_0", "uint", ""),
-        ("padding_1", "uint", ""),
     ),
     "Settings": (
         ("width", "uint", "pixels"),

@@ -51,6 +51,10 @@
 #define ALBEDO_SLANT_NUMBERS 494253u
 #define ALBEDO_COVERED 494270u
 #define ALBEDO_COVERED_MEAN 500894u
+#define CAMERA_PERSPECTIVE 0u
+#define CAMERA_ORTHOGRAPHIC 1u
+#define CAMERA_PANORAMIC 2u
+#define CAMERA_FISHEYE 3u
 #define LIGHT_POINT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_AREA_TRIANGLE 2u
@@ -125,15 +129,20 @@ typedef struct {
 typedef struct {
     float4 origin;              // xyz, metres
     float4 corner;              // from origin to the top left corner of the image plane at focus distance
-    float4 right;               // whole width of that plane, left to right
-    float4 down;                // whole height of it, top to bottom
+    float4 right;               // whole width of that plane, left to right; of panoramas and fisheyes, unit
+    float4 down;                // whole height of it, top to bottom; of those, unit
+    float4 axis;                // from origin to the middle of that plane; of those, unit
     float4 lens_u;              // aperture radius along image right; 0: pinhole
     float4 lens_v;              // aperture radius along image up
     float4 world;               // xyz: where the origin of all coordinates on the device lies in world space
     uint interior_first;        // media around it, highest first, a byte each from the highest on
     uint interior_last;         // and four more of them
+    uint kind;                  // CAMERA_*
+    uint blades;                // corners of the lens; 0: a disk
+    float blade_turn;           // where the first corner is, fraction of a turn from image right to up, below 1
+    float aspect;               // fisheye: width over height of the image
+    float angle;                // fisheye: from the axis to the upper edge, fraction of a turn
     uint padding_0;
-    uint padding_1;
 } Camera;
 
 typedef struct {

@@ -76,7 +76,7 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
     lows, highs = patches.boxes
     points = [light.position for light in scene.lights if isinstance(light, PointLight)]
     points.append(scene.camera.position)
-    reach = scene.camera.aperture_radius
+    reach = scene.camera.reach
     for index, shape in enumerate(scene.shapes):
         if not isinstance(shape, _CLOSED) or shape.flip_normals:
             continue
@@ -156,7 +156,7 @@ def first_sides(patches: Patches, sealed: NDArray[np.bool_] | None = None) -> _U
     normal_x, normal_y, normal_z = patches.normals.T
     used = np.zeros(2 * len(patches), bool)
     used[::2] = True
-    used[1::2] = (x * normal_x + y * normal_y) + z * normal_z > -camera.aperture_radius
+    used[1::2] = (x * normal_x + y * normal_y) + z * normal_z > -camera.reach
     return np.flatnonzero(used & ~(sealed_sides(patches) if sealed is None else sealed)[:-1]).astype(np.uint32)
 
 

@@ -2,7 +2,7 @@
 #ifndef INTEGRATOR_PATH_STATE_H
 #define INTEGRATOR_PATH_STATE_H
 
-#include "camera/perspective.h"
+#include "camera/camera.h"
 #include "film/pool.h"
 #include "integrator/split.h"
 
@@ -11,6 +11,7 @@ typedef struct {
     float origin[3][LANES], direction[3][LANES];
     uint seed[LANES];
     int inside[LANES];       // whether the pixel is in the image
+    int sees[LANES];         // and its ray sees anything
     uint base, number;       // the first one's slot, and the number of their sample in this launch
     uint left;               // that nobody has asked for yet: the last ones
 } CameraRays;
@@ -58,7 +59,7 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     rays->number = pool->next;
     rays->left = LANES;
     const vmask inside = pool_take(scene->settings, pool, &sample, &film_x, &film_y);
-    const Ray ray = perspective_ray(scene, film_x, film_y, sample.sampler);
+    const Ray ray = camera_ray(scene, film_x, film_y, sample.sampler);
     lane_store(ray.origin.x, rays->origin[0]);
     lane_store(ray.origin.y, rays->origin[1]);
     lane_store(ray.origin.z, rays->origin[2]);
@@ -67,6 +68,7 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     lane_store(ray.direction.z, rays->direction[2]);
     lane_store(sample.sampler.seed, rays->seed);
     lane_store(inside, rays->inside);
+    lane_store(camera_sees(&ray), rays->sees);
 }
 
 // In one lane, with the first of the camera rays that wait.
@@ -75,13 +77,16 @@ static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, P
     if (!rays->inside[i]) return;
     const vec3 origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
     const vec3 direction = vec3_of(splat(rays->direction[0][i]), splat(rays->direction[1][i]), splat(rays->direction[2][i]));
-    ray_replace(&path->ray, ray_make(origin, direction), lane);
+    Ray ray = ray_make(origin, direction);
+    const float sees = rays->sees[i] ? 1.0f : 0.0f;
+    ray.limit = splat(FAR * sees);
+    ray_replace(&path->ray, ray, lane);
     PoolSample* sample = &path->sample;
     sample->slot = lane ? splat_uint(rays->base + i) : sample->slot;
     sample->number = lane ? splat_uint(rays->number) : sample->number;
     sample->sampler.seed = lane ? splat_uint(rays->seed[i]) : sample->sampler.seed;
     sample->sampler.index = lane ? splat_uint(pool->first_sample + rays->number) : sample->sampler.index;
-    path->throughput = choose(lane, vec3_all(1.0f), path->throughput);
+    path->throughput = choose(lane, vec3_all(sees), path->throughput);
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
     path->specular = path->specular | lane;

@@ -2,7 +2,7 @@
 #ifndef RADIOSITY_DISPLAY_H
 #define RADIOSITY_DISPLAY_H
 
-#include "camera/perspective.h"
+#include "camera/camera.h"
 #include "film/pool.h"
 #include "geometry/surface.h"
 #include "material/bsdf.h"
@@ -27,7 +27,7 @@ static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __gl
         vfloat film_x, film_y, look[16];
         const vmask start = pool_take(settings, pool, &sample, &film_x, &film_y);
         if (!lane_any(start)) continue;
-        const Ray ray = perspective_ray(scene, film_x, film_y, sample.sampler);
+        const Ray ray = camera_ray(scene, film_x, film_y, sample.sampler);
         const Hit hit = traverse_nearest(&scene->bvh, &ray, start);
         stats->rays += lane_count(start);
         const vmask found = start & (hit.primitive != NONE);
@@ -38,7 +38,8 @@ static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __gl
 #ifdef TEXTURES
         reflected = choose(s.attributes.textured, mul(reflected, bsdf_at(scene, &s, ray.direction).color), reflected);
 #endif
-        pool_deliver(pool, &sample, add(own, choose(found, reflected, vec3_all(0.0f))), start);
+        const vec3 seen = add(own, choose(found, reflected, vec3_all(0.0f)));
+        pool_deliver(pool, &sample, choose(camera_sees(&ray), seen, vec3_all(0.0f)), start);
         stats->deepest = pool_deepest(stats->deepest, splat_uint(0u), found);
     }
 }

@@ -4,7 +4,7 @@
 #ifndef RADIOSITY_GATHER_H
 #define RADIOSITY_GATHER_H
 
-#include "camera/perspective.h"
+#include "camera/camera.h"
 #include "film/pool.h"
 #include "geometry/surface.h"
 #include "light/light.h"
@@ -102,8 +102,8 @@ static void gather_trace(const Scene* scene, const Atlas* atlas, Pool* pool, Poo
         vfloat film_x, film_y;
         const vmask start = pool_take(settings, pool, &sample, &film_x, &film_y);
         if (!lane_any(start)) continue;
-        Ray ray = perspective_ray(scene, film_x, film_y, sample.sampler);
-        vec3 radiance = vec3_all(0.0f), throughput = vec3_all(1.0f);
+        Ray ray = camera_ray(scene, film_x, film_y, sample.sampler);
+        vec3 radiance = vec3_all(0.0f), throughput = choose(camera_sees(&ray), vec3_all(1.0f), vec3_all(0.0f));
         vmask alive = start;
         for (uint bounce = 0; bounce <= GATHER_BOUNCES; ++bounce) {
             const Hit hit = traverse_nearest(&scene->bvh, &ray, alive);

@@ -1,0 +1,79 @@
+// Cameras: a ray through a point of the film, given in [0, 1)², and a random point of the lens (PBR 4ed, 5.2 and 5.3).
+#ifndef CAMERA_CAMERA_H
+#define CAMERA_CAMERA_H
+
+#include "core/sampler.h"
+#include "core/warp.h"
+#include "geometry/ray.h"
+#include "scene.h"
+
+// A point of the lens: a disk, or a regular polygon in it where the diaphragm has blades.
+static void camera_lens(const Camera* camera, Sampler sampler, vfloat* x, vfloat* y) {
+    vfloat u, v;
+    sampler_get(sampler, SET_LENS, &u, &v);
+    if (camera->blades == 0u) {
+        warp_disk(u, v, x, y);
+        return;
+    }
+    // One of the triangles between the centre and two neighbouring corners, then a point of it
+    const float count = (float)camera->blades;
+    const vfloat number = vfloat_of(vint_of(u * count));
+    vfloat b1, b2, c1, s1, c2, s2;
+    warp_triangle(bounded(u * count - number, 0.0f, 1.0f), v, &b1, &b2);
+    const vfloat first = number / count + camera->blade_turn, second = (number + 1.0f) / count + camera->blade_turn;
+    cos_sin_turn(first < 1.0f ? first : first - 1.0f, &c1, &s1);
+    cos_sin_turn(second < 1.0f ? second : second - 1.0f, &c2, &s2);
+    *x = fma(b1, c1, b2 * c2);
+    *y = fma(b1, s1, b2 * s2);
+}
+
+// Through a lens, or a pinhole: all rays of a point of the film meet where they are in focus. Without perspective they begin on a plane.
+static Ray camera_lens_ray(const Camera* camera, vfloat film_x, vfloat film_y, Sampler sampler) {
+    const int has_lens = camera->lens_u.x != 0.0f || camera->lens_u.y != 0.0f || camera->lens_u.z != 0.0f;
+    vec3 on_lens = vec3_all(0.0f);
+    if (has_lens) {
+        vfloat x, y;
+        camera_lens(camera, sampler, &x, &y);
+        on_lens = along(scale(vec3_from(camera->lens_u), x), vec3_from(camera->lens_v), y);
+    }
+    const vec3 in_focus = along(along(vec3_from(camera->corner), vec3_from(camera->right), film_x), vec3_from(camera->down), film_y);
+    if (camera->kind == CAMERA_PERSPECTIVE) return ray_make(add(vec3_from(camera->origin), on_lens), unit(sub(in_focus, on_lens)));
+    const vec3 axis = vec3_from(camera->axis), on_film = sub(in_focus, axis);
+    return ray_make(add(vec3_from(camera->origin), add(on_film, on_lens)), unit(sub(axis, on_lens)));
+}
+
+// All directions, in longitude and latitude: the middle of the image looks along the axis.
+static Ray camera_panoramic_ray(const Camera* camera, vfloat film_x, vfloat film_y) {
+    vfloat c, s, cosine, sine;
+    const vfloat turn = film_x - 0.5f;
+    cos_sin_turn(turn < 0.0f ? turn + 1.0f : turn, &c, &s);
+    cos_sin_turn(film_y * 0.5f, &cosine, &sine);                     // from the zenith
+    const vec3 level = along(scale(vec3_from(camera->axis), c), vec3_from(camera->right), s);
+    return ray_make(vec3_from(camera->origin), unit(along(scale(level, sine), vec3_from(camera->down), -cosine)));
+}
+
+// The angle from the axis grows with the distance from the middle of the image (equidistant projection). What lies beyond the image's
+// upper edge from there on all sides is dark: the ray has no length.
+static Ray camera_fisheye_ray(const Camera* camera, vfloat film_x, vfloat film_y) {
+    const vfloat x = fma(film_x, splat(2.0f), splat(-1.0f)) * camera->aspect, y = fma(film_y, splat(2.0f), splat(-1.0f));
+    const vfloat r = root(fma(x, x, y * y)), turn = lesser(r, splat(1.0f)) * camera->angle;
+    vfloat cosine, sine;
+    cos_sin_turn(turn, &cosine, &sine);
+    const vfloat share = sine * inverse_or_one(r);
+    const vec3 aside = along(scale(vec3_from(camera->right), x * share), vec3_from(camera->down), y * share);
+    Ray ray = ray_make(vec3_from(camera->origin), unit(along(aside, vec3_from(camera->axis), cosine)));
+    ray.limit = r > 1.0f ? splat(0.0f) : ray.limit;
+    return ray;
+}
+
+static Ray camera_ray(const Scene* scene, vfloat film_x, vfloat film_y, Sampler sampler) {
+    const Camera camera = *scene->camera;
+    if (camera.kind == CAMERA_PANORAMIC) return camera_panoramic_ray(&camera, film_x, film_y);
+    if (camera.kind == CAMERA_FISHEYE) return camera_fisheye_ray(&camera, film_x, film_y);
+    return camera_lens_ray(&camera, film_x, film_y, sampler);
+}
+
+// Whether a ray of the camera sees anything.
+static vmask camera_sees(const Ray* ray) { return ray->limit > 0.0f; }
+
+#endif
