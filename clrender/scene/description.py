@@ -223,7 +223,7 @@ class Scene(Part):
     _meshes: dict[tuple[str, VertexColors | None], MeshData] = PrivateAttr(default_factory=dict)
     _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
     _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
-    _store: TexelStore | None = PrivateAttr(default=None)
+    _store: list[TexelStore] = PrivateAttr(default_factory=list)
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -302,7 +302,7 @@ class Scene(Part):
         """
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes, scene._pictures, scene._store = {}, {}, None
+        scene._meshes, scene._pictures, scene._store = {}, {}, []
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -334,7 +334,7 @@ class Scene(Part):
     def with_textures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
         """The same scene with these pictures, each with its tiles, in the place of the files of these names."""
         scene = self.model_copy()
-        scene._given, scene._store = {**self._given, **pictures}, None
+        scene._given, scene._store = {**self._given, **pictures}, []
         return scene
 
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
@@ -361,11 +361,15 @@ class Scene(Part):
             If a file cannot be read or is no sound picture.
         """
         placed = self.placed_textures()
-        # A scene may be a copy, with other materials, of one whose files were read
-        if self._store is None or not self._store.holds(texture for _, texture in placed):
-            textures = [(f"{self._source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
-            self._store = TexelStore(textures, self._base_folder, self._allow_paths, self._given)
-        return self._store
+        if self._store and self._store[0].holds(texture for _, texture in placed):
+            return self._store[0]
+        textures = [(f"{self._source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
+        store = TexelStore(textures, self._base_folder, self._allow_paths, self._given)
+        if self._store:
+            self._store = [store]  # this is a copy with other textures of the scene that the store is for
+        else:
+            self._store.append(store)  # for all copies
+        return store
 
     def mesh(self, index: int) -> MeshData:
         """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.

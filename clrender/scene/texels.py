@@ -153,6 +153,7 @@ class TexelStore:
                 with files.opened(name, label) as (file, ending), _Telling(label):
                     self._add(name, open_picture(file, ending), label)
         self.texels = self.texels[: max(self._used, 1)]
+        self.texels[self._used :] = 0
 
     def holds(self, textures: Iterable[AnyTexture]) -> bool:
         """Whether the pictures of these textures are all there."""
