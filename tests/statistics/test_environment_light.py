@@ -177,6 +177,18 @@ def test_beside_another_light(evidence: Evidence, studio: Studio, light_sampler:
         evidence.mean_is(sampling, seen, exact / math.pi, rounding=1e-3)
 
 
+@pytest.mark.parametrize("light_sampler", ["power", "bvh"])
+def test_an_even_sky_beside_another_light(evidence: Evidence, studio: Studio, light_sampler: str) -> None:
+    """By `mis` light samples choose the lamp alone; what it hides of the sky it has to replace."""
+    lamp = quad([-0.5, 1.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], emission=2.0)
+    corners = [[-0.5, 1.0, -0.5], [0.5, 1.0, -0.5], [0.5, 1.0, 0.5], [-0.5, 1.0, 0.5]]
+    what = plane((0.0, 1.0, 0.0), {"type": "environment", "radiance": [0.5, 0.5, 0.5]}, lamp)
+    exact = 0.5 + 1.5 * polygon_irradiance(corners) / math.pi
+    for sampling in ("mis", "light", "bsdf"):
+        seen = studio.pixels(what, spp=64, sampling=sampling, light_sampler=light_sampler)
+        evidence.mean_is(sampling, seen, exact)
+
+
 def _hidden(pixels: Floats, half: float) -> Floats:
     """(3,) irradiance through a square of this half size, 1 m above."""
     side = (np.arange(400) + 0.5) / 400 * 2.0 * half - half

@@ -1,0 +1,79 @@
+"""The camera: where it stands, where it looks, and how directions become places of the image."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, Strict, model_validator
+
+from clrender.scene.values import COORDINATE_LIMIT, Finite, Length, Part, Vector, cross, fault, length
+
+__all__ = ["Camera"]
+
+_OF_CAMERAS: Final[Mapping[str, tuple[str, ...]]] = {
+    "vertical_fov": ("perspective", "fisheye"),
+    "height": ("orthographic",),
+    "aperture_radius": ("perspective", "orthographic"),
+    "focus_distance": ("perspective", "orthographic"),
+    "blades": ("perspective", "orthographic"),
+    "blade_rotation_degrees": ("perspective", "orthographic"),
+}
+"""Types of camera that have these keys; all have the others."""
+
+
+class Camera(Part):
+    """What the image shows. A lens with an `aperture_radius` above 0 is sharp at the `focus_distance` only."""
+
+    type: Literal["perspective", "orthographic", "panoramic", "fisheye"] = Field(
+        "perspective",
+        description="orthographic: without perspective; panoramic: all directions, in longitude and latitude; fisheye: "
+        "the angle from the middle grows with the distance from it, and is dark beyond half of vertical_fov",
+    )
+    position: Vector = Field(description="metres, world space")
+    target: Vector = Field(description="the point in the middle of the image")
+    up: Vector = Field((0.0, 1.0, 0.0), description="any vector that points to the upper half of the image")
+    vertical_fov: Annotated[Finite, Field(gt=0.0, le=360.0)] = Field(
+        45.0, description="degrees, of perspective below 180, of fisheye at most 360 and usually 180"
+    )
+    height: Length = Field(2.0, description="of the image in the world, metres; of orthographic alone")
+    aperture_radius: Annotated[Finite, Field(ge=0.0, le=COORDINATE_LIMIT)] = Field(0.0, description="metres")
+    focus_distance: Length | None = Field(None, description="metres along the view; default: the target's distance")
+    blades: Annotated[int, Strict(), Field(ge=0, le=64)] = Field(
+        0, description="of the diaphragm: lights out of focus have so many corners; 0: a round one; else at least 3"
+    )
+    blade_rotation_degrees: Annotated[Finite, Field(ge=-360.0, le=360.0)] = Field(
+        0.0, description="of the first corner, from image right to image up"
+    )
+
+    @model_validator(mode="after")
+    def _has_a_frame(self) -> Camera:
+        view: Vector = tuple(t - p for t, p in zip(self.target, self.position, strict=True))  # type: ignore[assignment]
+        if length(view) == 0.0:
+            raise fault("camera", "is the same point as the camera's position; give another point to look at", "target")
+        if length(self.up) == 0.0:
+            raise fault("camera", "has length zero; give a direction such as [0, 1, 0]", "up")
+        unit = tuple(v / length(view) for v in view)
+        upward = tuple(v / length(self.up) for v in self.up)
+        if length(cross(unit, upward)) < 1e-7:  # type: ignore[arg-type]
+            raise fault("camera", "is parallel to the view from position to target; give another direction", "up")
+        return self
+
+    @property
+    def reach(self) -> float:
+        """How far from `position` rays may begin, metres: without perspective, as wide as the image is."""
+        return math.inf if self.type == "orthographic" else self.aperture_radius
+
+    @model_validator(mode="after")
+    def _has_what_its_type_has(self) -> Camera:
+        for key, types in _OF_CAMERAS.items():
+            if self.type not in types and getattr(self, key) != type(self).model_fields[key].default:
+                raise fault("camera", f"is for cameras of type {' and '.join(types)} only; leave it out", key)
+        if self.type == "perspective" and self.vertical_fov >= 180.0:
+            raise fault(
+                "camera", f"is {self.vertical_fov:g}, but of type perspective must be less than 180", "vertical_fov"
+            )
+        if self.blades in (1, 2):
+            raise fault("camera", f"is {self.blades}, but must be 0, or at least 3", "blades")
+        return self
