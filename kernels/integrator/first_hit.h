@@ -78,7 +78,8 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
         // Look through mirrors and glass, in the direction that the image's path takes there; their colour counts
-        const Bsdf bsdf = bsdf_at(scene, &surface, path.ray.direction);
+        Bsdf bsdf;
+        bsdf_at(scene, &surface, path.ray.direction, &bsdf);
         vuint bits_u, bits_v;
         sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
         BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);

@@ -30,21 +30,19 @@ typedef struct {
 } Vertex;
 
 // The surface that each ray met.
-static Vertex path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats* stats) {
-    Vertex v;
+static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats* stats, Vertex* v) {
     const vmask found = path->alive & (hit.primitive != NONE);
-    v.surface = surface_at(scene, &path->ray, hit, found);
-    surface_random(&v.surface, path->sample.sampler, path->depth);
-    v.crossing = interior_meet(scene, &path->interior, &v.surface, found);
-    v.bsdf = bsdf_at(scene, &v.surface, path->ray.direction);
-    v.traced = path->alive & !split_back(&path->split);
-    v.found = found & v.traced;
-    const vmask straight = interior_straight(&v.crossing);
-    v.scatters = found & ((path->depth < scene->settings->max_depth) | straight);
-    v.diffuse = v.scatters & !(v.bsdf.specular | straight);
+    v->surface = surface_at(scene, &path->ray, hit, found);
+    surface_random(&v->surface, path->sample.sampler, path->depth);
+    v->crossing = interior_meet(scene, &path->interior, &v->surface, found);
+    bsdf_at(scene, &v->surface, path->ray.direction, &v->bsdf);
+    v->traced = path->alive & !split_back(&path->split);
+    v->found = found & v->traced;
+    const vmask straight = interior_straight(&v->crossing);
+    v->scatters = found & ((path->depth < scene->settings->max_depth) | straight);
+    v->diffuse = v->scatters & !(v->bsdf.specular | straight);
     stats->rays += lane_count(path->alive);
-    stats->deepest = pool_deepest(stats->deepest, path->depth, v.traced);
-    return v;
+    stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
 }
 
 // Find where each ray meets the scene. `path` and `hit` are arrays, even where there is one packet: rusticl's compiler (Mesa 22.3)
@@ -231,7 +229,7 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         // Add the light that the surface there sends out by itself, or the environment where there is none; what lies on the way absorbs
         EACH_PACKET(k) {
             path[k].throughput = interior_absorb(scene, &path[k].interior, hit[k], path[k].throughput);
-            vertex[k] = path_vertex(scene, &path[k], hit[k], stats);
+            path_vertex(scene, &path[k], hit[k], stats, &vertex[k]);
             path_add_emission(scene, &path[k], &vertex[k]);
         }
 

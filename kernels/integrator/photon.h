@@ -141,7 +141,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         // Find the nearest surface, and add the light the ray ran into
         path_find(scene, path, hit);
         path->throughput = interior_absorb(scene, &path->interior, hit[0], path->throughput);
-        vertex[0] = path_vertex(scene, path, hit[0], stats);
+        path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);
 
         // On a diffuse surface add light straight from the lights, and what the photons brought

@@ -180,7 +180,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
 
         // Find the nearest surface along each ray, and add the light the ray ran into
         path_find(scene, path, hit);
-        vertex[0] = path_vertex(scene, path, hit[0], stats);
+        path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);
 
         // The first matt surface anchors the path; a matt one right after it sends its light to the whole group

@@ -31,7 +31,8 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 
         // Light a diffuse surface from the centre of every light that nothing hides
-        const Bsdf bsdf = bsdf_at(scene, &surface, path.ray.direction);
+        Bsdf bsdf;
+        bsdf_at(scene, &surface, path.ray.direction, &bsdf);
         const vmask may_scatter = found & ((path.depth < settings->max_depth) | straight);
         const vmask lit = may_scatter & !(bsdf.specular | straight);
         if (lane_any(lit)) {

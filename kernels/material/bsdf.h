@@ -71,7 +71,7 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
         b->wo = choose(anisotropic, bsdf_wo(b->frame, direction), b->wo);
     }
     const vmask by_row = s->kind == MATERIAL_BY_ROW, black = parameters_flag(p, MATERIAL_FLAG_ONE_SIDED) & !s->front;
-    b->closure = closure_at(scene, p, b->wo, s->front);
+    closure_at(scene, p, b->wo, s->front, &b->closure);
     b->color = choose(black, vec3_all(0.0f), p->color);
     b->kind = black ? splat_uint(MATERIAL_LAMBERT) : p->kind;
     b->thin = by_row & parameters_flag(p, MATERIAL_FLAG_THIN);
@@ -86,9 +86,9 @@ static void bsdf_no_rows(Bsdf* b) {
 }
 #endif
 
-static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
-    Bsdf b;
-    b.side = choose(s->front, s->normal, negate(s->normal));
+// Writes in place: the struct takes kilobytes, and copying it a tenth of the time.
+static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* b) {
+    b->side = choose(s->front, s->normal, negate(s->normal));
     vec3 shading = s->shading, color = s->color;
 #ifdef MATERIALS
     vmask described = s->kind == MATERIAL_BY_ROW;
@@ -110,20 +110,19 @@ static Bsdf bsdf_at(const Scene* scene, const Surface* s, vec3 direction) {
         shading = normal_map_shading(scene, &s->attributes, &slots, s->normal, shading, s->front, direction);
     }
 #endif
-    b.frame = frame_around(choose(s->front, shading, negate(shading)));
-    b.wo = frame_to_local(b.frame, negate(direction));
-    b.wo.z = greater(b.wo.z, splat(1.0e-7f));      // an interpolated normal may look away from the viewer
-    b.color = color;
-    b.eta = s->front ? s->ior : splat(1.0f) / s->ior;
-    b.kind = s->kind;
-    b.specular = s->kind != MATERIAL_LAMBERT;
+    b->frame = frame_around(choose(s->front, shading, negate(shading)));
+    b->wo = frame_to_local(b->frame, negate(direction));
+    b->wo.z = greater(b->wo.z, splat(1.0e-7f));      // an interpolated normal may look away from the viewer
+    b->color = color;
+    b->eta = s->front ? s->ior : splat(1.0f) / s->ior;
+    b->kind = s->kind;
+    b->specular = s->kind != MATERIAL_LAMBERT;
 #ifdef MATERIALS
     if (any_described)
-        bsdf_read_rows(scene, s, direction, &p, &b);
+        bsdf_read_rows(scene, s, direction, &p, b);
     else
-        bsdf_no_rows(&b);
+        bsdf_no_rows(b);
 #endif
-    return b;
 }
 
 // The normal of the side that light has to arrive on to be scattered; zero: on either.

@@ -80,14 +80,13 @@ static Covers closure_covers(const Closure* c) {
 }
 
 // Which lobes there are, and their numbers as far as they do not depend on `wo`. `front`: seen from the front.
-static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask front) {
-    Closure c;
-    c.tables = scene->albedo_tables;
+static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, Closure* c) {
+    c->tables = scene->albedo_tables;
     const vmask layered = p->kind == MATERIAL_PRINCIPLED, metal = p->kind == MATERIAL_CONDUCTOR, schlick = parameters_flag(p, MATERIAL_FLAG_SCHLICK);
     const vfloat alpha = p->roughness * p->roughness, none = splat(0.0f), one = splat(1.0f);
     const vmask glass = p->kind == MATERIAL_DIELECTRIC, thin = parameters_flag(p, MATERIAL_FLAG_THIN);
     const vmask lit = front | !parameters_flag(p, MATERIAL_FLAG_ONE_SIDED);
-    c.facets = facets_of(alpha, CLOSURE_SMOOTH, p->anisotropy);
+    c->facets = facets_of(alpha, CLOSURE_SMOOTH, p->anisotropy);
 
     // The shares of metal, glass, and of what is neither, of the base
     const vfloat metallic = layered ? p->metallic : metal ? one : none;
@@ -99,7 +98,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     const vec3 tint = scale(p->specular_color, ratio * ratio);
     const vec3 f0 = scale(vec3_of(lesser(tint.x, one), lesser(tint.y, one), lesser(tint.z, one)), p->specular);
     const vec3 f90 = vec3_of(p->specular, p->specular, p->specular);
-    Reflection* r = &c.reflection;
+    Reflection* r = &c->reflection;
     r->there = lit & ((layered & (clear < 1.0f)) | (metal & (alpha >= CLOSURE_SMOOTH)));
     r->measured = metal & !schlick;
     r->f0 = choose(r->measured, p->eta, along(scale(p->color, metallic), f0, plastic));
@@ -108,7 +107,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     r->missing = none;
 
     // Diffuse reflection
-    Diffuse* d = &c.diffuse;
+    Diffuse* d = &c->diffuse;
     d->there = lit & ((p->kind == MATERIAL_OREN_NAYAR) | (plastic > 0.0f));
     d->covered = layered;
     d->color = p->color;
@@ -119,7 +118,7 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     d->bends = mask_none();
 
     // Glass. Where it bends nothing, its facets would have no direction
-    Glass* g = &c.glass;
+    Glass* g = &c->glass;
     g->thin = thin;
     const vfloat ior = thin & (p->ior < 1.0f) ? one / p->ior : p->ior, turned = front | thin ? ior : one / ior;
     const vfloat least = turned < 1.0f ? splat(1.0f - CLOSURE_LEAST_BEND) : splat(1.0f + CLOSURE_LEAST_BEND);
@@ -127,22 +126,21 @@ static Closure closure_lobes(const Scene* scene, const Parameters* p, vmask fron
     g->there = lit & (clear > 0.0f) & (layered | ((alpha >= CLOSURE_SMOOTH) & (thin | (absolute(turned - 1.0f) >= CLOSURE_LEAST_BEND))));
     g->color = p->color;
     g->share = clear;
-    g->alpha = c.facets.mean;
+    g->alpha = c->facets.mean;
     g->missing = g->passes = g->back = g->through = g->squeezed = none;
 
     // Sheen and coat
-    c.inside = (clear > 0.0f) & !thin & !front;
+    c->inside = (clear > 0.0f) & !thin & !front;
     const vfloat cloth = greater(p->sheen_roughness * p->sheen_roughness, splat(SHEEN_LEAST_ALPHA));
-    c.sheen.there = layered & lit & (largest(p->sheen_color) > 0.0f);
-    c.sheen.color = p->sheen_color;
-    c.sheen.alpha = cloth;
-    c.sheen.scale = c.sheen.hidden = none;
-    c.coat.there = layered & lit & (p->coat > 0.0f);
-    c.coated.there = c.clothed.there = mask_none();
-    c.metal = vec3_all(0.0f);
-    c.coat.share = p->coat;
-    c.coat.alpha = greater(p->coat_roughness * p->coat_roughness, splat(CLOSURE_SMOOTH));
-    return c;
+    c->sheen.there = layered & lit & (largest(p->sheen_color) > 0.0f);
+    c->sheen.color = p->sheen_color;
+    c->sheen.alpha = cloth;
+    c->sheen.scale = c->sheen.hidden = none;
+    c->coat.there = layered & lit & (p->coat > 0.0f);
+    c->coated.there = c->clothed.there = mask_none();
+    c->metal = vec3_all(0.0f);
+    c->coat.share = p->coat;
+    c->coat.alpha = greater(p->coat_roughness * p->coat_roughness, splat(CLOSURE_SMOOTH));
 }
 
 // What depends on `wo`, and how often each way to choose a direction is taken: as often as it reflects light, about.
@@ -276,11 +274,10 @@ static vmask closure_takes(vmask* open, vfloat* u, vfloat share) {
     return taken;
 }
 
-static Closure closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask front) {
-    Closure c = closure_lobes(scene, p, front);
-    c.there = c.reflection.there | c.diffuse.there | c.glass.there | c.sheen.there | c.coat.there;
-    closure_prepare(&c, p, wo);
-    return c;
+static void closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask front, Closure* c) {
+    closure_lobes(scene, p, front, c);
+    c->there = c->reflection.there | c->diffuse.there | c->glass.there | c->sheen.there | c->coat.there;
+    closure_prepare(c, p, wo);
 }
 
 // A direction; zero where a facet sends light to a side on which it would have to meet another. `w`: a third random number.

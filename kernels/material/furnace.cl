@@ -34,7 +34,9 @@ static Surface furnace_surface(const Scene* scene, uint primitive, vec3 wo, vflo
 
 static Bsdf furnace_bsdf(const Scene* scene, uint primitive, vec3 wo, vfloat choice) {
     const Surface s = furnace_surface(scene, primitive, wo, choice);
-    return bsdf_at(scene, &s, negate(wo));
+    Bsdf bsdf;
+    bsdf_at(scene, &s, negate(wo), &bsdf);
+    return bsdf;
 }
 
 #ifdef MATERIALS

@@ -131,7 +131,8 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         Surface surface = surface_at(scene, &photon.ray, hit, found);
         const Crossing crossing = interior_meet(scene, &photon.interior, &surface, found);
         photon.flux = interior_absorb(scene, &photon.interior, hit, photon.flux);
-        const Bsdf bsdf = bsdf_at(scene, &surface, photon.ray.direction);
+        Bsdf bsdf;
+        bsdf_at(scene, &surface, photon.ray.direction, &bsdf);
         const vmask arrives = found & (surface.kind == MATERIAL_LAMBERT) & ((photon.depth > 0u) | photon.hidden);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {

@@ -36,7 +36,9 @@ static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __gl
         const vec3 own = vec3_row(look, LOOK_ROW_OWN);
         vec3 reflected = display_interpolated(scene, &s, look);
 #ifdef TEXTURES
-        reflected = choose(s.attributes.textured, mul(reflected, bsdf_at(scene, &s, ray.direction).color), reflected);
+        Bsdf bsdf;
+        bsdf_at(scene, &s, ray.direction, &bsdf);
+        reflected = choose(s.attributes.textured, mul(reflected, bsdf.color), reflected);
 #endif
         const vec3 seen = add(own, choose(found, reflected, vec3_all(0.0f)));
         pool_deliver(pool, &sample, choose(camera_sees(&ray), seen, vec3_all(0.0f)), start);

@@ -110,7 +110,8 @@ static void gather_trace(const Scene* scene, const Atlas* atlas, Pool* pool, Poo
             const vmask found = alive & (hit.primitive != NONE);
             const Surface s = surface_at(scene, &ray, hit, found);
             const AtlasRow row = gather_row(scene, atlas, s.primitive, found);
-            const Bsdf bsdf = bsdf_at(scene, &s, ray.direction);
+            Bsdf bsdf;
+            bsdf_at(scene, &s, ray.direction, &bsdf);
             stats->rays += lane_count(alive);
             vec3 sent = gather_direct(scene, &s, &bsdf, sample.sampler, bounce, found, stats);
             if (bounce == GATHER_BOUNCES) sent = choose(found, add(sent, gather_indirect(scene, atlas, &s, &bsdf, &row)), sent);

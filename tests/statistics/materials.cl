@@ -14,7 +14,9 @@ static Bsdf material_bsdf(__global const float* material_rows, __global const fl
     s.color = vec3_all(0.0f);
     s.ior = splat(ior);
     s.kind = splat_uint(MATERIAL_BY_ROW);
-    return bsdf_at(&scene, &s, negate(wo));
+    Bsdf bsdf;
+    bsdf_at(&scene, &s, negate(wo), &bsdf);
+    return bsdf;
 }
 
 // bits: uint [2][count]. results: float [8][count]: direction, weight and density of a sample, and what of the weight is due to eta.

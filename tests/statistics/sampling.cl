@@ -71,7 +71,8 @@ __kernel void sampling_bsdf(__global const float* bits, uint kind, float ior, ui
     s.color = vec3_of(splat(0.5f), splat(0.25f), splat(1.0f));
     s.ior = splat(ior);
     s.kind = splat_uint(kind);
-    const Bsdf bsdf = bsdf_at(0, &s, vec3_from(direction));
+    Bsdf bsdf;
+    bsdf_at(0, &s, vec3_from(direction), &bsdf);
     const BsdfSample taken = bsdf_sample(&bsdf, vfloat_bits(lane_load(bits + at)), vfloat_bits(lane_load(bits + count + at)));
     vfloat out[11], density;
     const vec3 f = bsdf_eval(&bsdf, taken.direction, &density);
