@@ -1,8 +1,8 @@
 """The one table of structs, columns of rows and constants that host and kernels share.
 
 `kernels/types.h` is generated from it by ``python -m clrender.layout`` and committed; a test compares the two,
-and another asks every driver for its ``sizeof`` of each struct. Members are ``float4``, ``uint``, ``int`` and
-``float`` only, in natural order with explicit padding to a multiple of 16 bytes.
+and another asks every driver for its ``sizeof`` of each struct. Members are ``float4``, ``uint``, ``int``, ``float``
+and arrays of these only, in natural order with explicit padding to a multiple of 16 bytes.
 """
 
 from __future__ import annotations
@@ -37,6 +37,11 @@ __all__ = [
     "COVERED_COLUMNS",
     "COVERED_LAYERS",
     "COVERED_ROWS",
+    "FILTER_LINES",
+    "FILTER_LINE_BEFORE",
+    "FILTER_LINE_HEIGHT",
+    "FILTER_LINE_PLACE",
+    "FILTER_LINE_SLOPE",
     "FIRST_HIT_ALBEDO",
     "FIRST_HIT_DEPTH",
     "FIRST_HIT_NORMAL",
@@ -152,6 +157,15 @@ ALBEDO_COVERED_MEAN: Final = ALBEDO_COVERED + 2 * COVERED_LAYERS * COVERED_ROWS 
 ALBEDO_END: Final = ALBEDO_COVERED_MEAN + 2 * COVERED_LAYERS * COVERED_ROWS
 """Where the tables of `clrender.scene.microfacets.albedo_tables` begin, in words, and where the last ends."""
 
+FILTER_LINES: Final = 64
+"""Straight lines that half of a pixel filter's profile is made of; a power of two, for a search by halves."""
+FILTER_LINE_BEFORE: Final = 0
+FILTER_LINE_PLACE: Final = 1
+FILTER_LINE_HEIGHT: Final = 2
+FILTER_LINE_SLOPE: Final = 3
+"""What is known of each, of the absolute value that has the integral 1: the part of the integral before it, where it
+begins, pixels, and its height and slope there."""
+
 CAMERA_PERSPECTIVE: Final = 0
 CAMERA_ORTHOGRAPHIC: Final = 1
 CAMERA_PANORAMIC: Final = 2
@@ -255,6 +269,11 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "ALBEDO_SLANT_NUMBERS": ALBEDO_SLANT_NUMBERS,
     "ALBEDO_COVERED": ALBEDO_COVERED,
     "ALBEDO_COVERED_MEAN": ALBEDO_COVERED_MEAN,
+    "FILTER_LINES": FILTER_LINES,
+    "FILTER_LINE_BEFORE": FILTER_LINE_BEFORE,
+    "FILTER_LINE_PLACE": FILTER_LINE_PLACE,
+    "FILTER_LINE_HEIGHT": FILTER_LINE_HEIGHT,
+    "FILTER_LINE_SLOPE": FILTER_LINE_SLOPE,
     "CAMERA_PERSPECTIVE": CAMERA_PERSPECTIVE,
     "CAMERA_ORTHOGRAPHIC": CAMERA_ORTHOGRAPHIC,
     "CAMERA_PANORAMIC": CAMERA_PANORAMIC,
@@ -351,9 +370,14 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("lights_equal", "uint", "1: each light of the alias table keeps its own entry"),
         ("light_levels", "uint", "of the tree of lights; 0: the alias table picks"),
         ("reuse", "uint", "pixels that share their indirect light: 1, 2, 4, 8 or 16"),
+        ("filter_negative", "uint", "pixel filter: the first of its lines where it is negative"),
+        (
+            "filter_weight",
+            "float",
+            "of a sample: integral of the filter's absolute value over that of the filter; 0: a box",
+        ),
         ("padding_0", "uint", ""),
-        ("padding_1", "uint", ""),
-        ("padding_2", "uint", ""),
+        ("filter_lines", "float[256]", "FILTER_LINES times FILTER_LINE_*, from the pixel's centre outwards"),
     ),
 }
 
@@ -530,8 +554,14 @@ def dtype(struct: str) -> np.dtype[np.void]:
     numpy.dtype
         Structured; ``float4`` members are sub-arrays of four ``float32``.
     """
-    members = STRUCTS[struct]
-    return np.dtype([(name, *_SCALARS[c_type]) for name, c_type, _ in members])
+    return np.dtype([(name, *_numbers(c_type)) for name, c_type, _ in STRUCTS[struct]])
+
+
+def _numbers(c_type: str) -> tuple[str, tuple[int, ...]]:
+    """NumPy's type of a member, and how many numbers of it there are."""
+    scalar, _, count = c_type.partition("[")
+    kind, shape = _SCALARS[scalar]
+    return kind, (int(count[:-1]), *shape) if count else shape
 
 
 def types_header() -> str:
@@ -547,7 +577,8 @@ def types_header() -> str:
     for struct, members in STRUCTS.items():
         lines += ["", "typedef struct {"]
         for name, c_type, comment in members:
-            declaration = f"    {c_type} {name};"
+            scalar, bracket, count = c_type.partition("[")
+            declaration = f"    {scalar} {name}{bracket}{count};"
             lines.append(f"{declaration:<32}// {comment}" if comment else declaration)
         lines.append(f"}} {struct};")
     for table, columns in ROWS.items():

@@ -147,6 +147,11 @@ class RenderSettings:
     height: int = _setting(800, _SIDE, "Of the image, pixels", section="image", option=None)
     seed: int = _setting(0, Range(0, 2**32 - 1, whole=True), "Another seed gives other noise")
     integrator: str = _setting("path", Choice(tuple(INTEGRATORS)), "How light transport is computed")
+    filter: str = _setting(
+        "box",
+        Choice(("box", "gaussian", "blackman-harris", "mitchell")),
+        "Pixel filter, by which a pixel's samples lie about it",
+    )
     shadow_rays: int = _setting(1, Range(1, 4096, whole=True), "Shadow rays at a diffuse hit", metavar="M")
     indirect_rays: int = _setting(
         1, Range(0, 4096, whole=True), "New rays from the first diffuse hit; 0: direct light only"
@@ -268,6 +273,12 @@ class RenderSettings:
             "reuse": self.reuse,
             **(fixed or {}),
         }
+        if self.filter != "box":
+            from clrender.film.filter import filter_table
+
+            table = filter_table(self.filter)
+            settings["filter_lines"] = table.lines.ravel()
+            settings["filter_negative"], settings["filter_weight"] = table.negative, table.weight
         for name, value in values.items():
             settings[name] = value
         return settings

@@ -51,6 +51,11 @@
 #define ALBEDO_SLANT_NUMBERS 494253u
 #define ALBEDO_COVERED 494270u
 #define ALBEDO_COVERED_MEAN 500894u
+#define FILTER_LINES 64u
+#define FILTER_LINE_BEFORE 0u
+#define FILTER_LINE_PLACE 1u
+#define FILTER_LINE_HEIGHT 2u
+#define FILTER_LINE_SLOPE 3u
 #define CAMERA_PERSPECTIVE 0u
 #define CAMERA_ORTHOGRAPHIC 1u
 #define CAMERA_PANORAMIC 2u
@@ -163,9 +168,10 @@ typedef struct {
     uint lights_equal;          // 1: each light of the alias table keeps its own entry
     uint light_levels;          // of the tree of lights; 0: the alias table picks
     uint reuse;                 // pixels that share their indirect light: 1, 2, 4, 8 or 16
+    uint filter_negative;       // pixel filter: the first of its lines where it is negative
+    float filter_weight;        // of a sample: integral of the filter's absolute value over that of the filter; 0: a box
     uint padding_0;
-    uint padding_1;
-    uint padding_2;
+    float filter_lines[256];    // FILTER_LINES times FILTER_LINE_*, from the pixel's centre outwards
 } Settings;
 
 #define PRIMITIVE_ROW_A 0               // triangle: its vertices

@@ -224,6 +224,10 @@ class DeviceWorker:
                 defines["EMISSION_TEXTURES"] = 1
             if self._arrays.page_bits is not None:
                 defines["TEXEL_PAGE_BITS"] = self._arrays.page_bits
+        if self._settings["filter_weight"][0] > 0.0:
+            defines["PIXEL_FILTER"] = 1
+            if self._settings["filter_negative"][0] < layout.FILTER_LINES:
+                defines["PIXEL_FILTER_NEGATIVE"] = 1
         if self._settings["indirect_rays"][0] > 1:
             defines["PATH_SPLITS"] = 1
         if self._prefetches:

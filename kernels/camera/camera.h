@@ -1,4 +1,5 @@
-// Cameras: a ray through a point of the film, given in [0, 1)², and a random point of the lens (PBR 4ed, 5.2 and 5.3).
+// Cameras: a ray through a point of the film and a random point of the lens (PBR 4ed, 5.2 and 5.3). The film is [0, 1)²; with a pixel
+// filter (film/filter.h) a point may lie beyond its edges, where each kind of camera sees what the film would show if it went on.
 #ifndef CAMERA_CAMERA_H
 #define CAMERA_CAMERA_H
 
@@ -42,12 +43,26 @@ static Ray camera_lens_ray(const Camera* camera, vfloat film_x, vfloat film_y, S
     return ray_make(add(vec3_from(camera->origin), add(on_film, on_lens)), unit(sub(axis, on_lens)));
 }
 
+#ifdef PIXEL_FILTER
+// The same angle in [0, 1): of any number of turns.
+static vfloat camera_part_of_turn(vfloat turn) {
+    const vfloat part = turn - vfloat_of(vint_of(turn)), positive = part < 0.0f ? part + 1.0f : part;
+    return positive < 1.0f ? positive : splat(0.0f);
+}
+#endif
+
 // All directions, in longitude and latitude: the middle of the image looks along the axis.
 static Ray camera_panoramic_ray(const Camera* camera, vfloat film_x, vfloat film_y) {
     vfloat c, s, cosine, sine;
     const vfloat turn = film_x - 0.5f;
+#ifdef PIXEL_FILTER
+    // Beyond the left edge is the right one. Beyond a pole it goes down on the other side: there the sine is negative, which turns `level`
+    cos_sin_turn(camera_part_of_turn(turn), &c, &s);
+    cos_sin_turn(camera_part_of_turn(film_y * 0.5f), &cosine, &sine);
+#else
     cos_sin_turn(turn < 0.0f ? turn + 1.0f : turn, &c, &s);
     cos_sin_turn(film_y * 0.5f, &cosine, &sine);                     // from the zenith
+#endif
     const vec3 level = along(scale(vec3_from(camera->axis), c), vec3_from(camera->right), s);
     return ray_make(vec3_from(camera->origin), unit(along(scale(level, sine), vec3_from(camera->down), -cosine)));
 }

@@ -4,6 +4,7 @@
 
 #include "core/exact.h"
 #include "core/sampler.h"
+#include "film/filter.h"
 #include "film/slot.h"
 #include "types.h"
 
@@ -15,11 +16,17 @@ typedef struct {
     uint base, end;              // this work-item's slots, counted from first_slot: from the next to hand out on
     uint2 block;                 // top left pixel of the block that the next LANES slots are in
     uint next;                   // the next of the launch's samples of them to hand out
+#ifdef PIXEL_FILTER_NEGATIVE
+    float weight;                // of a sample where the filter is positive
+#endif
 } Pool;
+
+// Beside a sample's number: the filter is negative at its place.
+#define POOL_NEGATIVE 0x80000000u
 
 typedef struct {
     vuint slot;                  // counted from first_slot
-    vuint number;                // of the sample in this launch
+    vuint number;                // of the sample in this launch; may have the bit POOL_NEGATIVE
     Sampler sampler;
 } PoolSample;
 
@@ -52,13 +59,16 @@ static Pool pool_open(__global const Settings* settings, __global float* samples
     pool.end = min(pool.base + LANES * PACKETS, slot_count);
     pool.block = slot_block(settings, first_slot + pool.base);
     pool.next = 0;
+#ifdef PIXEL_FILTER_NEGATIVE
+    pool.weight = settings->filter_weight;
+#endif
     return pool;
 }
 
 static int pool_empty(const Pool* pool) { return pool->base >= pool->end; }
 
 // The next sample of LANES neighbouring pixels, one in every lane, and its place on the film, (0, 0) top left and (1, 1) bottom right:
-// uniform in its pixel. Returns which of the pixels are in the image.
+// uniform in its pixel, or as the filter has it, which may reach beyond the film. Returns which of the pixels are in the image.
 static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample* sample, vfloat* film_x, vfloat* film_y) {
     vuint x, y;
     vfloat u, v;
@@ -67,6 +77,12 @@ static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample
     const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + sample->slot, &x, &y);
     sample->sampler = sampler_start(settings->seed, y * settings->width + x, pool->first_sample + sample->number);
     sampler_get(sample->sampler, SET_PIXEL, &u, &v);
+#ifdef PIXEL_FILTER
+    const vmask negative = filter_place(settings, &u, &v);
+#endif
+#ifdef PIXEL_FILTER_NEGATIVE
+    sample->number = negative ? sample->number | POOL_NEGATIVE : sample->number;
+#endif
     *film_x = (vfloat_of(vint_from_uint(x)) + u) / (float)settings->width;
     *film_y = (vfloat_of(vint_from_uint(y)) + v) / (float)settings->height;
     if (++pool->next == pool->sample_count) {
@@ -77,16 +93,35 @@ static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample
     return inside & (sample->slot < pool->slot_count);
 }
 
-static void pool_deliver(const Pool* pool, const PoolSample* sample, vec3 radiance, vmask done) {
+// What a sample adds to its pixel. The filter's sign comes in only here: a path's throughput decides about roulette and has none.
+static vec3 pool_weighted(const Pool* pool, const PoolSample* sample, vec3 radiance) {
+#ifdef PIXEL_FILTER_NEGATIVE
+    return scale(radiance, sample->number >= POOL_NEGATIVE ? splat(-pool->weight) : splat(pool->weight));
+#else
+    return radiance;
+#endif
+}
+
+// A sample's number without more.
+static vuint pool_number_of(const PoolSample* sample) {
+#ifdef PIXEL_FILTER_NEGATIVE
+    return sample->number & (POOL_NEGATIVE - 1u);
+#else
+    return sample->number;
+#endif
+}
+
+// Write what has been found for samples, as it is.
+static void pool_put(const Pool* pool, const PoolSample* sample, vec3 found, vmask done) {
     int is_done[LANES];
     uint slot[LANES], number[LANES];
     float x[LANES], y[LANES], z[LANES];
     lane_store(done, is_done);
     lane_store(sample->slot, slot);
-    lane_store(sample->number, number);
-    lane_store(radiance.x, x);
-    lane_store(radiance.y, y);
-    lane_store(radiance.z, z);
+    lane_store(pool_number_of(sample), number);
+    lane_store(found.x, x);
+    lane_store(found.y, y);
+    lane_store(found.z, z);
     for (int lane = 0; lane < LANES; ++lane) {
         if (!is_done[lane]) continue;
         const size_t channels = pool->slot_count;
@@ -95,6 +130,11 @@ static void pool_deliver(const Pool* pool, const PoolSample* sample, vec3 radian
         out[channels] = y[lane];
         out[2 * channels] = z[lane];
     }
+}
+
+// Radiance, weighted.
+static void pool_deliver(const Pool* pool, const PoolSample* sample, vec3 radiance, vmask done) {
+    pool_put(pool, sample, pool_weighted(pool, sample, radiance), done);
 }
 
 // Add to the sample that each of the work-item's own slots already has.

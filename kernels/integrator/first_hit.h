@@ -1,5 +1,6 @@
 // What is seen first, as layers beside an image: its colour, normal, place, distance and primitive. Each sample is the image's own,
-// through the same point of the film and of the lens, so that the layers lie on the image exactly; one number or vector a launch.
+// through the same point of the film and of the lens, so that the layers lie on the image exactly; one number or vector a launch. All samples
+// count alike, also where a pixel filter is negative: a mean of distances or of reflectances is then one, too.
 //
 // The albedo is that of the first surface that is neither mirror nor glass, on the way that the image's path takes, as Open Image
 // Denoise advises (documentation of version 2, "Albedos"); all else is of the first surface of any kind. What is rough scatters too widely
@@ -92,7 +93,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const vec3 color = choose(looks_on, first_hit_tint(&bsdf, &next), bsdf_albedo(&bsdf));
         path.throughput = choose(found, mul(path.throughput, color), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
-        if (lane_any(ended)) pool_deliver(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
+        if (lane_any(ended)) pool_put(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
         path.depth = straight ? path.depth : path.depth + 1u;
         path.ray = surface_leave(&surface, next.direction);
         path.alive = path.alive & !ended;

@@ -13,6 +13,9 @@ typedef struct {
     int inside[LANES];       // whether the pixel is in the image
     int sees[LANES];         // and its ray sees anything
     uint base, number;       // the first one's slot, and the number of their sample in this launch
+#ifdef PIXEL_FILTER_NEGATIVE
+    uint numbers[LANES];     // with POOL_NEGATIVE
+#endif
     uint left;               // that nobody has asked for yet: the last ones
 } CameraRays;
 
@@ -67,6 +70,9 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     lane_store(ray.direction.y, rays->direction[1]);
     lane_store(ray.direction.z, rays->direction[2]);
     lane_store(sample.sampler.seed, rays->seed);
+#ifdef PIXEL_FILTER_NEGATIVE
+    lane_store(sample.number, rays->numbers);
+#endif
     lane_store(inside, rays->inside);
     lane_store(camera_sees(&ray), rays->sees);
 }
@@ -83,7 +89,11 @@ static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, P
     ray_replace(&path->ray, ray, lane);
     PoolSample* sample = &path->sample;
     sample->slot = lane ? splat_uint(rays->base + i) : sample->slot;
+#ifdef PIXEL_FILTER_NEGATIVE
+    sample->number = lane ? splat_uint(rays->numbers[i]) : sample->number;
+#else
     sample->number = lane ? splat_uint(rays->number) : sample->number;
+#endif
     sample->sampler.seed = lane ? splat_uint(rays->seed[i]) : sample->sampler.seed;
     sample->sampler.index = lane ? splat_uint(pool->first_sample + rays->number) : sample->sampler.index;
     path->throughput = choose(lane, vec3_all(sees), path->throughput);

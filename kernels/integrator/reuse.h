@@ -107,14 +107,14 @@ static void reuse_share(Reuse* r, Path* path, const Vertex* vertex, vmask shares
 #define RECORD_SHARED 2u
 
 // The numbers of a record, as ANCHOR_ROW_* and TARGET_ROW_* of types.h name them: two rows.
-static void reuse_words(const Reuse* r, vec3 light, vfloat words[RECORD_WORDS]) {
+static void reuse_words(const Reuse* r, vec3 reflects, vec3 light, vfloat words[RECORD_WORDS]) {
     const vuint flags = (r->anchored ? splat_uint(RECORD_ANCHORED) : splat_uint(0u)) | (r->shared ? splat_uint(RECORD_SHARED) : splat_uint(0u));
     vfloat* target = words + 16;
     for (int k = 0; k < RECORD_WORDS; ++k) words[k] = splat(0.0f);
     vec3_row_put(words, ANCHOR_ROW_ORIGIN, r->origin);
     vec3_row_put(words, ANCHOR_ROW_SIDE, r->side);
     vec3_row_put(words, ANCHOR_ROW_SHADING, r->shading);
-    vec3_row_put(words, ANCHOR_ROW_REFLECTS, r->reflects);
+    vec3_row_put(words, ANCHOR_ROW_REFLECTS, reflects);
     words[ANCHOR_ROW_FROM] = vfloat_from_bits(r->from);
     words[ANCHOR_ROW_DEPTH] = vfloat_from_bits(r->depth);
     words[ANCHOR_ROW_SURVIVAL] = r->survival;
@@ -128,13 +128,14 @@ static void reuse_words(const Reuse* r, vec3 light, vfloat words[RECORD_WORDS]) 
 // Write the records of paths that ended, and their own radiance to the film.
 static void reuse_deliver(const Pool* pool, __global float* records, const PoolSample* sample, const Reuse* r, vec3 radiance, vmask done) {
     vfloat words[RECORD_WORDS];
-    reuse_words(r, radiance, words);
+    // Whatever light the anchor gets, from whichever pixel, counts as this sample does; what the sample finds for others has no weight
+    reuse_words(r, pool_weighted(pool, sample, r->reflects), radiance, words);
     int is_done[LANES];
     uint slot[LANES], number[LANES];
     float word[LANES];
     lane_store(done, is_done);
     lane_store(sample->slot, slot);
-    lane_store(sample->number, number);
+    lane_store(pool_number_of(sample), number);
     for (uint k = 0; k < RECORD_WORDS; ++k) {
         lane_store(words[k], word);
         for (int lane = 0; lane < LANES; ++lane)

@@ -45,7 +45,7 @@ from clrender.integrators import INTEGRATORS
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import run
 from clrender.scheduling.worker import Candidate
-from clrender.settings import RenderSettings
+from clrender.settings import SETTINGS, RenderSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 GPU_LIKE = "rusticl"
@@ -101,6 +101,7 @@ def test_every_combination(all_devices: list[Device], expected: dict[str, str], 
         {"integrator": "direct", "shadow_rays": 3},
         {"indirect_rays": 3, "shadow_rays": 2, "max_depth": 4},
         {"roulette": "absorption"},
+        {"filter": "mitchell", "shadow_rays": 2},
         {"roulette": "none", "max_depth": 7, "sampling": "bsdf"},
         {"sampling": "light", "seed": 4294967295, "roulette": "absorption", "absorption": 0.25},
     ],
@@ -118,6 +119,7 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
     [
         {"integrator": "reuse"},
         {"integrator": "reuse", "reuse": 4, "max_depth": 3},
+        {"integrator": "reuse", "filter": "mitchell"},
         {"integrator": "photon", "photons": 3000},
         {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
     ],
@@ -127,6 +129,30 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
     """Pixels that share paths or photons, in a mesh with interpolated normals."""
     one = Cutting(1, "packet", 16, 1, 16, "shuffled")
     assert sha("bumpy", all_devices[:1], one, **settings) == sha("bumpy", all_devices[:1], **settings)
+
+
+FILTERS = [name for name in SETTINGS["filter"].domain.members if name != "box"]  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["room", "surfaces"])
+def test_pixel_filters_in_every_number_of_lanes(all_devices: list[Device], scene: str) -> None:
+    """Whose samples lie beyond their pixels, and whose signs travel with paths that are sorted and split."""
+    for name in FILTERS:
+        wanted = sha(scene, all_devices[:1], filter=name)
+        for device in all_devices:
+            if GPU_LIKE in device.info.platform:
+                assert scene != "room" or sha(scene, [device], filter=name) == wanted, name
+                continue
+            for number, lanes in enumerate(LANES):
+                cutting = Cutting(lanes, TRAVERSALS[number % 2], 16, 1, 16, "shuffled")
+                assert sha(scene, [device], cutting, filter=name) == wanted, f"{name}, {cutting}, {device.info.title}"
+
+
+def test_a_filter_is_another_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+    hashes = {sha("room", all_devices[:1], filter=name) for name in FILTERS}
+    assert len(hashes | {expected["room"]}) == len(FILTERS) + 1
+    assert sha("room", all_devices[:1], filter="box") == expected["room"]
 
 
 @pytest.mark.parametrize("packets", [1, 3])

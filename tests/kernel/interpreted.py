@@ -75,6 +75,8 @@ class Run:
         With dielectrics that overlap and absorb, and the camera in one of them.
     textured : bool
         With textures, also as emission, and normal and bump maps.
+    filter : str
+        Of pixels.
     """
 
     kernel: str
@@ -86,6 +88,7 @@ class Run:
     sky: bool = False
     interiors: bool = False
     textured: bool = False
+    filter: str = "box"
 
 
 RENDERS: Final = {
@@ -102,6 +105,9 @@ RENDERS: Final = {
     "path-4-textured": Run("path", 4, samples=2, textured=True),
     "whitted-1-textured": Run("whitted", 1, textured=True),
     "photon-4-textured": Run("photon", 4, textured=True),
+    "path-4-filter": Run("path", 4, samples=2, filter="mitchell"),
+    "reuse-4-filter": Run("reuse", 4, samples=2, filter="mitchell"),
+    "path-1-filter": Run("path", 1, filter="gaussian"),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -202,7 +208,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
 
 def render(device: Device, run: Run) -> str:
     """Hash of the sums of an image."""
-    settings = np.zeros(1, layout.dtype("Settings"))
+    settings = RenderSettings(filter=run.filter).struct(TILE)
     indirect = {"reuse": 1, "photon": 0}.get(run.kernel, 2)
     for name, value in {
         "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": 2, "max_depth": 6, "reuse": 16,
