@@ -56,6 +56,9 @@ def test_what_does_not_go_together_is_refused_with_both_names(shards: Path) -> N
     assert run("render", "room", "-o", "seed.film", "--seed", "1", *SIZE, folder=shards).returncode == 0
     message = refused(shards, "1.film", "seed.film")
     assert "1.film and seed.film differ in seed: seed 0 and 1" in message
+    done = run("render", "room", "-o", "filter.film", "--filter", "gaussian", "--shard", "2/3", *SIZE, folder=shards)
+    assert done.returncode == 0, done.stderr
+    assert "1.film and filter.film differ in filter" in refused(shards, "1.film", "filter.film")
     film = Film.load(shards / "2.film")
     film.request["kernel_sha256"] = "0" * 64
     film.save(shards / "kernels.film")

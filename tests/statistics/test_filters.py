@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from environment_support import PICTURES, radiance, under
 from exact import Floats
-from render_support import Studio, lambert, quad, scene
+from render_support import Studio, lambert, quad, room, scene
 from sampling_support import random_bits
 from stats_support import Evidence
 
@@ -144,6 +144,22 @@ def test_signs_do_not_bias_paths(evidence: Evidence, studio: Studio, settings: d
     """A closed room that shines by itself: 5 everywhere, whatever roulette, splitting and other pixels do."""
     batches = studio.tiles(clrender.load("furnace-room"), spp=16, filter="mitchell", tiles=2, **settings)
     evidence.mean_is(str(settings), batches, 5.0)
+
+
+def test_shared_light_has_the_sign_of_the_pixel_that_gets_it(evidence: Evidence, studio: Studio) -> None:
+    """A black and a white wall side by side, half of whose light is reflected before: shared, or by paths alone."""
+    walls = [quad([x, -1.0, -1.0], [1, 0, 0], [0, 2, 0], material=m) for x, m in ((-1.0, "black"), (0.0, "white"))]
+    camera = {"type": "orthographic", "position": [0.06, 0.0, 0.0], "target": [0.06, 0, -1], "height": 0.8}
+    around = room([4.0, 4.0, 4.0], emission=1.0, material="grey")
+    what = scene([*walls, around], camera=camera, black=lambert(0.0), white=lambert(0.9), grey=lambert(0.5))
+    ways = [
+        np.array(
+            [studio.gray(what, 8, spp=128, seed=seed, filter="mitchell", **way).mean(axis=0) for seed in range(16)]
+        )
+        for way in ({"integrator": "reuse"}, {"integrator": "path"})
+    ]
+    assert ways[1].mean(axis=0).min() < -0.01
+    evidence.equal("reuse and path", *ways)
 
 
 @pytest.mark.parametrize("name", ONE_IS_ENOUGH)
