@@ -53,6 +53,7 @@ def render_stats(
     return {
         "image_sha256": image_sha256(linear),
         "denoised": False,
+        "camera_exposure": job.scene.camera.exposure,
         "scene_sha256": request["scene_sha256"],
         "kernel_sha256": request["kernel_sha256"],
         "version": request["version"],

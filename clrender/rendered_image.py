@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from clrender.aov import exr_channels
 from clrender.errors import RenderError
+from clrender.exposure import camera_exposure, photographic_stops
 from clrender.film import Film
 from clrender.image.files import png_bytes, write_image
 
@@ -87,6 +88,11 @@ class RenderedImage:
         """What is written and shown: the denoised image where there is one, else the linear one."""
         return self.linear if self.denoised is None else self.denoised
 
+    @property
+    def camera_stops(self) -> float:
+        """Exposure of display images by the camera's f-stop, shutter and iso; 0 without them."""
+        return photographic_stops(**camera_exposure(self.stats, {}))
+
     def save(self, path: str | Path, tone_map: str = "srgb", exposure: float = 0.0) -> None:
         """Write the image; the ending says how. `.film` keeps the exact sums, `.exr` the layers too.
 
@@ -96,7 +102,7 @@ class RenderedImage:
         tone_map : str
             For display formats.
         exposure : float
-            In stops, for display formats.
+            In stops, for display formats; added to that of the camera's f-stop, shutter and iso, where it has them.
 
         Raises
         ------
@@ -109,10 +115,11 @@ class RenderedImage:
             told = {name: value for name, value in self.stats.items() if not name.startswith("denois")}
             self.film.save(path, {**told, "denoised": False})
         else:
-            write_image(path, self.picture, self.stats, tone_map, exposure, exr_channels(self.aovs))
+            stops = exposure + self.camera_stops
+            write_image(path, self.picture, self.stats, tone_map, stops, exr_channels(self.aovs))
 
     def _repr_png_(self) -> bytes:
-        return png_bytes(self.picture)
+        return png_bytes(self.picture, exposure=self.camera_stops)
 
 
 class IncompleteRender(RenderError):

@@ -11,6 +11,7 @@ from typing import Any, Final
 import click
 from click.shell_completion import CompletionItem
 
+from clrender.exposure import PHOTOGRAPHIC
 from clrender.limits import Choice, Domain, NotAllowed, Range, shown
 from clrender.settings import PIXEL_LIMIT, SETTINGS
 
@@ -135,24 +136,56 @@ def shard(value: Any) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
+class _ShutterType(DomainType):
+    """Option type: seconds, also as a fraction such as 1/125."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if (
+            isinstance(value, str)
+            and (match := re.fullmatch(r"(\d{1,9})/(\d{1,9})", value, re.ASCII))
+            and int(match[2])
+        ):
+            value = int(match[1]) / int(match[2])
+        return super().convert(value, param, ctx)
+
+
 def tone_options(command: Any) -> Any:
-    """Decorator: the two options of every command that makes display images."""
-    tone_map = click.option(
-        "--tone-map",
-        type=DomainType(Choice(TONE_MAPS)),
-        default="srgb",
-        show_default=True,
-        help="Of .png and .jpg.",
-    )
-    exposure = click.option(
-        "--exposure",
-        type=number(-128, 128),
-        default=0.0,
-        show_default=True,
-        metavar="EV",
-        help="Of .png and .jpg, in stops.",
-    )
-    return tone_map(exposure(command))
+    """Decorator: the options of every command that makes display images."""
+    options = [
+        click.option(
+            "--tone-map",
+            type=DomainType(Choice(TONE_MAPS)),
+            default="srgb",
+            show_default=True,
+            help="Of .png and .jpg.",
+        ),
+        click.option(
+            "--exposure",
+            type=number(-128, 128),
+            default=0.0,
+            show_default=True,
+            metavar="EV",
+            help="Of .png and .jpg, in stops.",
+        ),
+        click.option(
+            "--f-stop",
+            type=DomainType(PHOTOGRAPHIC["f_stop"]),
+            metavar="N",
+            help="With --shutter: exposure as of a photograph (none).",
+        ),
+        click.option(
+            "--shutter",
+            type=_ShutterType(PHOTOGRAPHIC["shutter"]),
+            metavar="S",
+            help="Seconds, such as 1/125; see --f-stop (none).",
+        ),
+        click.option(
+            "--iso", type=DomainType(PHOTOGRAPHIC["iso"]), metavar="S", help="Film speed; see --f-stop (100)."
+        ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
 
 
 def allow_path_option(command: Any) -> Any:

@@ -11,6 +11,7 @@ from clrender.cli.folder import output_folder
 from clrender.cli.options import allow_path_option, number, numbers, setting_option, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
+from clrender.exposure import photographic_stops
 from clrender.settings import SETTINGS, settings_for
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ def radiosity(
     tone_map: str,
     exposure: float,
     allow_paths: tuple[Path, ...],
+    **photograph: float | None,
 ) -> None:
     """Animate SCENE: a shape moves, and only the transport that it affects is computed again.
 
@@ -83,6 +85,7 @@ def radiosity(
     description = load(scene, allow_paths=allow_paths)
     if shape >= len(description.shapes):
         raise UsageError(f"--move: there is no shape {shape}; the scene has {len(description.shapes)}, from 0")
+    exposure += photographic_stops(**(description.with_exposure(**photograph).camera.exposure or {}))
     own = {"patches": patches, "patch_rays": patch_rays, "radiosity_display": radiosity_display}
     wanted = settings_for(description, size, {"spp": spp, "integrator": "radiosity", **own})
     with output_folder(folder, "frame-0000.png"):

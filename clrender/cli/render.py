@@ -83,6 +83,9 @@ def render(
     environment: Path | None,
     tone_map: str,
     exposure: float,
+    f_stop: float | None,
+    shutter: float | None,
+    iso: float | None,
     aov: str | None,
     shard: tuple[int, int] | None,
     denoise: bool,
@@ -109,6 +112,7 @@ def render(
         description = load(scene, allow_paths=allow_paths)
         if environment is not None:
             description = description.with_environment(environment)
+        description = description.with_exposure(f_stop, shutter, iso)
         load_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
@@ -146,7 +150,7 @@ def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | No
     if stats is not None:
         check_writable(stats)
     endings = {path.suffix.lower() for path in outputs}
-    for name in ("tone_map", "exposure"):
+    for name in ("tone_map", "exposure", "f_stop", "shutter", "iso"):
         given = ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE
         if given and not endings.intersection(DISPLAY_ENDINGS):
             option = name.replace("_", "-")

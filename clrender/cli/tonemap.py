@@ -10,6 +10,7 @@ from clrender.cli.inputs import read_linear
 from clrender.cli.options import tone_options
 from clrender.cli.outputs import check_distinct, check_image_size
 from clrender.errors import UsageError
+from clrender.exposure import camera_exposure, photographic_stops
 
 __all__ = ["tonemap"]
 
@@ -27,7 +28,13 @@ __all__ = ["tonemap"]
     help="Where to: .png or .jpg. Repeatable.",
 )
 @tone_options
-def tonemap(image: Path, outputs: tuple[Path, ...], tone_map: str, exposure: float) -> None:
+def tonemap(
+    image: Path,
+    outputs: tuple[Path, ...],
+    tone_map: str,
+    exposure: float,
+    **photograph: float | None,
+) -> None:
     """Tone-map a linear IMAGE (.npy .exr .hdr .film) for display."""
     from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, LINEAR_ENDINGS, check_output, write_image
 
@@ -41,6 +48,7 @@ def tonemap(image: Path, outputs: tuple[Path, ...], tone_map: str, exposure: flo
     check_distinct(outputs, [image])
     linear, provenance = read_linear(image)
     check_image_size(outputs, linear.shape[1], linear.shape[0])
+    exposure += photographic_stops(**camera_exposure(provenance, photograph))
     for output in outputs:
         write_image(output, linear, provenance, tone_map, exposure)
         click.echo(f"{output}: {linear.shape[1]}x{linear.shape[0]}, {tone_map}, exposure {exposure:g}")

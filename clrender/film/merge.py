@@ -22,6 +22,7 @@ _SAME: Final = (
     "seed",
     "integrator",
     "settings",
+    "camera_exposure",
     "triangles",
 )
 

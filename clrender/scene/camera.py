@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, Strict, model_validator
 
+from clrender.exposure import PHOTOGRAPHIC
 from clrender.scene.values import COORDINATE_LIMIT, Finite, Length, Part, Vector, cross, fault, length
 
 __all__ = ["Camera"]
@@ -21,6 +22,10 @@ _OF_CAMERAS: Final[Mapping[str, tuple[str, ...]]] = {
     "blade_rotation_degrees": ("perspective", "orthographic"),
 }
 """Types of camera that have these keys; all have the others."""
+
+_FStop = Annotated[Finite, Field(ge=PHOTOGRAPHIC["f_stop"].low, le=PHOTOGRAPHIC["f_stop"].high)]
+_Shutter = Annotated[Finite, Field(ge=PHOTOGRAPHIC["shutter"].low, le=PHOTOGRAPHIC["shutter"].high)]
+_Speed = Annotated[Finite, Field(ge=PHOTOGRAPHIC["iso"].low, le=PHOTOGRAPHIC["iso"].high)]
 
 
 class Camera(Part):
@@ -46,6 +51,14 @@ class Camera(Part):
     blade_rotation_degrees: Annotated[Finite, Field(ge=-360.0, le=360.0)] = Field(
         0.0, description="of the first corner, from image right to image up"
     )
+    f_stop: _FStop | None = Field(
+        None,
+        description="f-number N: with shutter the exposure of display images; blur comes from aperture_radius alone",
+    )
+    shutter: _Shutter | None = Field(
+        None, description="how long light is collected for the exposure of display images, seconds; nothing is blurred"
+    )
+    iso: _Speed | None = Field(None, description="film speed, beside f_stop and shutter (default: 100)")
 
     @model_validator(mode="after")
     def _has_a_frame(self) -> Camera:
@@ -64,6 +77,21 @@ class Camera(Part):
     def reach(self) -> float:
         """How far from `position` rays may begin, metres: without perspective, as wide as the image is."""
         return math.inf if self.type == "orthographic" else self.aperture_radius
+
+    @property
+    def exposure(self) -> dict[str, float] | None:
+        """What decides how an image is shown, and nothing about its radiance; None where it is not given."""
+        given = {name: getattr(self, name) for name in PHOTOGRAPHIC}
+        return {name: value for name, value in given.items() if value is not None} or None
+
+    @model_validator(mode="after")
+    def _is_a_whole_exposure(self) -> Camera:
+        for given in self.exposure or ():
+            for missing in ("f_stop", "shutter"):
+                if getattr(self, missing) is None:
+                    cure = f"give f_stop and shutter, or leave {given} out"
+                    raise fault("camera", f"is given without {missing}; {cure}", given)
+        return self
 
     @model_validator(mode="after")
     def _has_what_its_type_has(self) -> Camera:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
 
 from clrender.errors import SceneError
+from clrender.exposure import PHOTOGRAPHIC, photographic_stops
 from clrender.integrators import INTEGRATORS
 from clrender.scene.camera import Camera
 from clrender.scene.environment import EnvironmentPicture
@@ -346,6 +347,29 @@ class Scene(Part):
         scene._pictures = {**self._pictures, **pictures}
         return scene
 
+    def with_exposure(
+        self, f_stop: float | None = None, shutter: float | None = None, iso: float | None = None
+    ) -> Scene:
+        """The same scene, its display images exposed otherwise; what is not given stays.
+
+        Parameters
+        ----------
+        f_stop, shutter, iso : float, optional
+            As of `clrender.exposure.photographic_stops`.
+
+        Raises
+        ------
+        UsageError
+            When a number is not allowed, or f-stop or shutter is missing then.
+        """
+        asked = {"f_stop": f_stop, "shutter": shutter, "iso": iso}
+        asked = {name: value for name, value in asked.items() if value is not None}
+        if not asked:
+            return self
+        given = {**(self.camera.exposure or {}), **asked}
+        photographic_stops(**given)
+        return self.model_copy(update={"camera": self.camera.model_copy(update=given)})
+
     def with_environment(self, file: str | Path) -> Scene:
         """The same scene, which has no environment, in one with this picture.
 
@@ -370,7 +394,8 @@ class Scene(Part):
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.
 
-        Its title and its defaults for a render's settings do not count; which settings made an image is said beside it.
+        Its title, its defaults for a render's settings and the exposure of display images do not count; which settings
+        made an image is said beside it.
 
         Returns
         -------
@@ -386,6 +411,8 @@ class Scene(Part):
 
     def _hash_without(self, left_out: set[str]) -> str:
         content = self.model_dump(mode="json", exclude=left_out)
+        for key in PHOTOGRAPHIC:
+            content.get("camera", {}).pop(key, None)
         for index, shape in enumerate(self.shapes):
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()

@@ -22,7 +22,7 @@ from clrender.image.tone_map import TONE_MAPS as OPERATORS
 RENDER_OPTIONS = (
     "output spp size seed device integrator filter shadow-rays indirect-rays max-depth roulette absorption sampling "
     "light-sampler reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
-    "environment samples-per-pass work-group lanes time shard stats quiet allow-path"
+    "f-stop shutter iso environment samples-per-pass work-group lanes time shard stats quiet allow-path"
 )
 
 
@@ -117,6 +117,14 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "absorption that is none": ("render room -o a.png --absorption nan", ("--absorption", "'nan'")),
     "unknown tone map": ("render room -o a.png --tone-map filmic", ("--tone-map", "'filmic'", "aces or agx")),
     "endless exposure": ("render room -o a.png --exposure inf", ("--exposure", "'inf'", "at most 128")),
+    "f-stop of nothing": ("render room -o a.png --f-stop 0", ("--f-stop", "at least 0.1")),
+    "shutter by nothing": ("render room -o a.png --f-stop 8 --shutter 1/0", ("--shutter", "'1/0'", "at least 1e-06")),
+    "half an exposure": ("render room -o a.png --f-stop 8", ("f_stop", "without shutter", "give f_stop and shutter")),
+    "photograph of linear images": ("render room -o a.exr --iso 100", ("--iso", ".png and .jpg")),
+    "unknown filter": (
+        "render room -o a.png --filter tent",
+        ("--filter", "box, gaussian, blackman-harris or mitchell"),
+    ),
     "no tile": ("render room -o a.png --tile 0", ("--tile", "at least 1")),
     "no samples in a pass": ("render room -o a.png --samples-per-pass 0", ("--samples-per-pass", "at least 1")),
     "no work-group": ("render room -o a.png --work-group 0", ("--work-group", "at least 1")),

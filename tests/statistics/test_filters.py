@@ -152,14 +152,12 @@ def test_shared_light_has_the_sign_of_the_pixel_that_gets_it(evidence: Evidence,
     camera = {"type": "orthographic", "position": [0.06, 0.0, 0.0], "target": [0.06, 0, -1], "height": 0.8}
     around = room([4.0, 4.0, 4.0], emission=1.0, material="grey")
     what = scene([*walls, around], camera=camera, black=lambert(0.0), white=lambert(0.9), grey=lambert(0.5))
-    ways = [
-        np.array(
-            [studio.gray(what, 8, spp=128, seed=seed, filter="mitchell", **way).mean(axis=0) for seed in range(16)]
-        )
+    shared, alone = (
+        np.array([studio.gray(what, 8, spp=128, seed=n, filter="mitchell", **way).mean(axis=0) for n in range(16)])
         for way in ({"integrator": "reuse"}, {"integrator": "path"})
-    ]
-    assert ways[1].mean(axis=0).min() < -0.01
-    evidence.equal("reuse and path", *ways)
+    )
+    assert alone.mean(axis=0).min() < -0.01
+    evidence.equal("reuse and path", shared, alone)
 
 
 @pytest.mark.parametrize("name", ONE_IS_ENOUGH)
