@@ -274,7 +274,7 @@ class RenderSettings:
             **(fixed or {}),
         }
         if self.filter != "box":
-            from clrender.film.filter import filter_table
+            from clrender.pixel_filter import filter_table
 
             table = filter_table(self.filter)
             settings["filter_lines"] = table.lines.ravel()
