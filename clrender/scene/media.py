@@ -51,7 +51,7 @@ class Media:
     Attributes
     ----------
     rows : (n + 1, 16) float32
-        ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is what is in no medium. All zero: paths need no account of media.
+        ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is what is in no medium. All zero: paths need no account of them.
     of_solid : mapping of Solid to int
         Row of each pair that bounds one: its material is a dielectric, or principled with transmission, and not thin.
     no_boundary : frozenset of Solid
@@ -95,11 +95,7 @@ def scene_media(scene: Scene) -> Media:
         There are more than `MEDIA_LIMIT`.
     """
     shining = {solid_of(shape) for shape in scene.shapes if shape.shines}
-    solids: dict[Solid, Dielectric | Principled] = {}
-    for solid in _in_order(scene):
-        material = scene.materials[solid[0]] if solid[0] is not None else _MATCHED if solid[1] is not None else None
-        if isinstance(material, Dielectric | Principled) and material.solid:
-            solids[solid] = material
+    solids = _solids(scene)
     media = {solid: _medium(scene, solid, material) for solid, material in solids.items()}
     ranked = _by_priority(media)
     outside = _Medium(None) if scene.fog is None else _Medium(None, 1.0, *scene.media[scene.fog].numbers)
@@ -108,7 +104,7 @@ def scene_media(scene: Scene) -> Media:
         dark = {
             n for n, m in media.items() if m.priority is None and _bends_nothing(solids[n]) and m[2:] == outside[2:]
         }
-    # Of a medium of index 1 that loses to all others nothing is seen, where there is nothing that it could take the place of.
+    # Of a medium of index 1 that loses to all others nothing is seen, where it takes the place of none
     shown = [media[solid] for solid in media if solid in shining]
     empty = outside.is_vacuum and all(m[2:] == outside[2:] for m in media.values() if m.priority is None)
     while ranked and empty and ranked[0].is_vacuum and ranked[0] not in shown:
@@ -122,26 +118,35 @@ def scene_media(scene: Scene) -> Media:
     if len(numbers) > MEDIA_LIMIT:
         text = f"the interiors of its shapes are {len(numbers)} different media, but paths tell {MEDIA_LIMIT} apart"
         raise SceneError(f"{scene.source}: materials: {text}; let more of them agree in index, absorption and priority")
+    indices = [1.0, *(medium.ior for medium in numbers)]
+    straight = any(indices.count(medium.ior) > 1 for medium in ranked)
+    straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
+    of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
+    scatters = any(max(medium.scattering) > 0.0 for medium in (outside, *numbers))
+    return Media(_rows(outside, numbers, len(unranked)), of_solid, frozenset(dark), scatters, straight)
+
+
+def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled]:
+    """What bounds media, by the materials' order in the scene, then by the shapes', with its surface."""
+    places = {name: place for place, name in enumerate(scene.materials)}
+    appear = dict.fromkeys(solid_of(shape) for shape in scene.shapes)
+    solids: dict[Solid, Dielectric | Principled] = {}
+    for name, interior in sorted(appear, key=lambda solid: -1 if solid[0] is None else places[solid[0]]):
+        material = scene.materials[name] if name is not None else _MATCHED if interior is not None else None
+        if isinstance(material, Dielectric | Principled) and material.solid:
+            solids[name, interior] = material
+    return solids
+
+
+def _rows(outside: _Medium, numbers: Mapping[_Medium, int], unranked: int) -> NDArray[np.float32]:
     rows = np.zeros((len(numbers) + 1, 16), np.float32)
     for medium, number in ((outside, 0), *numbers.items()):
         extinction = [a + s for a, s in zip(medium.absorption, medium.scattering, strict=True)]
         for name, value in (("IOR", medium.ior), ("SIGMA", medium.absorption), ("EXTINCTION", extinction)):
             rows[number, _COLUMNS[name]] = value
         rows[number, _COLUMNS["SCATTERING"]], rows[number, _COLUMNS["G"]] = medium.scattering, medium.g
-    rows[0, _COLUMNS["UNRANKED"]] = np.uint32(len(unranked)).view(np.float32)
-    indices = [1.0, *(medium.ior for medium in numbers)]
-    straight = any(indices.count(medium.ior) > 1 for medium in ranked)
-    straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
-    of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
-    scatters = any(max(medium.scattering) > 0.0 for medium in (outside, *numbers))
-    return Media(rows, of_solid, frozenset(dark), scatters, straight)
-
-
-def _in_order(scene: Scene) -> list[Solid]:
-    """Pairs of material and interior: by the materials' order in the scene, then by the shapes'."""
-    places = {name: place for place, name in enumerate(scene.materials)}
-    appear = dict.fromkeys(solid_of(shape) for shape in scene.shapes)
-    return sorted(appear, key=lambda solid: -1 if solid[0] is None else places[solid[0]])
+    rows[0, _COLUMNS["UNRANKED"]] = np.uint32(unranked).view(np.float32)
+    return rows
 
 
 def absorption_coefficients(material: Dielectric | Principled) -> Vector:

@@ -107,7 +107,7 @@ class Surface(Part):
     )
     interior: Name | None = Field(
         None,
-        description="name of a medium that fills the shape, which is closed then; without a material its surface is not seen",
+        description="name of a medium that fills the closed shape; without a material its surface is not seen",
     )
     flip_normals: Flag = False
     transform: Transform = Transform()

@@ -84,6 +84,6 @@ def _refuse_media(scene: Scene, integrator: str) -> None:
     place = next((f"shapes[{i}].interior" for i, shape in enumerate(scene.shapes) if shape.interior is not None), place)
     if place is not None:
         raise SceneError(
-            f"{scene.source}: {place} is a medium, which the integrator {integrator} does not take; leave it out, or use "
-            "--integrator path"
+            f"{scene.source}: {place} is a medium, which the integrator {integrator} does not take; leave it out, or "
+            "use --integrator path"
         )

@@ -1,4 +1,4 @@
-"""Media that scatter: transmittance, single scattering and furnaces in closed form, and one way to find light against another."""
+"""Media that scatter: transmittance, single scattering and furnaces in closed form; ways to find light, compared."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SKY = {"type": "environment", "radiance": [1.0, 1.0, 1.0]}
 WEIGHTS = np.array([0.5, 0.3, 0.2])
 """Of the channels in what a `Studio` measures."""
-SMOKE = {"absorption": [0.2, 0.1, 0.05], "scattering": [2.0, 1.0, 3.0], "g": 0.6}
+SMOKE: dict[str, Any] = {"absorption": [0.2, 0.1, 0.05], "scattering": [2.0, 1.0, 3.0], "g": 0.6}
 STRAIGHT = {"type": "orthographic", "position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "height": 0.5}
 BESIDE = {"position": [0.0, 1.0, 5.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 40.0}
 
@@ -62,7 +62,7 @@ _slow = pytest.mark.slow
     ],
 )
 def test_light_scattered_once(evidence: Evidence, studio: Studio, toward: tuple[float, ...], g: float) -> None:
-    """Parallel light on a slab, seen from before it: σs p E (1 - e^(-σ d (1 + 1/μ))) / (σ (1 + 1/μ)) (Chandrasekhar)."""
+    """Parallel light on a slab, seen from before it: σs p E (1 - e^(-σ d (1 + 1/μ))) / (σ (1 + 1/μ))."""
     light = {"type": "directional", "direction": list(toward), "irradiance": [2.0, 2.0, 2.0]}
     what = described([slab(0.7)], [light], STRAIGHT, media={"smoke": {**SMOKE, "g": g}})
     unit = np.asarray(toward) / np.linalg.norm(toward)
