@@ -25,8 +25,8 @@ from clrender.scene.description import (
 from clrender.scene.interiors import media_around, packed
 from clrender.scene.lights import flat_environment, flat_lights
 from clrender.scene.material_rows import flat_materials
-from clrender.scene.materials import Dielectric
-from clrender.scene.media import scene_media
+from clrender.scene.materials import Dielectric, Material
+from clrender.scene.media import Solid, scene_media, solid_of
 from clrender.scene.microfacets import albedo_tables
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.texture_rows import flat_textures
@@ -48,7 +48,7 @@ class FlatScene:
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
         ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
-        ``media_rows`` (N, 16) float32, of one row where paths need no account of what they are inside of;
+        ``media_rows`` (N, 16) float32, zero where paths need no account of what they are inside of;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
         ``lights`` (L,) `Light`, as of `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and
@@ -63,6 +63,10 @@ class FlatScene:
         Of the lights that light samples choose from.
     light_levels : int
         Of the tree of lights; 0: there is none.
+    scatters : bool
+        Whether a medium does.
+    straight_surfaces : bool
+        Whether light goes straight through some surfaces that are no boundaries: `clrender.scene.media.Media`.
     arrays_sha256 : str
         Over all of the above but the camera.
     warnings : tuple of str
@@ -79,6 +83,8 @@ class FlatScene:
     analytic_count: int
     light_count: int
     light_levels: int
+    scatters: bool
+    straight_surfaces: bool
     arrays_sha256: str
     warnings: tuple[str, ...] = ()
     origin: Vector = (0.0, 0.0, 0.0)
@@ -160,7 +166,7 @@ def flatten(
     lights = flat_lights(scene, surfaces, textures, around, light_sampler)
     tree = lights.tree
     triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
-    materials = flat_materials(scene, media.of_material)
+    materials = flat_materials(scene, media.of_solid)
     arrays = {
         "vertices": _padded(surfaces.vertices),
         "normals": _padded(surfaces.normals),
@@ -197,6 +203,8 @@ def flatten(
         analytic_count=analytic_count,
         light_count=lights.count,
         light_levels=tree.levels if tree else 0,
+        scatters=media.scatters,
+        straight_surfaces=media.straight,
         arrays_sha256=digest.hexdigest(),
         warnings=(
             *surfaces.warnings,
@@ -222,11 +230,10 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     return dataclasses.replace(flat, camera=around)
 
 
-def _lost_light(scene: Scene, no_boundary: frozenset[str]) -> list[str]:
+def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
     """What no integrator but one finds: light of points and directions that passes glass."""
-    used = {shape.material for shape in scene.shapes if shape.material is not None}
-    glass = [name for name in used if isinstance(scene.materials[name], Dielectric)]
-    glass = [name for name in glass if name not in no_boundary]
+    used = {solid_of(shape) for shape in scene.shapes} - no_boundary
+    glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
     kinds: dict[type, str] = {DirectionalLight: "directional", PointLight: "point"}
     shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
     if not glass or not shining:
@@ -235,6 +242,11 @@ def _lost_light(scene: Scene, no_boundary: frozenset[str]) -> list[str]:
     return [
         f"{scene.source}: light of {which}: only the integrator photon finds it; elsewhere glass casts a full shadow"
     ]
+
+
+def _is_glass(material: Material) -> bool:
+    """Whether it bends light, as far as it can be said without knowing what is around it."""
+    return isinstance(material, Dielectric) and material.ior != material.exterior_ior
 
 
 def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count: int) -> list[str]:

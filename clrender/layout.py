@@ -67,6 +67,7 @@ __all__ = [
     "MATERIAL_FLAG_SCHLICK",
     "MATERIAL_FLAG_THIN",
     "MATERIAL_LAMBERT",
+    "MATERIAL_MEDIUM",
     "MATERIAL_MIRROR",
     "MATERIAL_MIX",
     "MATERIAL_OREN_NAYAR",
@@ -110,6 +111,7 @@ MATERIAL_CONDUCTOR: Final = 4
 MATERIAL_PRINCIPLED: Final = 5
 MATERIAL_MIX: Final = 6
 MATERIAL_BY_ROW: Final = 7
+MATERIAL_MEDIUM: Final = 8
 """Kind of a primitive's material that has rows of its own, of which the first says the kind."""
 
 MATERIAL_FLAG_THIN: Final = 1
@@ -232,6 +234,7 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "MATERIAL_PRINCIPLED": MATERIAL_PRINCIPLED,
     "MATERIAL_MIX": MATERIAL_MIX,
     "MATERIAL_BY_ROW": MATERIAL_BY_ROW,
+    "MATERIAL_MEDIUM": MATERIAL_MEDIUM,
     "MATERIAL_FLAG_THIN": MATERIAL_FLAG_THIN,
     "MATERIAL_FLAG_ONE_SIDED": MATERIAL_FLAG_ONE_SIDED,
     "MATERIAL_FLAG_SCHLICK": MATERIAL_FLAG_SCHLICK,
@@ -448,8 +451,11 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
     ),
     "MEDIUM": (
         ("IOR", 0, 1, "of a dielectric: its index of refraction; row 0: 1"),
-        ("SIGMA", 1, 3, "its absorption coefficients, per metre"),
+        ("SIGMA", 1, 3, "absorption coefficients, per metre"),
         ("UNRANKED", 4, 1, "bits, in row 0: so many media have no priority"),
+        ("EXTINCTION", 5, 3, "absorption and scattering coefficients together, per metre"),
+        ("SCATTERING", 8, 3, "scattering coefficients"),
+        ("G", 11, 1, "mean cosine of scattering: Henyey and Greenstein's parameter"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

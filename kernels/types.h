@@ -14,6 +14,7 @@
 #define MATERIAL_PRINCIPLED 5u
 #define MATERIAL_MIX 6u
 #define MATERIAL_BY_ROW 7u
+#define MATERIAL_MEDIUM 8u
 #define MATERIAL_FLAG_THIN 1u
 #define MATERIAL_FLAG_ONE_SIDED 2u
 #define MATERIAL_FLAG_SCHLICK 4u
@@ -232,8 +233,11 @@ typedef struct {
 #define TEXTURE_ROW_BIAS 15             // added then
 
 #define MEDIUM_ROW_IOR 0                // of a dielectric: its index of refraction; row 0: 1
-#define MEDIUM_ROW_SIGMA 1              // its absorption coefficients, per metre
+#define MEDIUM_ROW_SIGMA 1              // absorption coefficients, per metre
 #define MEDIUM_ROW_UNRANKED 4           // bits, in row 0: so many media have no priority
+#define MEDIUM_ROW_EXTINCTION 5         // absorption and scattering coefficients together, per metre
+#define MEDIUM_ROW_SCATTERING 8         // scattering coefficients
+#define MEDIUM_ROW_G 11                 // mean cosine of scattering: Henyey and Greenstein's parameter
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

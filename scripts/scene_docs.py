@@ -61,6 +61,7 @@ def tables(schema: dict[str, Any]) -> str:
         ("Bump maps", "bump_map = { … }", ["BumpMap"]),
         ("Shapes", "[[shapes]]", _kinds(schema["properties"]["shapes"]["items"])),
         ("Transforms", "transform = { … }", ["Transform"]),
+        ("Media", "[media.NAME]", ["Medium"]),
         ("Lights", "[[lights]]", _kinds(schema["properties"]["lights"]["items"])),
     ):
         parts += [f"## {title}: `{key}`", ""]

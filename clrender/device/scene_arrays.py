@@ -117,7 +117,9 @@ class SceneArrays:
         self.tree = tree or bvh.build(device, source)
         self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
-        self.interiors = len(scene.arrays["media_rows"]) > 1
+        self.interiors = bool(scene.arrays["media_rows"].any())
+        self.media = scene.scatters
+        self.straight_surfaces = scene.straight_surfaces
         self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
         attributes = scene.arrays["attribute_rows"]
         self.textured = len(attributes) > 1 or bool(attributes.any()) or self.emission_textures

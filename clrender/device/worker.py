@@ -218,6 +218,10 @@ class DeviceWorker:
             defines["ENVIRONMENT_MAP"] = 1
         if self._arrays.interiors:
             defines["INTERIORS"] = 1
+            if self._arrays.media:
+                defines["MEDIA"] = 1
+            if self._arrays.straight_surfaces:
+                defines["STRAIGHT_SHADOWS"] = 1
         if self._arrays.textured:
             defines["TEXTURES"] = 1
             if self._arrays.emission_textures:

@@ -71,6 +71,8 @@ class Integrator:
         Whether it takes an environment that is not the same everywhere.
     volumes : bool
         Whether its paths keep account of the dielectrics that they are inside of: priorities and absorption.
+    media : bool
+        Whether it takes media that scatter, and the fog.
     textures : tuple of str or None
         Keys of materials at which it takes textures; None: all.
     emission_textures : bool
@@ -92,6 +94,7 @@ class Integrator:
     materials: tuple[str, ...] = ()
     environment_pictures: bool = True
     volumes: bool = True
+    media: bool = False
     textures: tuple[str, ...] | None = None
     emission_textures: bool = True
     vertex_colors: bool = True

@@ -13,4 +13,5 @@ INTEGRATOR: Final = Integrator(
     leaves_out=(BETWEEN_DIFFUSE, CAUSTICS),
     takes={"indirect_rays": (1, 0)},
     fixed={"indirect_rays": 0},
+    media=True,
 )

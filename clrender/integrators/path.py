@@ -8,4 +8,4 @@ from clrender.integrators.descriptor import Integrator, Pipeline
 
 __all__ = ["INTEGRATOR"]
 
-INTEGRATOR: Final = Integrator(Pipeline("integrator/path.cl", "integrator_path", packets=8))
+INTEGRATOR: Final = Integrator(Pipeline("integrator/path.cl", "integrator_path", packets=8), media=True)

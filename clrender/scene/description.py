@@ -35,6 +35,7 @@ from clrender.scene.materials import (
     Principled,
     material_without_color,
 )
+from clrender.scene.medium import Medium
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.shapes import Mesh, Shape
@@ -144,6 +145,8 @@ class Scene(Part):
     materials: Annotated[dict[Name, Material], Field(max_length=65536)] = Field(default_factory=dict)
     shapes: Annotated[tuple[Shape, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
     lights: Annotated[tuple[Light, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
+    media: Annotated[dict[Name, Medium], Field(max_length=65536)] = Field(default_factory=dict)
+    fog: Name | None = Field(None, description="name of a medium that is wherever no other one is, without end")
 
     _base_folder: Path = PrivateAttr(default_factory=_working_folder)
     _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
@@ -162,6 +165,7 @@ class Scene(Part):
             if shape.material is not None and shape.emission is not None and _shines(self.materials[shape.material]):
                 other = place(("materials", shape.material, "emission"))
                 raise fault("reference", f"is given beside {other}; keep one of them", "shapes", i, "emission")
+        self._media_resolve()
         self._mixtures_resolve()
         self._colors_have_materials()
         environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight)]
@@ -169,6 +173,26 @@ class Scene(Part):
             sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
             raise fault("light", sentence, "lights", i)
         return self
+
+    def _media_resolve(self) -> None:
+        """The media that shapes and the fog name exist, and light gets into them."""
+        named: list[tuple[str | None, tuple[str | int, ...]]] = [(self.fog, ("fog",))]
+        named += [(shape.interior, ("shapes", i, "interior")) for i, shape in enumerate(self.shapes)]
+        for name, at in named:
+            if name is not None and name not in self.media:
+                sentence = f"names a medium {quoted(name)} that does not exist"
+                raise fault("reference", sentence + suggestion(name, self.media), *at)
+        for i, shape in enumerate(self.shapes):
+            if shape.interior is None or shape.material is None:
+                continue
+            material = self.materials[shape.material]
+            if not isinstance(material, Dielectric | Principled) or not material.solid:
+                sentence = f"is given, but the material {quoted(shape.material)} lets no light inside"
+                cure = "give the shape a dielectric, or leave its material out"
+                raise fault("reference", f"{sentence}; {cure}", "shapes", i, "interior")
+            if material.attenuation_color is not None:
+                other = place(("materials", shape.material, "attenuation_color"))
+                raise fault("reference", f"is given beside {other}; keep one of them", "shapes", i, "interior")
 
     def _mixtures_resolve(self) -> None:
         """Each material of a mixture exists, and none contains itself."""

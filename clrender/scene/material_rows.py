@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.scene.materials import Conductor, Dielectric, Lambert, Material, Mirror, Mix, OrenNayar, Principled
+from clrender.scene.media import Solid, solid_of
 from clrender.scene.microfacets import fresnel, fresnel_average
 from clrender.scene.textures import Checker, ImageTexture, Ramp
 from clrender.scene.values import Vector
@@ -19,7 +20,7 @@ from clrender.scene.values import Vector
 if TYPE_CHECKING:
     from clrender.scene.description import Scene
 
-__all__ = ["MaterialArrays", "flat_materials", "has_row"]
+__all__ = ["MaterialArrays", "flat_materials", "has_row", "material_numbers"]
 
 _Row: TypeAlias = NDArray[np.float32]
 _MOST_ABSORPTION: Final = 0.999
@@ -38,7 +39,7 @@ class MaterialArrays:
     Attributes
     ----------
     materials : (M,) `Material`
-        The named ones in order, then black if a shape has none.
+        The named ones in order, then what else shapes are made of: `material_numbers`.
     rows : (2 M, 16) float32
         MATERIAL_ROW_* and LAYER_ROW_* of ``kernels/types.h``, a row of zeros where no material has any.
     by_row : bool
@@ -62,23 +63,39 @@ def has_row(material: Material) -> bool:
     return not isinstance(material, Dielectric) or material.rough or material.thin
 
 
-def flat_materials(scene: Scene, medium_of: Mapping[str, int]) -> MaterialArrays:
+def material_numbers(scene: Scene) -> dict[Solid, int]:
+    """Rows of `MaterialArrays.materials`: one for each material, and for all that shapes name beside.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    dict of Solid to int
+    """
+    solids: list[Solid] = [(name, None) for name in scene.materials]
+    solids += [solid_of(shape) for shape in scene.shapes]
+    return {solid: number for number, solid in enumerate(dict.fromkeys(solids))}
+
+
+def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArrays:
     """Arrays of a scene's materials.
 
     Parameters
     ----------
     scene : Scene
-    medium_of : mapping of str to int
-        As of `clrender.scene.media.Media.of_material`.
+    medium_of : mapping of Solid to int
+        As of `clrender.scene.media.Media.of_solid`.
     """
-    black = any(shape.material is None for shape in scene.shapes)
-    materials = np.zeros(len(scene.materials) + black, dtype=layout.dtype("Material"))
+    numbered = material_numbers(scene)
+    materials = np.zeros(len(numbered), dtype=layout.dtype("Material"))
     by_row = any(has_row(material) for material in scene.materials.values())
     rows = np.zeros((len(scene.materials), 32) if by_row else (1, 16), np.float32)
     numbers = {name: number for number, name in enumerate(scene.materials)}
     for number, (name, material) in enumerate(scene.materials.items()):
         row = materials[number]
-        row["medium"] = medium_of.get(name, 0)
+        row["medium"] = medium_of.get((name, None), 0)
         color = _color(scene, material)
         default = 0.0 if _passes(scene, material) else min(1.0 - max(color), _MOST_ABSORPTION)
         row["color"] = (*color, default if material.absorption is None else material.absorption)
@@ -92,9 +109,16 @@ def flat_materials(scene: Scene, medium_of: Mapping[str, int]) -> MaterialArrays
             _fill(material, rows[number], numbers)
         if has_row(material):
             row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
-    if black:
-        materials[-1]["kind"], materials[-1]["ior"] = layout.MATERIAL_LAMBERT, 1.0
-        materials[-1]["color"] = (0.0, 0.0, 0.0, _MOST_ABSORPTION)
+    for solid, number in list(numbered.items())[len(scene.materials) :]:
+        row = materials[number]
+        if solid[0] is not None:
+            materials[number] = materials[numbers[solid[0]]]
+            row["medium"] = medium_of.get(solid, 0)
+        elif solid[1] is not None:
+            row["kind"], row["color"], row["ior"] = layout.MATERIAL_DIELECTRIC, (1.0, 1.0, 1.0, 0.0), 1.0
+            row["medium"] = medium_of.get(solid, 0)
+        else:
+            row["kind"], row["color"], row["ior"] = layout.MATERIAL_LAMBERT, (0.0, 0.0, 0.0, _MOST_ABSORPTION), 1.0
     return MaterialArrays(materials, rows.reshape(-1, 16), by_row)
 
 

@@ -1,27 +1,47 @@
-"""What fills dielectrics and clear principled shapes: media numbered by their priorities, with index and absorption."""
+"""What fills dielectrics, clear principled shapes and interiors: media numbered by their priorities."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Material, Principled
+from clrender.scene.shapes import Shape
 from clrender.scene.values import Vector
 
-__all__ = ["MEDIA_LIMIT", "Media", "absorption_coefficients", "scene_media"]
+__all__ = ["MEDIA_LIMIT", "Media", "Solid", "absorption_coefficients", "scene_media", "solid_of"]
 
 MEDIA_LIMIT: Final = 255
 """Most media of a scene: a path keeps their numbers in a byte each (``kernels/material/interior.h``)."""
 
-_Medium: TypeAlias = tuple[int | None, float, Vector]
-_VACUUM: Final = (1.0, (0.0, 0.0, 0.0))
+Solid: TypeAlias = tuple[str | None, str | None]
+"""The material and the interior that a shape names."""
+
+_BLACK: Final[Vector] = (0.0, 0.0, 0.0)
+_MATCHED: Final = Dielectric(type="dielectric", ior=1.0)
+"""The surface of a shape that has an interior and no material."""
+_COLUMNS: Final = {name: slice(at, at + count) for name, at, count, _ in layout.ROWS["MEDIUM"]}
+
+
+class _Medium(NamedTuple):
+    priority: int | None
+    ior: float = 1.0
+    absorption: Vector = _BLACK
+    scattering: Vector = _BLACK
+    g: float = 0.0
+
+    @property
+    def is_vacuum(self) -> bool:
+        """Whether there is nothing, whatever its priority."""
+        return self[1:] == _Medium(None)[1:]
 
 
 @dataclass(frozen=True)
@@ -31,23 +51,39 @@ class Media:
     Attributes
     ----------
     rows : (n + 1, 16) float32
-        ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is what is in no medium. One row: paths need no account of media.
-    of_material : mapping of str to int
-        Row of each material that bounds one: a dielectric, or a principled material with transmission; none is thin.
-    no_boundary : frozenset of str
-        Dielectrics whose shapes change nothing wherever they are, so that they are left out unless they shine.
+        ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is what is in no medium. All zero: paths need no account of them.
+    of_solid : mapping of Solid to int
+        Row of each pair that bounds one: its material is a dielectric, or principled with transmission, and not thin.
+    no_boundary : frozenset of Solid
+        Those whose shapes change nothing wherever they are, so that they are left out unless they shine.
+    scatters : bool
+        Whether any does.
+    straight : bool
+        Whether light goes straight through some of the surfaces, so that shadow rays have to look behind them.
     """
 
     rows: NDArray[np.float32]
-    of_material: Mapping[str, int]
-    no_boundary: frozenset[str]
+    of_solid: Mapping[Solid, int]
+    no_boundary: frozenset[Solid]
+    scatters: bool
+    straight: bool
+
+
+def solid_of(shape: Shape) -> Solid:
+    """What a shape is made of.
+
+    Parameters
+    ----------
+    shape : Shape
+    """
+    return shape.material, shape.interior
 
 
 def scene_media(scene: Scene) -> Media:
-    """Number the media of all shapes' materials, the one that wins last.
+    """Number the media of all shapes, the one that wins last.
 
-    Those without a priority come first, then the others by their priorities; of equal ones, the material that stands
-    first in the scene wins. Materials that agree in priority, index and absorption are one medium.
+    Those without a priority come first, then the others by their priorities; of equal ones, the one that stands first
+    in the scene wins. Shapes that agree in priority, index, absorption and scattering are of one medium.
 
     Parameters
     ----------
@@ -58,32 +94,59 @@ def scene_media(scene: Scene) -> Media:
     SceneError
         There are more than `MEDIA_LIMIT`.
     """
-    used = {shape.material for shape in scene.shapes}
-    shining = {shape.material for shape in scene.shapes if shape.shines}
-    media = {
-        n: _medium(m)
-        for n, m in scene.materials.items()
-        if n in used and isinstance(m, Dielectric | Principled) and m.solid
-    }
-    dark = {name for name in media if _is_matched(scene.materials[name])}
+    shining = {solid_of(shape) for shape in scene.shapes if shape.shines}
+    solids = _solids(scene)
+    media = {solid: _medium(scene, solid, material) for solid, material in solids.items()}
     ranked = _by_priority(media)
-    # Of a medium of index 1 that loses to all others nothing is seen.
-    while ranked and ranked[0][1:] == _VACUUM and ranked[0] not in [media[n] for n in media if n in shining]:
-        dark |= {name for name, medium in media.items() if medium == ranked[0]}
+    outside = _Medium(None) if scene.fog is None else _Medium(None, 1.0, *scene.media[scene.fog].numbers)
+    dark: set[Solid] = set()
+    if outside.is_vacuum:
+        dark = {
+            n for n, m in media.items() if m.priority is None and _bends_nothing(solids[n]) and m[2:] == outside[2:]
+        }
+    # Of a medium of index 1 that loses to all others nothing is seen, where it takes the place of none
+    shown = [media[solid] for solid in media if solid in shining]
+    empty = outside.is_vacuum and all(m[2:] == outside[2:] for m in media.values() if m.priority is None)
+    while ranked and empty and ranked[0].is_vacuum and ranked[0] not in shown:
+        dark |= {solid for solid, medium in media.items() if medium == ranked[0]}
         del ranked[0]
-    kept = {name: medium for name, medium in media.items() if name not in dark or name in shining}
-    if not any(priority is not None or any(sigma) for priority, _, sigma in kept.values()):
-        return Media(np.zeros((1, 16), np.float32), {}, frozenset(dark))
-    unranked = list(dict.fromkeys(medium for medium in kept.values() if medium[0] is None))
+    kept = {solid: medium for solid, medium in media.items() if solid not in dark or solid in shining}
+    if outside.is_vacuum and all(medium.priority is None and medium[2:] == outside[2:] for medium in kept.values()):
+        return Media(np.zeros((1, 16), np.float32), {}, frozenset(dark), scatters=False, straight=False)
+    unranked = list(dict.fromkeys(medium for medium in kept.values() if medium.priority is None))
     numbers = {medium: number for number, medium in enumerate([*unranked, *ranked], 1)}
     if len(numbers) > MEDIA_LIMIT:
-        text = f"the dielectrics of its shapes are {len(numbers)} different media, but paths tell {MEDIA_LIMIT} apart"
+        text = f"the interiors of its shapes are {len(numbers)} different media, but paths tell {MEDIA_LIMIT} apart"
         raise SceneError(f"{scene.source}: materials: {text}; let more of them agree in index, absorption and priority")
+    indices = [1.0, *(medium.ior for medium in numbers)]
+    straight = any(indices.count(medium.ior) > 1 for medium in ranked)
+    straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
+    of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
+    scatters = any(max(medium.scattering) > 0.0 for medium in (outside, *numbers))
+    return Media(_rows(outside, numbers, len(unranked)), of_solid, frozenset(dark), scatters, straight)
+
+
+def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled]:
+    """What bounds media, by the materials' order in the scene, then by the shapes', with its surface."""
+    places = {name: place for place, name in enumerate(scene.materials)}
+    appear = dict.fromkeys(solid_of(shape) for shape in scene.shapes)
+    solids: dict[Solid, Dielectric | Principled] = {}
+    for name, interior in sorted(appear, key=lambda solid: -1 if solid[0] is None else places[solid[0]]):
+        material = scene.materials[name] if name is not None else _MATCHED if interior is not None else None
+        if isinstance(material, Dielectric | Principled) and material.solid:
+            solids[name, interior] = material
+    return solids
+
+
+def _rows(outside: _Medium, numbers: Mapping[_Medium, int], unranked: int) -> NDArray[np.float32]:
     rows = np.zeros((len(numbers) + 1, 16), np.float32)
-    rows[0, 0], rows[0, 4] = 1.0, np.uint32(len(unranked)).view(np.float32)
-    for (_, ior, sigma), number in numbers.items():
-        rows[number, 0], rows[number, 1:4] = ior, sigma
-    return Media(rows, {name: numbers[medium] for name, medium in kept.items()}, frozenset(dark))
+    for medium, number in ((outside, 0), *numbers.items()):
+        extinction = [a + s for a, s in zip(medium.absorption, medium.scattering, strict=True)]
+        for name, value in (("IOR", medium.ior), ("SIGMA", medium.absorption), ("EXTINCTION", extinction)):
+            rows[number, _COLUMNS[name]] = value
+        rows[number, _COLUMNS["SCATTERING"]], rows[number, _COLUMNS["G"]] = medium.scattering, medium.g
+    rows[0, _COLUMNS["UNRANKED"]] = np.uint32(unranked).view(np.float32)
+    return rows
 
 
 def absorption_coefficients(material: Dielectric | Principled) -> Vector:
@@ -98,23 +161,22 @@ def absorption_coefficients(material: Dielectric | Principled) -> Vector:
     return (red, green, blue)
 
 
-def _medium(material: Dielectric | Principled) -> _Medium:
+def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled) -> _Medium:
     priority = material.priority if isinstance(material, Dielectric) else None
-    return (priority, material.ior, absorption_coefficients(material))
+    if solid[1] is None:
+        return _Medium(priority, material.ior, absorption_coefficients(material))
+    return _Medium(priority, material.ior, *scene.media[solid[1]].numbers)
 
 
-def _by_priority(media: Mapping[str, _Medium]) -> list[_Medium]:
+def _by_priority(media: Mapping[Solid, _Medium]) -> list[_Medium]:
     """Media with a priority, each once; the one that wins is last."""
     places: dict[_Medium, int] = {}
     for place, medium in enumerate(media.values()):
         places.setdefault(medium, place)
-    ranked = [(medium[0], -place, medium) for medium, place in places.items() if medium[0] is not None]
+    ranked = [(medium.priority, -place, medium) for medium, place in places.items() if medium.priority is not None]
     return [medium for _, _, medium in sorted(ranked)]
 
 
-def _is_matched(material: Material) -> bool:
-    """Whether it is the same on both sides of its shapes, and its surface is nothing but a boundary."""
-    if not isinstance(material, Dielectric):
-        return False
-    same = material.priority is None and material.ior == material.exterior_ior
-    return same and not any(absorption_coefficients(material))
+def _bends_nothing(material: Material) -> bool:
+    """Whether its surface, without priorities, changes no light."""
+    return isinstance(material, Dielectric) and material.ior == material.exterior_ior

@@ -105,6 +105,10 @@ class Surface(Part):
     emission: ColorOrTexture | None = Field(
         None, description="radiance, W/(sr m2); makes the shape an area light, which shines as a texture if it is one"
     )
+    interior: Name | None = Field(
+        None,
+        description="name of a medium that fills the closed shape; without a material its surface is not seen",
+    )
     flip_normals: Flag = False
     transform: Transform = Transform()
 

@@ -19,7 +19,8 @@ from clrender.scene.attributes import (
 )
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
-from clrender.scene.media import scene_media
+from clrender.scene.material_rows import material_numbers
+from clrender.scene.media import Solid, scene_media, solid_of
 from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
 from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
 from clrender.scene.values import COORDINATE_LIMIT, Vector
@@ -95,10 +96,10 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     triangles = np.empty((triangle_total, 3), dtype="<u4")
     smooth = any(mesh.normals is not None for mesh in meshes.values())
     normals = np.zeros((vertex_total if smooth else 1, 3), dtype="<f4")
-    names = {name: i for i, name in enumerate(scene.materials)}
+    numbers = material_numbers(scene)
     shapes = np.zeros(len(scene.shapes), dtype=layout.dtype("Shape"))
     shapes["first_light"] = layout.NONE
-    shapes["material"] = [len(names) if s.material is None else names[s.material] for s in scene.shapes]
+    shapes["material"] = [numbers[solid_of(shape)] for shape in scene.shapes]
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
     warnings: list[str] = []
@@ -152,9 +153,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     )
 
 
-def _is_left_out(shape: Shape, no_boundary: frozenset[str]) -> bool:
+def _is_left_out(shape: Shape, no_boundary: frozenset[Solid]) -> bool:
     """Whether light passes a shape as if there were none, and it does not shine."""
-    return shape.material in no_boundary and not shape.shines
+    return solid_of(shape) in no_boundary and not shape.shines
 
 
 def _relative(transform: Affine, origin: Vector) -> Affine:
@@ -288,7 +289,7 @@ def _analytic_rows(
     first: NDArray[np.int64],
     count: NDArray[np.int64],
     offset: int,
-    no_boundary: frozenset[str],
+    no_boundary: frozenset[Solid],
 ) -> tuple[_Rows, NDArray[np.float32]]:
     """Rows of spheres and disks, and of their attributes; notes their primitive numbers, which start at `offset`."""
     round_ = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]

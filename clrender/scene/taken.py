@@ -35,6 +35,8 @@ def check_materials(scene: Scene, integrator: str) -> None:
         )
     takes = INTEGRATORS[integrator]
     taken, volumes = takes.materials, takes.volumes
+    if not takes.media:
+        _refuse_media(scene, integrator)
     for index, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material] if shape.material is not None else None
         if isinstance(material, Dielectric | Principled) and not volumes:
@@ -74,3 +76,14 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 f"{scene.source}: shapes[{index}].{colored}: the integrator {integrator} takes no colours of vertices; "
                 "leave them out, or use --integrator path"
             )
+
+
+def _refuse_media(scene: Scene, integrator: str) -> None:
+    """Media are for integrators that take them."""
+    place = "fog" if scene.fog is not None else None
+    place = next((f"shapes[{i}].interior" for i, shape in enumerate(scene.shapes) if shape.interior is not None), place)
+    if place is not None:
+        raise SceneError(
+            f"{scene.source}: {place} is a medium, which the integrator {integrator} does not take; leave it out, or "
+            "use --integrator path"
+        )

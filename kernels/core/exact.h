@@ -134,4 +134,18 @@ static vfloat exp_minus(vfloat x) {
     return x < 87.0f ? series * vfloat_from_bits(vuint_from_int((127 - halvings) << 23)) : splat(0.0f);
 }
 
+// −ln of a number in (0, 1], given by 32 random bits, with all their digits: x = (bits + 1) / 2^32. A power of two times m in [√½, √2), and the
+// series of the inverse hyperbolic tangent of (m − 1)/(m + 1). Relative error below 3 units in the last place.
+static vfloat minus_log_of_bits(vuint bits) {
+    const vfloat x = fma(vfloat_of(vint_from_uint(bits >> 8)), splat(5.9604645e-8f), (vfloat_of(vint_from_uint(bits & 255u)) + 1.0f) * 2.3283064e-10f);
+    const vuint shifted = vfloat_bits(x) + (0x3f800000u - 0x3f3504f3u);
+    const vint power = vint_from_uint(shifted >> 23) - 127;
+    const vfloat m = vfloat_from_bits((shifted & 0x007fffffu) + 0x3f3504f3u);
+    const vfloat s = (m - 1.0f) / (m + 1.0f), s2 = s * s;
+    vfloat series = fma(s2, splat(0.111111111f), splat(0.142857143f));
+    series = fma(s2, fma(s2, series, splat(0.2f)), splat(0.333333333f));
+    series = fma(s * s2, series, s) * -2.0f;
+    return greater(fma(vfloat_of(power), splat(-0.693147182f), series), splat(0.0f));
+}
+
 #endif

@@ -30,6 +30,9 @@ typedef struct {
 #ifdef INTERIORS
     vuint medium;        // behind the front: material/interior.h
 #endif
+#ifdef MEDIA
+    vfloat g;            // of kind MATERIAL_MEDIUM: a point of a medium, which scatters by this mean cosine
+#endif
 } Surface;
 
 // What a row has at A, B and C, nine numbers from its first column on, at the point with these barycentric weights.

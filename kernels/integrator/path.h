@@ -14,9 +14,11 @@
 #include "integrator/path_state.h"
 #include "integrator/regroup.h"
 #include "integrator/roulette.h"
+#include "integrator/shadow.h"
 #include "light/light.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
+#include "medium/homogeneous.h"
 
 // Where the paths of a packet have arrived.
 typedef struct {
@@ -29,12 +31,13 @@ typedef struct {
     vmask diffuse;           // and not by a delta alone, so that light sampling makes sense
 } Vertex;
 
-// The surface that each ray met.
+// The surface that each ray met, or the point of a medium where it scatters.
 static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats* stats, Vertex* v) {
-    const vmask found = path->alive & (hit.primitive != NONE);
-    v->surface = surface_at(scene, &path->ray, hit, found);
+    const vmask found = path->alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
+    v->surface = surface_at(scene, &path->ray, hit, on_surface);
     surface_random(&v->surface, path->sample.sampler, path->depth);
-    v->crossing = interior_meet(scene, &path->interior, &v->surface, found);
+    medium_surface(scene, &path->ray, &path->interior, hit, &v->surface);
+    v->crossing = interior_meet(scene, &path->interior, &v->surface, on_surface);
     bsdf_at(scene, &v->surface, path->ray.direction, &v->bsdf);
     v->traced = path->alive & !split_back(&path->split);
     v->found = found & v->traced;
@@ -57,6 +60,12 @@ static void path_find(const Scene* scene, const Path* path, Hit* hit) {
     }
 }
 
+// Go there through what lies on the way: it absorbs, or scatters the path before it arrives.
+static void path_travel(const Scene* scene, Path* path, Hit* hit) {
+    medium_travel(scene, &path->interior, path->sample.sampler, path->depth, path->alive & !split_back(&path->split), &path->throughput, hit);
+    split_again(&path->split, hit);
+}
+
 // Add the light that the ray ran into: from a surface that shines, or from outside the scene. It counts in full where light sampling at
 // the last vertex could not have found it.
 static void path_add_emission(const Scene* scene, Path* path, const Vertex* vertex) {
@@ -70,14 +79,14 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
     vfloat density = splat(0.0f);
     if (lane_any(shines)) {
         emitted = emission_found(scene, &light, surface, shines);
-        density = light_density(&light, surface, path->ray.origin);
+        density = light_density(&light, surface, path_last_point(path));
     }
     if (lane_any(outside)) {
         const EnvironmentSample around = environment_found(scene, &light, path->ray.direction, outside);
         emitted = choose(outside, around.radiance, emitted);
         density = outside ? around.pdf : density;
     }
-    const vfloat pdf = density * light_probability(scene, path->ray.origin, path->normal, &light);
+    const vfloat pdf = density * light_probability(scene, path_last_point(path), path->normal, &light);
     const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)settings->light_samples), pdf);
     const vec3 counted = scale(mul(path->throughput, emitted), path->specular ? splat(1.0f) : weight);
     path->radiance = choose(shines | outside, add(path->radiance, counted), path->radiance);
@@ -98,11 +107,9 @@ static void path_choose_lights(const Scene* scene, const Path* path, const Verte
     EACH_PACKET(k) if (lane_any(asked[k])) environment_guide(scene, &choice[k].around);
 }
 
-// What is left of a light sample's radiance when it arrives: no surface is in the way, so that all of it is in the medium that the
-// shadow ray begins in.
-static vec3 path_to_light(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light) {
-    const Interior in = interior_towards(&path->interior, &vertex->crossing, light->direction, vertex->bsdf.side);
-    return interior_transmittance(scene, &in, magnitude(sub(light->target, vertex->surface.point)), light->infinite);
+// The media that a ray to a light begins in.
+static Interior path_towards(const Path* path, const Vertex* vertex, const LightSample* light) {
+    return interior_towards(&path->interior, &vertex->crossing, light->direction, vertex->bsdf.side);
 }
 
 // How many of the BSDF's samples the MIS weights count at a vertex. Photon mapping has none where photons are gathered, and elsewhere one.
@@ -122,7 +129,9 @@ static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vert
     const vfloat bsdf_samples = path_bsdf_samples(scene, path, vertex);
     const vfloat weight = mis_weight(splat((float)settings->light_samples), light->pdf, bsdf_samples, bsdf_pdf);
     const vfloat share = (light->delta ? splat(1.0f) : weight) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
-    const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), path_to_light(scene, path, vertex, light));
+    const Interior in = path_towards(path, vertex, light);
+    const vec3 left = shadow_straight(scene, &in, light, vertex->surface.point);
+    const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), left);
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
 }
 
@@ -131,7 +140,7 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
     int any_lit = 0;
     EACH_PACKET(k) any_lit |= lane_any(vertex[k].diffuse & vertex[k].traced);
     if (scene->settings->light_count == 0 || !any_lit) return;
-    Traversal shadows;
+    Shadows shadows;
     LightChoice choice[PACKETS];
     vec3 arriving[PACKETS];
     vmask asked[PACKETS];
@@ -142,32 +151,36 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
             const Surface* surface = &vertex[k].surface;
             Ray shadow_ray = path[k].ray;
             arriving[k] = vec3_all(0.0f);
+            LightSample light;
+            Interior in = path[k].interior;
             if (lane_any(asked[k])) {
-                const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
+                light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
                 shadow_ray = light_shadow_ray(surface, &light);
                 arriving[k] = path_direct(scene, &path[k], &vertex[k], &light);
                 asked[k] = asked[k] & (largest(arriving[k]) > 0.0f);
+                in = path_towards(&path[k], &vertex[k], &light);
             }
-            traverse_start(&scene->bvh, &shadows, k, &shadow_ray, asked[k], 1);
+            shadow_start(scene, &shadows, k, &shadow_ray, &light, &in, asked[k]);
             stats->shadow_rays += lane_count(asked[k]);
             stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked[k]);
         }
-        traverse_finish(&scene->bvh, &shadows, 1);
+        shadow_finish(scene, &shadows);
         EACH_PACKET(k) {
-            const vmask arrives = asked[k] & !traverse_blocked(&shadows, k);
+            const vmask arrives = asked[k] & shadow_arrives(&shadows, k, &arriving[k]);
             path[k].radiance = choose(arrives, add(path[k].radiance, arriving[k]), path[k].radiance);
         }
     }
 }
 
 // Sample the BSDF for the direction to go on in, and let the roulette decide whether to; `ended` are the paths that do not.
-static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex) {
+static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
     __global const Settings* settings = scene->settings;
     const Bsdf* bsdf = &vertex->bsdf;
     const vmask straight = interior_straight(&vertex->crossing);
-    path->specular = bsdf->specular | straight;
-    path->bsdf_samples = path_bsdf_samples(scene, path, vertex);
-    split_leave(&path->split, &path->ray, path->interior, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
+    const vmask passes = shadow_passes(straight);
+    path->specular = passes ? path->specular : bsdf->specular | straight;
+    path->bsdf_samples = passes ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
+    split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
 
     // Sample a direction, and the weight of the radiance that arrives along it
     vuint bits_u, bits_v;
@@ -175,8 +188,9 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex) {
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
-    path->bsdf_pdf = next.pdf;
-    path->normal = bsdf_receives(bsdf);
+    path->bsdf_pdf = passes ? path->bsdf_pdf : next.pdf;
+    path->normal = choose(passes, path->normal, bsdf_receives(bsdf));
+    path_pass(path, vertex->surface.point, passes);
     path->ray = surface_leave(&vertex->surface, next.direction);
     interior_cross(&path->interior, &vertex->crossing, next.direction, bsdf->side);
     vmask goes_on = vertex->scatters & (largest(path->throughput) > 0.0f);
@@ -224,11 +238,11 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     while (path_next_of_all(scene, pool, &waiting, path)) {
         // Find where each ray meets the scene; paths that met the same kind of material go on side by side
         path_find(scene, path, hit);
+        EACH_PACKET(k) path_travel(scene, &path[k], &hit[k]);
         path_regroup(scene, path, hit);
 
-        // Add the light that the surface there sends out by itself, or the environment where there is none; what lies on the way absorbs
+        // Add the light that the surface there sends out by itself, or the environment where there is none
         EACH_PACKET(k) {
-            path[k].throughput = interior_absorb(scene, &path[k].interior, hit[k], path[k].throughput);
             path_vertex(scene, &path[k], hit[k], stats, &vertex[k]);
             path_add_emission(scene, &path[k], &vertex[k]);
         }
@@ -238,7 +252,7 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
 
         // Sample where other light comes from, and go on there; deliver what paths that ended have found
         EACH_PACKET(k) {
-            path_scatter(scene, &path[k], &vertex[k]);
+            path_scatter(scene, &path[k], &vertex[k], hit[k]);
             path_deliver(pool, &path[k]);
         }
     }

@@ -31,6 +31,9 @@ typedef struct {
     vfloat bsdf_samples;     // else: such rays that left the last vertex, as the MIS weights count them
     vfloat bsdf_pdf;         // and the density of the ray's direction, per steradian
     Interior interior;       // the dielectrics that the ray begins in
+#ifdef STRAIGHT_SHADOWS
+    vfloat passed;           // how far behind its origin the last vertex is: surfaces in between were no boundaries
+#endif
     vmask ended;             // it ends where it is, and has to be delivered
     Split split;
 } Path;
@@ -46,7 +49,26 @@ static Path path_none(void) {
     path.interior = interior_none();
     path.split = split_none();
     path.sample.slot = path.sample.number = path.sample.sampler.seed = path.sample.sampler.index = splat_uint(0u);
+#ifdef STRAIGHT_SHADOWS
+    path.passed = splat(0.0f);
+#endif
     return path;
+}
+
+// It goes straight on at this point: the last vertex stays where it was. Elsewhere this is the next.
+static void path_pass(Path* path, vec3 point, vmask passes) {
+#ifdef STRAIGHT_SHADOWS
+    path->passed = passes ? path->passed + magnitude(sub(point, path->ray.origin)) : splat(0.0f);
+#endif
+}
+
+// The last vertex, from which a light sample might have found what the ray finds.
+static vec3 path_last_point(const Path* path) {
+#ifdef STRAIGHT_SHADOWS
+    return along(path->ray.origin, path->ray.direction, -path->passed);
+#else
+    return path->ray.origin;
+#endif
 }
 
 static CameraRays camera_rays_none(void) {
@@ -99,6 +121,9 @@ static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, P
     path->throughput = choose(lane, vec3_all(sees), path->throughput);
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
+#ifdef STRAIGHT_SHADOWS
+    path->passed = lane ? splat(0.0f) : path->passed;
+#endif
     path->specular = path->specular | lane;
     interior_start(scene, &path->interior, lane);
     split_start(&path->split, lane);

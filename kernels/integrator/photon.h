@@ -154,7 +154,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         }
 
         // Go on, but not from where photons were gathered
-        path_scatter(scene, path, vertex);
+        path_scatter(scene, path, vertex, hit[0]);
         path_deliver(pool, path);
     }
 }

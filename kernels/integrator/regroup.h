@@ -8,17 +8,19 @@
 #define INTEGRATOR_REGROUP_H
 
 #include "integrator/path_state.h"
+#include "medium/homogeneous.h"
 
 #if PACKETS > 1 && (defined(MATERIALS) || defined(TEXTURES)) && !defined(PATH_SPLITS)
 
-#define REGROUP_KINDS 16u
+#define REGROUP_KINDS 17u
 #define REGROUP_TEXTURED 8u      // beside MATERIAL_*
 #define REGROUP_OUTSIDE 7u       // the ray left the scene
 #define REGROUP_NONE 15u         // there is no path
+#define REGROUP_MEDIUM 16u       // it scatters before it meets anything
 
 // What is to be done at the vertex of each lane.
 static vuint regroup_kind(const Scene* scene, vmask alive, Hit hit) {
-    const vmask found = alive & (hit.primitive != NONE);
+    const vmask in_medium = alive & medium_scatters(hit), found = alive & !in_medium & (hit.primitive != NONE);
     const vuint row = (found ? hit.primitive : splat_uint(0u)) * 16u;
     const vuint kind_and_flags = vfloat_bits(lane_gather(scene->primitive_rows, row + PRIMITIVE_ROW_KIND));
     vuint kind = kind_and_flags & ((1u << ROW_FLAGS) - 1u);
@@ -28,7 +30,7 @@ static vuint regroup_kind(const Scene* scene, vmask alive, Hit hit) {
     kind = by_row ? vfloat_bits(lane_gather(scene->material_rows, (by_row ? material : splat_uint(0u)) * 32u + MATERIAL_ROW_KIND)) : kind;
 #endif
     kind = (kind_and_flags & (SHAPE_TEXTURED << ROW_FLAGS)) != 0u ? kind | REGROUP_TEXTURED : kind;
-    return found ? kind : alive ? splat_uint(REGROUP_OUTSIDE) : splat_uint(REGROUP_NONE);
+    return in_medium ? splat_uint(REGROUP_MEDIUM) : found ? kind : alive ? splat_uint(REGROUP_OUTSIDE) : splat_uint(REGROUP_NONE);
 }
 
 // Where the path of each lane comes from: packet times LANES, plus lane. Returns whether any moves.
@@ -51,6 +53,11 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
 #else
 #define REGROUP_INTERIOR(UINT)
 #endif
+#ifdef STRAIGHT_SHADOWS
+#define REGROUP_PASSED(FLOAT) FLOAT(path->passed)
+#else
+#define REGROUP_PASSED(FLOAT)
+#endif
 #define REGROUP_VEC3(FLOAT, v) FLOAT(v.x) FLOAT(v.y) FLOAT(v.z)
 #define REGROUP_MEMBERS(FLOAT, UINT, MASK)                                                     \
     MASK(path->alive)                                                                          \
@@ -69,6 +76,7 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
     FLOAT(path->bsdf_samples)                                                                  \
     FLOAT(path->bsdf_pdf)                                                                      \
     REGROUP_INTERIOR(UINT)                                                                     \
+    REGROUP_PASSED(FLOAT)                                                                      \
     FLOAT(hit->distance)                                                                       \
     UINT(hit->primitive)
 

@@ -192,7 +192,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
 
         // Add light that comes straight from the lights, and go on in a sampled direction
         path_add_direct(scene, path, vertex, stats);
-        path_scatter(scene, path, vertex);
+        path_scatter(scene, path, vertex, hit[0]);
 
         if (lane_any(path->ended)) reuse_deliver(pool, records, &path->sample, &reuse, path->radiance, path->ended);
         path->alive = path->alive & !path->ended;

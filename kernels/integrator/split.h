@@ -8,6 +8,7 @@
 #include "core/sampler.h"
 #include "geometry/ray.h"
 #include "material/interior.h"
+#include "medium/homogeneous.h"
 #include "types.h"
 
 #ifdef PATH_SPLITS
@@ -20,6 +21,10 @@ typedef struct {
     vec3 throughput;         // share of each ray
     Sampler sampler;
     vuint depth, left;       // rays that have still to leave
+#ifdef MEDIA
+    vmask in_medium;         // it is no surface: light scattered there
+    vfloat distance;         // on the ray
+#endif
 } Split;
 
 static Split split_none(void) {
@@ -29,6 +34,10 @@ static Split split_none(void) {
     s.interior = interior_none();
     s.throughput = vec3_all(0.0f);
     s.sampler.seed = s.sampler.index = s.depth = s.left = splat_uint(0u);
+#ifdef MEDIA
+    s.in_medium = mask_none();
+    s.distance = splat(0.0f);
+#endif
     return s;
 }
 
@@ -41,8 +50,8 @@ static vmask split_back(const Split* s) { return s->back; }
 // Of the BSDF's samples, which the MIS weights count at the first such surface, those of this one.
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return s->met & !s->back ? splat((float)min(samples, 1u)) : splat((float)samples); }
 
-// At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it.
-static void split_leave(Split* s, const Ray* ray, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {
+// At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it. `hit`: what the ray met there.
+static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {
     const vmask opens = diffuse & !s->met;
     if (lane_any(opens)) {
         ray_replace(&s->ray, *ray, opens);
@@ -53,6 +62,10 @@ static void split_leave(Split* s, const Ray* ray, Interior interior, vec3* throu
         s->depth = opens ? depth : s->depth;
         s->left = opens ? splat_uint(rays) : s->left;
         s->met = s->met | opens;
+#ifdef MEDIA
+        s->in_medium = opens ? medium_scatters(hit) : s->in_medium;
+        s->distance = opens ? hit.distance : s->distance;
+#endif
     }
     // The next ray leaves, the first time or again
     const vmask leaves = opens | s->back;
@@ -72,6 +85,14 @@ static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, 
     return ended & !s->back;
 }
 
+// A path that is back there scatters where it did.
+static void split_again(const Split* s, Hit* hit) {
+#ifdef MEDIA
+    hit->distance = s->back & s->in_medium ? s->distance : hit->distance;
+    hit->primitive = s->back & s->in_medium ? splat_uint(HIT_MEDIUM) : hit->primitive;
+#endif
+}
+
 #else
 
 typedef struct {
@@ -86,7 +107,8 @@ static Split split_none(void) {
 static void split_start(Split* s, vmask lane) {}
 static vmask split_back(const Split* s) { return mask_none(); }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return splat((float)samples); }
-static void split_leave(Split* s, const Ray* ray, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {}
+static void split_again(const Split* s, Hit* hit) {}
+static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {}
 static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, vmask ended) { return ended; }
 
 #endif

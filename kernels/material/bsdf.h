@@ -14,6 +14,9 @@
 #ifdef MATERIALS
 #include "material/closure.h"
 #endif
+#ifdef MEDIA
+#include "medium/phase.h"
+#endif
 #ifdef TEXTURES
 #include "texture/normal_map.h"
 #include "texture/parameter.h"
@@ -30,6 +33,10 @@ typedef struct {
 #ifdef MATERIALS
     Closure closure;
     vmask thin;          // a smooth wall without thickness, whose own index is closure.glass.eta
+#endif
+#ifdef MEDIA
+    vmask medium;        // no surface: a medium, which scatters to all sides by its phase function; z points back
+    vfloat g;            // its mean cosine
 #endif
 } Bsdf;
 
@@ -117,6 +124,11 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->eta = s->front ? s->ior : splat(1.0f) / s->ior;
     b->kind = s->kind;
     b->specular = s->kind != MATERIAL_LAMBERT;
+#ifdef MEDIA
+    b->medium = s->kind == MATERIAL_MEDIUM;
+    b->g = s->g;
+    b->specular = b->specular & !b->medium;
+#endif
 #ifdef MATERIALS
     if (any_described)
         bsdf_read_rows(scene, s, direction, &p, b);
@@ -125,14 +137,20 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
 #endif
 }
 
-// The normal of the side that light has to arrive on to be scattered; zero: on either.
-static vec3 bsdf_receives(const Bsdf* b) {
+// Where light is scattered that arrives on either side.
+static vmask bsdf_is_clear(const Bsdf* b) {
+    vmask clear = b->kind == MATERIAL_DIELECTRIC;
 #ifdef MATERIALS
-    return choose((b->kind == MATERIAL_DIELECTRIC) | b->closure.glass.there, vec3_all(0.0f), b->side);
-#else
-    return choose(b->kind == MATERIAL_DIELECTRIC, vec3_all(0.0f), b->side);
+    clear = clear | b->closure.glass.there;
 #endif
+#ifdef MEDIA
+    clear = clear | b->medium;
+#endif
+    return clear;
 }
+
+// The normal of the side that light has to arrive on to be scattered; zero: on either.
+static vec3 bsdf_receives(const Bsdf* b) { return choose(bsdf_is_clear(b), vec3_all(0.0f), b->side); }
 
 // About the share of light along `wo` that is scattered, by colour; glass that is smooth passes all.
 static vec3 bsdf_albedo(const Bsdf* b) {
@@ -163,12 +181,18 @@ static vec3 bsdf_eval_local(const Bsdf* b, vec3 wi, vfloat* pdf) {
 static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     vfloat density;
     const vec3 wi = frame_to_local(b->frame, direction);
-    const vec3 f = bsdf_eval_local(b, wi, &density);
+    vec3 f = bsdf_eval_local(b, wi, &density);
 #ifdef MATERIALS
     const vmask above = inner(direction, b->side) > 0.0f;
-    const vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | (b->closure.glass.there & !above & (wi.z < 0.0f)));
+    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | (b->closure.glass.there & !above & (wi.z < 0.0f)));
 #else
-    const vmask seen = !b->specular & (inner(direction, b->side) > 0.0f);
+    vmask seen = !b->specular & (inner(direction, b->side) > 0.0f);
+#endif
+#ifdef MEDIA
+    const vfloat phase = phase_eval(b->g, -wi.z);
+    f = choose(b->medium, vec3_of(phase, phase, phase), f);
+    density = b->medium ? phase : density;
+    seen = seen | b->medium;
 #endif
     *pdf = seen ? density : splat(0.0f);
     return choose(seen, f, vec3_all(0.0f));
@@ -218,9 +242,20 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
         wi = choose(b->specular, delta, wi);
         s.pdf = b->specular ? splat(0.0f) : s.pdf;
     }
+#ifdef MEDIA
+    if (lane_any(b->medium)) {
+        const vec3 turned = phase_sample(b->g, u, v);
+        wi = choose(b->medium, vec3_of(turned.x, turned.y, -turned.z), wi);
+        s.weight = choose(b->medium, vec3_all(1.0f), s.weight);
+        s.pdf = b->medium ? phase_eval(b->g, turned.z) : s.pdf;
+    }
+#endif
     s.direction = direction_again(frame_to_world(b->frame, wi));
     // A direction on the other side of the geometry than it is of the shading normal carries no light.
-    const vmask crossed = (inner(s.direction, b->side) > 0.0f) != (wi.z > 0.0f);
+    vmask crossed = (inner(s.direction, b->side) > 0.0f) != (wi.z > 0.0f);
+#ifdef MEDIA
+    crossed = crossed & !b->medium;
+#endif
     s.weight = choose(crossed, vec3_all(0.0f), s.weight);
     return s;
 }

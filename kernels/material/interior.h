@@ -148,17 +148,19 @@ static vmask interior_goes_on(const Interior* in, const Crossing* c, Sampler sam
     return !played | (unit_interval(bits) < INTERIOR_SURVIVAL);
 }
 
-// What is left of radiance after a way through the medium that is there: e^(−σ d), Beer's law. Of radiance from outside the scene:
-// it becomes n² times as much in a medium of index n, for the list has to be empty out there (PBR 4ed, 9.5.2).
-static vec3 interior_transmittance(const Scene* scene, const Interior* in, vfloat distance, vmask from_outside) {
+// What is left of radiance after a way through the medium that is there: e^(−σ d), Beer's law, with the coefficients from this column of
+// its row on. Of radiance from outside the scene: it becomes n² times as much in a medium of index n, for the list has to be empty out
+// there (PBR 4ed, 9.5.2).
+static vec3 interior_attenuation(const Scene* scene, const Interior* in, uint column, vfloat distance, vmask from_outside) {
     const vuint medium = interior_top(in);
-    const vmask inside = medium != 0u;
-    if (!lane_any(inside)) return vec3_all(1.0f);
-    const vuint row = medium * 16u;
+#ifndef MEDIA
+    if (!lane_any(medium != 0u)) return vec3_all(1.0f);      // with media there may be fog
+#endif
+    const vuint row = medium * 16u + column;
     vec3 share;
-    share.x = exp_minus(lane_gather(scene->media_rows, row + (uint)MEDIUM_ROW_SIGMA) * distance);
-    share.y = exp_minus(lane_gather(scene->media_rows, row + (uint)(MEDIUM_ROW_SIGMA + 1)) * distance);
-    share.z = exp_minus(lane_gather(scene->media_rows, row + (uint)(MEDIUM_ROW_SIGMA + 2)) * distance);
+    share.x = exp_minus(lane_gather(scene->media_rows, row) * distance);
+    share.y = exp_minus(lane_gather(scene->media_rows, row + 1u) * distance);
+    share.z = exp_minus(lane_gather(scene->media_rows, row + 2u) * distance);
     if (lane_any(from_outside)) {
         const vfloat n = medium > interior_unranked(scene) ? interior_ior(scene, medium) : splat(1.0f);
         share = choose(from_outside, vec3_of(n * n, n * n, n * n), share);
@@ -166,9 +168,17 @@ static vec3 interior_transmittance(const Scene* scene, const Interior* in, vfloa
     return share;
 }
 
-// Radiance, or flux, at the end of a ray that has come this far.
+// Of light on its way to where it is asked for: what is scattered away does not arrive, either.
+static vec3 interior_transmittance(const Scene* scene, const Interior* in, vfloat distance, vmask from_outside) {
+    return interior_attenuation(scene, in, MEDIUM_ROW_EXTINCTION, distance, from_outside);
+}
+
+// What absorption leaves at the end of a ray that has come this far; and of radiance, or flux.
+static vec3 interior_absorption(const Scene* scene, const Interior* in, Hit hit) {
+    return interior_attenuation(scene, in, MEDIUM_ROW_SIGMA, hit.distance, hit.primitive == NONE);
+}
 static vec3 interior_absorb(const Scene* scene, const Interior* in, Hit hit, vec3 radiance) {
-    return mul(radiance, interior_transmittance(scene, in, hit.distance, hit.primitive == NONE));
+    return mul(radiance, interior_absorption(scene, in, hit));
 }
 
 #else

@@ -49,7 +49,7 @@ def around(what: Scene) -> list[int]:
 def test_media_are_numbered_by_priority() -> None:
     what = of_each(a=glass(priority=2), b=glass(1.3), c=glass(1.2, priority=7), d=tinted(1.1, priority=0), e=glass(1.4))
     media = scene_media(what)
-    assert media.of_material == {"b": 1, "e": 2, "d": 3, "a": 4, "c": 5}
+    assert media.of_solid == {("b", None): 1, ("e", None): 2, ("d", None): 3, ("a", None): 4, ("c", None): 5}
     assert media.rows[:, 0].tolist() == np.array([1.0, 1.3, 1.4, 1.1, 1.5, 1.2], np.float32).tolist()
     assert media.rows[0, 4].view(np.uint32) == 2
     np.testing.assert_allclose(media.rows[3, 1:4], [math.log(2.0) / 2.0, 0.0, math.log(4.0) / 2.0], rtol=1e-7)
@@ -57,14 +57,17 @@ def test_media_are_numbered_by_priority() -> None:
 
 
 def test_of_equal_priorities_the_first_material_wins() -> None:
-    assert scene_media(of_each(a=glass(priority=1), b=glass(1.3, priority=1))).of_material == {"b": 1, "a": 2}
+    assert scene_media(of_each(a=glass(priority=1), b=glass(1.3, priority=1))).of_solid == {
+        ("b", None): 1,
+        ("a", None): 2,
+    }
 
 
 def test_equal_media_are_one() -> None:
-    assert scene_media(of_each(a=glass(priority=1), b=glass(priority=1), c=glass(priority=2))).of_material == {
-        "a": 1,
-        "b": 1,
-        "c": 2,
+    assert scene_media(of_each(a=glass(priority=1), b=glass(priority=1), c=glass(priority=2))).of_solid == {
+        ("a", None): 1,
+        ("b", None): 1,
+        ("c", None): 2,
     }
 
 
@@ -83,7 +86,7 @@ def test_clear_principled_materials_are_media() -> None:
         a={**clear, **absorbs}, b={**clear, "ior": 1.0}, c={"type": "principled"}, d={**clear, "thin": True}, e=tinted()
     )
     media = scene_media(what)
-    assert media.of_material == {"a": 1, "b": 2, "e": 1} and not media.no_boundary
+    assert media.of_solid == {("a", None): 1, ("b", None): 2, ("e", None): 1} and not media.no_boundary
     np.testing.assert_allclose(media.rows[1, 1:4], [math.log(2.0) / 2.0, 0.0, math.log(4.0) / 2.0], rtol=1e-7)
     rows = flatten(what, 8, 8).arrays["materials"]
     assert 1.0 < rows["ior"][1] < 1.000001 and rows["ior"][[0, 2, 3, 4]].tolist() == [1.5] * 4
@@ -129,7 +132,7 @@ def test_what_no_shape_uses_does_not_count() -> None:
 )
 def test_what_changes_nothing_is_left_out(materials: dict[str, Any], left_out: str) -> None:
     what = of_each(**materials)
-    assert scene_media(what).no_boundary == set(left_out)
+    assert scene_media(what).no_boundary == {(name, None) for name in left_out}
     assert flatten(what, 8, 8).analytic_count == len(materials) - len(left_out)
 
 

@@ -44,9 +44,9 @@ intensity = [1, 1, 1]
 NEEDED = {
     "room", "room-mirror", "room-glass", "cornell", "furnace", "furnace-room", "furnace-sphere", "furnace-glass",
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
-    "metals", "sky", "drink", "surfaces",
+    "metals", "sky", "drink", "surfaces", "haze",
 }  # fmt: skip
-EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals", "sky", "drink", "surfaces"}
+EXACT = NEEDED - {"room", "room-mirror", "room-glass", "cornell", "bumpy", "metals", "sky", "drink", "surfaces", "haze"}
 
 
 def as_json(tmp_path: Path) -> dict[str, object]:
@@ -129,7 +129,9 @@ def test_files_are_the_ones_the_script_makes(name: str) -> None:
 
 def test_schema_describes_the_file() -> None:
     schema = scenes.Scene.model_json_schema()
-    assert set(schema["properties"]) == {"title", "camera", "image", "render", "materials", "shapes", "lights"}
+    assert set(schema["properties"]) == {
+        *("title", "camera", "image", "render", "materials", "shapes", "lights", "media", "fog")
+    }
     assert schema["additionalProperties"] is False and schema["required"] == ["camera"]
     kinds = schema["properties"]["shapes"]["items"]["discriminator"]["mapping"]
     assert set(kinds) == {"sphere", "quad", "triangle", "box", "tetrahedron", "disk", "mesh"}

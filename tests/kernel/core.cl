@@ -93,6 +93,13 @@ __kernel void core_exp(__global const float* values, uint count, __global float*
     lane_save(exp_minus(lane_load(values + at)), results + at);
 }
 
+// values: uint [count]. results: float [1][count]: minus the logarithm of the number in (0, 1] that these bits stand for.
+__kernel void core_minus_log(__global const float* values, uint count, __global float* results) {
+    const size_t at = get_global_id(0) * LANES;
+    if (at >= count) return;
+    lane_save(minus_log_of_bits(vfloat_bits(lane_load(values + at))), results + at);
+}
+
 // values: float [6][count], a unit normal and any vector. results: float [12][count]: tangent, bitangent, the vector to local and
 // back.
 __kernel void core_frame(__global const float* values, uint count, __global float* results) {

@@ -77,6 +77,8 @@ class Run:
         With textures, also as emission, and normal and bump maps.
     filter : str
         Of pixels.
+    media : bool
+        With media that scatter, in shapes and around them.
     """
 
     kernel: str
@@ -89,6 +91,7 @@ class Run:
     interiors: bool = False
     textured: bool = False
     filter: str = "box"
+    media: bool = False
 
 
 RENDERS: Final = {
@@ -102,6 +105,8 @@ RENDERS: Final = {
     "path-4-interiors": Run("path", 4, samples=2, interiors=True),
     "photon-4-interiors": Run("photon", 4, samples=2, interiors=True),
     "whitted-1-interiors": Run("whitted", 1, samples=2, interiors=True),
+    "path-4-media": Run("path", 4, samples=2, media=True),
+    "path-1-media": Run("path", 1, rough=True, media=True),
     "path-4-textured": Run("path", 4, samples=2, textured=True),
     "whitted-1-textured": Run("whitted", 1, textured=True),
     "photon-4-textured": Run("photon", 4, textured=True),
@@ -164,6 +169,11 @@ def scene(run: Run, folder: Path) -> FlatScene:
             {"type": "sphere", "center": (0.2, 0.8, 3.0), "radius": 0.1, "material": "air"},
             {"type": "tetrahedron", "vertices": ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)), "material": "old"},
         ]
+    if run.media:
+        shapes += [
+            {"type": "box", "center": (0.2, -0.1, 0.5), "size": (1.6, 0.7, 1.6), "interior": "smoke"},
+            {"type": "sphere", "center": (0.2, 0.1, 0.3), "radius": 0.3, "material": "glass", "interior": "milk"},
+        ]
     media = {
         "glass": {"type": "dielectric", "ior": 1.5, "priority": 2},
         "water": {
@@ -184,7 +194,12 @@ def scene(run: Run, folder: Path) -> FlatScene:
             (7, {"checker": [color, 0.0]}),
         ):
             shapes[number]["emission"] = emission
-    described = {
+    scattering: dict[str, Any] = {
+        "media": {"smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "g": 0.6}, "milk": {"scattering": 6.0}},
+        "fog": "smoke",
+    }
+    described: dict[str, Any] = {
+        **(scattering if run.media else {}),
         "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
         "materials": {
             "matt": {"type": "lambert", "reflectance": color},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -262,6 +263,23 @@ def test_exponential(all_devices: list[Device]) -> None:
     print(f"exp_minus: worst error {ulp.max():.3f} ulp")
     assert ulp.max() < 2.0
     assert (got[~below] == 0.0).all() and (got[values == 0.0] == 1.0).all()
+
+
+def test_logarithm_of_random_bits(all_devices: list[Device]) -> None:
+    """Of numbers near 0 as of those near 1, where the result has as few units as the number's distance from 1."""
+    rng = np.random.default_rng(10)
+    bits = rng.integers(0, 2**32, 2**20, dtype=np.uint32)
+    bits[:96] = [b for k in range(32) for b in (2**k - 1, 2**k, 2**32 - 2**k)]
+    bits[96:1120] = np.uint32(2**32 * math.sqrt(0.5)) + np.arange(1024, dtype=np.uint32)
+    got = on_all(all_devices, "core_minus_log", bits.view(np.float32), 1)[0].astype(np.float64)
+    exact = -np.log((bits.astype(np.float64) + 1.0) / 2.0**32)
+    # The number itself is rounded to a unit of single precision before its logarithm is taken
+    error = np.abs(got - exact) / (
+        np.spacing(np.maximum(exact, 1e-30).astype(np.float32)).astype(np.float64) + 2.0**-25
+    )
+    print(f"minus_log_of_bits: worst error {error.max():.3f} units")
+    assert error.max() < 3.0
+    assert (got >= 0.0).all() and got[bits == 2**32 - 1].max() == 0.0 and got.max() < 22.2
 
 
 def test_frames_are_orthonormal(all_devices: list[Device]) -> None:

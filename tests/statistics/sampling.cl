@@ -2,6 +2,7 @@
 #include "integrator/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
+#include "medium/phase.h"
 
 // bits: uint [2][count]. setting: of the warp. results: float [4][count], the sample and its density.
 #define WARP_DISK 0
@@ -9,6 +10,7 @@
 #define WARP_SPHERE 2
 #define WARP_CONE 3
 #define WARP_TRIANGLE 4
+#define WARP_PHASE 5
 __kernel void sampling_warp(__global const float* bits, uint which, float setting, uint count, __global float* results) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
@@ -29,6 +31,10 @@ __kernel void sampling_warp(__global const float* bits, uint which, float settin
         pdf = warp_cone_pdf(splat(setting));
     }
     if (which == WARP_TRIANGLE) warp_triangle(u, v, &sample.x, &sample.y);
+    if (which == WARP_PHASE) {
+        sample = phase_sample(splat(setting), u, v);
+        pdf = phase_eval(splat(setting), sample.z);
+    }
     lane_save(sample.x, results + at);
     lane_save(sample.y, results + count + at);
     lane_save(sample.z, results + 2 * (size_t)count + at);

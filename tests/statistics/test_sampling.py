@@ -88,6 +88,19 @@ def test_triangle(evidence: Evidence, device: Device) -> None:
     even(evidence, "triangle", both**2, c / np.where(both > 0.0, both, 1.0))
 
 
+@pytest.mark.parametrize("g", [-0.99, -0.5, -1e-3, 0.0, 9e-4, 2e-3, 0.3, 0.9, 0.99])
+def test_phase_function(evidence: Evidence, device: Device, g: float) -> None:
+    """Henyey and Greenstein's: its distribution in closed form, and its density."""
+    x, y, z, pdf = warp(device, 5, g)
+    np.testing.assert_allclose(x * x + y * y + z * z, 1.0, atol=2e-6)
+    spread = 1.0 + g * g - 2.0 * g * z
+    # Cosines are known to 2^-24, and the density's argument to g times that
+    exact = (1.0 - g * g) / (4.0 * math.pi * spread**1.5)
+    assert (np.abs(pdf / exact - 1.0) < 1e-5 + 3.0 * abs(g) * 2.0**-23 / spread).all()
+    below = (1.0 + z) / 2.0 if g == 0.0 else (1.0 - g * g) / (2.0 * g) * (1.0 / np.sqrt(spread) - 1.0 / (1.0 + g))
+    even(evidence, "phase function", below, turns(x, y))
+
+
 DIRECTIONS = {
     "straight": (0.0, 0.0, -1.0),
     "aslant": (0.6, -0.3, -0.8),

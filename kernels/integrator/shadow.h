@@ -1,0 +1,80 @@
+// Shadow rays: what of the light samples arrives.
+//
+// Mostly a ray only has to be free. But there are surfaces that are no boundaries: the edge of a cloud, or of glass in a liquid of the same
+// index. Light goes straight on there, so where a scene has such surfaces (-D STRAIGHT_SHADOWS) a shadow ray looks behind them; and light that a
+// path finds behind them could have been sampled at the last vertex.
+#ifndef INTEGRATOR_SHADOW_H
+#define INTEGRATOR_SHADOW_H
+
+#include "geometry/surface.h"
+#include "light/light.h"
+#include "material/interior.h"
+
+#ifdef STRAIGHT_SHADOWS
+
+typedef struct {
+    vec3 left[PACKETS];      // of the light on its way, by channel
+} Shadows;
+
+// The paths that go straight on, whose last vertex stays the one at which light samples and samples of the BSDF are weighed.
+static vmask shadow_passes(vmask straight) { return straight; }
+
+// What is left on the way: the rays themselves tell.
+static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) { return vec3_all(1.0f); }
+
+// What is left of light that comes along a shadow ray which begins in these media.
+static vec3 shadow_transmittance(const Scene* scene, Ray ray, const LightSample* light, Interior in, vmask asked) {
+    vec3 left = choose(asked, vec3_all(1.0f), vec3_all(0.0f));
+    while (lane_any(asked)) {
+        const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
+        const vmask found = asked & (hit.primitive != NONE);
+        const vfloat way = magnitude(ray.direction), distance = found ? hit.distance : light->infinite ? splat(FAR) : splat(1.0f);
+        const vec3 passes = interior_transmittance(scene, &in, distance * way, light->infinite & !found);
+        left = choose(asked, mul(left, passes), left);
+
+        // Behind a surface that is no boundary it goes on
+        Surface surface = surface_at(scene, &ray, hit, found);
+        const Crossing crossing = interior_meet(scene, &in, &surface, found);
+        const vmask straight = interior_straight(&crossing);
+        left = choose(found & !straight, vec3_all(0.0f), left);
+        asked = straight & (largest(left) > 0.0f);
+        interior_replace(&in, crossing.beyond, asked);
+        Ray behind = surface_leave(&surface, ray.direction);
+        behind.direction = choose(light->infinite, light->target, sub(light->target, behind.origin));
+        behind.limit = ray.limit;
+        behind.to = ray.to;
+        ray_replace(&ray, behind, asked);
+    }
+    return left;
+}
+
+static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const Ray* ray, const LightSample* light, const Interior* in, vmask asked) {
+    shadows->left[packet] = shadow_transmittance(scene, *ray, light, *in, asked);
+}
+static void shadow_finish(const Scene* scene, Shadows* shadows) {}
+
+// Whether light arrives; less may than was sent.
+static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) {
+    *arriving = mul(*arriving, shadows->left[packet]);
+    return largest(shadows->left[packet]) > 0.0f;
+}
+
+#else
+
+typedef Traversal Shadows;
+
+static vmask shadow_passes(vmask straight) { return mask_none(); }
+
+// What is left on the way, if that is free: all of it is in the medium that the ray begins in.
+static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) {
+    return interior_transmittance(scene, in, magnitude(sub(light->target, from)), light->infinite);
+}
+static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const Ray* ray, const LightSample* light, const Interior* in, vmask asked) {
+    traverse_start(&scene->bvh, shadows, packet, ray, asked, 1);
+}
+static void shadow_finish(const Scene* scene, Shadows* shadows) { traverse_finish(&scene->bvh, shadows, 1); }
+static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) { return !traverse_blocked(shadows, packet); }
+
+#endif
+
+#endif

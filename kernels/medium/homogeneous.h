@@ -1,0 +1,83 @@
+// Homogeneous media that absorb and scatter: how far light gets in them (PBR 4ed, 11.2 and 14.1).
+//
+// A free path's length is sampled for one of the three channels, each chosen as often as it carries of the throughput, and weighed with the
+// density of all three: the balance heuristic, so that no channel weighs more than the inverse of its share. A path that scatters before
+// it meets a surface has its next vertex there: its hit says HIT_MEDIUM in the place of a primitive.
+//
+// Built only where a medium scatters (-D MEDIA).
+#ifndef MEDIUM_HOMOGENEOUS_H
+#define MEDIUM_HOMOGENEOUS_H
+
+#include "geometry/surface.h"
+#include "material/interior.h"
+
+#ifdef MEDIA
+
+#define HIT_MEDIUM 0xfffffffeu
+
+static vmask medium_scatters(Hit hit) { return hit.primitive == HIT_MEDIUM; }
+
+// e^(−σ d), by channel.
+static vec3 medium_attenuation(vec3 extinction, vfloat distance) {
+    return vec3_of(exp_minus(extinction.x * distance), exp_minus(extinction.y * distance), exp_minus(extinction.z * distance));
+}
+
+// Go through the medium that is there, until the hit or to where light scatters before it; the throughput carries what is left.
+static void medium_travel(const Scene* scene, const Interior* in, Sampler sampler, vuint depth, vmask alive, vec3* throughput, Hit* hit) {
+    vfloat row[16];
+    lane_rows(scene->media_rows, interior_top(in), row);
+    const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
+    const vmask may = alive & (largest(scattering) > 0.0f);
+    const vec3 arrives = mul(*throughput, interior_absorption(scene, in, *hit));
+    if (!lane_any(may)) {
+        *throughput = arrives;
+        return;
+    }
+
+    // Choose a channel. Each straight crossing since the last vertex has random numbers of its own
+    vuint bits_length, bits_channel;
+    sampler.seed ^= in->straight * 0x9e3779b9u;
+    sampler_bits(sampler, sampler_set(depth, SET_MEDIUM), &bits_length, &bits_channel);
+    const vec3 share = scale(*throughput, inverse_or_one(throughput->x + throughput->y + throughput->z));
+    const vfloat u = unit_interval(bits_channel);
+    const vfloat chosen = u < share.x ? extinction.x : u < share.x + share.y ? extinction.y : extinction.z;
+
+    // Sample how far it goes
+    const vfloat length = chosen > 0.0f ? minus_log_of_bits(bits_length) / (chosen > 0.0f ? chosen : splat(1.0f)) : splat(FAR);
+    const vmask scatters = may & (length < hit->distance);
+    const vec3 left = medium_attenuation(extinction, scatters ? length : hit->distance);
+    const vfloat pdf = inner(share, choose(scatters, mul(extinction, left), left));
+    const vec3 weight = scale(choose(scatters, mul(scattering, left), left), inverse_or_one(pdf));
+    *throughput = choose(may, mul(*throughput, weight), arrives);
+    hit->distance = scatters ? length : hit->distance;
+    hit->primitive = scatters ? splat_uint(HIT_MEDIUM) : hit->primitive;
+}
+
+// A point of the medium as a surface that faces the ray, has no rounding error to leave behind, and scatters by the phase function.
+static void medium_surface(const Scene* scene, const Ray* ray, const Interior* in, Hit hit, Surface* s) {
+    const vmask here = medium_scatters(hit);
+    if (!lane_any(here)) return;
+    s->point = choose(here, along(ray->origin, ray->direction, hit.distance), s->point);
+    s->error = choose(here, vec3_all(0.0f), s->error);
+    s->normal = choose(here, negate(ray->direction), s->normal);
+    s->shading = choose(here, negate(ray->direction), s->shading);
+    s->front = s->front | here;
+    s->primitive = here ? splat_uint(HIT_MEDIUM) : s->primitive;
+    s->from = here ? splat_uint(NONE) : s->from;
+    s->light = here ? splat_uint(NONE) : s->light;
+    s->absorption = here ? splat(0.0f) : s->absorption;
+    s->kind = here ? splat_uint(MATERIAL_MEDIUM) : s->kind;
+    s->g = lane_gather(scene->media_rows, interior_top(in) * 16u + (uint)MEDIUM_ROW_G);
+}
+
+#else
+
+static vmask medium_scatters(Hit hit) { return mask_none(); }
+static void medium_travel(const Scene* scene, const Interior* in, Sampler sampler, vuint depth, vmask alive, vec3* throughput, Hit* hit) {
+    *throughput = interior_absorb(scene, in, *hit, *throughput);
+}
+static void medium_surface(const Scene* scene, const Ray* ray, const Interior* in, Hit hit, Surface* s) {}
+
+#endif
+
+#endif

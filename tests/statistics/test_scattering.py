@@ -1,0 +1,203 @@
+"""Media that scatter: transmittance, single scattering and furnaces in closed form; ways to find light, compared."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from render_support import Studio, lambert, quad, sphere
+from stats_support import Evidence
+
+import clrender
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.scene import Scene
+
+SKY = {"type": "environment", "radiance": [1.0, 1.0, 1.0]}
+WEIGHTS = np.array([0.5, 0.3, 0.2])
+"""Of the channels in what a `Studio` measures."""
+SMOKE: dict[str, Any] = {"absorption": [0.2, 0.1, 0.05], "scattering": [2.0, 1.0, 3.0], "g": 0.6}
+STRAIGHT = {"type": "orthographic", "position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "height": 0.5}
+BESIDE = {"position": [0.0, 1.0, 5.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 40.0}
+
+
+def described(shapes: list[dict[str, Any]], lights: list[dict[str, Any]], camera: dict[str, Any], **more: Any) -> Scene:
+    """A scene; `more`: media, fog and materials."""
+    return clrender.Scene(camera=camera, shapes=tuple(shapes), lights=tuple(lights), **more)
+
+
+def slab(thickness: float, **more: Any) -> dict[str, Any]:
+    """So wide that nothing of what is seen comes from its sides."""
+    return {"type": "box", "size": [4000.0, 4000.0, thickness], "interior": "smoke", **more}
+
+
+def batches(studio: Studio, what: Scene, **settings: Any) -> Any:
+    """(8,) means of renders with seeds of their own."""
+    return [studio.pixels(what, 32, seed=seed, **settings).mean() for seed in range(8)]
+
+
+@pytest.mark.parametrize("thickness", [0.01, 0.5, 3.0])
+def test_light_that_nothing_scatters(evidence: Evidence, studio: Studio, thickness: float) -> None:
+    """Through a slab comes e^(-(absorption + scattering) d)."""
+    what = described([slab(thickness)], [SKY], STRAIGHT, media={"smoke": SMOKE})
+    left = np.exp(-np.add(SMOKE["absorption"], SMOKE["scattering"]) * thickness)
+    evidence.mean_is("transmittance", batches(studio, what, spp=256, max_depth=0), float(left @ WEIGHTS))
+
+
+_slow = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("toward", "g"),
+    [
+        ((0.0, 0.0, -1.0), 0.6),
+        ((0.6, 0.3, -0.5), -0.4),
+        pytest.param((0.0, 0.0, -1.0), 0.0, marks=_slow),
+        pytest.param((0.0, 0.0, -1.0), -0.4, marks=_slow),
+        pytest.param((0.6, 0.3, -0.5), 0.0, marks=_slow),
+        pytest.param((0.6, 0.3, -0.5), 0.6, marks=_slow),
+    ],
+)
+def test_light_scattered_once(evidence: Evidence, studio: Studio, toward: tuple[float, ...], g: float) -> None:
+    """Parallel light on a slab, seen from before it: σs p E (1 - e^(-σ d (1 + 1/μ))) / (σ (1 + 1/μ))."""
+    light = {"type": "directional", "direction": list(toward), "irradiance": [2.0, 2.0, 2.0]}
+    what = described([slab(0.7)], [light], STRAIGHT, media={"smoke": {**SMOKE, "g": g}})
+    unit = np.asarray(toward) / np.linalg.norm(toward)
+    cosine, longer = unit[2], 1.0 - 1.0 / unit[2]
+    phase = (1.0 - g * g) / (4.0 * math.pi * (1.0 + g * g - 2.0 * g * cosine) ** 1.5)
+    extinction = np.add(SMOKE["absorption"], SMOKE["scattering"])
+    once = (
+        np.asarray(SMOKE["scattering"])
+        * phase
+        * 2.0
+        * (1.0 - np.exp(-extinction * 0.7 * longer))
+        / (extinction * longer)
+    )
+    for settings in ({"integrator": "direct"}, {"max_depth": 1}):
+        evidence.mean_is(str(settings), batches(studio, what, spp=64, **settings), float(once @ WEIGHTS))
+
+
+GLASS = {"type": "dielectric", "ior": 1.5}
+FURNACES: dict[str, list[dict[str, Any]]] = {
+    "sphere": [sphere([0.0, 0.0, 0.0], 1.0, interior="white")],
+    "below glass": [sphere([0.0, 0.0, 0.0], 1.0, material="glass", interior="white")],
+    "below rough glass": [sphere([0.0, 0.0, 0.0], 1.0, material="rough", interior="white")],
+    "one in the other": [
+        sphere([0.0, 0.0, 0.1 * i], 1.0 - 0.3 * i, interior=m) for i, m in enumerate(("white", "thin"))
+    ],
+    "around a ball": [sphere([0.0, 0.0, 0.0], 1.0, interior="white"), sphere([0.2, 0.0, 0.0], 0.4, material="matt")],
+    "by priority": [
+        sphere([0.0, 0.0, 0.0], 1.0, material="first", interior="white"),
+        sphere([0.5, 0.0, 0.5], 0.8, material="second", interior="thin"),
+    ],
+}
+
+
+@pytest.mark.parametrize("name", FURNACES)
+def test_what_absorbs_nothing_is_invisible(evidence: Evidence, studio: Studio, name: str) -> None:
+    """In a white environment, however it scatters."""
+    shapes = FURNACES[name]
+    media = {
+        "white": {"scattering": [4.0, 1.0, 8.0], "g": 0.4},
+        "thin": {"scattering": 1.0, "g": -0.7},
+    }
+    materials = {
+        "glass": GLASS,
+        "rough": {**GLASS, "roughness": 0.5},
+        "matt": lambert(1.0),
+        "first": {**GLASS, "priority": 1},
+        "second": {**GLASS, "ior": 1.3, "priority": 2},
+    }
+    used = {shape["material"] for shape in shapes if "material" in shape}
+    what = described(shapes, [SKY], BESIDE, media=media, materials={n: m for n, m in materials.items() if n in used})
+    evidence.mean_is("furnace", batches(studio, what, spp=32, roulette="none"), 1.0, rounding=1e-5)
+
+
+def in_smoke(lamp: bool, fog: bool = False) -> Scene:
+    """A cloud above a floor, or all in fog, with a lamp or a point light over it."""
+    floor = quad([-3, -1, 3], [6, 0, 0], [0, 0, -6], material="matt")
+    shapes = [floor] if fog else [floor, sphere([0.0, 0.0, 0.0], 0.9, interior="smoke")]
+    if lamp:
+        shapes.append(quad([-0.5, 2.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], emission=[8.0, 8.0, 8.0]))
+    point = {"type": "point", "position": [1.0, 2.0, 1.0], "intensity": [5.0, 5.0, 5.0]}
+    media = {"smoke": {**SMOKE, "scattering": [0.2, 0.1, 0.3]} if fog else SMOKE}
+    more = {"fog": "smoke"} if fog else {}
+    return described(shapes, [] if lamp else [point], BESIDE, media=media, materials={"matt": lambert(0.7)}, **more)
+
+
+@pytest.mark.parametrize("fog", [False, True], ids=["cloud", "fog"])
+def test_lights_are_found_alike(evidence: Evidence, studio: Studio, fog: bool) -> None:
+    """By samples of lights, which pass the cloud's surface, of the phase function, and of both."""
+    what = in_smoke(lamp=True, fog=fog)
+    by = {
+        s: studio.tiles(what, range(100 * i, 100 * i + 8), spp=64, sampling=s)
+        for i, s in enumerate(("mis", "light", "bsdf"))
+    }
+    evidence.equal("lights", by["mis"], by["light"])
+    evidence.equal("phase function", by["mis"], by["bsdf"])
+
+
+def test_paths_that_split_in_a_cloud(evidence: Evidence, studio: Studio) -> None:
+    """Each of the rays that leave the first point where light scatters leaves that point."""
+    whole, several = (
+        studio.tiles(in_smoke(lamp=True), range(100 * n, 100 * n + 8), spp=64, indirect_rays=n) for n in (1, 4)
+    )
+    evidence.equal("tiles", whole, several)
+
+
+def test_a_cloud_is_as_bright_cut_in_two(evidence: Evidence, studio: Studio) -> None:
+    """Surfaces inside of a medium that are no boundaries change nothing, lit by a point, however many there are."""
+    whole, cut = in_smoke(lamp=False), in_smoke(lamp=False)
+    inner = [sphere([0.1 * i, 0.0, 0.0], 0.6 - 0.1 * i, interior="smoke") for i in range(4)]
+    cut = cut.model_copy(update={"shapes": (*cut.shapes, *described(inner, [], BESIDE, media={"smoke": SMOKE}).shapes)})
+    evidence.equal("tiles", studio.tiles(whole, range(8), spp=64), studio.tiles(cut, range(100, 108), spp=64))
+
+
+def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio) -> None:
+    """Shadow rays of a point light go straight through, for a path would."""
+    materials = {
+        "matt": lambert(0.7),
+        "air": {"type": "dielectric", "ior": 1.0, "priority": 3},
+        "wall": {"type": "dielectric", "ior": 1.5, "priority": 1},
+    }
+    floor = quad([-3, -1, 3], [6, 0, 0], [0, 0, -6], material="matt")
+    light = {"type": "point", "position": [1.0, 2.0, 1.0], "intensity": [5.0, 5.0, 5.0]}
+    away = sphere([0.0, 5.0, 0.0], 0.1, material="wall")
+    block = {"type": "box", "center": [0.3, 0.2, 0.3], "size": [1.0, 1.0, 1.0], "material": "air"}
+    there = described([floor, away, block], [light], BESIDE, materials=materials)
+    without = described([floor, away], [light], BESIDE, materials=materials)
+    evidence.equal("tiles", studio.tiles(there, range(8)), studio.tiles(without, range(8)))
+
+
+def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
+    """Beside textures and rough materials, whose paths are sorted."""
+    what = in_smoke(lamp=True)
+    ball = sphere([1.4, -0.5, 0.5], 0.5, material="gold")
+    gold = {"type": "conductor", "metal": "Au", "roughness": 0.4}
+    both = described([ball], [SKY], BESIDE, materials={"gold": gold})
+    what = what.model_copy(
+        update={
+            "shapes": (*what.shapes, *both.shapes),
+            "lights": both.lights,
+            "materials": {**what.materials, **both.materials},
+        }
+    )
+    with clrender.Session(device.info.index) as session:
+        whole = session.render(what, size=(40, 31), spp=4).stats["image_sha256"]
+        assert session.render(what, size=(40, 31), spp=4, tile=8, samples_per_pass=1).stats["image_sha256"] == whole
+    hashes = {
+        clrender.render(what, device=device.info.index, size=(40, 31), spp=4, lanes=lanes).stats["image_sha256"]
+        for lanes in (1, 4, 8, 16)
+    }
+    assert hashes == {whole}
+
+
+@pytest.mark.parametrize("integrator", ["whitted", "photon", "reuse", "radiosity"])
+@pytest.mark.parametrize("fog", [False, True], ids=["shape", "fog"])
+def test_integrators_refuse_media(device: Device, integrator: str, fog: bool) -> None:
+    place = "fog" if fog else r"shapes\[1\].interior"
+    with pytest.raises(clrender.SceneError, match=rf"^Scene: {place} is a medium, which the integrator {integrator}"):
+        clrender.render(in_smoke(False, fog), device=device.info.index, size=(8, 8), spp=1, integrator=integrator)
