@@ -133,6 +133,9 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
 #ifdef INTERIORS
     s.medium = kind_and_flags >> ROW_MEDIUM;
 #endif
+#ifdef MEDIA
+    s.g = splat(0.0f);
+#endif
     const vmask round = s.primitive >= scene->settings->triangle_count;
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
 #ifdef TEXTURES

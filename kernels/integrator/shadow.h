@@ -23,7 +23,9 @@ static vmask shadow_passes(vmask straight) { return straight; }
 static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) { return vec3_all(1.0f); }
 
 // What is left of light that comes along a shadow ray which begins in these media.
-static vec3 shadow_transmittance(const Scene* scene, Ray ray, const LightSample* light, Interior in, vmask asked) {
+static vec3 shadow_transmittance(const Scene* scene, const Ray* first, const LightSample* light, const Interior* around, vmask asked) {
+    Ray ray = *first;
+    Interior in = *around;
     vec3 left = choose(asked, vec3_all(1.0f), vec3_all(0.0f));
     while (lane_any(asked)) {
         const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
@@ -49,7 +51,7 @@ static vec3 shadow_transmittance(const Scene* scene, Ray ray, const LightSample*
 }
 
 static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const Ray* ray, const LightSample* light, const Interior* in, vmask asked) {
-    shadows->left[packet] = shadow_transmittance(scene, *ray, light, *in, asked);
+    shadows->left[packet] = shadow_transmittance(scene, ray, light, in, asked);
 }
 static void shadow_finish(const Scene* scene, Shadows* shadows) {}
 

@@ -36,8 +36,9 @@ static void medium_travel(const Scene* scene, const Interior* in, Sampler sample
 
     // Choose a channel. Each straight crossing since the last vertex has random numbers of its own
     vuint bits_length, bits_channel;
-    sampler.seed ^= in->straight * 0x9e3779b9u;
-    sampler_bits(sampler, sampler_set(depth, SET_MEDIUM), &bits_length, &bits_channel);
+    Sampler own = sampler;
+    own.seed ^= in->straight * 0x9e3779b9u;
+    sampler_bits(own, sampler_set(depth, SET_MEDIUM), &bits_length, &bits_channel);
     const vec3 share = scale(*throughput, inverse_or_one(throughput->x + throughput->y + throughput->z));
     const vfloat u = unit_interval(bits_channel);
     const vfloat chosen = u < share.x ? extinction.x : u < share.x + share.y ? extinction.y : extinction.z;
@@ -67,7 +68,7 @@ static void medium_surface(const Scene* scene, const Ray* ray, const Interior* i
     s->light = here ? splat_uint(NONE) : s->light;
     s->absorption = here ? splat(0.0f) : s->absorption;
     s->kind = here ? splat_uint(MATERIAL_MEDIUM) : s->kind;
-    s->g = lane_gather(scene->media_rows, interior_top(in) * 16u + (uint)MEDIUM_ROW_G);
+    s->g = here ? lane_gather(scene->media_rows, interior_top(in) * 16u + (uint)MEDIUM_ROW_G) : s->g;
 }
 
 #else
