@@ -43,6 +43,8 @@ _FAST_MATH: Final = re.compile(
     r"-cl-(?:fast-relaxed-math|unsafe-math-optimizations|mad-enable|finite-math-only|no-signed-zeros|denorms-are-zero)"
 )
 _COMMENT: Final = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
+_FUNCTION: Final = re.compile(r"(?:__attribute__\S+ )?static [\w*]+ \w+\((.*)\) \{")
+_BY_VALUE: Final = re.compile(r"(?:const )?(?:vec3|[A-Z]\w+) (\w+)")
 _MEMBER: Final = re.compile(r"\s*(\w+)(\s*\*)?\s*\w+(?:\[\w+\])?\s*;")
 _SHARED_TYPES: Final = frozenset({"float4", "float", "uint", "int"})
 
@@ -91,6 +93,7 @@ def lint_text(name: str, text: str) -> list[str]:
 def _lines(name: str, text: str) -> Iterator[tuple[int, str]]:
     code = _COMMENT.sub(lambda match: "\n" * match.group().count("\n"), text)
     depth = 0
+    signature, given = "", list[str]()
     for number, line in enumerate(code.splitlines(), 1):
         if line.lstrip().startswith("#include"):
             if not re.fullmatch(r'#include "[\w/]+\.(?:h|inc)"\s*', line):
@@ -103,6 +106,14 @@ def _lines(name: str, text: str) -> Iterator[tuple[int, str]]:
             yield number, f"{found.group().strip(' (')} differs from driver to driver; use the function of core/"
         if found := _FAST_MATH.search(line):
             yield number, f"{found.group()} lets the compiler round differently"
+        signature = "" if line.startswith("}") else line if line[:1].strip() else signature + line
+        given = [] if line.startswith("}") else given
+        if function := _FUNCTION.match(signature):
+            parameters = (_BY_VALUE.fullmatch(each.strip()) for each in function.group(1).split(","))
+            given, signature = [each.group(1) for each in parameters if each], ""
+        for each in given:
+            if re.search(rf"(?<![\w.>&*]){each}(?:\.\w+)*\s*(?:[-+*/^|&]|<<|>>)?=(?!=)", line):
+                yield number, f"{each} was given by value, and rusticl may share it with the caller; write to a copy"
         if name == "types.h":
             depth += line.count("{") - line.count("}")
             member = _MEMBER.match(line)

@@ -11,7 +11,8 @@ static int fixed_representable(float value) {
     return (as_uint(value) & 0x7fffffffu) < ((43u + 127u) << 23);
 }
 
-static Fixed fixed_add(Fixed sum, float value) {
+static Fixed fixed_add(Fixed before, float value) {
+    Fixed sum = before;
     const uint bits = as_uint(value);
     const uint biased = (bits >> 23) & 0xffu;
     const ulong mantissa = biased ? (bits & 0x7fffffu) | 0x800000u : bits & 0x7fffffu;

@@ -54,6 +54,8 @@ def test_the_kernels_keep_their_rules() -> None:
         ("#pragma OPENCL FP_CONTRACT ON", "round differently"),
         ("// harmless\n/* -cl-fast */ int a; -cl-fast-relaxed-math", "round differently"),
         ("vfloat a = l.row[6];", "is a bare column"),
+        ("static Ray f(Ray r, uint n) {\n    r.limit *= n;", "given by value"),
+        ("static vec3 f(const Ray* r,\n     vec3 v) {\n    v = r->origin;", "given by value"),
         ("#include <b.h>", "includes read"),
         ('#include "../b.h"', "includes read"),
     ],
