@@ -17,6 +17,8 @@ __all__ = ["NODE_WORDS", "Emitters", "LightTree", "light_tree"]
 NODE_WORDS: Final = 8
 """Of each child: centre of a sphere about its lights, its radius (negative: infinitely far), mean normal, power."""
 _INFINITE: Final = -1.0
+_CONE_MARGIN: Final = 1e-5
+"""Of a cone's cosine: what roundings in single precision may change of that of a direction."""
 
 _Floats = NDArray[np.float64]
 
@@ -30,10 +32,14 @@ class Emitters:
     low, high : (L, 3) float64
         Bounds, metres.
     normal : (L, 3) float64
-        Unit, the middle of the hemisphere that a light shines into; zero where it shines all around.
+        Unit, the middle of the hemisphere that a light shines into; zero where it shines all around; of a lamp the mean
+        direction of its light, shorter than 1.
     power : (L,) float64
         What arrives at a distance of 1 m from the front, W/m²; from infinitely far: what arrives. Above 0.
     infinite : (L,) bool
+    cones : (L, 4) float64 or None
+        Where there are lamps: the middle of a cone with all directions of a light, unit, and the cosine of half its
+        angle, -1 where it shines all around.
     """
 
     low: _Floats
@@ -41,6 +47,7 @@ class Emitters:
     normal: _Floats
     power: _Floats
     infinite: NDArray[np.bool_]
+    cones: _Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -57,12 +64,15 @@ class LightTree:
         The number of each light's node on the last level.
     levels : int
         Steps from the root to a light.
+    cones : (N, 8) float32 or None
+        Of each node both children's cones, `CONE_ROW_*` of types.h, each a little wider than it has to be.
     """
 
     rows: NDArray[np.float32]
     order: NDArray[np.uint32]
     place: NDArray[np.uint32]
     levels: int
+    cones: NDArray[np.float32] | None = None
 
 
 def light_tree(emitters: Emitters) -> LightTree:
@@ -88,7 +98,38 @@ def light_tree(emitters: Emitters) -> LightTree:
     place = np.zeros(len(emitters.power), np.uint32)
     place[order[there]] = len(order) + np.flatnonzero(there)
     rows = words.astype(np.float32).reshape(len(order), 2 * NODE_WORDS)
-    return LightTree(rows, np.maximum(order, 0).astype(np.uint32), place, len(top) - 1)
+    cones = None if emitters.cones is None else _cones(emitters.cones, order)
+    return LightTree(rows, np.maximum(order, 0).astype(np.uint32), place, len(top) - 1, cones)
+
+
+def _cones(cones: _Floats, order: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Those of all children, from the lights' own up to the root's."""
+    there = (order >= 0)[:, None]
+    levels = [np.where(there, cones[order], (0.0, 0.0, 0.0, 2.0))]
+    while len(levels[0]) > 1:
+        levels.insert(0, _about(levels[0][::2], levels[0][1::2]))
+    words = np.concatenate([np.zeros((1, 4)), *levels])
+    words[:, 3] -= _CONE_MARGIN
+    return words.astype(np.float32).reshape(len(order), 8)
+
+
+def _about(first: _Floats, second: _Floats) -> _Floats:
+    """A cone about each two; a cosine of 2 is that of none."""
+    axis = first[:, :3] + second[:, :3]
+    size = np.sqrt(axis[:, 0] ** 2 + axis[:, 1] ** 2 + axis[:, 2] ** 2)[:, None]
+    apart = size > 1e-6
+    axis = np.divide(axis, size, out=np.zeros_like(axis), where=apart)
+    cosine = np.minimum(_widened(axis, first), _widened(axis, second))
+    both = np.concatenate([axis, np.where(apart[:, 0], cosine, -1.0)[:, None]], axis=1)
+    return np.where(first[:, 3:] > 1.0, second, np.where(second[:, 3:] > 1.0, first, both))
+
+
+def _widened(axis: _Floats, cone: _Floats) -> _Floats:
+    """Cosine of the angle between an axis and the edge of a cone that is farthest from it."""
+    between = axis[:, 0] * cone[:, 0] + axis[:, 1] * cone[:, 1] + axis[:, 2] * cone[:, 2]
+    sines = [np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0)) for cosine in (between, cone[:, 3])]
+    # From half a turn on the cone is all there is
+    return np.where(between + cone[:, 3] > 0.0, between * cone[:, 3] - sines[0] * sines[1], -1.0)
 
 
 def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[NDArray[np.int64], list[_Floats]]:
