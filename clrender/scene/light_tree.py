@@ -1,5 +1,11 @@
 """The tree that picks one of many lights by how much it can matter at a point (Conty Estevez & Kulla, HPG 2018).
 
+Where there are lamps, a node has a cone that holds all directions of its light, too. Lights of which each sends its flux
+into a part q of their node's cone shine on a point there with the chance q, and then with 1/q of the mean. That is
+sampled with the least variance by flux over the root of q. So the power of a node is here the sum of
+its lights' fluxes over the roots of their cones' solid angles, over the root of its own's: of a light its flux over
+its cone, of a group that looks into all directions nearly the flux alone.
+
 It is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. Only operations that
 every processor rounds alike are used, so that it is the same bits everywhere.
 """
@@ -35,7 +41,8 @@ class Emitters:
         Unit, the middle of the hemisphere that a light shines into; zero where it shines all around; of a lamp the mean
         direction of its light, shorter than 1.
     power : (L,) float64
-        What arrives at a distance of 1 m from the front, W/m²; from infinitely far: what arrives. Above 0.
+        What arrives at a distance of 1 m from the front, W/m²; from infinitely far: what arrives. Above 0. Where there
+        are lamps, of all that are not infinitely far the flux over π, which for flat ones is the same.
     infinite : (L,) bool
     cones : (L, 4) float64 or None
         Where there are lamps: the middle of a cone with all directions of a light, unit, and the cosine of half its
@@ -94,23 +101,33 @@ def light_tree(emitters: Emitters) -> LightTree:
     top = levels if len(parts) == 1 else [np.zeros((1, NODE_WORDS)), *levels]
     words = np.concatenate([np.zeros((1, NODE_WORDS)), *top])
     order = np.concatenate([part[0] for part in parts])
+    cones = None
+    if emitters.cones is not None:
+        about = _cones(emitters.cones, order)
+        words[1:, 7] *= np.sqrt(_narrowness(about[:, 3]))
+        cones = np.concatenate([np.zeros((1, 4)), about])
+        cones[:, 3] -= _CONE_MARGIN
+        cones = cones.astype(np.float32).reshape(len(order), 8)
     there = order >= 0
     place = np.zeros(len(emitters.power), np.uint32)
     place[order[there]] = len(order) + np.flatnonzero(there)
     rows = words.astype(np.float32).reshape(len(order), 2 * NODE_WORDS)
-    cones = None if emitters.cones is None else _cones(emitters.cones, order)
     return LightTree(rows, np.maximum(order, 0).astype(np.uint32), place, len(top) - 1, cones)
 
 
-def _cones(cones: _Floats, order: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Those of all children, from the lights' own up to the root's."""
+def _narrowness(cosine: _Floats) -> _Floats:
+    """How much brighter a light is that fills a cone than one of the same power that falls off with the cosine."""
+    narrowness: _Floats = 1.0 / np.clip(2.0 - 2.0 * cosine, 1e-12, 1.0)
+    return narrowness
+
+
+def _cones(cones: _Floats, order: NDArray[np.int64]) -> _Floats:
+    """Those of the nodes, (N, 4), from the root down to the lights' own."""
     there = (order >= 0)[:, None]
     levels = [np.where(there, cones[order], (0.0, 0.0, 0.0, 2.0))]
     while len(levels[0]) > 1:
         levels.insert(0, _about(levels[0][::2], levels[0][1::2]))
-    words = np.concatenate([np.zeros((1, 4)), *levels])
-    words[:, 3] -= _CONE_MARGIN
-    return words.astype(np.float32).reshape(len(order), 8)
+    return np.concatenate(levels)
 
 
 def _about(first: _Floats, second: _Floats) -> _Floats:
@@ -142,6 +159,8 @@ def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[N
     low, high = np.where(there, emitters.low[order], np.inf), np.where(there, emitters.high[order], -np.inf)
     normals = np.where(there, emitters.normal[order], 0.0)
     power = np.where(there[:, 0], emitters.power[order], 0.0)
+    if emitters.cones is not None:
+        power = power * np.sqrt(_narrowness(emitters.cones[order, 3]))
     normals *= power[:, None]
     infinite = bool(emitters.infinite[group[0]])
     levels: list[_Floats] = []

@@ -238,10 +238,10 @@ def _emitters(
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
     cone_axis, cone_cosine = normal.copy(), np.where(flat, 0.0, -1.0)
     lamps = np.flatnonzero(np.isin(kind, (layout.LIGHT_SPOT, layout.LIGHT_IES)))
+    if len(lamps):
+        per_power = np.where(infinite, per_power, 1.0 / math.pi)
     for number in lamps.tolist():
         lamp = at_point[number]
-        # Its mean intensity within the cone
-        per_power[number] = 0.5 / (math.pi * (1.0 - lamp.cone_cosine))
         normal[number], cone_axis[number], cone_cosine[number] = lamp.mean, lamp.cone_axis, lamp.cone_cosine
     return Emitters(
         low=low,
