@@ -56,8 +56,8 @@ class FlatScene:
         ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
         ``lights`` (L,) `Light`, as of `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and
         ``light_order`` (N,) uint32, the tree of lights, and ``light_cones`` (N, 8) float32 where there are lamps, else
-        one row; ``lamp_tables`` (N,) float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero where the
-        environment has no picture. Little-endian, C-contiguous.
+        one row; ``lamp_tables`` (N,) float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero
+        where the environment has no picture. Little-endian, C-contiguous.
     camera : (1,) `Camera`
         All that depends on the camera, but for `origin`.
     environment : int

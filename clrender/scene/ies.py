@@ -90,7 +90,11 @@ class IesProfile:
         sound = lines.ndim == columns.ndim == 1 and values.shape == (len(lines), len(columns)) and len(lines) >= 2
         sound = sound and tilts.ndim == 2 and len(tilts) == 2 and all(np.isfinite(array).all() for array in arrays)
         sound = sound and lines[0] >= 0.0 and lines[-1] <= 180.0 and bool((np.diff(lines) >= _STEP * 0.99).all())
-        around = columns.tolist() == [0.0] if columns.size == 1 else columns.size > 1 and columns[[0, -1]].tolist() == [0.0, 360.0]
+        around = (
+            columns.tolist() == [0.0]
+            if columns.size == 1
+            else columns.size > 1 and columns[[0, -1]].tolist() == [0.0, 360.0]
+        )
         sound = sound and around and bool((np.diff(columns) >= _STEP * 0.99).all())
         if not (sound and values.size <= 4 * _COUNT_LIMIT and values.min() >= 0.0 and values.max() <= POWER_LIMIT):
             raise ValueError("it is no table of intensities")
@@ -203,7 +207,9 @@ class _Numbers:
         for _ in range(count):
             value = self.number(what)
             if values and not value >= values[-1] + _STEP * 0.99:
-                self.fail(f"{what} of {value:g} degrees follows on {values[-1]:g}; angles must ascend, by {_STEP} at least")
+                self.fail(
+                    f"{what} of {value:g} degrees follows on {values[-1]:g}; angles must ascend, by {_STEP} at least"
+                )
             values.append(value)
         return np.array(values)
 
@@ -281,9 +287,8 @@ def _check_horizontal(numbers: _Numbers, angles: _Floats) -> None:
     # Some files leave the last angle out, which is the first once more
     if first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= 1.001 * float(np.diff(angles).max()):
         return
-    numbers.fail(
-        f"horizontal angles go from {first:g} to {last:g} degrees; they must go from 0 to 0, 90, 180 or 360, or from 90 to 270"
-    )
+    right = "from 0 to 0, 90, 180 or 360, or from 90 to 270"
+    numbers.fail(f"horizontal angles go from {first:g} to {last:g} degrees; they must go {right}")
 
 
 def _all_around(angles: _Floats, values: _Floats) -> tuple[_Floats, _Floats]:

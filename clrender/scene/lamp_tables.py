@@ -162,7 +162,7 @@ def lamp_table(profile: IesProfile) -> LampTable:
 
 
 def _weights(angles: _Floats, sines: _Floats, cosines: _Floats) -> tuple[_Floats, _Floats]:
-    """Integrals between neighbouring angles of the sine, times what falls from 1 to 0, and times what grows from 0 to 1."""
+    """Integrals of the sine between neighbouring angles, times what falls from 1 to 0, and what grows from 0 to 1."""
     slope = np.diff(sines) / np.diff(angles)
     return np.maximum(cosines[:-1] - slope, 0.0), np.maximum(slope - cosines[1:], 0.0)
 

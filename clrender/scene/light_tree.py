@@ -1,10 +1,10 @@
 """The tree that picks one of many lights by how much it can matter at a point (Conty Estevez & Kulla, HPG 2018).
 
-Where there are lamps, a node has a cone that holds all directions of its light, too. Lights of which each sends its flux
-into a part q of their node's cone shine on a point there with the chance q, and then with 1/q of the mean. That is
-sampled with the least variance by flux over the root of q. So the power of a node is here the sum of
-its lights' fluxes over the roots of their cones' solid angles, over the root of its own's: of a light its flux over
-its cone, of a group that looks into all directions nearly the flux alone.
+Where there are lamps, a node has a cone that holds all directions of its light, too. Lights of which each sends its
+flux into a part q of their node's cone shine on a point there with the chance q, and then with 1/q of the mean. That is
+sampled with the least variance by flux over the root of q. So the power of a node is here the sum of its lights' fluxes
+over the roots of their cones' solid angles, over the root of its own's: of a light its flux over its cone, of a group
+that looks into all directions nearly the flux alone.
 
 It is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. Only operations that
 every processor rounds alike are used, so that it is the same bits everywhere.
