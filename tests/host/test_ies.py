@@ -108,7 +108,7 @@ def test_symmetry(tmp_path: Path, angles: str, values: str, around: list[float],
 
 
 def test_flux_of_known_lamps() -> None:
-    """Lambert's 1000 cos: π 1000; even from 60 to 120 degrees: 2π of it. To what a chord of a degree's arc leaves out."""
+    """Lambert's 1000 cos: π 1000; even from 60 to 120 degrees: 2π of it. But for what a chord leaves out of an arc."""
     degrees = np.arange(91.0)
     lambert = IesProfile(degrees, np.zeros(1), 1000.0 * np.cos(np.radians(degrees))[:, None], np.zeros((2, 0)))
     table = lamp_table(lambert)
