@@ -129,6 +129,14 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
     assert sha("bumpy", all_devices[:1], one, **settings) == sha("bumpy", all_devices[:1], **settings)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_lamps_that_a_tree_picks(all_devices: list[Device], lanes: int) -> None:
+    cutting = Cutting(lanes, "packet", 16, 1, 16, "shuffled")
+    by_tree = sha("lamps", all_devices[:1], cutting, light_sampler="bvh")
+    assert by_tree == sha("lamps", all_devices[:1], light_sampler="bvh")
+
+
 @pytest.mark.parametrize("packets", [1, 3])
 def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, str], packets: int) -> None:
     """Other numbers of them than devices choose, where rays part or paths are sorted by material.
