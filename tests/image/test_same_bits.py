@@ -180,6 +180,11 @@ def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device
 # --- drivers and devices ---------------------------------------------------------------------------------------------
 
 
+def test_several_rays_on_every_driver(all_devices: list[Device]) -> None:
+    """Each shadow ray of a vertex has the sampler that the vertex has, also where a compiler shares parameters."""
+    assert len({sha("room", [device], spp=2, shadow_rays=3) for device in all_devices}) == 1
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene: str) -> None:
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
