@@ -19,10 +19,13 @@ from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (
     Camera,
     DirectionalLight,
+    IesLight,
     PointLight,
     Scene,
+    SpotLight,
 )
 from clrender.scene.interiors import media_around, packed
+from clrender.scene.lamp_tables import lamp_tables
 from clrender.scene.lights import flat_environment, flat_lights
 from clrender.scene.material_rows import flat_materials
 from clrender.scene.materials import Dielectric, Material
@@ -52,8 +55,9 @@ class FlatScene:
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
         ``lights`` (L,) `Light`, as of `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and
-        ``light_order`` (N,) uint32, the tree of lights; ``environment_map`` (N,) float32, one zero where the
-        environment has no picture. Little-endian, C-contiguous.
+        ``light_order`` (N,) uint32, the tree of lights, and ``light_cones`` (N, 8) float32 where there are lamps, else
+        one row; ``lamp_tables`` (N,) float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero
+        where the environment has no picture. Little-endian, C-contiguous.
     camera : (1,) `Camera`
         All that depends on the camera, but for `origin`.
     environment : int
@@ -163,7 +167,8 @@ def flatten(
     media = scene_media(scene)
     around = flat_environment(scene, compensated)
     textures = flat_textures(scene)
-    lights = flat_lights(scene, surfaces, textures, around, light_sampler)
+    lamps = lamp_tables(scene)
+    lights = flat_lights(scene, surfaces, textures, around, lamps, light_sampler)
     tree = lights.tree
     triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
     materials = flat_materials(scene, media.of_solid)
@@ -186,6 +191,8 @@ def flatten(
         "lights": _padded(lights.rows),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
         "light_order": tree.order if tree else np.zeros(1, np.uint32),
+        "light_cones": np.zeros((1, 8), np.float32) if tree is None or tree.cones is None else tree.cones,
+        "lamp_tables": lamps.words,
         "environment_map": around.words,
     }
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
@@ -234,7 +241,12 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
     """What no integrator but one finds: light of points and directions that passes glass."""
     used = {solid_of(shape) for shape in scene.shapes} - no_boundary
     glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
-    kinds: dict[type, str] = {DirectionalLight: "directional", PointLight: "point"}
+    kinds: dict[type, str] = {
+        DirectionalLight: "directional",
+        PointLight: "point",
+        SpotLight: "spot",
+        IesLight: "ies",
+    }
     shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
     if not glass or not shining:
         return []

@@ -59,7 +59,9 @@ __all__ = [
     "LIGHT_AREA_TRIANGLE",
     "LIGHT_DIRECTIONAL",
     "LIGHT_ENVIRONMENT",
+    "LIGHT_IES",
     "LIGHT_POINT",
+    "LIGHT_SPOT",
     "MATERIAL_BY_ROW",
     "MATERIAL_CONDUCTOR",
     "MATERIAL_DIELECTRIC",
@@ -179,6 +181,8 @@ LIGHT_AREA_TRIANGLE: Final = 2
 LIGHT_AREA_SPHERE: Final = 3
 LIGHT_AREA_DISK: Final = 4
 LIGHT_ENVIRONMENT: Final = 5
+LIGHT_SPOT: Final = 6
+LIGHT_IES: Final = 7
 
 ROULETTE_NONE: Final = 0
 ROULETTE_THROUGHPUT: Final = 1
@@ -287,6 +291,8 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "LIGHT_AREA_SPHERE": LIGHT_AREA_SPHERE,
     "LIGHT_AREA_DISK": LIGHT_AREA_DISK,
     "LIGHT_ENVIRONMENT": LIGHT_ENVIRONMENT,
+    "LIGHT_SPOT": LIGHT_SPOT,
+    "LIGHT_IES": LIGHT_IES,
     "ROULETTE_NONE": ROULETTE_NONE,
     "ROULETTE_THROUGHPUT": ROULETTE_THROUGHPUT,
     "ROULETTE_ABSORPTION": ROULETTE_ABSORPTION,
@@ -322,8 +328,14 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("row", "uint", "of kind MATERIAL_BY_ROW: which pair of material_rows it has"),
     ),
     "Light": (
-        ("radiance", "float4", "rgb: radiance W/(sr m2), point: intensity W/sr, directional: irradiance W/m2"),
-        ("position", "float4", "point: position; directional: unit direction of travel"),
+        (
+            "radiance",
+            "float4",
+            "rgb: radiance W/(sr m2), at a point: (largest) intensity W/sr, directional: irradiance W/m2",
+        ),
+        ("position", "float4", "at a point: position; directional: unit direction of travel"),
+        ("axis", "float4", "lamp: unit, middle of its light; spot: w 1 - cosine of half its cone"),
+        ("zero", "float4", "IES: unit, horizontal angle 0; spot: w one over what its cosine grows by as it falls off"),
         ("kind", "uint", "LIGHT_*"),
         ("primitive", "uint", "area lights: the primitive that shines"),
         ("probability", "float", "with which the alias table picks this light"),
@@ -331,7 +343,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("alias", "uint", "otherwise take this one"),
         ("place", "uint", "in the tree of lights; NONE where the alias table picks"),
         ("texture", "uint", "number of the texture that it shines as, plus 1; 0: none, it is the same all over"),
-        ("padding_0", "uint", ""),
+        ("table", "uint", "IES: row of lamp_tables where its own begins"),
     ),
     "Camera": (
         ("origin", "float4", "xyz, metres"),
@@ -476,7 +488,12 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("RADIUS", 9, 1, ""),
         ("FACING", 10, 1, "sphere: +1 shines outwards, -1 inwards"),
         ("NORMAL", 12, 3, "disk"),
-        ("POSITION", 6, 3, "point light"),
+        ("POSITION", 6, 3, "light at a point"),
+        ("AXIS", 9, 3, "lamp: unit, the middle of its light"),
+        ("SPREAD", 12, 1, "spot: 1 - cosine of half its cone"),
+        ("STEEPNESS", 13, 1, "spot: one over what the cosine grows by as it falls off"),
+        ("ZERO", 12, 3, "IES: unit, where horizontal angle 0 is"),
+        ("TABLE", 15, 1, "IES, bits: row of lamp_tables where its own begins"),
         ("DIRECTION", 6, 3, "directional light: of travel, unit"),
     ),
     "ENVIRONMENT": (
@@ -495,6 +512,20 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("NEXT_SUM", 3, 1, ""),
         ("DROP", 4, 1, "1 - |cosine| from the nearer pole; in the south, of the band that mirrors it"),
         ("NEXT_DROP", 5, 1, ""),
+    ),
+    "LAMP": (
+        ("LINES", 0, 1, "head of the table of an IES file: bits: vertical angles"),
+        ("COLUMNS", 1, 1, "bits: horizontal angles"),
+        ("POLAR", 2, 1, "bits: word where the vertical angles begin, fractions of a turn"),
+        ("AZIMUTH", 3, 1, "bits: the horizontal ones, 0 to 1"),
+        ("VALUE", 4, 1, "bits: intensities over the largest, line by line"),
+        ("DROP", 5, 1, "bits: 1 - cosine of each vertical angle"),
+        ("BAND", 6, 1, "bits: share of the light before each vertical angle"),
+        ("CELL", 7, 1, "bits: of the light between two vertical angles, share before each horizontal one"),
+    ),
+    "CONE": (
+        ("AXIS", 0, 3, "child of a node of the light BVH: unit, middle of a cone with all directions of its light"),
+        ("COSINE", 3, 1, "of half the cone's angle"),
     ),
     "NODE": (
         ("CENTER", 0, 3, "child of a node of the light BVH: sphere about its lights"),

@@ -14,8 +14,9 @@ from clrender import layout
 from clrender.device.preparation import Prepared, Request
 from clrender.device.radix_sort import launch_each, sort
 from clrender.errors import SceneError
-from clrender.scene.description import PointLight
 from clrender.scene.interiors import light_inside
+from clrender.scene.lamp_tables import lamp_tables
+from clrender.scene.lights import points_that_shine
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer
@@ -182,12 +183,11 @@ class PhotonMaps:
 
 def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
     """Where the scene file has a light of the arrays."""
-    row = flat.arrays["lights"][light]
-    if row["kind"] != layout.LIGHT_POINT:
-        return f"shapes[{flat.arrays['primitive_shape'][row['primitive']]}]"
-    points = [i for i, each in enumerate(scene.lights) if isinstance(each, PointLight) and any(each.intensity)]
-    kinds = flat.arrays["lights"]["kind"][: light + 1]
-    return f"lights[{points[int((kinds == layout.LIGHT_POINT).sum()) - 1]}]"
+    lights = flat.arrays["lights"]
+    if lights[light]["primitive"] != layout.NONE:
+        return f"shapes[{flat.arrays['primitive_shape'][lights[light]['primitive']]}]"
+    at_point = np.isin(lights["kind"][:light], (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES))
+    return f"lights[{points_that_shine(scene, lamp_tables(scene))[int(at_point.sum())]}]"
 
 
 def prepare(request: Request) -> Prepared:

@@ -24,6 +24,8 @@
     X(float, light_alias)    /* alias table: threshold and alias of each light */                                           \
     X(float, light_nodes)    /* tree of lights: both children of each node (light/tree.h) */                                \
     X(float, light_order)    /* its last level: the lights, as bits */                                                      \
+    X(float, light_cones)    /* of the same children where they shine to, where a scene has lamps */                        \
+    X(float, lamp_tables)    /* intensities of lamps by direction: light/lamp.h */                                          \
     X(float, environment_map) /* picture of the environment, and sums of its light: light/environment.h */                  \
     X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
     X(float, triangle_packs)                                                                                                \

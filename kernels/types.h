@@ -67,6 +67,8 @@
 #define LIGHT_AREA_SPHERE 3u
 #define LIGHT_AREA_DISK 4u
 #define LIGHT_ENVIRONMENT 5u
+#define LIGHT_SPOT 6u
+#define LIGHT_IES 7u
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
 #define ROULETTE_ABSORPTION 2u
@@ -120,8 +122,10 @@ typedef struct {
 } Material;
 
 typedef struct {
-    float4 radiance;            // rgb: radiance W/(sr m2), point: intensity W/sr, directional: irradiance W/m2
-    float4 position;            // point: position; directional: unit direction of travel
+    float4 radiance;            // rgb: radiance W/(sr m2), at a point: (largest) intensity W/sr, directional: irradiance W/m2
+    float4 position;            // at a point: position; directional: unit direction of travel
+    float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
+    float4 zero;                // IES: unit, horizontal angle 0; spot: w one over what its cosine grows by as it falls off
     uint kind;                  // LIGHT_*
     uint primitive;             // area lights: the primitive that shines
     float probability;          // with which the alias table picks this light
@@ -129,7 +133,7 @@ typedef struct {
     uint alias;                 // otherwise take this one
     uint place;                 // in the tree of lights; NONE where the alias table picks
     uint texture;               // number of the texture that it shines as, plus 1; 0: none, it is the same all over
-    uint padding_0;
+    uint table;                 // IES: row of lamp_tables where its own begins
 } Light;
 
 typedef struct {
@@ -256,7 +260,12 @@ typedef struct {
 #define LIGHT_ROW_RADIUS 9
 #define LIGHT_ROW_FACING 10             // sphere: +1 shines outwards, -1 inwards
 #define LIGHT_ROW_NORMAL 12             // disk
-#define LIGHT_ROW_POSITION 6            // point light
+#define LIGHT_ROW_POSITION 6            // light at a point
+#define LIGHT_ROW_AXIS 9                // lamp: unit, the middle of its light
+#define LIGHT_ROW_SPREAD 12             // spot: 1 - cosine of half its cone
+#define LIGHT_ROW_STEEPNESS 13          // spot: one over what the cosine grows by as it falls off
+#define LIGHT_ROW_ZERO 12               // IES: unit, where horizontal angle 0 is
+#define LIGHT_ROW_TABLE 15              // IES, bits: row of lamp_tables where its own begins
 #define LIGHT_ROW_DIRECTION 6           // directional light: of travel, unit
 
 #define ENVIRONMENT_ROW_WIDTH 0         // head of the environment's picture: bits: pixels
@@ -273,6 +282,18 @@ typedef struct {
 #define BAND_ROW_NEXT_SUM 3
 #define BAND_ROW_DROP 4                 // 1 - |cosine| from the nearer pole; in the south, of the band that mirrors it
 #define BAND_ROW_NEXT_DROP 5
+
+#define LAMP_ROW_LINES 0                // head of the table of an IES file: bits: vertical angles
+#define LAMP_ROW_COLUMNS 1              // bits: horizontal angles
+#define LAMP_ROW_POLAR 2                // bits: word where the vertical angles begin, fractions of a turn
+#define LAMP_ROW_AZIMUTH 3              // bits: the horizontal ones, 0 to 1
+#define LAMP_ROW_VALUE 4                // bits: intensities over the largest, line by line
+#define LAMP_ROW_DROP 5                 // bits: 1 - cosine of each vertical angle
+#define LAMP_ROW_BAND 6                 // bits: share of the light before each vertical angle
+#define LAMP_ROW_CELL 7                 // bits: of the light between two vertical angles, share before each horizontal one
+
+#define CONE_ROW_AXIS 0                 // child of a node of the light BVH: unit, middle of a cone with all directions of its light
+#define CONE_ROW_COSINE 3               // of half the cone's angle
 
 #define NODE_ROW_CENTER 0               // child of a node of the light BVH: sphere about its lights
 #define NODE_ROW_RADIUS 3               // negative: infinitely far

@@ -105,6 +105,8 @@ def light(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     if described["type"] == "directional":
         values = {"direction": described["direction"], "irradiance": color(described["irradiance"])}
         return {"type": "directional", **values}
+    if described["type"] != "environment":
+        raise ValueError(f"a light of type {described['type']} has no equal in Mitsuba")
     if "file" in described:
         return {"type": "envmap", "filename": str(folder / described["file"])}
     return {"type": "constant", "radiance": color(described["radiance"])}

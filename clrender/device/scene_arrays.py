@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender import layout
 from clrender.device import bvh
 from clrender.errors import RenderError
 from clrender.resources import kernels_folder
@@ -24,6 +25,7 @@ LARGEST_PAGE = 1 << 34
 _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
+    *("light_cones", "lamp_tables"),
     *("attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Arrays of the host that the kernels read as such."""
@@ -91,6 +93,8 @@ class SceneArrays:
         Whether some material has rows of its own, so that the kernels need all lobes.
     environment_map : bool
         Whether the environment has a picture.
+    lamps : bool
+        Whether there are lights at a point that do not shine alike in all directions.
     interiors : bool
         Whether paths keep account of the dielectrics that they are inside of.
     textured : bool
@@ -117,6 +121,7 @@ class SceneArrays:
         self.tree = tree or bvh.build(device, source)
         self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
+        self.lamps = bool(np.isin(scene.arrays["lights"]["kind"], (layout.LIGHT_SPOT, layout.LIGHT_IES)).any())
         self.interiors = bool(scene.arrays["media_rows"].any())
         self.media = scene.scatters
         self.straight_surfaces = scene.straight_surfaces

@@ -216,6 +216,8 @@ class DeviceWorker:
             defines["MATERIALS"] = 1
         if self._arrays.environment_map:
             defines["ENVIRONMENT_MAP"] = 1
+        if self._arrays.lamps:
+            defines["LAMPS"] = 1
         if self._arrays.interiors:
             defines["INTERIORS"] = 1
             if self._arrays.media:

@@ -28,7 +28,7 @@ from clrender.radiosity.sides import (
 )
 from clrender.radiosity.solution import RadiositySettings, check_settings, solve_scene
 from clrender.radiosity.tracer import Changes, PreviousDirectLight, Tracer
-from clrender.scene.description import PointLight
+from clrender.scene.lamps import AT_POINT
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
@@ -184,10 +184,10 @@ class DynamicRadiosity:
         if not 0 <= light < len(scene.lights):
             raise UsageError(f"there is no light {light}; the scene has {len(scene.lights)}, counted from 0")
         old = scene.lights[light]
-        if not isinstance(old, PointLight):
-            raise UsageError(f"light {light} is {old.type}, which has no position; only point lights can be moved")
+        if not isinstance(old, AT_POINT):
+            raise UsageError(f"light {light} is {old.type}, which has no position; lights at a point can be moved")
         place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
-        new = PointLight(type="point", position=place, intensity=old.intensity)
+        new = old.model_copy(update={"position": place})
         lights = (*scene.lights[:light], new, *scene.lights[light + 1 :])
         self.patches = self.patches.lit_by(scene.model_copy(update={"lights": lights}))
         self.flat = self.patches.flat(*self._size)

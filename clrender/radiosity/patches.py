@@ -13,7 +13,8 @@ from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten, scene_origin
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.radiosity.textured import patch_coordinates, patch_reflectance, textured_shapes
-from clrender.scene.description import EnvironmentLight, Lambert, Light, PointLight, Scene
+from clrender.scene.description import EnvironmentLight, Lambert, Light, Scene
+from clrender.scene.lamps import AT_POINT
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import flat_surfaces
@@ -293,7 +294,7 @@ def _relative(scene: Scene) -> Scene:
 
     camera = {name: moved(getattr(scene.camera, name)) for name in ("position", "target")}
     lights = (
-        light.model_copy(update={"position": moved(light.position)}) if isinstance(light, PointLight) else light
+        light.model_copy(update={"position": moved(light.position)}) if isinstance(light, AT_POINT) else light
         for light in scene.lights
     )
     shapes = (shape.model_copy(update={"transform": shape.transform.moved((-x, -y, -z))}) for shape in scene.shapes)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.radiosity.patches import Patches
-from clrender.scene.description import DirectionalLight, PointLight
+from clrender.scene.description import DirectionalLight
+from clrender.scene.lamps import AT_POINT
 from clrender.scene.shapes import Box, Shape, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def sealed_sides(patches: Patches) -> NDArray[np.bool_]:
     scene = patches.scene
     spans = [tuple(side // 2 for side in patches.sides_of(shape)) for shape in range(len(scene.shapes))]
     lows, highs = patches.boxes
-    points = [light.position for light in scene.lights if isinstance(light, PointLight)]
+    points = [light.position for light in scene.lights if isinstance(light, AT_POINT)]
     points.append(scene.camera.position)
     reach = scene.camera.reach
     for index, shape in enumerate(scene.shapes):
@@ -216,7 +217,7 @@ def light_boxes(patches: Patches) -> NDArray[np.float32]:
         if each.emission is not None and patches.shadow_rays_find_emission
     ]
     for light in scene.lights:
-        if isinstance(light, PointLight):
+        if isinstance(light, AT_POINT):
             place = np.array(light.position)
             margin = _BOX_MARGIN * max(float(np.abs(place).max()), 1e-6)
             boxes.append(np.concatenate([place - margin, place + margin]).astype(np.float32))

@@ -7,11 +7,13 @@ from clrender.scene.description import (
     Camera,
     DirectionalLight,
     EnvironmentLight,
+    IesLight,
     Image,
     Light,
     PointLight,
     Render,
     Scene,
+    SpotLight,
 )
 from clrender.scene.load import builtin_names, load
 from clrender.scene.materials import (
@@ -35,6 +37,7 @@ __all__ = [
     "DirectionalLight",
     "Disk",
     "EnvironmentLight",
+    "IesLight",
     "Image",
     "Lambert",
     "Light",
@@ -52,6 +55,7 @@ __all__ = [
     "SceneError",
     "Shape",
     "Sphere",
+    "SpotLight",
     "Tetrahedron",
     "Transform",
     "Triangle",

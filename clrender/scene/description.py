@@ -22,7 +22,16 @@ from clrender.exposure import PHOTOGRAPHIC, photographic_stops
 from clrender.integrators import INTEGRATORS
 from clrender.scene.camera import Camera
 from clrender.scene.environment import EnvironmentPicture
-from clrender.scene.light_kinds import LIGHT_TYPES, DirectionalLight, EnvironmentLight, Light, PointLight
+from clrender.scene.ies import IesProfile, read_ies
+from clrender.scene.light_kinds import (
+    LIGHT_TYPES,
+    DirectionalLight,
+    EnvironmentLight,
+    IesLight,
+    Light,
+    PointLight,
+    SpotLight,
+)
 from clrender.scene.materials import (
     BASE_COLORS,
     MATERIAL_TYPES,
@@ -59,6 +68,7 @@ __all__ = [
     "Dielectric",
     "DirectionalLight",
     "EnvironmentLight",
+    "IesLight",
     "Image",
     "Lambert",
     "Light",
@@ -67,6 +77,7 @@ __all__ = [
     "PointLight",
     "Render",
     "Scene",
+    "SpotLight",
 ]
 
 # --- image, render ---------------------------------------------------------------------------------------------------
@@ -153,6 +164,7 @@ class Scene(Part):
     _source: str = PrivateAttr(default="Scene")
     _meshes: dict[tuple[str, VertexColors | None], MeshData] = PrivateAttr(default_factory=dict)
     _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
+    _profiles: dict[str, IesProfile] = PrivateAttr(default_factory=dict)
     _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
 
@@ -254,7 +266,7 @@ class Scene(Part):
         """
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes, scene._pictures, scene._store = {}, {}, []
+        scene._meshes, scene._pictures, scene._profiles, scene._store = {}, {}, {}, []
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -394,6 +406,31 @@ class Scene(Part):
         photographic_stops(**given)
         return self.model_copy(update={"camera": self.camera.model_copy(update=given)})
 
+    def ies_lights(self) -> list[tuple[int, IesLight]]:
+        """The lights that an IES file describes, each with its index."""
+        return [(index, light) for index, light in enumerate(self.lights) if isinstance(light, IesLight)]
+
+    def ies_profile(self, index: int) -> IesProfile:
+        """What the file of the IES light `lights[index]` says; it is read once and kept.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is no sound IES file.
+        """
+        light = self.lights[index]
+        assert isinstance(light, IesLight)
+        if light.file not in self._profiles:
+            where = f"{self._source}: lights[{index}].file"
+            self._profiles[light.file] = read_ies(light.file, self._base_folder, self._allow_paths, where)
+        return self._profiles[light.file]
+
+    def with_profiles(self, profiles: Mapping[str, IesProfile]) -> Scene:
+        """The same scene with these in the place of the IES files of these names."""
+        scene = self.model_copy()
+        scene._profiles = {**self._profiles, **profiles}
+        return scene
+
     def with_environment(self, file: str | Path) -> Scene:
         """The same scene, which has no environment, in one with this picture.
 
@@ -425,7 +462,7 @@ class Scene(Part):
         -------
         str
             64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels,
-            neither by its name.
+            an IES file by its intensities, none by its name.
         """
         return self._hash_without({"title", "render"})
 
@@ -444,6 +481,8 @@ class Scene(Part):
         for light in content["lights"]:
             if light["type"] == "environment" and picture is not None:
                 light["file"] = picture.sha256()
+        for index, _ in self.ies_lights():
+            content["lights"][index]["file"] = self.ies_profile(index).sha256()
         for at, texture in self.texture_files():
             put_at(content, at, self.textures().picture(texture).sha256)
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

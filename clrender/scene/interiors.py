@@ -83,7 +83,7 @@ def light_inside(arrays: _Arrays, triangle_count: int, light_count: int) -> int 
 
 def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:
     """(n, 3) points a little before the front of what shines; none of what is infinitely far."""
-    if light["kind"] == layout.LIGHT_POINT:
+    if light["kind"] in (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES):
         return np.asarray(light["position"][:3], np.float64)[None]
     if light["kind"] not in (layout.LIGHT_AREA_TRIANGLE, layout.LIGHT_AREA_SPHERE, layout.LIGHT_AREA_DISK):
         return np.zeros((0, 3))

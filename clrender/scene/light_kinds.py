@@ -14,13 +14,26 @@ from clrender.scene.values import (
     FileName,
     Finite,
     Part,
+    Share,
     Vector,
+    cross,
     fault,
     length,
     number_as_triple,
 )
 
-__all__ = ["LIGHT_TYPES", "DirectionalLight", "EnvironmentLight", "Light", "PointLight"]
+__all__ = ["LIGHT_TYPES", "DirectionalLight", "EnvironmentLight", "IesLight", "Light", "PointLight", "SpotLight"]
+
+Factor = Annotated[Color, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
+
+
+_LEAST_CONE: Final = 0.01
+"""Degrees; in single precision the edge of a narrower one is not smooth."""
+
+
+def _check_direction(direction: Vector) -> None:
+    if length(direction) == 0.0:
+        raise fault("light", "has length zero; give a direction such as [0, -1, 0]", "direction")
 
 
 class PointLight(Part):
@@ -29,6 +42,58 @@ class PointLight(Part):
     type: Literal["point"]
     position: Vector
     intensity: Color = Field(description="W/sr")
+
+
+class SpotLight(Part):
+    """Shines from one point into a cone, towards whose edge it falls off smoothly."""
+
+    type: Literal["spot"]
+    position: Vector
+    direction: Vector = Field(description="in which the middle of the cone goes")
+    intensity: Color = Field(description="W/sr, in the middle")
+    cone_degrees: Annotated[Finite, Field(gt=0.0, le=360.0)] = Field(
+        description="whole angle of the cone, from edge to edge"
+    )
+    blend: Share = Field(0.15, description="share of the cone's solid angle over which light falls off to its edge")
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> SpotLight:
+        _check_direction(self.direction)
+        if self.cone_degrees < _LEAST_CONE:
+            raise fault("light", f"is {self.cone_degrees:g}; it must be at least {_LEAST_CONE:g}", "cone_degrees")
+        return self
+
+
+class IesLight(Part):
+    """Shines from one point as a measured lamp does: an IES file says how much into which direction."""
+
+    type: Literal["ies"]
+    position: Vector
+    direction: Vector = Field((0.0, -1.0, 0.0), description="in which the file's vertical angle 0 lies")
+    file: FileName = Field(description="`.ies`, in candela: 683 of them are 1 W/sr")
+    horizontal_zero: Vector | None = Field(
+        None,
+        description="about where horizontal angle 0 lies, from which angles grow counter-clockwise as seen against "
+        "`direction`; default: +z, or +y where `direction` is along z",
+    )
+    scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the intensity")
+
+    @model_validator(mode="after")
+    def _has_directions(self) -> IesLight:
+        _check_direction(self.direction)
+        if self.horizontal_zero is not None and length(cross(self.horizontal_zero, self.direction)) <= (
+            1e-6 * length(self.horizontal_zero) * length(self.direction)
+        ):
+            raise fault("light", "lies along `direction`; give one across it", "horizontal_zero")
+        return self
+
+    @property
+    def zero(self) -> Vector:
+        """`horizontal_zero`, or what stands for it."""
+        if self.horizontal_zero is not None:
+            return self.horizontal_zero
+        x, y, _ = self.direction
+        return (0.0, 0.0, 1.0) if max(abs(x), abs(y)) > 1e-3 * length(self.direction) else (0.0, 1.0, 0.0)
 
 
 class DirectionalLight(Part):
@@ -40,8 +105,7 @@ class DirectionalLight(Part):
 
     @model_validator(mode="after")
     def _has_a_direction(self) -> DirectionalLight:
-        if length(self.direction) == 0.0:
-            raise fault("light", "has length zero; give a direction such as [0, -1, 0]", "direction")
+        _check_direction(self.direction)
         return self
 
 
@@ -58,9 +122,7 @@ class EnvironmentLight(Part):
         None, description="instead of `radiance`: `.exr`, `.hdr` or `.png` (sRGB, 1 is white)"
     )
     rotate_degrees: Finite = Field(0.0, description="turns the picture about +y, from +z towards +x")
-    scale: Annotated[Color, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)] = Field(
-        (1.0, 1.0, 1.0), description="factor of the radiance"
-    )
+    scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the radiance")
 
     @model_validator(mode="after")
     def _is_one_of_both(self) -> EnvironmentLight:
@@ -83,7 +145,11 @@ class EnvironmentLight(Part):
 
 LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
     "point": PointLight,
+    "spot": SpotLight,
+    "ies": IesLight,
     "directional": DirectionalLight,
     "environment": EnvironmentLight,
 }
-Light: TypeAlias = Annotated[PointLight | DirectionalLight | EnvironmentLight, Field(discriminator="type")]
+Light: TypeAlias = Annotated[
+    PointLight | SpotLight | IesLight | DirectionalLight | EnvironmentLight, Field(discriminator="type")
+]

@@ -1,5 +1,11 @@
 """The tree that picks one of many lights by how much it can matter at a point (Conty Estevez & Kulla, HPG 2018).
 
+Where there are lamps, a node has a cone that holds all directions of its light, too. Lights of which each sends its
+flux into a part q of their node's cone shine on a point there with the chance q, and then with 1/q of the mean. That is
+sampled with the least variance by flux over the root of q. So the power of a node is here the sum of its lights' fluxes
+over the roots of their cones' solid angles, over the root of its own's: of a light its flux over its cone, of a group
+that looks into all directions nearly the flux alone.
+
 It is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. Only operations that
 every processor rounds alike are used, so that it is the same bits everywhere.
 """
@@ -17,6 +23,8 @@ __all__ = ["NODE_WORDS", "Emitters", "LightTree", "light_tree"]
 NODE_WORDS: Final = 8
 """Of each child: centre of a sphere about its lights, its radius (negative: infinitely far), mean normal, power."""
 _INFINITE: Final = -1.0
+_CONE_MARGIN: Final = 1e-5
+"""Of a cone's cosine: what roundings in single precision may change of that of a direction."""
 
 _Floats = NDArray[np.float64]
 
@@ -30,10 +38,15 @@ class Emitters:
     low, high : (L, 3) float64
         Bounds, metres.
     normal : (L, 3) float64
-        Unit, the middle of the hemisphere that a light shines into; zero where it shines all around.
+        Unit, the middle of the hemisphere that a light shines into; zero where it shines all around; of a lamp the mean
+        direction of its light, shorter than 1.
     power : (L,) float64
-        What arrives at a distance of 1 m from the front, W/m²; from infinitely far: what arrives. Above 0.
+        What arrives at a distance of 1 m from the front, W/m²; from infinitely far: what arrives. Above 0. Where there
+        are lamps, of all that are not infinitely far the flux over π, which for flat ones is the same.
     infinite : (L,) bool
+    cones : (L, 4) float64 or None
+        Where there are lamps: the middle of a cone with all directions of a light, unit, and the cosine of half its
+        angle, -1 where it shines all around.
     """
 
     low: _Floats
@@ -41,6 +54,7 @@ class Emitters:
     normal: _Floats
     power: _Floats
     infinite: NDArray[np.bool_]
+    cones: _Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -57,12 +71,15 @@ class LightTree:
         The number of each light's node on the last level.
     levels : int
         Steps from the root to a light.
+    cones : (N, 8) float32 or None
+        Of each node both children's cones, `CONE_ROW_*` of types.h, each a little wider than it has to be.
     """
 
     rows: NDArray[np.float32]
     order: NDArray[np.uint32]
     place: NDArray[np.uint32]
     levels: int
+    cones: NDArray[np.float32] | None = None
 
 
 def light_tree(emitters: Emitters) -> LightTree:
@@ -84,11 +101,52 @@ def light_tree(emitters: Emitters) -> LightTree:
     top = levels if len(parts) == 1 else [np.zeros((1, NODE_WORDS)), *levels]
     words = np.concatenate([np.zeros((1, NODE_WORDS)), *top])
     order = np.concatenate([part[0] for part in parts])
+    cones = None
+    if emitters.cones is not None:
+        about = _cones(emitters.cones, order)
+        words[1:, 7] *= np.sqrt(_narrowness(about[:, 3]))
+        cones = np.concatenate([np.zeros((1, 4)), about])
+        cones[:, 3] -= _CONE_MARGIN
+        cones = cones.astype(np.float32).reshape(len(order), 8)
     there = order >= 0
     place = np.zeros(len(emitters.power), np.uint32)
     place[order[there]] = len(order) + np.flatnonzero(there)
     rows = words.astype(np.float32).reshape(len(order), 2 * NODE_WORDS)
-    return LightTree(rows, np.maximum(order, 0).astype(np.uint32), place, len(top) - 1)
+    return LightTree(rows, np.maximum(order, 0).astype(np.uint32), place, len(top) - 1, cones)
+
+
+def _narrowness(cosine: _Floats) -> _Floats:
+    """How much brighter a light is that fills a cone than one of the same power that falls off with the cosine."""
+    narrowness: _Floats = 1.0 / np.clip(2.0 - 2.0 * cosine, 1e-12, 1.0)
+    return narrowness
+
+
+def _cones(cones: _Floats, order: NDArray[np.int64]) -> _Floats:
+    """Those of the nodes, (N, 4), from the root down to the lights' own."""
+    there = (order >= 0)[:, None]
+    levels = [np.where(there, cones[order], (0.0, 0.0, 0.0, 2.0))]
+    while len(levels[0]) > 1:
+        levels.insert(0, _about(levels[0][::2], levels[0][1::2]))
+    return np.concatenate(levels)
+
+
+def _about(first: _Floats, second: _Floats) -> _Floats:
+    """A cone about each two; a cosine of 2 is that of none."""
+    axis = first[:, :3] + second[:, :3]
+    size = np.sqrt(axis[:, 0] ** 2 + axis[:, 1] ** 2 + axis[:, 2] ** 2)[:, None]
+    apart = size > 1e-6
+    axis = np.divide(axis, size, out=np.zeros_like(axis), where=apart)
+    cosine = np.minimum(_widened(axis, first), _widened(axis, second))
+    both = np.concatenate([axis, np.where(apart[:, 0], cosine, -1.0)[:, None]], axis=1)
+    return np.where(first[:, 3:] > 1.0, second, np.where(second[:, 3:] > 1.0, first, both))
+
+
+def _widened(axis: _Floats, cone: _Floats) -> _Floats:
+    """Cosine of the angle between an axis and the edge of a cone that is farthest from it."""
+    between = axis[:, 0] * cone[:, 0] + axis[:, 1] * cone[:, 1] + axis[:, 2] * cone[:, 2]
+    sines = [np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0)) for cosine in (between, cone[:, 3])]
+    # From half a turn on the cone is all there is
+    return np.where(between + cone[:, 3] > 0.0, between * cone[:, 3] - sines[0] * sines[1], -1.0)
 
 
 def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[NDArray[np.int64], list[_Floats]]:
@@ -101,6 +159,8 @@ def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[N
     low, high = np.where(there, emitters.low[order], np.inf), np.where(there, emitters.high[order], -np.inf)
     normals = np.where(there, emitters.normal[order], 0.0)
     power = np.where(there[:, 0], emitters.power[order], 0.0)
+    if emitters.cones is not None:
+        power = power * np.sqrt(_narrowness(emitters.cones[order, 3]))
     normals *= power[:, None]
     infinite = bool(emitters.infinite[group[0]])
     levels: list[_Floats] = []

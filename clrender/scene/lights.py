@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.alias import alias_table
-from clrender.scene.description import DirectionalLight, PointLight, Scene
+from clrender.scene.description import DirectionalLight, Scene
 from clrender.scene.emission import Emission, shape_emission
 from clrender.scene.environment import EnvironmentTable, environment_table
+from clrender.scene.lamp_tables import LampTables
+from clrender.scene.lamps import AT_POINT, Lamp, lamp_at
 from clrender.scene.light_tree import Emitters, LightTree, light_tree
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
@@ -23,7 +25,7 @@ from clrender.scene.texture_rows import FlatTextures
 from clrender.scene.values import POWER_LIMIT, Color, length
 from clrender.scene.wording import place
 
-__all__ = ["FlatLights", "flat_environment", "flat_lights"]
+__all__ = ["FlatLights", "flat_environment", "flat_lights", "points_that_shine"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
@@ -81,7 +83,12 @@ def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTabl
 
 
 def flat_lights(
-    scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, around: EnvironmentTable, choice: str = "auto"
+    scene: Scene,
+    surfaces: FlatSurfaces,
+    textures: FlatTextures,
+    around: EnvironmentTable,
+    tables: LampTables,
+    choice: str = "auto",
 ) -> FlatLights:
     """Rows of all lights that shine: shapes in order, then the lights of the file in order.
 
@@ -94,6 +101,8 @@ def flat_lights(
         Of this scene.
     around : EnvironmentTable
         Of the environment light.
+    tables : LampTables
+        Of the IES files of this scene.
     choice : str
         A light sampler of `clrender.settings`.
 
@@ -104,7 +113,7 @@ def flat_lights(
     Raises
     ------
     SceneError
-        If more than 2**24 triangles shine, or a texture is no radiance.
+        If more than 2**24 triangles shine, a texture is no radiance, or an IES file is brighter than is known.
     """
     rows: list[_Rows] = []
     unsampled: list[_Rows] = []
@@ -138,12 +147,18 @@ def flat_lights(
             powers.append(math.pi * areas * np.maximum(_luminances(some["radiance"]), darkest[texture]))
         total += count
     radius = _bounding_radius(surfaces)
-    for light in scene.lights:
+    lamps: dict[int, Lamp] = {}
+    for index, light in enumerate(scene.lights):
         row = np.zeros(1, dtype=layout.dtype("Light"))
         row["primitive"] = layout.NONE
-        if isinstance(light, PointLight):
-            color, factor, kind = light.intensity, 4.0 * math.pi, layout.LIGHT_POINT
+        if isinstance(light, AT_POINT):
+            lamp = lamps[total] = lamp_at(light, tables)
+            color, factor, kind = lamp.intensity, lamp.flux, lamp.kind
+            if max(color) > POWER_LIMIT:
+                bright = f"makes an intensity of {max(color):g} W/sr; at most {POWER_LIMIT:g} is known"
+                raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")
             row["position"][0, :3] = [x - o for x, o in zip(light.position, surfaces.origin, strict=True)]
+            row["axis"], row["zero"], row["table"] = lamp.axis, lamp.zero, lamp.table
         elif isinstance(light, DirectionalLight):
             color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
             size = length(light.direction)
@@ -175,17 +190,32 @@ def flat_lights(
     sampled["place"] = layout.NONE
     if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
         return FlatLights(lights, total, environment, None)
-    tree = light_tree(_emitters(sampled, power, radius, surfaces))
+    tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps))
     sampled["place"] = tree.place
     return FlatLights(lights, total, environment, tree)
 
 
-def _emitters(lights: _Rows, power: NDArray[np.float64], radius: float, surfaces: FlatSurfaces) -> Emitters:
+def points_that_shine(scene: Scene, tables: LampTables) -> list[int]:
+    """Indices of the lights at a point that have rows, in order.
+
+    Parameters
+    ----------
+    scene : Scene
+    tables : LampTables
+        Of its IES files.
+    """
+    points = ((index, light) for index, light in enumerate(scene.lights) if isinstance(light, AT_POINT))
+    return [index for index, light in points if _luminance(lamp_at(light, tables).intensity) > 0.0]
+
+
+def _emitters(
+    lights: _Rows, power: NDArray[np.float64], radius: float, surfaces: FlatSurfaces, at_point: dict[int, Lamp]
+) -> Emitters:
     """What the tree of lights has to know; `radius` is the scene's, by which infinitely far lights got their power."""
     kind, primitive = lights["kind"], lights["primitive"]
     low, normal = np.zeros((len(lights), 3)), np.zeros((len(lights), 3))
     high = np.zeros((len(lights), 3))
-    points = kind == layout.LIGHT_POINT
+    points = np.isin(kind, (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES))
     low[points] = high[points] = lights["position"][points, :3]
     triangles = kind == layout.LIGHT_AREA_TRIANGLE
     corners = surfaces.vertices[surfaces.triangles[primitive[triangles]]].astype(np.float64)
@@ -205,12 +235,21 @@ def _emitters(lights: _Rows, power: NDArray[np.float64], radius: float, surfaces
     # far, what falls through the scene's cross-section.
     flat = triangles | (kind == layout.LIGHT_AREA_DISK)
     per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), np.where(flat, 1.0 / math.pi, 0.25 / math.pi))
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
+    cone_axis, cone_cosine = normal.copy(), np.where(flat, 0.0, -1.0)
+    lamps = np.flatnonzero(np.isin(kind, (layout.LIGHT_SPOT, layout.LIGHT_IES)))
+    if len(lamps):
+        per_power = np.where(infinite, per_power, 1.0 / math.pi)
+    for number in lamps.tolist():
+        lamp = at_point[number]
+        normal[number], cone_axis[number], cone_cosine[number] = lamp.mean, lamp.cone_axis, lamp.cone_cosine
     return Emitters(
         low=low,
         high=high,
-        normal=np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0),
+        normal=normal,
         power=np.maximum(power * per_power, 1e-30),
         infinite=infinite,
+        cones=np.concatenate([cone_axis, cone_cosine[:, None]], axis=1) if len(lamps) else None,
     )
 
 

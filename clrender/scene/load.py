@@ -77,6 +77,8 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
         if isinstance(shape, Mesh) and shape.file is not None:
             scene.mesh(index)
     scene.environment_picture()
+    for index, _ in scene.ies_lights():
+        scene.ies_profile(index)
     scene.textures()
     return scene
 

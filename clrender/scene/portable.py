@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.scene.description import Scene, put_at
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.ies import IesProfile
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Mesh
 from clrender.scene.texels import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
@@ -24,7 +25,7 @@ from clrender.scene.wording import place as place_in_file
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
-_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, "_TexturePicture")
+_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, IesProfile, "_TexturePicture")
 
 
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -39,7 +40,7 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     description : dict
         As a scene file says it; a file stands there as ``sha256:`` and the hash of its content.
     assets : dict of str to bytes
-        Meshes and pictures by hash, in NumPy's ``.npz`` format.
+        Meshes, pictures and intensities of lamps by hash, in NumPy's ``.npz`` format.
 
     Raises
     ------
@@ -62,10 +63,15 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
             assets[stored.sha256] = _packed_texture(stored, store.tiles_of(stored))
     picture = scene.environment_picture()
     for light in description.get("lights", []) if picture else []:
-        if "file" in light:
+        if light["type"] == "environment":
             assert picture is not None
             light["file"] = _PREFIX + picture.sha256()
             assets[picture.sha256()] = _zipped(pixels=picture.pixels)
+    for index, _ in scene.ies_lights():
+        profile = scene.ies_profile(index)
+        description["lights"][index]["file"] = _PREFIX + profile.sha256()
+        names = ("vertical", "horizontal", "candela", "tilt")
+        assets[profile.sha256()] = _zipped(**{name: getattr(profile, name) for name in names})
     return description, assets
 
 
@@ -92,7 +98,11 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
             place = f"{source}: {place_in_file(at)}"
             unpacked = _unpacked_texture(_hash_in(texture.texture, place), assets, place)
             textures[texture.texture] = unpacked.picture, unpacked.tiles
-    scene = scene.with_textures(textures)
+    profiles: dict[str, IesProfile] = {}
+    for index, lamp in scene.ies_lights():
+        place = f"{source}: lights[{index}].file"
+        profiles[lamp.file] = _unpacked_profile(_hash_in(lamp.file, place), assets, place)
+    scene = scene.with_textures(textures).with_profiles(profiles)
     light = scene.environment
     if light is None or light.file is None:
         return scene.with_meshes(meshes)
@@ -163,6 +173,13 @@ def _unpacked_picture(sha256: str, assets: Mapping[str, bytes], place: str) -> E
         return EnvironmentPicture.checked(archive["pixels"], f"the asset {sha256}")
 
     return _asset(sha256, assets, place, picture)
+
+
+def _unpacked_profile(sha256: str, assets: Mapping[str, bytes], place: str) -> IesProfile:
+    def profile(archive: Any) -> IesProfile:
+        return IesProfile.checked(*(archive[name] for name in ("vertical", "horizontal", "candela", "tilt")))
+
+    return _asset(sha256, assets, place, profile)
 
 
 def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[[Any], _Asset]) -> _Asset:

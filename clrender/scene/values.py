@@ -32,6 +32,7 @@ __all__ = [
     "Part",
     "Reflectance",
     "SettingValue",
+    "Share",
     "Vector",
     "cross",
     "fault",

@@ -99,9 +99,10 @@ static vuint sampler_set(vuint bounce, uint set) { return (bounce + 1u) * SETS_P
 static Sampler sampler_split(Sampler s, uint n, vuint m) {
     if (n == 1u) return s;
     const vuint first = s.index * n, index = first + m, carry = index < first ? splat_uint(1u) : splat_uint(0u);
-    s.seed ^= (mul_hi(s.index, splat_uint(n)) + carry) * 0x9e3779b9u;
-    s.index = index;
-    return s;
+    Sampler split;                   // a new one: where a function writes to its parameter, rusticl changes the caller's
+    split.seed = s.seed ^ ((mul_hi(s.index, splat_uint(n)) + carry) * 0x9e3779b9u);
+    split.index = index;
+    return split;
 }
 
 // Choose among n by a number of 32 random bits: the choice, and what is left of the number as new bits. The choice takes log2 n of

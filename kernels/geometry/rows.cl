@@ -89,6 +89,12 @@ __kernel void rows_lights(__global const Light* lights, __global const float* ve
         }
     } else {
         rows_vector(row + LIGHT_ROW_POSITION, l.position);
+        rows_vector(row + LIGHT_ROW_AXIS, l.axis);
+    }
+    if (l.kind == LIGHT_SPOT) row[LIGHT_ROW_SPREAD] = l.axis.w, row[LIGHT_ROW_STEEPNESS] = l.zero.w;
+    if (l.kind == LIGHT_IES) {
+        rows_vector(row + LIGHT_ROW_ZERO, l.zero);
+        row[LIGHT_ROW_TABLE] = as_float(l.table);
     }
     rows_put(rows + (size_t)i * 16, row);
     alias[i * 2] = l.alias_threshold;

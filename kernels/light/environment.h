@@ -13,6 +13,7 @@
 #ifndef LIGHT_ENVIRONMENT_H
 #define LIGHT_ENVIRONMENT_H
 
+#include "core/search.h"
 #include "core/warp.h"
 #include "scene.h"
 
@@ -192,16 +193,6 @@ static void environment_guided(__global const float* guide, vuint entry, vuint* 
     *last = vfloat_bits(lane_gather(guide, entry + 1u));
 }
 
-// Of places low to high the last one whose number is not above what is sought; numbers grow, and stand `stride` words apart.
-static vuint environment_search(__global const float* numbers, vuint begin, uint stride, vfloat sought, vuint low, vuint high) {
-    while (lane_any(low < high)) {
-        const vuint middle = (low + high + 1u) >> 1;
-        const vmask reached = lane_gather(numbers, begin + middle * stride) <= sought;
-        high = reached ? high : middle - 1u;
-        low = reached ? middle : low;
-    }
-    return low;
-}
 static vuint environment_entry(vfloat part, uint entries) { return vuint_from_int(vint_of(part * (float)entries)); }
 
 // A sample takes three steps. The first two ask for the memory that the next one reads, so that other packets can take theirs meanwhile.
@@ -211,7 +202,7 @@ static EnvironmentChoice environment_choose_line(const Scene* scene, vfloat u, v
     const EnvironmentMap map = environment_map_of(scene);
     vuint first, last;
     environment_guided(map.band_guide, environment_entry(u, map.band_guides), &first, &last);
-    const vuint line = environment_search(map.bands, splat_uint(BAND_ROW_SHARE), 8u, u, first, last);
+    const vuint line = search_last(map.bands, splat_uint(BAND_ROW_SHARE), 8u, u, first, last);
     vfloat band[8];
     lane_octets(map.bands, line * 8u, band);
     const vfloat share = band[BAND_ROW_SHARE], sum = band[BAND_ROW_SUM], next_sum = band[BAND_ROW_NEXT_SUM];
@@ -245,7 +236,7 @@ static void environment_guide(const Scene* scene, EnvironmentChoice* c) {
 static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean, const EnvironmentChoice* c) {
     const EnvironmentMap map = environment_map_of(scene);
     EnvironmentPlace place = c->place;
-    place.column = environment_search(map.pixels, environment_at(&map, c->row, splat_uint(0u)), 3u, c->sought, c->first, c->last);
+    place.column = search_last(map.pixels, environment_at(&map, c->row, splat_uint(0u)), 3u, c->sought, c->first, c->last);
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
     const vfloat left = c->below ? corners.lower.left_sum : corners.upper.left_sum;
     const vfloat right = c->below ? corners.lower.right_sum : corners.upper.right_sum;

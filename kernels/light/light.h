@@ -8,6 +8,7 @@
 #include "light/area.h"
 #include "light/emission.h"
 #include "light/environment.h"
+#include "light/lamp.h"
 #include "light/row.h"
 #include "light/tree.h"
 #include "scene.h"
@@ -88,7 +89,7 @@ static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, co
 static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, const LightRow* l, vfloat probability, const LightChoice* choice) {
     const vfloat u = choice->u, v = choice->v;
     const vmask triangle = l->kind == LIGHT_AREA_TRIANGLE, sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
-    const vmask point = l->kind == LIGHT_POINT, directional = l->kind == LIGHT_DIRECTIONAL, environment = l->kind == LIGHT_ENVIRONMENT;
+    const vmask point = lamp_at_point(l), directional = l->kind == LIGHT_DIRECTIONAL, environment = l->kind == LIGHT_ENVIRONMENT;
     const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER);        // of a triangle A, of a point its position, or a direction
     const vfloat radius = l->row[LIGHT_ROW_RADIUS], facing = l->row[LIGHT_ROW_FACING];
     AreaSample area = triangle_sample(origin, vec3_row(l->row, LIGHT_ROW_A), vec3_row(l->row, LIGHT_ROW_AB), vec3_row(l->row, LIGHT_ROW_AC),
@@ -107,7 +108,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.pdf = (point | directional) ? probability : area.pdf * probability;
     s.pdf = (l->primitive == own) & !(sphere & (facing < 0.0f)) ? splat(0.0f) : s.pdf;
     const vec3 emitted = emission_sampled(scene, l, area.point, area.normal, u, v, s.pdf > 0.0f);
-    s.radiance = choose(point, scale(l->radiance, inverse_or_one(distance2)), emitted);
+    s.radiance = choose(point, scale(lamp_intensity(scene, l, negate(s.direction)), inverse_or_one(distance2)), emitted);
     s.primitive = (triangle | sphere | disk) ? l->primitive : splat_uint(NONE);
     s.delta = point | directional;
     s.infinite = directional | environment;
@@ -157,7 +158,7 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own,
     const vfloat cosine = greater(-inner(s.direction, normal), splat(0.0f)), disk_area = radius * radius * PI;
     const vfloat area = triangle ? inverse_or_one(inverse) * 0.5f : disk_area;
     const vfloat size = flat ? area * cosine : (sphere ? disk_area : splat(1.0f));
-    s.radiance = scale(l.radiance, directional ? splat(1.0f) : size * inverse_or_one(inner(to, to)));
+    s.radiance = scale(lamp_intensity(scene, &l, negate(s.direction)), directional ? splat(1.0f) : size * inverse_or_one(inner(to, to)));
     const vmask dark = (l.kind == LIGHT_ENVIRONMENT) | (flat & ((l.primitive == own) | (cosine == 0.0f))) |
                        (sphere & !sphere_shines_on(origin, a, radius, facing));
     s.pdf = dark ? splat(0.0f) : splat(1.0f);

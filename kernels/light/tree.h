@@ -37,13 +37,36 @@ static TreeImportance tree_importance(const vfloat child[8], vec3 origin, vec3 n
     return i;
 }
 
+#ifdef LAMPS
+// Whether light from below a child can come to a point: its lights lie in a sphere and shine into a cone, CONE_ROW_*. Where it says no
+// there is none; the sphere is a little wider than it has to be, as the cone is, for roundings.
+static vmask tree_reaches(const vfloat child[8], const vfloat cone[4], vec3 origin) {
+    const vec3 center = vec3_row(child, NODE_ROW_CENTER), axis = vec3_row(cone, CONE_ROW_AXIS), to = sub(origin, center);
+    const vfloat radius = fma(absolute(center.x) + absolute(center.y) + absolute(center.z), splat(4.0f * EPSILON), child[NODE_ROW_RADIUS] * 1.0005f);
+    const vfloat distance = magnitude(to);
+    const vmask apart = distance > radius * 1.0005f;
+    const vfloat inverse = inverse_or_one(distance);
+    // The angle from the axis to the point, and the one that the sphere fills: the cone has to reach their difference
+    const vfloat cosine = inner(axis, to) * inverse, sine = magnitude(outer(axis, to)) * inverse;
+    const vfloat sphere_sine = apart ? radius * inverse : splat(0.0f), sphere_cosine = root(splat(1.0f) - sphere_sine * sphere_sine);
+    const vfloat least = fma(cosine, sphere_cosine, sine * sphere_sine);
+    return (child[NODE_ROW_RADIUS] < 0.0f) | !apart | (cosine >= sphere_cosine) | (least >= cone[CONE_ROW_COSINE]);
+}
+#endif
+
 // The probability of the first child of a node; negative where neither can give anything.
 __attribute__((always_inline)) static vfloat tree_first_probability(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
     vfloat row[16];
     lane_rows(scene->light_nodes, node, row);
     const vmask two_sided = (normal.x == 0.0f) & (normal.y == 0.0f) & (normal.z == 0.0f);
     const vfloat either = two_sided ? splat(1.0f) : splat(0.0f);
-    const TreeImportance a = tree_importance(row, origin, normal, either), b = tree_importance(row + 8, origin, normal, either);
+    TreeImportance a = tree_importance(row, origin, normal, either), b = tree_importance(row + 8, origin, normal, either);
+#ifdef LAMPS
+    vfloat cones[8];
+    lane_octets(scene->light_cones, node * 8u, cones);
+    a.weight = tree_reaches(row, cones, origin) ? a.weight : splat(0.0f);
+    b.weight = tree_reaches(row + 8, cones + 4, origin) ? b.weight : splat(0.0f);
+#endif
     // The farther one near 1 and the other not too far below it, so that no product is lost
     const vfloat most = greater(a.distance2, b.distance2), near_one = inverse_scale(vec3_of(most, most, most));
     const vfloat distance_a = greater(a.distance2 * near_one, splat(1.0e-12f));

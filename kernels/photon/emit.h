@@ -82,13 +82,22 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
         radiance = choose(environment, scale(around.radiance, inverse_or_one(around.pdf) * (0.25f * INV_PI)), radiance);
     }
 #endif
+#ifdef LAMPS
+    const vmask spot = l.kind == LIGHT_SPOT, ies = l.kind == LIGHT_IES;
+    if (lane_any(spot | ies)) {
+        vfloat pdf;
+        const vec3 beam = lamp_sample(scene, &l, u2, v2, spot, ies, &pdf);
+        direction = choose(spot | ies, beam, direction);
+        radiance = choose(spot | ies, scale(lamp_intensity(scene, &l, beam), inverse_or_one(pdf) * (0.25f * INV_PI)), radiance);
+    }
+#endif
     vec3 origin = choose(surface, ray_leave(from.point, from.normal, from.error, mask_none()), a);
     if (lane_any(directional | environment))
         origin = choose(directional | environment, emission_from_outside(bounds, direction, u, v), origin);
     e.ray = ray_make(origin, direction);
     e.ray.from = (triangle | disk) ? l.primitive : splat_uint(NONE);
 
-    // Power: π A L of a surface, 4π I of a point, E times the disk's area of a direction, 4π L times it of an environment
+    // Power: π A L of a surface, 4π I of a point (of a lamp, over 4π times the density), E times the disk's area of a direction, 4π L times it of an environment
     const float disk_area = bounds.w * bounds.w * PI;
     vfloat factor = surface ? from.area * PI : splat(4.0f * PI);
     factor = directional ? splat(disk_area) : (environment ? splat(4.0f * PI) * disk_area : factor);

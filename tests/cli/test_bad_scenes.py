@@ -23,6 +23,9 @@ METAL = '[materials.m]\ntype = "conductor"\n'
 GLASS = '[materials.g]\ntype = "dielectric"\nior = 1.5\n'
 MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
 SKY = CAMERA + '[[lights]]\ntype = "environment"\n{}\n'
+SPOT = CAMERA + '[[lights]]\ntype = "spot"\nposition = [0,2,0]\ndirection = [0, -1, 0]\nintensity = [1,1,1]\n{}\n'
+IES = CAMERA + '[[lights]]\ntype = "ies"\nposition = [0,2,0]\nfile = "{}"\n{}\n'
+LAMP = "IESNA:LM-63-2002\n[TEST] none\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 100\n0 45 90\n0\n100 50 0\n"
 HDR = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n"
 WIDE = "#?RADIANCE\nPRIMARIES=0.708 0.292 0.170 0.797 0.131 0.046 0.3127 0.329\n\n-Y 1 +X 1\n"
 """A picture whose green is none of Rec. 709."""
@@ -51,6 +54,12 @@ def sphere(extra: str = "", radius: str = "1.0") -> str:
 
 def shape(text: str) -> str:
     return f"{CAMERA}[[shapes]]\n{text}"
+
+
+def lamp(name: str, data: str | bytes | None, *expected: str, more: str = "", cli: bool = False, **beside: str) -> Bad:
+    files: dict[str, str | bytes] = {"a.ies": data} if data is not None else {}
+    files.update({f"{key}.tlt": text for key, text in beside.items()})
+    return Bad(f"lamp {name}", IES.format("a.ies", more), ("lights[0]", *expected), files, cli=cli)
 
 
 def sky(name: str, file: str, data: str | bytes | None, *expected: str, cli: bool = False, more: str = "") -> Bad:
@@ -326,7 +335,16 @@ SHAPES = [
         ("shapes[0]", "degenerate"),
     ),
     Bad("light type", CAMERA + '[[lights]]\ntype = "pont"\n', ("lights[0].type", 'did you mean "point"')),
-    Bad("spot not built", CAMERA + '[[lights]]\ntype = "spot"\n', ("lights[0].type",)),
+    Bad("light not built", CAMERA + '[[lights]]\ntype = "sun_sky"\n', ("lights[0].type",)),
+    Bad("spot without cone", SPOT.format("blend = 0.5"), ("lights[0]", "cone_degrees")),
+    Bad("spot of no width", SPOT.format("cone_degrees = 0.001"), ("lights[0].cone_degrees", "at least 0.01")),
+    Bad("spot too wide", SPOT.format("cone_degrees = 361.0"), ("lights[0].cone_degrees", "360")),
+    Bad("spot blend", SPOT.format("cone_degrees = 40.0\nblend = 1.5"), ("lights[0].blend", "1")),
+    Bad(
+        "spot without direction",
+        SPOT.replace("[0, -1, 0]", "[0, 0, 0]").format("cone_degrees = 40.0"),
+        ("lights[0].direction", "length zero"),
+    ),
     Bad(
         "direction 0",
         CAMERA + '[[lights]]\ntype = "directional"\ndirection = [0,0,0]\nirradiance = [1,1,1]\n',
@@ -354,6 +372,44 @@ SHAPES = [
 TRIANGLE = "0 0 0\n1 0 0\n0 1 0\n"
 
 FILES = [
+    lamp("missing", None, '"a.ies" does not exist', cli=True),
+    lamp("empty", b"", "no line that begins with TILT="),
+    lamp("no IES file", bytes(range(256)) * 40, "no line that begins with TILT="),
+    lamp("cut off", LAMP[: LAMP.index("50")], "line 8", "ends before an intensity", "get it again", cli=True),
+    lamp("cut off early", LAMP[: LAMP.index("0 45")], "line 5", "ends before a vertical angle"),
+    lamp("with nothing after TILT", "TILT=NONE\n", "line 2", "ends before the number of lamps"),
+    lamp("of words", LAMP.replace("100 50", "100 fifty"), "line 8", 'an intensity is "fifty"', "finite number"),
+    lamp("of no number", LAMP.replace("100 50", "100 nan"), "line 8", '"nan"'),
+    lamp("of a huge number", LAMP.replace("100 50", "100 1e999"), "line 8", '"1e999"'),
+    lamp("negative", LAMP.replace("100 50", "100 -50"), "line 8", "-50 candela", "at least 0"),
+    lamp("too bright", LAMP.replace("100 50", "100 1e13"), "line 8", "1e+13 candela", "at most 1e+12"),
+    lamp("angles descending", LAMP.replace("0 45 90", "0 90 45"), "line 6", "45 degrees follows on 90", "must ascend"),
+    lamp("angles equal", LAMP.replace("0 45 90", "0 90 90"), "line 6", "90 degrees follows on 90"),
+    lamp("angles from 5", LAMP.replace("0 45 90", "5 45 90"), "line 6", "from 5 to 90 degrees", "from 0 or 90"),
+    lamp("angles too far", LAMP.replace("0 45 90", "0 45 270"), "line 6", "to 90 or 180"),
+    lamp(
+        "horizontal angles",
+        LAMP.replace("3 1 1 2", "3 2 1 2").replace("90\n0\n100", "90\n0 45\n1 2 3 100"),
+        *("line 7", "from 0 to 45 degrees", "from 90 to 270"),
+    ),
+    lamp("of too many angles", LAMP.replace("1000 1 3 1", "1000 1 4000000000 1"), "line 4", "only", "numbers follow"),
+    lamp("of no angles", LAMP.replace("1000 1 3 1", "1000 1 0 1"), "line 4", "vertical angles is 0", "at least 2"),
+    lamp("of half an angle", LAMP.replace("1000 1 3 1", "1000 1 2.5 1"), "line 4", "2.5", "whole number"),
+    lamp("that goes on", LAMP + "7 7\n", "line 9", "more follows"),
+    lamp("of type B", LAMP.replace("3 1 1 2", "3 1 2 2"), "line 4", "type B", "only type C"),
+    lamp("of type A", LAMP.replace("3 1 1 2", "3 1 3 2"), "line 4", "type A", "only type C"),
+    lamp("of type 7", LAMP.replace("3 1 1 2", "3 1 7 2"), "line 4", "is 7;", "only type C"),
+    lamp("multiplier 0", LAMP.replace("1000 1 3", "1000 0 3"), "line 4", "candela multiplier is 0", "above 0"),
+    lamp("ballast 0", LAMP.replace("1 1 100", "0 1 100"), "line 5", "ballast factor is 0", "above 0"),
+    lamp("tilt geometry", LAMP.replace("NONE", "INCLUDE\n4\n1\n0\n1"), "line 4", "geometry is 4", "1, 2 or 3"),
+    lamp("tilt factor", LAMP.replace("NONE", "INCLUDE\n1\n2\n0 90\n1 -1"), "line 7", "-1", "at least 0"),
+    lamp("tilt angles", LAMP.replace("NONE", "INCLUDE\n1\n2\n90 0\n1 1"), "line 6", "must ascend"),
+    lamp("tilt file missing", LAMP.replace("NONE", "b.tlt"), "line 3", 'TILT="b.tlt" does not exist'),
+    lamp("tilt file broken", LAMP.replace("NONE", "b.tlt"), "line 3", "line 2", '"x"', b="1\nx\n0\n1\n"),
+    lamp("tilt file outside", LAMP.replace("NONE", "../b.tlt"), "line 3", "outside the scene's own folder"),
+    lamp("scale", LAMP.replace("100 50", "1e12 50"), "lights[0].scale", "1.46413e+18 W/sr", more="scale = 1e9"),
+    lamp("zero along", LAMP, "lights[0].horizontal_zero", "across", more="horizontal_zero = [0, 2, 0]"),
+    Bad("lamp outside", IES.format("../a.ies", ""), ("lights[0].file", "outside the scene's own folder")),
     sky("missing", "no.hdr", None, "does not exist", cli=True),
     sky("of no kind", "a.bmp", b"BM", ".exr, .hdr or .png"),
     sky("outside", "../a.hdr", None, "outside the scene's own folder"),

@@ -1,7 +1,7 @@
 """Reads mutated files of every format, in a process of its own: `mutate_files.py FOLDER COUNT SEED ENDING…`.
 
-Prints a line for each file that is answered with anything but an image, a mesh, a film or one sentence, and at the end
-how many there were, how many of them were read all the same, and the most memory the program took, in MiB.
+Prints a line for each file that is answered with anything but an image, a mesh, a lamp, a film or one sentence, and at
+the end how many there were, how many of them were read all the same, and the most memory the program took, in MiB.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ import OpenEXR
 from clrender.errors import ClrenderError
 from clrender.film import Film
 from clrender.image.files import read_image, read_provenance, write_image
+from clrender.scene.ies import read_ies
+from clrender.scene.lamp_tables import lamp_table
 from clrender.scene.mesh_io import read_mesh
 
 __all__ = ["main"]
@@ -45,6 +47,13 @@ OBJ = (
 )
 
 
+IES = (
+    b"IESNA:LM-63-1995\r\n[TEST] x\r\nTILT=INCLUDE\r\n1\r\n2\r\n0 90\r\n1. .9\r\n"
+    b"1 1200 1.5 5 3 1 2 .1 .1 0\r\n1 0.9 70\r\n0 22.5 45,67.5 90\r\n0 45 90\r\n"
+    b"100 90 60 20 0\r\n100 80. 5e1 2 0\r\n100 70 40 1 0\r\n"
+)
+
+
 def originals(folder: Path, ending: str) -> list[bytes]:
     """A few sound files of a format."""
     y, x = np.mgrid[0:24, 0:40]
@@ -59,6 +68,9 @@ def originals(folder: Path, ending: str) -> list[bytes]:
         return [PLY % b"ascii" + text, PLY % b"binary_little_endian" + binary]
     if ending == ".obj":
         return [OBJ, OBJ.replace(b"//", b" ").replace(b"/1/1", b"")]
+    if ending == ".ies":
+        one = IES[: IES.index(b"100 80.")].replace(b"5 3 1 2", b"5 1 1 2").replace(b"0 45 90\r\n", b"0\r\n")
+        return [IES, one[one.index(b"TILT") :]]
     if ending == ".film":
         film = Film(6, 5)
         film.save(path, {"seed": 1})
@@ -125,7 +137,11 @@ def _image(path: Path) -> Any:
     return read_image(path)
 
 
-READERS: dict[str, Callable[[Path], Any]] = {".ply": _mesh, ".obj": _mesh, ".film": Film.load}
+def _lamp(path: Path) -> Any:
+    return lamp_table(read_ies(path.name, path.parent, (), "here"))
+
+
+READERS: dict[str, Callable[[Path], Any]] = {".ply": _mesh, ".obj": _mesh, ".ies": _lamp, ".film": Film.load}
 
 
 def _hangs(number: int, frame: FrameType | None) -> None:

@@ -17,6 +17,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "integrators.md"
 LAMBERT: dict[str, Any] = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
 PICTURE = {"texture": "p.exr"}
 NET: dict[str, Any] = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
+SPOT = {"type": "spot", "position": [0, 4, 0], "direction": [0, -1, 0], "intensity": [1, 1, 1], "cone_degrees": 40.0}
+LAMP = {"type": "ies", "position": [0, 4, 0], "file": "p.ies"}
 LAMBERT_AND_MIRROR = {"plain": LAMBERT, "shiny": {"type": "mirror"}}
 
 # Each row's materials, shapes beside those that have them, and lights.
@@ -51,6 +53,7 @@ SCENES: dict[str, list[tuple[Any, ...]]] = {
         ({"m": {"type": "principled", "transmission": 1.0, "attenuation_color": [0.5] * 3,
                 "attenuation_distance": 1.0}},),
     ],
+    "spots and lamps of IES files": [({"m": LAMBERT}, [], [SPOT]), ({"m": LAMBERT}, [], [LAMP])],
     "a picture of the environment": [({"m": LAMBERT}, [], [{"type": "environment", "file": "p.exr"}])],
 }  # fmt: skip
 
@@ -79,6 +82,7 @@ def test_the_page_has_a_cell_for_each() -> None:
 @pytest.mark.parametrize(("row", "name"), list(CELLS))
 def test_cell(tmp_path: Path, row: str, name: str) -> None:
     write_image(tmp_path / "p.exr", np.full((4, 8, 3), 0.5, np.float32))
+    (tmp_path / "p.ies").write_text("TILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1 0 90 0 7 7")
     for materials, *more in SCENES[row]:
         shapes, lights = (*more, [], [])[:2]
         ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0, "material": "m"}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".film"]
+ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".ies", ".film"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""

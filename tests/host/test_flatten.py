@@ -72,6 +72,8 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "texels",
         "light_nodes",
         "light_order",
+        "light_cones",
+        "lamp_tables",
         "environment_map",
     }
     for name, array in scene.arrays.items():

@@ -39,7 +39,19 @@ __all__ = [
     "small_units",
 ]
 
-SCENES: Final = ("room", "room-glass", "cornell", "bumpy", "surfaces", "sky", "drink", "haze", "textures", "S4")
+SCENES: Final = (
+    "room",
+    "room-glass",
+    "cornell",
+    "bumpy",
+    "surfaces",
+    "sky",
+    "drink",
+    "haze",
+    "textures",
+    "lamps",
+    "S4",
+)
 """Built-in ones, and the benchmark's room with a thousand lights, which has a tree of lights."""
 WIDTH_HEIGHT: Final = (50, 39)
 """No multiple of a tile's side, nor of a block's."""

@@ -156,6 +156,14 @@ def test_a_filter_is_another_image(all_devices: list[Device], expected: dict[str
     assert sha("room", all_devices[:1], filter="box") == expected["room"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+def test_lamps_that_a_tree_picks(all_devices: list[Device], lanes: int) -> None:
+    cutting = Cutting(lanes, "packet", 16, 1, 16, "shuffled")
+    by_tree = sha("lamps", all_devices[:1], cutting, light_sampler="bvh")
+    assert by_tree == sha("lamps", all_devices[:1], light_sampler="bvh")
+
+
 @pytest.mark.parametrize("packets", [1, 3])
 def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, str], packets: int) -> None:
     """Other numbers of them than devices choose, where rays part or paths are sorted by material.
@@ -199,6 +207,11 @@ def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device
 # --- drivers and devices ---------------------------------------------------------------------------------------------
 
 
+def test_several_rays_on_every_driver(all_devices: list[Device]) -> None:
+    """Each shadow ray of a vertex has the sampler that the vertex has, also where a compiler shares parameters."""
+    assert len({sha("room", [device], size=(16, 16), spp=2, shadow_rays=3) for device in all_devices}) == 1
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene: str) -> None:
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
@@ -213,7 +226,9 @@ def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scene", "gigabytes"), [("sky", 4), ("drink", 4), ("haze", 5), ("matt textures", 5), ("metals", 9)])
+@pytest.mark.parametrize(
+    ("scene", "gigabytes"), [("sky", 4), ("drink", 4), ("haze", 5), ("matt textures", 5), ("metals", 9)]
+)
 def test_rich_scenes_on_rusticl(
     all_devices: list[Device], scene: str, gigabytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -79,6 +79,8 @@ class Run:
         Of pixels.
     media : bool
         With media that scatter, in shapes and around them.
+    lamps : bool
+        With spots and IES files, so many that there is a tree of lights.
     """
 
     kernel: str
@@ -92,6 +94,7 @@ class Run:
     textured: bool = False
     filter: str = "box"
     media: bool = False
+    lamps: bool = False
 
 
 RENDERS: Final = {
@@ -113,6 +116,10 @@ RENDERS: Final = {
     "path-4-filter": Run("path", 4, samples=2, filter="mitchell"),
     "reuse-4-filter": Run("reuse", 4, samples=2, filter="mitchell"),
     "path-1-filter": Run("path", 1, filter="gaussian"),
+    "path-4-lamps": Run("path", 4, samples=2, lamps=True),
+    "path-1-lamps": Run("path", 1, lamps=True),
+    "whitted-1-lamps": Run("whitted", 1, lamps=True),
+    "photon-4-lamps": Run("photon", 4, lamps=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -122,6 +129,20 @@ RENDERS: Final = {
     "photon-4": Run("photon", 4, samples=2),
     "whitted-1-large": Run("whitted", 1, samples=2, large=True),
 }
+
+
+def lamps(folder: Path) -> list[dict[str, Any]]:
+    """Lights with cones of all widths, and lamps that shine up or down, whose IES files are written into `folder`."""
+    head = "IESNA91\nTILT=NONE\n1 -1 1 {} 1 2 0 0 0\n1 1 1\n"
+    (folder / "down.ies").write_text(head.format("3 1") + "0 50 90\n0\n900 400 0\n")
+    (folder / "up.ies").write_text(head.format("4 3") + "90 100 130 180\n0 50 180\n0 9 30 70\n0 80 2 70\n0 5 60 70\n")
+    found: list[dict[str, Any]] = []
+    for number in range(10):
+        at = {"position": (0.2 * number - 1.0, 1.2, 0.3 * (number % 3)), "direction": (0.1 * number - 0.4, -1, 0.2)}
+        spot = {"cone_degrees": 8.0 + 30.0 * number, "blend": number / 9.0, "intensity": (1, 0.8, 0.6)}
+        found.append({"type": "spot", **at, **spot})
+        found.append({"type": "ies", **at, "file": ("down.ies", "up.ies")[number % 2], "scale": (1, 2, 0.5)})
+    return found
 
 
 def maps(folder: Path) -> dict[str, Any]:
@@ -213,12 +234,15 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "lights": [
             {"type": "point", "position": (0.5, 1.8, 1.5), "intensity": (1, 1, 1)},
             {"type": "directional", "direction": (0.2, -1, -0.3), "irradiance": (0.5, 0.4, 0.3)},
+            *(lamps(folder) if run.lamps else []),
             {"type": "environment", "file": "sky"} if run.sky else {"type": "environment", "radiance": (0.2, 0.2, 0.2)},
         ],
     }
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
-    return flatten(what.with_pictures({"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT)
+    # Photons start at lights, for which a tree has no answer
+    choice = "power" if run.kernel == "photon" else "auto"
+    return flatten(what.with_pictures({"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)
 
 
 def render(device: Device, run: Run) -> str:

@@ -129,6 +129,8 @@ def flat_scene(
         "texel_values": np.zeros(1, np.float32),
         "texels": np.zeros((1, 64), np.uint8),
         "light_order": np.zeros(1, np.uint32),
+        "light_cones": np.zeros((1, 8), np.float32),
+        "lamp_tables": np.zeros(1, np.float32),
         "environment_map": np.zeros(1, np.float32),
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}

@@ -26,7 +26,9 @@ COUNT = 1 << 18
 LANES = 16
 
 
-def launch(device: Device, kernel: str, numbers: Uints, arguments: list[Any], outputs: int) -> npt.NDArray[np.float32]:
+def launch(
+    device: Device, kernel: str, numbers: Uints, arguments: list[Any], outputs: int, lamps: bool = False
+) -> npt.NDArray[np.float32]:
     """(outputs, count) results of one of the kernels of sampling.cl, whose first array is `numbers`, (2, count)."""
     count = numbers.shape[1]
     assert count % (LANES * 16) == 0
@@ -37,7 +39,8 @@ def launch(device: Device, kernel: str, numbers: Uints, arguments: list[Any], ou
         given = [buffers[0], *given]
     else:
         given[at] = buffers[0]
-    device.launch(device.program(SOURCE, {"LANES": LANES}), kernel, count // LANES, 16, given)
+    defines: dict[str, int | str] = {"LANES": LANES, **({"LAMPS": 1} if lamps else {})}
+    device.launch(device.program(SOURCE, defines), kernel, count // LANES, 16, given)
     results = np.empty((outputs, count), np.float32)
     device.read(buffers[1], results)
     for buffer in buffers:
@@ -90,4 +93,4 @@ class LightTable:
         named = {**self.arrays.buffers, "settings": self.settings}
         vectors = [np.array([*vector, 0.0], np.float32) for vector in (origin, normal)]
         arguments = [*(named[name] for name in scene_array_names()), None, *vectors]
-        return launch(self.device, kernel, random_bits(seed), arguments, outputs)
+        return launch(self.device, kernel, random_bits(seed), arguments, outputs, self.arrays.lamps)

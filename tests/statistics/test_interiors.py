@@ -222,17 +222,20 @@ def test_index_one_is_invisible_to_photons(evidence: Evidence, studio: Studio) -
     evidence.equal("tiles", by_photons.mean(axis=1), by_path.mean(axis=1), rounding=0.01)
 
 
-@pytest.mark.parametrize("light", ["point", "shape"])
+@pytest.mark.parametrize("light", ["point", "spot", "shape"])
 def test_photons_refuse_lights_inside(device: Device, light: str) -> None:
     # Each beside one that is black or outside, so that the place has to be found.
     inside, outside = [0.0, 0.5, 0.0], [0.0, 3.0, 0.0]
     shapes = [box((0.0, 0.5, 0.0), 1.0, "water"), sphere(outside, 0.1, emission=1.0)]
-    points = [{"type": "point", "position": p, "intensity": [i] * 3} for p, i in ((inside, 0.0), (outside, 1.0))]
-    if light == "point":
+    beam: dict[str, Any] = {"type": "point"}
+    if light == "spot":
+        beam = {"type": "spot", "direction": [0.0, 1.0, 0.0], "cone_degrees": 30.0}
+    points = [{**beam, "position": p, "intensity": [i] * 3} for p, i in ((inside, 0.0), (outside, 1.0))]
+    if light != "shape":
         points.append({**points[1], "position": inside})
     else:
         shapes.append(sphere(inside, 0.1, emission=1.0))
-    place = r"lights\[2\]" if light == "point" else r"shapes\[2\]"
+    place = r"lights\[2\]" if light != "shape" else r"shapes\[2\]"
     with pytest.raises(clrender.SceneError, match=rf"^Scene: {place}: shines from inside of a dielectric"):
         what = scene(shapes, points, OUTSIDE, water=WATER)
         clrender.render(what, device=device.info.index, size=(8, 8), spp=1, integrator="photon")
