@@ -21,7 +21,9 @@ SPOT = {"type": "spot", "position": [0, 4, 0], "direction": [0, -1, 0], "intensi
 LAMP = {"type": "ies", "position": [0, 4, 0], "file": "p.ies"}
 LAMBERT_AND_MIRROR = {"plain": LAMBERT, "shiny": {"type": "mirror"}}
 
-# Each row's materials, shapes beside those that have them, and lights.
+SMOKE = {"media": {"smoke": {"scattering": 1.0}}}
+
+# Each row's materials, shapes beside those that have them, lights, and what else the scene has.
 SCENES: dict[str, list[tuple[Any, ...]]] = {
     "`lambert`": [({"m": LAMBERT},)],
     "`mirror` and smooth `dielectric`": [({"m": {"type": "mirror"}},), ({"m": {"type": "dielectric", "ior": 1.5}},)],
@@ -46,6 +48,10 @@ SCENES: dict[str, list[tuple[Any, ...]]] = {
     "colours of vertices": [({"m": LAMBERT}, [{**NET, "material": "m", "colors": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}])],
     "emission by a texture": [
         ({"m": LAMBERT}, [{"type": "sphere", "center": [0, 3, 0], "radius": 1.0, "emission": {"checker": [0.1, 0.9]}}])
+    ],
+    "media that scatter, in shapes or as fog": [
+        ({"m": LAMBERT}, [{"type": "sphere", "center": [0, 3, 0], "radius": 1.0, "interior": "smoke"}], [], SMOKE),
+        ({"m": LAMBERT}, [], [], {**SMOKE, "fog": "smoke"}),
     ],
     "dielectrics with a `priority`, or that absorb": [
         ({"m": {"type": "dielectric", "ior": 1.5, "priority": 1}},),
@@ -84,7 +90,7 @@ def test_cell(tmp_path: Path, row: str, name: str) -> None:
     write_image(tmp_path / "p.exr", np.full((4, 8, 3), 0.5, np.float32))
     (tmp_path / "p.ies").write_text("TILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1 0 90 0 7 7")
     for materials, *more in SCENES[row]:
-        shapes, lights = (*more, [], [])[:2]
+        shapes, lights, others = (*more, *([], [], {})[len(more) :])
         ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0, "material": "m"}
         what = clrender.Scene.model_validate(
             {
@@ -92,6 +98,7 @@ def test_cell(tmp_path: Path, row: str, name: str) -> None:
                 "materials": materials,
                 "shapes": [ball, *shapes],
                 "lights": lights,
+                **others,
             }
         ).placed("here", tmp_path)
         if CELLS[row, name] == "yes":
@@ -99,5 +106,5 @@ def test_cell(tmp_path: Path, row: str, name: str) -> None:
             continue
         assert CELLS[row, name] == "refused"
         # In one sentence: the place, what is wrong, and a cure
-        with pytest.raises(SceneError, match=rf"here: (shapes|lights)\[\d\]\..*{name}.*use --integrator path"):
+        with pytest.raises(SceneError, match=rf"here: (fog |(shapes|lights)\[\d\]\.).*{name}.*use --integrator path"):
             clrender.RenderJob.of(what, integrator=name)
