@@ -90,7 +90,8 @@ def test_cell(tmp_path: Path, row: str, name: str) -> None:
     write_image(tmp_path / "p.exr", np.full((4, 8, 3), 0.5, np.float32))
     (tmp_path / "p.ies").write_text("TILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1 0 90 0 7 7")
     for materials, *more in SCENES[row]:
-        shapes, lights, others = (*more, *([], [], {})[len(more) :])
+        given: list[Any] = [*more, *([], [], {})[len(more) :]]
+        shapes, lights, others = given
         ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0, "material": "m"}
         what = clrender.Scene.model_validate(
             {
