@@ -118,8 +118,9 @@ def scene_media(scene: Scene) -> Media:
     if len(numbers) > MEDIA_LIMIT:
         text = f"the interiors of its shapes are {len(numbers)} different media, but paths tell {MEDIA_LIMIT} apart"
         raise SceneError(f"{scene.source}: materials: {text}; let more of them agree in index, absorption and priority")
-    indices = [1.0, *(medium.ior for medium in numbers)]
-    straight = any(indices.count(medium.ior) > 1 for medium in ranked)
+    # As the kernels see them, in single precision
+    indices = [np.float32(1.0), *(np.float32(medium.ior) for medium in numbers)]
+    straight = any(indices.count(np.float32(medium.ior)) > 1 for medium in ranked)
     straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
     of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
     scatters = any(max(medium.scattering) > 0.0 for medium in (outside, *numbers))
@@ -179,4 +180,4 @@ def _by_priority(media: Mapping[Solid, _Medium]) -> list[_Medium]:
 
 def _bends_nothing(material: Material) -> bool:
     """Whether its surface, without priorities, changes no light."""
-    return isinstance(material, Dielectric) and material.ior == material.exterior_ior
+    return isinstance(material, Dielectric) and np.float32(material.ior / material.exterior_ior) == 1.0

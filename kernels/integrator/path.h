@@ -122,15 +122,14 @@ static vfloat path_bsdf_samples(const Scene* scene, const Path* path, const Vert
 }
 
 // The share of the path's radiance that one of its light samples brings, as far as nothing is in the way.
-static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light) {
+static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light, const Interior* in) {
     __global const Settings* settings = scene->settings;
     vfloat bsdf_pdf;
     const vec3 f = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
     const vfloat bsdf_samples = path_bsdf_samples(scene, path, vertex);
     const vfloat weight = mis_weight(splat((float)settings->light_samples), light->pdf, bsdf_samples, bsdf_pdf);
     const vfloat share = (light->delta ? splat(1.0f) : weight) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
-    const Interior in = path_towards(path, vertex, light);
-    const vec3 left = shadow_straight(scene, &in, light, vertex->surface.point);
+    const vec3 left = shadow_straight(scene, in, light, vertex->surface.point);
     const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), left);
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
 }
@@ -156,9 +155,9 @@ static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex
             if (lane_any(asked[k])) {
                 light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
                 shadow_ray = light_shadow_ray(surface, &light);
-                arriving[k] = path_direct(scene, &path[k], &vertex[k], &light);
-                asked[k] = asked[k] & (largest(arriving[k]) > 0.0f);
                 in = path_towards(&path[k], &vertex[k], &light);
+                arriving[k] = path_direct(scene, &path[k], &vertex[k], &light, &in);
+                asked[k] = asked[k] & (largest(arriving[k]) > 0.0f);
             }
             shadow_start(scene, &shadows, k, &shadow_ray, &light, &in, asked[k]);
             stats->shadow_rays += lane_count(asked[k]);

@@ -19,13 +19,12 @@ typedef struct {
     vuint depth;         // scattering events so far
     vuint deposits;
     vmask specular;      // all scattering events so far were at mirrors and glass
-    vmask hidden;        // it came through a surface that shadow rays do not pass
     Interior interior;   // the dielectrics that the ray begins in
 } Photon;
 
 static Photon photon_none(void) {
     Photon p;
-    p.alive = p.specular = p.hidden = mask_none();
+    p.alive = p.specular = mask_none();
     p.interior = interior_none();
     p.number = p.depth = p.deposits = p.sampler.seed = p.sampler.index = splat_uint(0u);
     p.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
@@ -44,7 +43,6 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     p->depth = start ? splat_uint(0u) : p->depth;
     p->deposits = start ? splat_uint(0u) : p->deposits;
     p->specular = p->specular | start;
-    p->hidden = p->hidden & !start;
     interior_replace(&p->interior, interior_none(), start);       // the host sees to it that no light is in a medium
     p->alive = p->alive | start;
 }
@@ -102,7 +100,6 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
     p->ray = surface_leave(surface, next.direction);
     interior_cross(&p->interior, crossing, next.direction, bsdf->side);
-    p->hidden = p->hidden | straight;
     const vmask goes_on = interior_goes_on(&p->interior, crossing, p->sampler, &p->flux);
     sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_ROULETTE), &bits_u, &bits_v);
     p->depth = straight ? p->depth : p->depth + 1u;
@@ -133,7 +130,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         photon.flux = interior_absorb(scene, &photon.interior, hit, photon.flux);
         Bsdf bsdf;
         bsdf_at(scene, &surface, photon.ray.direction, &bsdf);
-        const vmask arrives = found & (surface.kind == MATERIAL_LAMBERT) & ((photon.depth > 0u) | photon.hidden);
+        const vmask arrives = found & (surface.kind == MATERIAL_LAMBERT) & (photon.depth > 0u);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
             const vec3 flux = scale(photon.flux, photon_shading(&bsdf, photon.ray.direction));

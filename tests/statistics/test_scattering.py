@@ -156,8 +156,10 @@ def test_a_cloud_is_as_bright_cut_in_two(evidence: Evidence, studio: Studio) -> 
     evidence.equal("tiles", studio.tiles(whole, range(8), spp=64), studio.tiles(cut, range(100, 108), spp=64))
 
 
-def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio) -> None:
-    """Shadow rays of a point light go straight through, for a path would."""
+@pytest.mark.parametrize("integrator", ["path", "photon"])
+def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio, integrator: str) -> None:
+    """Shadow rays of a point light go straight through, and photons do not bring that light again."""
+    settings: dict[str, Any] = {"integrator": integrator, "spp": 4}
     materials = {
         "matt": lambert(0.7),
         "air": {"type": "dielectric", "ior": 1.0, "priority": 3},
@@ -169,7 +171,8 @@ def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio) -> 
     block = {"type": "box", "center": [0.3, 0.2, 0.3], "size": [1.0, 1.0, 1.0], "material": "air"}
     there = described([floor, away, block], [light], BESIDE, materials=materials)
     without = described([floor, away], [light], BESIDE, materials=materials)
-    evidence.equal("tiles", studio.tiles(there, range(8)), studio.tiles(without, range(8)))
+    settings |= {"photons": 2000} if integrator == "photon" else {}
+    evidence.equal("tiles", studio.tiles(there, range(8), **settings), studio.tiles(without, range(8), **settings))
 
 
 def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
