@@ -68,7 +68,7 @@ class FlatScene:
     light_levels : int
         Of the tree of lights; 0: there is none.
     scatters : bool
-        Whether a medium does.
+        Whether a medium does, or there is fog.
     straight_surfaces : bool
         Whether light goes straight through some surfaces that are no boundaries: `clrender.scene.media.Media`.
     arrays_sha256 : str

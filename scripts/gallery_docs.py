@@ -13,7 +13,15 @@ import clrender
 __all__: list[str] = []
 
 _DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
-_SCENES: Final = {"metals": 512, "surfaces": 512, "drink": 1024, "textures": 256, "sky": 512, "lamps": 512, "haze": 1024}
+_SCENES: Final = {
+    "metals": 512,
+    "surfaces": 512,
+    "drink": 1024,
+    "textures": 256,
+    "sky": 512,
+    "lamps": 512,
+    "haze": 1024,
+}
 """Built-in scene -> samples per pixel."""
 _WIDTH: Final = 640
 

@@ -57,7 +57,7 @@ class Media:
     no_boundary : frozenset of Solid
         Those whose shapes change nothing wherever they are, so that they are left out unless they shine.
     scatters : bool
-        Whether any does.
+        Whether any does, or there is fog: then paths are in a medium also where they are inside of nothing.
     straight : bool
         Whether light goes straight through some of the surfaces, so that shadow rays have to look behind them.
     """
@@ -123,7 +123,7 @@ def scene_media(scene: Scene) -> Media:
     straight = any(indices.count(np.float32(medium.ior)) > 1 for medium in ranked)
     straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
     of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
-    scatters = any(max(medium.scattering) > 0.0 for medium in (outside, *numbers))
+    scatters = not outside.is_vacuum or any(max(medium.scattering) > 0.0 for medium in numbers)
     return Media(_rows(outside, numbers, len(unranked)), of_solid, frozenset(dark), scatters, straight)
 
 

@@ -4,7 +4,7 @@
 // density of all three: the balance heuristic, so that no channel weighs more than the inverse of its share. A path that scatters before
 // it meets a surface has its next vertex there: its hit says HIT_MEDIUM in the place of a primitive.
 //
-// Built only where a medium scatters (-D MEDIA).
+// Built only where a medium scatters, or there is fog (-D MEDIA).
 #ifndef MEDIUM_HOMOGENEOUS_H
 #define MEDIUM_HOMOGENEOUS_H
 

@@ -47,6 +47,17 @@ def test_light_that_nothing_scatters(evidence: Evidence, studio: Studio, thickne
     evidence.mean_is("transmittance", batches(studio, what, spp=256, max_depth=0), float(left @ WEIGHTS))
 
 
+@pytest.mark.parametrize("ball", [False, True], ids=["alone", "beside a ball"])
+def test_fog_that_only_absorbs(evidence: Evidence, studio: Studio, ball: bool) -> None:
+    """Also where no path is in anything else: a lamp 5 m away, of which each channel keeps e^(-5 absorption)."""
+    lamp = quad([-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], emission=[1.0, 1.0, 1.0])
+    fog = {"smoke": {"absorption": [0.1, 0.2, 0.4]}}
+    shapes = [lamp, sphere([3.0, 0.0, 0.0], 0.1, interior="smoke")] if ball else [lamp]
+    left = float(np.exp([-0.5, -1.0, -2.0]) @ WEIGHTS)
+    what = described(shapes, [], STRAIGHT, media=fog, fog="smoke")
+    evidence.mean_is("lamp", batches(studio, what, spp=4), left)
+
+
 _slow = pytest.mark.slow
 
 
