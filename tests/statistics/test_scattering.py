@@ -152,10 +152,11 @@ def test_lights_are_found_alike(evidence: Evidence, studio: Studio, fog: bool) -
 
 
 def test_paths_that_split_in_a_cloud(evidence: Evidence, studio: Studio) -> None:
-    """Each of the rays that leave the first point where light scatters leaves that point."""
-    whole, several = (
-        studio.tiles(in_smoke(lamp=True), range(100 * n, 100 * n + 8), spp=64, indirect_rays=n) for n in (1, 4)
-    )
+    """Each of the rays that leave the first point where light scatters leaves that point: behind the cloud it is dark."""
+    light = {"type": "point", "position": [1.0, 2.0, 4.0], "intensity": [20.0, 20.0, 20.0]}
+    ball = sphere([0.0, 0.0, 0.0], 0.9, interior="smoke")
+    what = described([ball], [light], BESIDE, media={"smoke": {"scattering": 10.0}})
+    whole, several = (studio.tiles(what, range(100 * n, 100 * n + 8), spp=32, indirect_rays=n) for n in (1, 4))
     evidence.equal("tiles", whole, several)
 
 
