@@ -152,7 +152,7 @@ def test_lights_are_found_alike(evidence: Evidence, studio: Studio, fog: bool) -
 
 
 def test_paths_that_split_in_a_cloud(evidence: Evidence, studio: Studio) -> None:
-    """Each of the rays that leave the first point where light scatters leaves that point: behind the cloud it is dark."""
+    """All rays that leave the first point where light scatters leave that point: behind the cloud it is dark."""
     light = {"type": "point", "position": [1.0, 2.0, 4.0], "intensity": [20.0, 20.0, 20.0]}
     ball = sphere([0.0, 0.0, 0.0], 0.9, interior="smoke")
     what = described([ball], [light], BESIDE, media={"smoke": {"scattering": 10.0}})
