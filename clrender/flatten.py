@@ -24,6 +24,7 @@ from clrender.scene.description import (
     Scene,
     SpotLight,
 )
+from clrender.scene.holes import hole_rows
 from clrender.scene.interiors import media_around, packed
 from clrender.scene.lamp_tables import lamp_tables
 from clrender.scene.lights import flat_environment, flat_lights
@@ -54,6 +55,7 @@ class FlatScene:
         ``media_rows`` (N, 16) float32, zero where paths need no account of what they are inside of;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
+        ``hole_rows`` (N, 64) uint32, as of `clrender.scene.holes`, one row where no opacity is a texture;
         ``lights`` (L,) `Light`, as of `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and
         ``light_order`` (N,) uint32, the tree of lights, and ``light_cones`` (N, 8) float32 where there are lamps, else
         one row; ``lamp_tables`` (N,) float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero
@@ -71,6 +73,8 @@ class FlatScene:
         Whether a medium does, or there is fog.
     straight_surfaces : bool
         Whether light goes straight through some surfaces that are no boundaries: `clrender.scene.media.Media`.
+    masked : bool
+        Whether rays may pass by some surfaces: those of shapes with the flag `layout.SHAPE_MASKED`.
     arrays_sha256 : str
         Over all of the above but the camera.
     warnings : tuple of str
@@ -89,6 +93,7 @@ class FlatScene:
     light_levels: int
     scatters: bool
     straight_surfaces: bool
+    masked: bool
     arrays_sha256: str
     warnings: tuple[str, ...] = ()
     origin: Vector = (0.0, 0.0, 0.0)
@@ -167,6 +172,7 @@ def flatten(
     media = scene_media(scene)
     around = flat_environment(scene, compensated)
     textures = flat_textures(scene)
+    holes = hole_rows(scene, surfaces, textures)
     lamps = lamp_tables(scene)
     lights = flat_lights(scene, surfaces, textures, around, lamps, light_sampler)
     tree = lights.tree
@@ -187,6 +193,7 @@ def flatten(
         "texture_rows": textures.rows,
         "texture_slots": textures.slots,
         "texel_values": textures.values,
+        "hole_rows": holes,
         "texels": textures.texels,
         "lights": _padded(lights.rows),
         "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
@@ -212,6 +219,7 @@ def flatten(
         light_levels=tree.levels if tree else 0,
         scatters=media.scatters,
         straight_surfaces=media.straight,
+        masked=bool((surfaces.shapes["flags"] & layout.SHAPE_MASKED).any()),
         arrays_sha256=digest.hexdigest(),
         warnings=(
             *surfaces.warnings,

@@ -54,6 +54,7 @@ __all__ = [
     "GLASS_LAYERS",
     "GLASS_LOST_ROWS",
     "GLASS_ROWS",
+    "HOLE_GRID",
     "LIGHT_AREA_DISK",
     "LIGHT_AREA_SPHERE",
     "LIGHT_AREA_TRIANGLE",
@@ -81,6 +82,7 @@ __all__ = [
     "ROWS",
     "SCHLICK_COLUMNS",
     "SCHLICK_ROWS",
+    "SHAPE_MASKED",
     "SHAPE_SMOOTH",
     "SHAPE_TEXTURED",
     "SHEEN_COLUMNS",
@@ -192,6 +194,11 @@ SHAPE_SMOOTH: Final = 1
 """Flag of a shape whose vertices carry normals to interpolate."""
 SHAPE_TEXTURED: Final = 2
 """Flag of a shape whose material or emission has textures: its primitives have rows of attributes."""
+SHAPE_MASKED: Final = 4
+"""Flag of a shape whose opacity is not 1 everywhere."""
+
+HOLE_GRID: Final = 32
+"""Cells along either side of a masked triangle, of which it may be known that they are holes, or whole, all over."""
 
 TEXTURE_SLOTS: Final[Mapping[str, int]] = {
     "BASE_COLOR": 0,
@@ -205,6 +212,7 @@ TEXTURE_SLOTS: Final[Mapping[str, int]] = {
     "SHEEN_COLOR": 8,
     "SHEEN_ROUGHNESS": 9,
     "ANISOTROPY": 10,
+    "OPACITY": 11,
     "DIFFUSE_ROUGHNESS": 12,
     "WEIGHT": 13,
     "NORMAL": 14,
@@ -228,8 +236,10 @@ FIRST_HIT_PRIMITIVE: Final = 4
 
 CONSTANTS: Final[Mapping[str, int]] = {
     "NONE": NONE,
+    "HOLE_GRID": HOLE_GRID,
     "SHAPE_SMOOTH": SHAPE_SMOOTH,
     "SHAPE_TEXTURED": SHAPE_TEXTURED,
+    "SHAPE_MASKED": SHAPE_MASKED,
     "MATERIAL_LAMBERT": MATERIAL_LAMBERT,
     "MATERIAL_MIRROR": MATERIAL_MIRROR,
     "MATERIAL_DIELECTRIC": MATERIAL_DIELECTRIC,
@@ -439,6 +449,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("ETA", 6, 3, "metal: its index of refraction over that of the medium before it, real part"),
         ("K", 9, 3, "and imaginary part"),
         ("FRESNEL", 12, 3, "and the cosine-weighted average of its Fresnel term"),
+        ("OPACITY", 15, 1, "or, where it is a texture, the value below which that is a hole; 0: it counts as it is"),
     ),
     "ATTRIBUTE": (
         ("UV", 0, 6, "triangle: texture coordinates at A, B and C"),
@@ -447,6 +458,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("Y", 3, 3, ""),
         ("Z", 6, 3, ""),
         ("COLORS", 12, 1, "bits: of a triangle: the row with the colours of A, B and C; 0: none"),
+        ("HOLES", 13, 1, "bits: of a triangle: its row of holes (geometry/find.h)"),
         ("SLOTS", 15, 1, "bits: the row of textures of its material"),
     ),
     "TEXTURE": (

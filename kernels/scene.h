@@ -16,6 +16,7 @@
     X(float, texture_rows)   /* of each texture: which picture, and how it lies */                                             \
     X(float, texture_slots)  /* of each material: which textures stand for its parameters */                                   \
     X(float, texel_values)   /* what numbers of 8 and 16 bits in pictures stand for */                                         \
+    X(uint, hole_rows)       /* of masked triangles: where they have holes */                                                   \
     X(uint, texels_0)        /* the pictures, in pages: texture/texel.h */                                                     \
     X(uint, texels_1)                                                                                                       \
     X(uint, texels_2)                                                                                                       \
@@ -30,6 +31,9 @@
     X(float, nodes)          /* the tree: geometry/bvh.h */                                                                 \
     X(float, triangle_packs)                                                                                                \
     X(float, analytic_packs)                                                                                                \
+    X(float, masked_nodes)   /* the tree over what rays may pass: geometry/find.h */                                        \
+    X(float, masked_triangle_packs)                                                                                         \
+    X(float, masked_analytic_packs)                                                                                         \
     X(Camera, camera)                                                                                                       \
     X(Settings, settings)
 
@@ -46,8 +50,17 @@
 
 typedef struct {
     SCENE_ARRAYS(SCENE_MEMBER_)
-    Bvh bvh;
+    Bvh bvh, masked;
 } Scene;
+
+#ifdef HOLES
+#define SCENE_HOLES(scene)                                                                                                  \
+    scene.bvh.hole_rows = 0;                                                                                                \
+    scene.masked.hole_rows = hole_rows;                                                                                     \
+    scene.bvh.attribute_rows = scene.masked.attribute_rows = attribute_rows
+#else
+#define SCENE_HOLES(scene)
+#endif
 
 // First in a kernel's parameters, and first in its body.
 #define SCENE_PARAMETERS SCENE_ARRAYS(SCENE_PARAMETER_)
@@ -57,6 +70,11 @@ typedef struct {
     scene.bvh.nodes = nodes;                                                                                                \
     scene.bvh.triangle_packs = triangle_packs;                                                                              \
     scene.bvh.analytic_packs = analytic_packs;                                                                              \
-    scene.bvh.root = 0
+    scene.bvh.root = 0;                                                                                                     \
+    scene.masked.nodes = masked_nodes;                                                                                      \
+    scene.masked.triangle_packs = masked_triangle_packs;                                                                    \
+    scene.masked.analytic_packs = masked_analytic_packs;                                                                    \
+    scene.masked.root = 0;                                                                                                  \
+    SCENE_HOLES(scene)
 
 #endif

@@ -4,8 +4,10 @@
 #define TYPES_H
 
 #define NONE 4294967295u
+#define HOLE_GRID 32u
 #define SHAPE_SMOOTH 1u
 #define SHAPE_TEXTURED 2u
+#define SHAPE_MASKED 4u
 #define MATERIAL_LAMBERT 0u
 #define MATERIAL_MIRROR 1u
 #define MATERIAL_DIELECTRIC 2u
@@ -83,6 +85,7 @@
 #define TEXTURE_SHEEN_COLOR 8u
 #define TEXTURE_SHEEN_ROUGHNESS 9u
 #define TEXTURE_ANISOTROPY 10u
+#define TEXTURE_OPACITY 11u
 #define TEXTURE_DIFFUSE_ROUGHNESS 12u
 #define TEXTURE_WEIGHT 13u
 #define TEXTURE_NORMAL 14u
@@ -216,6 +219,7 @@ typedef struct {
 #define LAYER_ROW_ETA 6                 // metal: its index of refraction over that of the medium before it, real part
 #define LAYER_ROW_K 9                   // and imaginary part
 #define LAYER_ROW_FRESNEL 12            // and the cosine-weighted average of its Fresnel term
+#define LAYER_ROW_OPACITY 15            // or, where it is a texture, the value below which that is a hole; 0: it counts as it is
 
 #define ATTRIBUTE_ROW_UV 0              // triangle: texture coordinates at A, B and C
 #define ATTRIBUTE_ROW_UV_1 6            // and of the second set
@@ -223,6 +227,7 @@ typedef struct {
 #define ATTRIBUTE_ROW_Y 3
 #define ATTRIBUTE_ROW_Z 6
 #define ATTRIBUTE_ROW_COLORS 12         // bits: of a triangle: the row with the colours of A, B and C; 0: none
+#define ATTRIBUTE_ROW_HOLES 13          // bits: of a triangle: its row of holes (geometry/find.h)
 #define ATTRIBUTE_ROW_SLOTS 15          // bits: the row of textures of its material
 
 #define TEXTURE_ROW_FIRST 0             // bits: its first tile

@@ -85,9 +85,14 @@ class Bvh:
     levels: int
 
     @property
+    def buffers(self) -> tuple[Buffer, Buffer, Buffer]:
+        """Nodes, then packs."""
+        return self.nodes, self.triangle_packs, self.analytic_packs
+
+    @property
     def nbytes(self) -> int:
         """Size of nodes and packs."""
-        return self.nodes.nbytes + self.triangle_packs.nbytes + self.analytic_packs.nbytes
+        return sum(buffer.nbytes for buffer in self.buffers)
 
     @property
     def stack_entries(self) -> int:
@@ -103,8 +108,8 @@ def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | N
     device : Device
     source : SourceArrays
         At most 2**24 blocks of packs in the tree: some hundred million triangles.
-    among : (triangle_count,) bool, optional
-        Triangles that the tree is over, all or none of a shape's; they keep their numbers.
+    among : (triangle_count + analytic_count,) bool, optional
+        Primitives that the tree is over, all or none of a shape's; they keep their numbers.
 
     Returns
     -------
@@ -147,9 +152,12 @@ class _Builder:
         self._merge = device.program("geometry/build_merge.cl", defines)
         self._collapse = device.program("geometry/build_collapse.cl", defines)
         self._units, self._triangle_units = self._paired()
+        round_ones = np.arange(source.analytic_count, dtype=np.uint32)
         if among is not None:
-            self._choose(among)
-        self.unit_count = self._triangle_units + source.analytic_count
+            self._choose(among[: source.triangle_count])
+            round_ones = round_ones[among[source.triangle_count :]]
+        self._round = device.upload(round_ones if len(round_ones) else np.zeros(1, np.uint32))
+        self.unit_count = self._triangle_units + len(round_ones)
 
     def _paired(self) -> tuple[Buffer, int]:
         """What stands in the tree for the triangles: one for each, or for two that are a parallelogram."""
@@ -166,6 +174,8 @@ class _Builder:
 
     def _choose(self, among: npt.NDArray[np.bool_]) -> None:
         """Leave out what is not wanted."""
+        if self._triangle_units == 0:
+            return
         units = np.empty(self._triangle_units, np.uint32)
         self.device.read(self._units, units)
         chosen = units[among[units & ~_FLAGS]]
@@ -173,7 +183,7 @@ class _Builder:
         self._triangle_units = len(chosen)
 
     def empty(self) -> Bvh:
-        self.device.release(self._units)
+        self._release(self._units, self._round)
         node = np.zeros(NODE_WORDS, np.float32)
         node[48:].view(np.uint32)[:] = 0xFFFFFFFF
         upload = self.device.upload
@@ -193,6 +203,7 @@ class _Builder:
                 source.vertices,
                 source.triangles,
                 source.analytic_shapes,
+                self._round,
                 _u(self._triangle_units),
                 _u(count),
                 boxes,
@@ -247,7 +258,7 @@ class _Builder:
         device = self.device
         nodes, *blocks = self._sizes(tree)
         if max(blocks) > _MOST_BLOCKS:
-            self._release(order, self._units, tree.boxes, tree.members, tree.children, tree.costs)
+            self._release(order, self._units, self._round, tree.boxes, tree.members, tree.children, tree.costs)
             raise RenderError(
                 f"the tree over {self.unit_count} triangles and spheres takes {max(blocks)} blocks and holds "
                 f"{_MOST_BLOCKS} of them: split the scene"
@@ -269,7 +280,7 @@ class _Builder:
             levels += 1
         self._release(tasks, order, tree.boxes, tree.members, tree.children, tree.costs)
         packs = self._fill(columns, blocks)
-        self._release(self._units, *columns)
+        self._release(self._units, self._round, *columns)
         return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], levels)
 
     def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:
@@ -281,7 +292,14 @@ class _Builder:
         if count:
             self._each(self._collapse, "build_triangle_columns", count, arguments)
         count = 8 * blocks[1]
-        arguments = [columns[1], _u(count), self._units, _u(self._triangle_units), _u(source.triangle_count)]
+        arguments = [
+            columns[1],
+            _u(count),
+            self._units,
+            self._round,
+            _u(self._triangle_units),
+            _u(source.triangle_count),
+        ]
         arguments += [source.vertices, source.triangles, source.analytic_shapes, others]
         if count:
             self._each(self._collapse, "build_analytic_columns", count, arguments)

@@ -26,9 +26,10 @@ _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
     *("light_cones", "lamp_tables"),
-    *("attribute_rows", "texture_rows", "texture_slots", "texel_values"),
+    *("hole_rows", "attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Arrays of the host that the kernels read as such."""
+_TREE = ("nodes", "triangle_packs", "analytic_packs")
 
 
 @cache
@@ -89,6 +90,11 @@ class SceneArrays:
     buffers : dict of str to Buffer
         By the names of ``kernels/scene.h``, but for ``settings``, which belongs to a render.
     tree : bvh.Bvh
+        Over all that is opaque.
+    masked_tree : bvh.Bvh or None
+        Over all that rays may pass by.
+    holes : bool
+        Whether it is known of some where they have holes all over.
     materials : bool
         Whether some material has rows of its own, so that the kernels need all lobes.
     environment_map : bool
@@ -118,7 +124,10 @@ class SceneArrays:
         vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
-        self.tree = tree or bvh.build(device, source)
+        masked = _masked(scene)
+        self.tree = tree or bvh.build(device, source, None if masked is None else ~masked)
+        self.masked_tree = None if masked is None else bvh.build(device, source, masked)
+        self.holes = len(scene.arrays["hole_rows"]) > 1
         self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
         self.lamps = bool(np.isin(scene.arrays["lights"]["kind"], (layout.LIGHT_SPOT, layout.LIGHT_IES)).any())
@@ -138,9 +147,8 @@ class SceneArrays:
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             **{name: arrays.pop(name) for name in _AS_THEY_ARE},
             **{f"texels_{number}": page for number, page in enumerate(pages)},
-            "nodes": self.tree.nodes,
-            "triangle_packs": self.tree.triangle_packs,
-            "analytic_packs": self.tree.analytic_packs,
+            **dict(zip(_TREE, self.tree.buffers, strict=True)),
+            **dict(zip((f"masked_{name}" for name in _TREE), (self.masked_tree or self.tree).buffers, strict=True)),
             "camera": device.upload(scene.camera),
         }
         geometry: list[Buffer | np.generic] = [vertices, corners, analytic_shapes]
@@ -163,14 +171,42 @@ class SceneArrays:
             program = self._device.program("geometry/rows.cl", {"LANES": 1})
             self._device.launch(program, f"rows_{name}", -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
 
+    @property
+    def node_count(self) -> int:
+        """Of all trees."""
+        return sum(tree.node_count for tree in self._trees)
+
+    @property
+    def tree_bytes(self) -> int:
+        """Size of all trees."""
+        return sum(tree.nbytes for tree in self._trees)
+
+    @property
+    def stack_entries(self) -> int:
+        """Entries a traversal of either may have to keep at once."""
+        return max(tree.stack_entries for tree in self._trees)
+
+    @property
+    def _trees(self) -> list[bvh.Bvh]:
+        return [self.tree, self.masked_tree] if self.masked_tree else [self.tree]
+
     def look(self, camera: NDArray[np.void]) -> None:
         """Take another camera, a (1,) `Camera`."""
         self._device.write(self.buffers["camera"], camera)
 
     def release(self) -> None:
         """Give the device's memory back."""
-        lent = [self.tree.nodes, self.tree.triangle_packs, self.tree.analytic_packs] if self._lent else []
-        for buffer in dict.fromkeys(self.buffers.values()):  # pages that are not needed are the first once more
+        lent = self.tree.buffers if self._lent else ()
+        for buffer in dict.fromkeys(self.buffers.values()):  # what is not needed is another one once more
             if buffer not in lent:
                 self._device.release(buffer)
         self.buffers.clear()
+
+
+def _masked(scene: FlatScene) -> NDArray[np.bool_] | None:
+    """Which primitives rays may pass by; None: none."""
+    if not scene.masked:
+        return None
+    count = scene.triangle_count + scene.analytic_count
+    flags: NDArray[np.uint32] = scene.arrays["shapes"]["flags"][scene.arrays["primitive_shape"][:count]]
+    return np.asarray((flags & layout.SHAPE_MASKED) != 0)

@@ -168,7 +168,7 @@ class DeviceWorker:
             device.write(self._settings_buffer, self._settings)
             self.build_seconds = time.perf_counter() - begin
             self.lanes = launch.lanes or _lanes(device)
-            self._parts = self.lanes >= 4 and self._arrays.tree.node_count > _SMALL_TREE
+            self._parts = self.lanes >= 4 and self._arrays.node_count > _SMALL_TREE
             # One packet has nobody to take turns with where rays part, and to sort paths with by their materials.
             several = self._parts or (self.lanes >= 4 and self._arrays.materials)
             self._packets = pipeline.packets if several else 1
@@ -224,7 +224,11 @@ class DeviceWorker:
                 defines["MEDIA"] = 1
             if self._arrays.straight_surfaces:
                 defines["STRAIGHT_SHADOWS"] = 1
-        if self._arrays.textured:
+        if self._arrays.masked_tree:
+            defines["OPACITY"] = 1
+            if self._arrays.holes:
+                defines["HOLES"] = 1
+        if self._arrays.textured or self._arrays.masked_tree:
             defines["TEXTURES"] = 1
             if self._arrays.emission_textures:
                 defines["EMISSION_TEXTURES"] = 1
@@ -238,10 +242,10 @@ class DeviceWorker:
             defines["PATH_SPLITS"] = 1
         if self._prefetches:
             defines["PREFETCH"] = 1
-            if self._arrays.tree.nbytes > _NEAR_BYTES:
+            if self._arrays.tree_bytes > _NEAR_BYTES:
                 defines["BVH_PREFETCH"] = 1
         stack = STACK
-        while stack < self._arrays.tree.stack_entries:
+        while stack < self._arrays.stack_entries:
             stack *= 2
         if stack > STACK:
             defines["BVH_STACK"] = stack

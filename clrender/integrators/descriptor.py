@@ -73,6 +73,8 @@ class Integrator:
         Whether its paths keep account of the dielectrics that they are inside of: priorities and absorption.
     media : bool
         Whether it takes media that scatter, and the fog.
+    opacity : bool
+        Whether it takes surfaces that rays may pass by.
     textures : tuple of str or None
         Keys of materials at which it takes textures; None: all.
     emission_textures : bool
@@ -95,6 +97,7 @@ class Integrator:
     environment_pictures: bool = True
     volumes: bool = True
     media: bool = False
+    opacity: bool = True
     textures: tuple[str, ...] | None = None
     emission_textures: bool = True
     vertex_colors: bool = True

@@ -14,6 +14,7 @@ INTEGRATOR: Final = Integrator(
     bias="discretised",
     materials=("lambert",),
     environment_pictures=False,
+    opacity=False,
     textures=("reflectance",),
     emission_textures=False,
     vertex_colors=False,

@@ -83,8 +83,9 @@ class Moving:
         device, names = self._device, ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
         arrays = {name: device.upload(scene.arrays[name]) for name in names}
         source = bvh.SourceArrays(**arrays, triangle_count=scene.triangle_count, analytic_count=scene.analytic_count)
-        among = np.full(scene.triangle_count, others)
+        among = np.full(scene.triangle_count + scene.analytic_count, others)
         among[self._sides[0] // 2 : self._sides[1] // 2] = moving
+        among[scene.triangle_count :] = True
         tree = bvh.build(device, source, among)
         for buffer in arrays.values():
             device.release(buffer)
@@ -97,10 +98,10 @@ class Moving:
         first, end = self._sides
         numbers = [np.uint32(n) for n in (first, end, self._convex)]
         tree = self._own
-        return [tree.nodes, tree.triangle_packs, tree.analytic_packs, self._place, *numbers]
+        return [*tree.buffers, self._place, *numbers]
 
     def _release(self, tree: bvh.Bvh) -> None:
-        for buffer in (tree.nodes, tree.triangle_packs, tree.analytic_packs):
+        for buffer in tree.buffers:
             self._device.release(buffer)
 
     def release(self) -> None:

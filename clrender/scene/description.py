@@ -216,6 +216,9 @@ class Scene(Part):
                     sentence = f"names a material {quoted(part)} that does not exist"
                     sentence += suggestion(part, self.materials)
                     raise fault("reference", sentence, "materials", name, "materials", i)
+                if self.materials[part].masked:
+                    sentence = f"names {quoted(part)}, which has an opacity; give the mixture one instead"
+                    raise fault("reference", sentence, "materials", name, "materials", i)
                 if _shines(self.materials[part]):
                     sentence = f"names {quoted(part)}, which has emission; in a mixture it must have none"
                     sentence += ": give the emission to the shapes instead"

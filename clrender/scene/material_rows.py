@@ -58,6 +58,8 @@ def has_row(material: Material) -> bool:
     ----------
     material : Material
     """
+    if material.masked:
+        return True
     if isinstance(material, Lambert | Mirror):
         return not material.two_sided
     return not isinstance(material, Dielectric) or material.rough or material.thin
@@ -106,6 +108,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
             row["ior"] = np.nextafter(np.float32(1.0), np.float32(2.0))
         if by_row:
             _put(rows[number], KIND=_bits(int(row["kind"])), COLOR=color, IOR=float(row["ior"]), FLAGS=_bits(0))
+            _put(rows[number], OPACITY=_opacity(material))
             _fill(material, rows[number], numbers)
         if has_row(material):
             row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
@@ -141,6 +144,15 @@ def _bits(number: int) -> np.float32:
 def _put(row: _Row, **of: Any) -> None:
     for name, value in of.items():
         row[_COLUMNS[name]] = _UNKNOWN if isinstance(value, ImageTexture | Checker | Ramp) else value
+
+
+def _opacity(material: Material) -> float:
+    """Of a constant what counts, of a texture the cutoff."""
+    if not isinstance(material.opacity, float):
+        return material.opacity_cutoff or 0.0
+    if material.opacity_cutoff is None:
+        return material.opacity
+    return 0.0 if material.masked else 1.0
 
 
 def _index(material: Material) -> float:

@@ -29,6 +29,7 @@ from clrender.scene.values import (
     Part,
     Power,
     Reflectance,
+    Share,
     Vector,
     fault,
 )
@@ -71,6 +72,31 @@ class _Surface(Part):
     """What every material has."""
 
     absorption: Absorption = Field(None, description="probability that the absorption roulette ends a path here")
+    opacity: ShareOrTexture = Field(
+        1.0, description="share of light that meets the surface at all; of a picture often its `channel` a"
+    )
+    opacity_cutoff: Share | None = Field(
+        None, description="makes the surface whole where the opacity is at least this, and a hole elsewhere"
+    )
+
+    @model_validator(mode="after")
+    def _lets_through(self) -> _Surface:
+        if self.opacity_cutoff is not None and self.opacity == 1.0:
+            sentence = "does nothing without opacity; give that a number below 1 or a texture, or leave this out"
+            raise fault("material", sentence, "opacity_cutoff")
+        if self.opacity_cutoff == 0.0:
+            raise fault(
+                "material", "is 0, which leaves no hole; give a number above it, or leave it out", "opacity_cutoff"
+            )
+        if self.masked and getattr(self, "solid", False):
+            sentence = "cannot be given to what has an inside: light would get there through no boundary"
+            raise fault("material", f"{sentence}; make it thin, or leave this out", "opacity")
+        return self
+
+    @property
+    def masked(self) -> bool:
+        """Whether light passes by the surface, in some place at least."""
+        return not isinstance(self.opacity, float) or self.opacity < (self.opacity_cutoff or 1.0)
 
 
 class _Bumpy(_Surface):

@@ -107,6 +107,8 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
     colors: dict[int, NDArray[np.float32]] = {}
     shapes["flags"][textured] = layout.SHAPE_TEXTURED
+    masked = [shape.material is not None and scene.materials[shape.material].masked for shape in scene.shapes]
+    shapes["flags"][masked] |= np.uint32(layout.SHAPE_MASKED)
     v = t = 0
     for index, mesh in meshes.items():
         place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]

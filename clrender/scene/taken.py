@@ -5,6 +5,7 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
+from clrender.scene.emission import shape_emission
 from clrender.scene.material_rows import has_row
 from clrender.scene.materials import Dielectric, Principled, material_textures
 from clrender.scene.shapes import Mesh
@@ -37,6 +38,7 @@ def check_materials(scene: Scene, integrator: str) -> None:
     taken, volumes = takes.materials, takes.volumes
     if not takes.media:
         _refuse_media(scene, integrator)
+    _refuse_masked(scene, integrator)
     for index, shape in enumerate(scene.shapes):
         material = scene.materials[shape.material] if shape.material is not None else None
         if isinstance(material, Dielectric | Principled) and not volumes:
@@ -75,6 +77,20 @@ def check_materials(scene: Scene, integrator: str) -> None:
             raise SceneError(
                 f"{scene.source}: shapes[{index}].{colored}: the integrator {integrator} takes no colours of vertices; "
                 "leave them out, or use --integrator path"
+            )
+
+
+def _refuse_masked(scene: Scene, integrator: str) -> None:
+    """Opacity is for integrators that take it; the lights of Whitted's shine from their centres, which may be holes."""
+    for index, shape in enumerate(scene.shapes):
+        if shape.material is None or not scene.materials[shape.material].masked:
+            continue
+        shines = integrator == "whitted" and shape_emission(scene, index) is not None
+        if shines or not INTEGRATORS[integrator].opacity:
+            what = "opacity and shines" if shines else "opacity"
+            raise SceneError(
+                f"{scene.source}: shapes[{index}].material: {shape.material!r} has {what}, which the integrator "
+                f"{integrator} does not take; leave it out, or use --integrator path"
             )
 
 

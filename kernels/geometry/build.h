@@ -9,7 +9,8 @@
 // Work-items of the sort and the scans go through this many elements one after the other.
 #define BUILD_CHUNK 1024u
 
-// What stands in the tree are units: triangles and pairs of them as `build_units` lists them, then spheres and disks. A pair that is a
+// What stands in the tree are units: triangles and pairs of them as `build_units` lists them, then spheres and disks, of which
+// `round_ones` are the numbers. A pair that is a
 // rectangle square to an axis goes into the packs of those.
 //
 // The binary tree: nodes [0, n) are the units in Morton order, the others follow as they are made. `members` of a node:

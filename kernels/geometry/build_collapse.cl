@@ -220,6 +220,11 @@ __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __
     }
 }
 
+// Behind the last block: whoever reads eight columns from its last one on reads beyond it.
+static void build_end(__global float* end) {
+    for (uint k = 0; k < 8; ++k) end[k] = 0.0f;
+}
+
 // What a column of a block holds: the number of a unit, or NONE.
 __kernel void build_triangle_columns(__global const uint* columns, uint count, __global const uint* units,
                                      __global const float* vertices, __global const uint* triangles, __global float* packs) {
@@ -240,6 +245,7 @@ __kernel void build_triangle_columns(__global const uint* columns, uint count, _
         rows[TRIANGLE_ID / 8] = as_float(unit | BVH_NUMBER);
     }
     for (uint k = 0; k < TRIANGLE_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];
+    if (i + 1u == count) build_end(packs + (size_t)(count / 8u) * TRIANGLE_BLOCK_WORDS);
 }
 
 // The column of a rectangle, from its corners.
@@ -262,8 +268,9 @@ static void build_rectangle(float rows[ANALYTIC_BLOCK_WORDS / 8], const vec3 cor
     rows[ANALYTIC_KIND / 8] = as_float((ANALYTIC_RECTANGLE + axis) | BVH_NUMBER);
 }
 
-__kernel void build_analytic_columns(__global const uint* columns, uint count, __global const uint* units, uint triangle_units,
-                                     uint triangle_count, __global const float* vertices, __global const uint* triangles,
+__kernel void build_analytic_columns(__global const uint* columns, uint count, __global const uint* units,
+                                     __global const uint* round_ones, uint triangle_units, uint triangle_count,
+                                     __global const float* vertices, __global const uint* triangles,
                                      __global const AnalyticShape* analytic_shapes, __global float* packs) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
@@ -276,7 +283,7 @@ __kernel void build_analytic_columns(__global const uint* columns, uint count, _
         build_rectangle(rows, corner);
         rows[ANALYTIC_ID / 8] = as_float(unit | BVH_NUMBER);
     } else if (columns[i] != NONE) {
-        const uint number = columns[i] - triangle_units;
+        const uint number = round_ones[columns[i] - triangle_units];
         const AnalyticShape r = analytic_shapes[number];
         const int disk = r.normal.x != 0.0f || r.normal.y != 0.0f || r.normal.z != 0.0f;
         rows[0] = r.center_radius.x, rows[1] = r.center_radius.y, rows[2] = r.center_radius.z, rows[3] = r.center_radius.w;
@@ -285,4 +292,5 @@ __kernel void build_analytic_columns(__global const uint* columns, uint count, _
         rows[ANALYTIC_ID / 8] = as_float((number + triangle_count) | BVH_NUMBER);
     }
     for (uint k = 0; k < ANALYTIC_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];
+    if (i + 1u == count) build_end(packs + (size_t)(count / 8u) * ANALYTIC_BLOCK_WORDS);
 }

@@ -45,7 +45,8 @@ __kernel void build_units(__global const float* vertices, __global const uint* t
 // beside it, and the tests of spheres and disks let in what passes by that much. But an axis along which the primitive is flat
 // stays flat, so that a ray leaving a wall does not enter the wall's box again.
 __kernel void build_boxes(__global const uint* units, __global const float* vertices, __global const uint* triangles,
-                          __global const AnalyticShape* analytic_shapes, uint triangle_units, uint count, __global float* boxes) {
+                          __global const AnalyticShape* analytic_shapes, __global const uint* round_ones, uint triangle_units, uint count,
+                          __global float* boxes) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     Box b = box_empty();
@@ -64,7 +65,7 @@ __kernel void build_boxes(__global const uint* units, __global const float* vert
             slack = greater(slack, extent[k] * (8.0f * EPSILON));
         }
     } else {
-        const AnalyticShape r = analytic_shapes[i - triangle_units];
+        const AnalyticShape r = analytic_shapes[round_ones[i - triangle_units]];
         const float center[3] = {r.center_radius.x, r.center_radius.y, r.center_radius.z};
         round_extents(extent, r.center_radius.w, r.normal.x, r.normal.y, r.normal.z);
         for (int k = 0; k < 3; ++k) {

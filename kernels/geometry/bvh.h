@@ -43,11 +43,23 @@
 #define BVH_STACK 96
 #endif
 
+// Whether a ray that is aimed at a primitive passes it in any search, or only in one for any hit, which is all that shadow rays need where
+// surfaces have no holes.
+#ifdef OPACITY
+#define BVH_PASSES_TARGET(any_hit) 1
+#else
+#define BVH_PASSES_TARGET(any_hit) (any_hit)
+#endif
+
 typedef struct {
     __global const float* nodes;
     __global const float* triangle_packs;
     __global const float* analytic_packs;
     uint root;           // a reference
+#ifdef HOLES
+    __global const uint* hole_rows;          // of masked triangles (geometry/holes.h); of a tree over others 0
+    __global const float* attribute_rows;
+#endif
 } Bvh;
 
 // How many members the pack has that a reference leads to.

@@ -8,10 +8,12 @@
 #include "geometry/ray.h"
 
 // With so few lanes left, they part: sooner where several packets' rays take turns, which spares each of them waiting, but not where
-// paths are sorted by their materials (measured: docs/notes/materials.md). 0: never, as on a GPU, where one lane walks the tree and
+// paths are sorted by their materials (measured: docs/notes/materials.md); and among leaves with holes sooner still. 0: never, as on a GPU, where one lane walks the tree and
 // nothing is left to part.
 #ifndef PACKET_PARTS
-#if PACKETS > 1 && !defined(MATERIALS) && !defined(TEXTURES)
+#if defined(OPACITY)
+#define PACKET_PARTS (LANES * 3 / 4)
+#elif PACKETS > 1 && !defined(MATERIALS) && !defined(TEXTURES)
 #define PACKET_PARTS (LANES / 2)
 #else
 #define PACKET_PARTS (LANES / 4)
@@ -23,6 +25,10 @@ typedef struct {
     vfloat slack;                // for the triangle test
     vfloat inverse2;             // one over the direction's square
     vuint from, to;
+#ifdef OPACITY
+    vfloat after;
+    vuint after_primitive;
+#endif
     vfloat nearest;
     vuint primitive;
 } PacketRay;
@@ -36,9 +42,30 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
     p.slack = largest_size(ray->direction) * TRIANGLE_SLACK;
     p.from = ray->from;
     p.to = ray->to;
+#ifdef OPACITY
+    p.after = ray->after;
+    p.after_primitive = ray->after_primitive;
+#endif
     p.nearest = active ? ray->limit : splat(-1.0f);
     p.primitive = splat_uint(NONE);
     return p;
+}
+
+#ifdef OPACITY
+static vfloat packet_after(const PacketRay* ray) { return ray->after; }
+static vmask packet_reaches(const PacketRay* ray, vfloat far) { return far >= ray->after; }
+#else
+static vfloat packet_after(const PacketRay* ray) { return splat(0.0f); }
+static vmask packet_reaches(const PacketRay* ray, vfloat far) { return mask_all(); }
+#endif
+
+// Whether a hit of this primitive is behind what is left out.
+static vmask packet_counts(const PacketRay* ray, vfloat at, vuint id) {
+#ifdef OPACITY
+    return (at > ray->after) | ((at == ray->after) & (id > ray->after_primitive));
+#else
+    return at > BOX_START;
+#endif
 }
 
 // Keep the hit where it is nearer; of equally near ones the lowest number, so that the order of visits does not matter: a hit with
@@ -51,10 +78,35 @@ static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat
     const vuint one = any_hit ? splat_uint(1u) : (id < *primitive ? splat_uint(1u) : splat_uint(0u));
     const vfloat limit = vfloat_from_bits(vfloat_bits(*nearest) + one);
     const vuint most = splat_uint(last - first);
-    const vmask other = any_hit ? (ray->from - first > most) & (ray->to - first > most) : ray->from - first > most;
-    const vmask keep = (hit & other) & (at > BOX_START) & (at < limit);
+    const vmask other = BVH_PASSES_TARGET(any_hit) ? (ray->from - first > most) & (ray->to - first > most) : ray->from - first > most;
+    const vmask keep = (hit & other) & packet_counts(ray, at, id) & (at < limit);
     *nearest = keep ? (any_hit ? splat(-1.0f) : at) : *nearest;
     if (!any_hit) *primitive = keep ? id : *primitive;
+}
+
+// The hits of a triangle or pair that count, as single_solid.
+static vmask packet_solid(const Bvh* bvh, uint word, vmask hit, vfloat determinant, vfloat b, vfloat c, int any_hit, vuint* primitive) {
+#ifdef HOLES
+    if (bvh->hole_rows == 0 || !lane_any(hit)) return hit;
+    int hits[LANES];
+    uint doubtful[LANES];
+    float determinants[LANES], weights_b[LANES], weights_c[LANES];
+    lane_store(hit, hits);
+    lane_store(*primitive, doubtful);
+    lane_store(determinant, determinants);
+    lane_store(b, weights_b);
+    lane_store(c, weights_c);
+    for (int lane = 0; lane < LANES; ++lane) {
+        if (!hits[lane]) continue;
+        const int known = holes_at(bvh, word, determinants[lane], weights_b[lane], weights_c[lane]);
+        if (known == HOLES_HOLE || (any_hit && known == HOLES_UNKNOWN)) hits[lane] = 0;
+        if (any_hit && known == HOLES_UNKNOWN) doubtful[lane] = 0u;
+    }
+    if (any_hit) *primitive = lane_restore(doubtful);
+    return lane_restore(hits);
+#else
+    return hit;
+#endif
 }
 
 // Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.
@@ -74,7 +126,9 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
         const vfloat distance = triangle_distance_lanes(from.x, from.y, from.z, nx, ny, nz, determinant);
         vuint id = splat_uint(first);
         if (!any_hit && last != first) id = c > b ? splat_uint(last) : id;
-        packet_keep(ray, hit, distance, entered, id, first, last, any_hit, &nearest, &primitive);
+        const vmask ahead = hit & (distance > 0.0f) & (distance <= nearest);
+        const vmask there = packet_solid(bvh, as_uint(pack[TRIANGLE_ID]), ahead, determinant, b, c, any_hit, &primitive);
+        packet_keep(ray, there, distance, entered, id, first, last, any_hit, &nearest, &primitive);
     }
     ray->nearest = nearest;
     ray->primitive = primitive;
@@ -109,8 +163,15 @@ static void packet_analytic(PacketRay* ray, const Bvh* bvh, uint reference, vflo
             if (kind == ANALYTIC_DISK)
                 hit = disk_hit_lanes(to.x, to.y, to.z, radius, splat(pack[32]), splat(pack[40]), splat(pack[48]), d.x, d.y, d.z, &distance);
             else
-                hit = sphere_hit_lanes(to.x, to.y, to.z, radius, d.x, d.y, d.z, ray->inverse2, &distance);
+                hit = sphere_hit_lanes(to.x, to.y, to.z, radius, d.x, d.y, d.z, ray->inverse2, packet_after(ray), &distance);
         }
+#ifdef HOLES
+        // Nothing is known of their holes
+        if (any_hit && bvh->hole_rows != 0) {
+            ray->primitive = hit & (distance <= ray->nearest) ? splat_uint(0u) : ray->primitive;
+            continue;
+        }
+#endif
         packet_keep(ray, hit, distance, entered, id, first, last, any_hit, &ray->nearest, &ray->primitive);
     }
 }
@@ -149,6 +210,10 @@ static void packet_part(const PacketRay* ray, SingleRays* rays, uint packet) {
     lane_store(ray->inverse2, rays->inverse2 + first);
     lane_store(ray->from, rays->from + first);
     lane_store(ray->to, rays->to + first);
+#ifdef OPACITY
+    lane_store(ray->after, rays->after + first);
+    lane_store(ray->after_primitive, rays->after_primitive + first);
+#endif
     lane_store(ray->nearest, rays->nearest + first);
     lane_store(ray->primitive, rays->primitive + first);
 }
@@ -160,7 +225,7 @@ static int packet_children(const PacketRay* ray, __global const float* node, uin
         box_interval_lanes(ray->origin.x - node[i], ray->origin.y - node[8 + i], ray->origin.z - node[16 + i],
                            ray->origin.x - node[24 + i], ray->origin.y - node[32 + i], ray->origin.z - node[40 + i],
                            -ray->inverse.x, -ray->inverse.y, -ray->inverse.z, &near, &far);
-        const vmask enters = (near <= far) & (near <= ray->nearest);
+        const vmask enters = (near <= far) & (near <= ray->nearest) & packet_reaches(ray, far);
         stack[top + 1] = as_uint(node[BVH_CHILD + i]);
         stack_near[top + 1] = enters ? near : splat(NEVER);
         top += lane_any(enters) ? 1 : 0;

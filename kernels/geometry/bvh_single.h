@@ -6,6 +6,7 @@
 #define GEOMETRY_BVH_SINGLE_H
 
 #include "geometry/bvh.h"
+#include "geometry/holes.h"
 #include "geometry/wide.h"
 #include "types.h"
 
@@ -21,11 +22,28 @@ typedef struct {
     float minus_inverse[3][SINGLE_RAYS];                             // −1 over the direction
     uint near_plane[3][SINGLE_RAYS], far_plane[3][SINGLE_RAYS];      // where nodes have those planes of boxes that the ray meets first, last
     uint from[SINGLE_RAYS], to[SINGLE_RAYS];
+#ifdef OPACITY
+    float after[SINGLE_RAYS];
+    uint after_primitive[SINGLE_RAYS];
+#endif
     float nearest[SINGLE_RAYS];  // distance of the nearest hit so far; negative once an occluder was found
     uint primitive[SINGLE_RAYS]; // its number
     int top[SINGLE_RAYS];        // of the stack; -1 where it is empty
     ulong stack[SINGLE_RAYS][SINGLE_STACK];
 } SingleRays;
+
+// Whether hits of these primitives are behind what is left out, and how far from the ray's origin that reaches.
+#ifdef OPACITY
+static int8 single_counts(const SingleRays* rays, int ray, float8 at, uint8 id) {
+    return (at > rays->after[ray]) | ((at == rays->after[ray]) & (id > rays->after_primitive[ray]));
+}
+static float8 single_after(const SingleRays* rays, int ray) { return (float8)(rays->after[ray]); }
+static int8 single_reaches(const SingleRays* rays, int ray, float8 far) { return far >= rays->after[ray]; }
+#else
+static int8 single_counts(const SingleRays* rays, int ray, float8 at, uint8 id) { return at > BOX_START; }
+static float8 single_after(const SingleRays* rays, int ray) { return (float8)(0.0f); }
+static int8 single_reaches(const SingleRays* rays, int ray, float8 far) { return (int8)(-1); }
+#endif
 
 static ulong single_entry(uint reference, float entered) { return (ulong)as_uint(entered) << 32 | reference; }
 
@@ -36,18 +54,45 @@ static void single_keep(SingleRays* rays, int ray, int8 hit, int8 later, float8 
     const uint8 words = as_uint8(vload8(0, ids)), first = words & ~(BVH_PAIR | BVH_NUMBER), pair = words >> 31;
     const float8 at = distance < entered ? (float8)(entered) : distance;
     const float nearest = rays->nearest[ray];
-    int8 keep = hit & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members) & (at > BOX_START) & (at <= nearest) & (rays->from[ray] - first > pair);
+    const uint8 id_there = first + (later ? pair : (uint8)(0));
+    int8 keep = hit & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members) & single_counts(rays, ray, at, id_there) & (at <= nearest) &
+                (rays->from[ray] - first > pair);
+    if (BVH_PASSES_TARGET(any_hit)) keep &= rays->to[ray] - first > pair;
     if (any_hit) {
-        keep &= rays->to[ray] - first > pair;
         rays->nearest[ray] = any_of_eight(keep) ? -1.0f : nearest;
         return;
     }
     const float least = least_of_eight(keep ? at : (float8)(NEVER));
-    const uint8 ids_there = (keep & (at == least)) ? first + (later ? pair : (uint8)(0)) : (uint8)(NONE);
-    const uint id = least_uint_of_eight(ids_there);
+    const uint id = least_uint_of_eight((keep & (at == least)) ? id_there : (uint8)(NONE));
     const int nearer = least < nearest || (least == nearest && id < rays->primitive[ray]);
     rays->nearest[ray] = nearer ? least : nearest;
     rays->primitive[ray] = nearer ? id : rays->primitive[ray];
+}
+
+// The hits of a pack's triangles that count: those that are not in holes. Of any hits, only those where the surface is known to be whole;
+// others are remembered by a primitive number.
+static int8 single_solid(const Bvh* bvh, SingleRays* rays, int ray, __global const float* ids, uint members, int8 hit, float8 determinant,
+                         float8 b, float8 c, int any_hit) {
+#ifdef HOLES
+    if (bvh->hole_rows == 0) return hit;
+    const int8 own = hit & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members);
+    if (!any_of_eight(own)) return own;
+    int hits[8];
+    float determinants[8], weights_b[8], weights_c[8];
+    vstore8(own, 0, hits);
+    vstore8(determinant, 0, determinants);
+    vstore8(b, 0, weights_b);
+    vstore8(c, 0, weights_c);
+    for (uint k = 0; k < members; ++k) {
+        if (!hits[k]) continue;
+        const int known = holes_at(bvh, as_uint(ids[k]), determinants[k], weights_b[k], weights_c[k]);
+        if (known == HOLES_HOLE || (any_hit && known == HOLES_UNKNOWN)) hits[k] = 0;
+        if (any_hit && known == HOLES_UNKNOWN) rays->primitive[ray] = 0u;
+    }
+    return vload8(0, hits);
+#else
+    return hit;
+#endif
 }
 
 static void single_triangles(SingleRays* rays, int ray, const Bvh* bvh, uint reference, float entered, int any_hit) {
@@ -61,7 +106,9 @@ static void single_triangles(SingleRays* rays, int ray, const Bvh* bvh, uint ref
                                        vload8(14, pack), (float8)(rays->direction[0][ray]), (float8)(rays->direction[1][ray]),
                                        (float8)(rays->direction[2][ray]), (float8)(rays->slack[ray]), &determinant, &b, &c);
     const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
-    single_keep(rays, ray, hit, c > b, distance, entered, pack + TRIANGLE_ID, bvh_members(reference), any_hit);
+    const int8 ahead = hit & (distance > 0.0f) & (distance <= rays->nearest[ray]);
+    const int8 there = single_solid(bvh, rays, ray, pack + TRIANGLE_ID, bvh_members(reference), ahead, determinant, b, c, any_hit);
+    single_keep(rays, ray, there, c > b, distance, entered, pack + TRIANGLE_ID, bvh_members(reference), any_hit);
 }
 
 static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint reference, float entered, int any_hit) {
@@ -72,7 +119,8 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
     const float8 dx = (float8)(rays->direction[0][ray]), dy = (float8)(rays->direction[1][ray]);
     const float8 dz = (float8)(rays->direction[2][ray]);
     float8 sphere_distance, disk_distance, distance, place_u, place_v;
-    const int8 sphere = sphere_hit_pack(-from_x, -from_y, -from_z, radius, dx, dy, dz, (float8)(rays->inverse2[ray]), &sphere_distance);
+    const int8 sphere = sphere_hit_pack(-from_x, -from_y, -from_z, radius, dx, dy, dz, (float8)(rays->inverse2[ray]),
+                                        single_after(rays, ray), &sphere_distance);
     const int8 flat = disk_hit_pack(-from_x, -from_y, -from_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
     const uint8 kind = as_uint8(vload8(ANALYTIC_KIND / 8, pack)) & ~BVH_NUMBER;
     const int8 disk = kind == ANALYTIC_DISK, rectangle = kind >= ANALYTIC_RECTANGLE;
@@ -84,7 +132,16 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
                                             nx, &distance, &place_u, &place_v);
     const int8 second = rectangle & rectangle_second_pack(place_u, place_v, ny, nz);
     distance = rectangle ? distance : (disk ? disk_distance : sphere_distance);
-    single_keep(rays, ray, rectangle ? upright : (disk ? flat : sphere), second, distance, entered, pack + ANALYTIC_ID,
+    const int8 met = rectangle ? upright : (disk ? flat : sphere);
+#ifdef HOLES
+    // Nothing is known of their holes
+    if (any_hit && bvh->hole_rows != 0) {
+        const int8 counts = (int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)bvh_members(reference);
+        if (any_of_eight(met & counts & (distance <= rays->nearest[ray]))) rays->primitive[ray] = 0u;
+        return;
+    }
+#endif
+    single_keep(rays, ray, met, second, distance, entered, pack + ANALYTIC_ID,
                 bvh_members(reference), any_hit);
 }
 
@@ -100,7 +157,7 @@ static int single_children(SingleRays* rays, int ray, int top, __global const fl
     }
     float8 near, far;
     box_clip_pack(near_at[0], near_at[1], near_at[2], far_at[0], far_at[1], far_at[2], &near, &far);
-    const int8 passes = (near <= far) & (near <= rays->nearest[ray]);
+    const int8 passes = (near <= far) & (near <= rays->nearest[ray]) & single_reaches(rays, ray, far);
 
     // Sort those to push, the farthest first. Distances count but for their last three bits, which are the child's number, so that no
     // two are equal; what is not entered comes last of all and is left above the top.

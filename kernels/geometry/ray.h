@@ -3,6 +3,7 @@
 #define GEOMETRY_RAY_H
 
 #include "core/exact.h"
+#include "geometry/box.h"
 #include "types.h"
 
 typedef struct {
@@ -11,6 +12,10 @@ typedef struct {
     vfloat limit;        // nothing beyond this distance counts
     vuint from;          // the flat primitive the ray starts on, which it cannot hit again, or NONE
     vuint to;            // of a shadow ray: the primitive it is aimed at, which cannot shade itself, or NONE
+#ifdef OPACITY
+    vfloat after;        // only hits behind this distance count, and of hits at it those of primitives with a higher number than this one
+    vuint after_primitive;
+#endif
 } Ray;
 
 typedef struct {
@@ -25,6 +30,10 @@ static Ray ray_make(vec3 origin, vec3 direction) {
     ray.direction = direction;
     ray.limit = splat(FAR);
     ray.from = ray.to = splat_uint(NONE);
+#ifdef OPACITY
+    ray.after = splat(BOX_START);
+    ray.after_primitive = splat_uint(NONE);
+#endif
     return ray;
 }
 
@@ -35,6 +44,10 @@ static void ray_replace(Ray* ray, Ray other, vmask m) {
     ray->limit = m ? other.limit : ray->limit;
     ray->from = m ? other.from : ray->from;
     ray->to = m ? other.to : ray->to;
+#ifdef OPACITY
+    ray->after = m ? other.after : ray->after;
+    ray->after_primitive = m ? other.after_primitive : ray->after_primitive;
+#endif
 }
 
 // How far from the surface, along its normal, a new ray has to start: enough to be on its side whatever the rounding of the hit

@@ -66,17 +66,17 @@ static Hit traverse_hit(const Traversal* t, uint packet) {
 
 static vmask traverse_blocked(const Traversal* t, uint packet) { return t->nearest[packet] < 0.0f; }
 
-// One packet on its own.
+// One packet on its own: the others' rays ask for nothing.
 static Hit traverse_nearest(const Bvh* bvh, const Ray* ray, vmask active) {
     Traversal t;
-    traverse_start(bvh, &t, 0, ray, active, 0);
+    EACH_PACKET(k) traverse_start(bvh, &t, k, ray, k == 0 ? active : mask_none(), 0);
     traverse_finish(bvh, &t, 0);
     return traverse_hit(&t, 0);
 }
 
 static vmask traverse_occluded(const Bvh* bvh, const Ray* ray, vmask active) {
     Traversal t;
-    traverse_start(bvh, &t, 0, ray, active, 1);
+    EACH_PACKET(k) traverse_start(bvh, &t, k, ray, k == 0 ? active : mask_none(), 1);
     traverse_finish(bvh, &t, 1);
     return active & traverse_blocked(&t, 0);
 }

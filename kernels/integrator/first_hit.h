@@ -8,6 +8,7 @@
 #ifndef INTEGRATOR_FIRST_HIT_H
 #define INTEGRATOR_FIRST_HIT_H
 
+#include "geometry/find.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
 #include "light/light.h"
@@ -65,7 +66,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
 
     while (path_next(scene, pool, &waiting, &path)) {
         // Find the nearest surface; what shines counts as if its light were its colour
-        const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
+        const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.alive);
         stats->rays += lane_count(path.alive);
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);

@@ -10,6 +10,7 @@
 #define INTEGRATOR_PATH_H
 
 #include "core/mis.h"
+#include "geometry/find.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
 #include "integrator/regroup.h"
@@ -31,6 +32,9 @@ typedef struct {
     vmask diffuse;           // and not by a delta alone, so that light sampling makes sense
 } Vertex;
 
+// The paths whose ray has not been where it goes.
+static vmask path_traces(const Path* path) { return path->alive & !split_back(&path->split); }
+
 // The surface that each ray met, or the point of a medium where it scatters.
 static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats* stats, Vertex* v) {
     const vmask found = path->alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
@@ -39,31 +43,30 @@ static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats
     medium_surface(scene, &path->ray, &path->interior, hit, &v->surface);
     v->crossing = interior_meet(scene, &path->interior, &v->surface, on_surface);
     bsdf_at(scene, &v->surface, path->ray.direction, &v->bsdf);
-    v->traced = path->alive & !split_back(&path->split);
+    v->traced = path_traces(path);
     v->found = found & v->traced;
     const vmask straight = interior_straight(&v->crossing);
     v->scatters = found & ((path->depth < scene->settings->max_depth) | straight);
     v->diffuse = v->scatters & !(v->bsdf.specular | straight);
-    stats->rays += lane_count(path->alive);
+    stats->rays += lane_count(v->traced);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
 }
 
 // Find where each ray meets the scene. `path` and `hit` are arrays, even where there is one packet: rusticl's compiler (Mesa 22.3)
 // crashes over an index into what is none.
 static void path_find(const Scene* scene, const Path* path, Hit* hit) {
-    Traversal ahead;
-    EACH_PACKET(k) traverse_start(&scene->bvh, &ahead, k, &path[k].ray, path[k].alive, 0);
-    traverse_finish(&scene->bvh, &ahead, 0);
+    Search ahead;
+    EACH_PACKET(k) find_start(scene, &ahead, k, &path[k].ray, path[k].sample.sampler, path[k].depth, path_traces(&path[k]));
+    find_finish(scene, &ahead, hit);
     EACH_PACKET(k) {
-        hit[k] = traverse_hit(&ahead, k);
+        split_again(&path[k].split, &hit[k]);
         surface_prefetch(scene, hit[k]);
     }
 }
 
 // Go there through what lies on the way: it absorbs, or scatters the path before it arrives.
 static void path_travel(const Scene* scene, Path* path, Hit* hit) {
-    medium_travel(scene, &path->interior, path->sample.sampler, path->depth, path->alive & !split_back(&path->split), &path->throughput, hit);
-    split_again(&path->split, hit);
+    medium_travel(scene, &path->interior, path->sample.sampler, path->depth, path_traces(path), &path->throughput, hit);
 }
 
 // Add the light that the ray ran into: from a surface that shines, or from outside the scene. It counts in full where light sampling at

@@ -244,6 +244,13 @@ static vuint reuse_partners(__global const Settings* settings, const Pool* pool,
     return (*exists ? slot : splat_uint(0u)) + number * pool->slot_count;
 }
 
+// Decides whether anchor m of the group sees the lanes' target through what lets a share of light pass: to see it or not with that chance is
+// without bias, as long as both sums take the same decision. In [0, 1).
+static vfloat reuse_chance(__global const Settings* settings, const Pool* pool, uint number, uint m) {
+    const vuint pixel = hash_pair(pool->first_slot + pool->base + lane_index(), splat_uint(pool->first_sample + number));
+    return unit_interval(hash_pair(pixel, splat_uint((settings->seed ^ 0x5be0cd19u) + m)));
+}
+
 static vmask reuse_flag(vfloat flags, uint flag) { return (vfloat_bits(flags) & flag) != 0u; }
 
 // Row 0 of a record is its anchor, row 1 its target.
@@ -284,7 +291,7 @@ static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global fl
             ray.from = vfloat_bits(anchor[ANCHOR_ROW_FROM]);
             ray.to = primitive;
             stats->shadow_rays += lane_count(open);
-            open = open & !traverse_occluded(&scene->bvh, &ray, open);
+            open = open & (reuse_chance(settings, pool, number, m) < passage_of(scene, &ray, open));
         }
 #ifdef REUSE_ASSUMES_VISIBLE                 // wrong, to show why (tests/statistics/test_reuse.py)
         density = density + pdf;

@@ -6,6 +6,7 @@
 #ifndef INTEGRATOR_SHADOW_H
 #define INTEGRATOR_SHADOW_H
 
+#include "geometry/find.h"
 #include "geometry/surface.h"
 #include "light/light.h"
 #include "material/interior.h"
@@ -32,7 +33,7 @@ static vec3 shadow_transmittance(const Scene* scene, const Ray* first, const Lig
         const vmask found = asked & (hit.primitive != NONE);
         const vfloat way = magnitude(ray.direction), distance = found ? hit.distance : light->infinite ? splat(FAR) : splat(1.0f);
         const vec3 passes = interior_transmittance(scene, &in, distance * way, light->infinite & !found);
-        left = choose(asked, mul(left, passes), left);
+        left = choose(asked, scale(mul(left, passes), passage_masked(scene, &ray, hit.distance, asked)), left);
 
         // Behind a surface that is no boundary it goes on
         Surface surface = surface_at(scene, &ray, hit, found);
@@ -63,7 +64,7 @@ static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving)
 
 #else
 
-typedef Traversal Shadows;
+typedef Passage Shadows;
 
 static vmask shadow_passes(vmask straight) { return mask_none(); }
 
@@ -72,10 +73,14 @@ static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightS
     return interior_transmittance(scene, in, magnitude(sub(light->target, from)), light->infinite);
 }
 static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const Ray* ray, const LightSample* light, const Interior* in, vmask asked) {
-    traverse_start(&scene->bvh, shadows, packet, ray, asked, 1);
+    passage_start(scene, shadows, packet, ray, asked);
 }
-static void shadow_finish(const Scene* scene, Shadows* shadows) { traverse_finish(&scene->bvh, shadows, 1); }
-static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) { return !traverse_blocked(shadows, packet); }
+static void shadow_finish(const Scene* scene, Shadows* shadows) { passage_finish(scene, shadows); }
+static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) {
+    const vfloat left = passage_left(shadows, packet);
+    *arriving = scale(*arriving, left);
+    return left > 0.0f;
+}
 
 #endif
 

@@ -8,7 +8,6 @@
 #include "core/sampler.h"
 #include "geometry/ray.h"
 #include "material/interior.h"
-#include "medium/homogeneous.h"
 #include "types.h"
 
 #ifdef PATH_SPLITS
@@ -17,14 +16,11 @@ typedef struct {
     vmask met;               // the path has met that surface
     vmask back;              // it is back there: light was added before
     Ray ray;                 // that met it
+    Hit hit;                 // there
     Interior interior;       // on its way there
     vec3 throughput;         // share of each ray
     Sampler sampler;
     vuint depth, left;       // rays that have still to leave
-#ifdef MEDIA
-    vmask in_medium;         // it is no surface: light scattered there
-    vfloat distance;         // on the ray
-#endif
 } Split;
 
 static Split split_none(void) {
@@ -34,10 +30,8 @@ static Split split_none(void) {
     s.interior = interior_none();
     s.throughput = vec3_all(0.0f);
     s.sampler.seed = s.sampler.index = s.depth = s.left = splat_uint(0u);
-#ifdef MEDIA
-    s.in_medium = mask_none();
-    s.distance = splat(0.0f);
-#endif
+    s.hit.distance = splat(0.0f);
+    s.hit.primitive = splat_uint(NONE);
     return s;
 }
 
@@ -62,10 +56,8 @@ static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, ve
         s->depth = opens ? depth : s->depth;
         s->left = opens ? splat_uint(rays) : s->left;
         s->met = s->met | opens;
-#ifdef MEDIA
-        s->in_medium = opens ? medium_scatters(hit) : s->in_medium;
-        s->distance = opens ? hit.distance : s->distance;
-#endif
+        s->hit.distance = opens ? hit.distance : s->hit.distance;
+        s->hit.primitive = opens ? hit.primitive : s->hit.primitive;
     }
     // The next ray leaves, the first time or again
     const vmask leaves = opens | s->back;
@@ -85,12 +77,10 @@ static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, 
     return ended & !s->back;
 }
 
-// A path that is back there scatters where it did.
+// A path that is back there has met what it did.
 static void split_again(const Split* s, Hit* hit) {
-#ifdef MEDIA
-    hit->distance = s->back & s->in_medium ? s->distance : hit->distance;
-    hit->primitive = s->back & s->in_medium ? splat_uint(HIT_MEDIUM) : hit->primitive;
-#endif
+    hit->distance = s->back ? s->hit.distance : hit->distance;
+    hit->primitive = s->back ? s->hit.primitive : hit->primitive;
 }
 
 #else

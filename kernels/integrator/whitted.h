@@ -3,6 +3,7 @@
 #ifndef INTEGRATOR_WHITTED_H
 #define INTEGRATOR_WHITTED_H
 
+#include "geometry/find.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
 #include "integrator/roulette.h"
@@ -17,7 +18,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
 
     while (path_next(scene, pool, &waiting, &path)) {
         // Find the nearest surface and add the light it sends out, or the environment's
-        const Hit hit = traverse_nearest(&scene->bvh, &path.ray, path.alive);
+        const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.alive);
         stats->rays += lane_count(path.alive);
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
@@ -44,9 +45,9 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
                 const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &unused), arriving);
                 const vmask asked = lit & (light.pdf > 0.0f) & (largest(direct) > 0.0f);
                 const Ray shadow_ray = light_shadow_ray(&surface, &light);
-                const vmask blocked = traverse_occluded(&scene->bvh, &shadow_ray, asked);
+                const vfloat left = passage_of(scene, &shadow_ray, asked);
                 stats->shadow_rays += lane_count(asked);
-                path.radiance = choose(asked & !blocked, add(path.radiance, mul(path.throughput, direct)), path.radiance);
+                path.radiance = choose(asked & (left > 0.0f), add(path.radiance, scale(mul(path.throughput, direct), left)), path.radiance);
                 stats->deepest = pool_deepest(stats->deepest, path.depth + 1u, asked);
             }
         }

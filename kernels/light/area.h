@@ -70,7 +70,7 @@ static AreaSample sphere_sample(vec3 origin, vec3 center, vfloat radius, vfloat 
     const vec3 to = sub(center, origin);
     const vec3 direction = frame_to_world(frame_around(unit(to)), warp_cone(u, v, spread));
     vfloat distance;
-    const vmask hit = sphere_hit_lanes(to.x, to.y, to.z, radius, direction.x, direction.y, direction.z, splat(1.0f), &distance);
+    const vmask hit = sphere_hit_lanes(to.x, to.y, to.z, radius, direction.x, direction.y, direction.z, splat(1.0f), splat(0.0f), &distance);
     const vfloat at = hit ? distance : inner(to, direction);       // the cone's rim may miss by a rounding
     const vec3 seen = unit(sub(along(origin, direction, at), center));
     const vec3 outward = choose(facing > 0.0f, seen, warp_sphere(u, v));

@@ -6,6 +6,7 @@
 #define LIGHT_EMISSION_H
 
 #include "core/warp.h"
+#include "geometry/opacity.h"
 #include "geometry/surface.h"
 #include "light/row.h"
 #ifdef EMISSION_TEXTURES
@@ -26,11 +27,9 @@ static vec3 emission_found(const Scene* scene, const LightRow* l, const Surface*
 #endif
 }
 
-// At the point of the light that u and v stand for; `normal` is that of its front.
-static vec3 emission_sampled(const Scene* scene, const LightRow* l, vec3 point, vec3 normal, vfloat u, vfloat v, vmask where) {
-#ifdef EMISSION_TEXTURES
-    const vmask textured = where & (l->texture != 0u);
-    if (!lane_any(textured)) return l->radiance;
+#ifdef TEXTURES
+// What textures need to know of the point of the light that u and v stand for; `normal` is that of its front.
+static Attributes emission_attributes(const Scene* scene, const LightRow* l, vec3 point, vec3 normal, vfloat u, vfloat v, vmask textured) {
     const vfloat radius = l->row[LIGHT_ROW_RADIUS];
     Attributes a = mapping_attributes(scene, l->primitive, textured);
     a.sphere = l->kind == LIGHT_AREA_SPHERE, a.disk = l->kind == LIGHT_AREA_DISK;
@@ -39,10 +38,35 @@ static vec3 emission_sampled(const Scene* scene, const LightRow* l, vec3 point, 
     warp_triangle(u, v, &a.weight_b, &a.weight_c);
     const vec3 from_center = scale(sub(point, vec3_row(l->row, LIGHT_ROW_CENTER)), inverse_or_one(radius));
     a.out = choose(a.sphere, scale(normal, l->row[LIGHT_ROW_FACING]), from_center);
-    return emission_at(scene, l, &a, textured);
-#else
-    return l->radiance;
+    return a;
+}
 #endif
+
+// At that point.
+static vec3 emission_sampled(const Scene* scene, const LightRow* l, vec3 point, vec3 normal, vfloat u, vfloat v, vmask where) {
+    vec3 radiance = l->radiance;
+#ifdef EMISSION_TEXTURES
+    const vmask textured = where & (l->texture != 0u);
+    if (lane_any(textured)) {
+        const Attributes a = emission_attributes(scene, l, point, normal, u, v, textured);
+        radiance = emission_at(scene, l, &a, textured);
+    }
+#endif
+#ifdef OPACITY
+    // A hole in a light sends nothing; a ray that finds the light has passed by all holes
+    const vmask surface = where & ((l->kind == LIGHT_AREA_TRIANGLE) | (l->kind == LIGHT_AREA_SPHERE) | (l->kind == LIGHT_AREA_DISK));
+    vfloat row[16];
+    lane_rows(scene->primitive_rows, surface ? l->primitive : splat_uint(0u), row);
+    const vuint flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]) >> ROW_FLAGS;
+    const vmask masked = surface & ((flags & SHAPE_MASKED) != 0u);
+    if (lane_any(masked)) {
+        const vmask has = masked & ((flags & SHAPE_TEXTURED) != 0u);
+        const Attributes a = emission_attributes(scene, l, point, normal, u, v, has);
+        const vfloat opacity = opacity_of(scene, masked, vfloat_bits(row[PRIMITIVE_ROW_MATERIAL]), &a);
+        radiance = choose(masked, scale(radiance, opacity), radiance);
+    }
+#endif
+    return radiance;
 }
 
 #endif

@@ -189,6 +189,23 @@ VALUES = [
     Bad("metal unknown", CAMERA + METAL + 'metal = "Zz"\n', ("materials.m.metal", "Ag")),
     Bad("metal without k", CAMERA + METAL + "eta = [1, 1, 1]\n", ("materials.m", "needs a metal", "both eta and k")),
     Bad("f0 and metal", CAMERA + METAL + 'metal = "Au"\nf0 = [1, 1, 1]\n', ("materials.m.f0", "beside metal")),
+    Bad("opacity of more than all", CAMERA + WHITE + "opacity = 1.5\n", ("materials.white.opacity",)),
+    Bad(
+        "cutoff of nothing",
+        CAMERA + WHITE + "opacity_cutoff = 0.5\n",
+        ("materials.white.opacity_cutoff", "without opacity"),
+    ),
+    Bad(
+        "cutoff of all",
+        CAMERA + WHITE + "opacity = 0.5\nopacity_cutoff = 0.0\n",
+        ("materials.white.opacity_cutoff", "is 0"),
+    ),
+    Bad("holes in glass", CAMERA + GLASS + "opacity = 0.5\n", ("materials.g.opacity", "make it thin"), cli=True),
+    Bad(
+        "holes in a part of a mixture",
+        CAMERA + MIX.format("a", "m", "w") + '[materials.w]\ntype = "mirror"\nopacity = 0.5\n',
+        ("materials.a.materials[1]", '"w"', "which has an opacity; give the mixture one"),
+    ),
     Bad("mix of none", CAMERA + MIX.format("a", "m", "no"), ("materials.a.materials[1]", '"no"', "does not exist")),
     Bad(
         "mix of itself",

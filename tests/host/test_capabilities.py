@@ -53,6 +53,13 @@ SCENES: dict[str, list[tuple[Any, ...]]] = {
         ({"m": LAMBERT}, [{"type": "sphere", "center": [0, 3, 0], "radius": 1.0, "interior": "smoke"}], [], SMOKE),
         ({"m": LAMBERT}, [], [], {**SMOKE, "fog": "smoke"}),
     ],
+    "`opacity`": [({"m": {**LAMBERT, "opacity": 0.5}},), ({"m": {**LAMBERT, "opacity": PICTURE}},)],
+    "`opacity` of what shines": [
+        (
+            {"m": {**LAMBERT, "opacity": 0.5}},
+            [{"type": "sphere", "center": [0, 3, 0], "radius": 1.0, "material": "m", "emission": [1, 1, 1]}],
+        )
+    ],
     "dielectrics with a `priority`, or that absorb": [
         ({"m": {"type": "dielectric", "ior": 1.5, "priority": 1}},),
         ({"m": {"type": "dielectric", "ior": 1.5, "attenuation_color": [0.5] * 3, "attenuation_distance": 1.0}},),

@@ -194,7 +194,56 @@ def _matt_textures() -> Scene:
     )
 
 
-_MADE: Final = {"S4": _many_lights, "rich room": _rich_room, "matt textures": _matt_textures}
+@functools.cache
+def _leaves() -> Scene:
+    """Triangles, parallelograms, spheres and disks with all kinds of holes; one shines, some lie in the same place."""
+    rng = np.random.default_rng(3)
+    materials: dict[str, Any] = {
+        "ramp": {"type": "lambert", "reflectance": [0.2, 0.6, 0.1], "opacity": {"ramp": [0.0, 0.0, 1.0, 1.0, 0.3]}},
+        "squares": {
+            "type": "principled",
+            "base_color": {"checker": [0.2, 0.9]},
+            "opacity": {"checker": [0.0, 1.0], "size": [0.3, 0.2]},
+            "opacity_cutoff": 0.5,
+        },
+        "veil": {"type": "mirror", "opacity": 0.3},
+        "pane": {"type": "dielectric", "ior": 1.5, "thin": True, "roughness": 0.3, "opacity": {"checker": [0.1, 0.8]}},
+        "floor": {"type": "lambert", "reflectance": [0.6, 0.5, 0.4]},
+    }
+    count = 100
+    corners = rng.uniform(-1.0, 1.0, (count, 1, 3)) + rng.uniform(-0.3, 0.3, (count, 3, 3))
+    fourth = corners[:, 1] + corners[:, 2] - corners[:, 0]
+    squares = np.stack([corners[:, 0], corners[:, 1], fourth, corners[:, 2]], axis=1)
+    uvs = rng.uniform(-1.2, 1.2, (count * 4, 2))
+    faces = np.arange(count)[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])
+
+    def mesh(points: Any, triangles: Any, material: str, **more: Any) -> dict[str, Any]:
+        points, triangles = points.reshape(-1, 3).tolist(), triangles.reshape(-1, 3).tolist()
+        uv = uvs[: len(points)].tolist()
+        return {"type": "mesh", "vertices": points, "faces": triangles, "uvs": uv, "material": material, **more}
+
+    same = mesh(corners[:9], np.arange(27), "veil")
+    shapes: list[dict[str, Any]] = [
+        mesh(squares, faces, "squares"),
+        mesh(corners, np.arange(count * 3), "ramp"),
+        same,
+        same,
+        mesh(squares[:3] + np.array([0.1, 0.4, 0.2]), faces[:3], "squares", emission=[5.0, 4.0, 3.0]),
+        {"type": "sphere", "center": [0.6, -0.6, 0.8], "radius": 0.4, "material": "pane"},
+        {"type": "sphere", "center": [-0.7, -0.9, 0.9], "radius": 0.3, "material": "veil"},
+        {"type": "disk", "center": [0.0, 0.9, 0.5], "normal": [0.2, -1.0, 0.3], "radius": 0.6, "material": "ramp"},
+        {"type": "quad", "origin": [-3, -1.4, -3], "edge_u": [0, 0, 6], "edge_v": [6, 0, 0], "material": "floor"},
+        {"type": "quad", "origin": [-1, -1.2, 0], "edge_u": [2, 0, 0], "edge_v": [0, 1, 0], "material": "squares"},
+    ]
+    lights = [
+        {"type": "directional", "direction": [-0.3, -1.0, -0.2], "irradiance": [3.0, 3.0, 3.0]},
+        {"type": "environment", "radiance": [0.4, 0.5, 0.7]},
+    ]
+    camera = {"position": [0.0, 0.5, 4.0], "target": [0.0, -0.1, 0.0], "vertical_fov": 40.0}
+    return clrender.Scene.model_validate({"camera": camera, "materials": materials, "shapes": shapes, "lights": lights})
+
+
+_MADE: Final = {"leaves": _leaves, "S4": _many_lights, "rich room": _rich_room, "matt textures": _matt_textures}
 
 
 def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None, **settings: Any) -> RenderedImage:
@@ -203,7 +252,7 @@ def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None
     Parameters
     ----------
     scene : str
-        Or ``rich room`` or ``matt textures``.
+        Or ``rich room``, ``matt textures`` or ``leaves``.
     devices : sequence of Device
     cutting : Cutting, optional
         Default: as the devices choose.

@@ -81,6 +81,8 @@ class Run:
         With media that scatter, in shapes and around them.
     lamps : bool
         With spots and IES files, so many that there is a tree of lights.
+    opacity : str
+        Of materials: ``holes`` where textures say so, or ``veil``, the same everywhere.
     """
 
     kernel: str
@@ -95,6 +97,7 @@ class Run:
     filter: str = "box"
     media: bool = False
     lamps: bool = False
+    opacity: str = ""
 
 
 RENDERS: Final = {
@@ -120,6 +123,11 @@ RENDERS: Final = {
     "path-1-lamps": Run("path", 1, lamps=True),
     "whitted-1-lamps": Run("whitted", 1, lamps=True),
     "photon-4-lamps": Run("photon", 4, lamps=True),
+    "path-4-holes": Run("path", 4, samples=2, opacity="holes"),
+    "path-8-single-holes": Run("path", 8, "single", opacity="holes"),
+    "path-1-veil": Run("path", 1, opacity="veil"),
+    "reuse-4-veil": Run("reuse", 4, opacity="veil"),
+    "photon-4-holes": Run("photon", 4, opacity="holes"),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -208,6 +216,15 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "matt": {"type": "lambert", "reflectance": {"texture": "p.png", "wrap": ["mirror", "clamp"]}, **maps(folder)},
         "mirror": {"type": "mirror", "reflectance": {"ramp": [color, 0.5]}, "normal_map": {"texture": "p.png"}},
     }
+    if run.opacity:
+        share: Any = {"texture": "p.png", "channel": "g"} if run.opacity == "holes" else 0.6
+        maps(folder)
+        holes = {"opacity": share, "opacity_cutoff": 0.5} if run.opacity == "holes" else {"opacity": share}
+        textured = {
+            "matt": {"type": "lambert", "reflectance": color, **holes},
+            "mirror": {"type": "mirror", "opacity": {"checker": [0.3, 1.0]} if run.opacity == "holes" else 0.5},
+            "glass": {"type": "dielectric", "ior": 1.5, "thin": True, "opacity": share},
+        }
     if run.textured:
         for number, emission in (
             (4, {"texture": "p.png"}),
@@ -228,7 +245,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             "glass": {"type": "dielectric", "ior": 1.5},
             **(rough if run.rough else {}),
             **(media if run.interiors else {}),
-            **(textured if run.textured else {}),
+            **(textured if run.textured or run.opacity else {}),
         },
         "shapes": shapes,
         "lights": [

@@ -1,0 +1,152 @@
+"""Where triangles have holes, coarsely: what rays pass, or do not, without a look at the texture.
+
+Each triangle whose opacity is a texture is cut into a grid of cells along its barycentric coordinates, with two bits
+for each: that it is a hole all over, and that it is whole all over (Gruen, Benthin and Woop, "Sub-triangle opacity
+masks for faster ray tracing of transparent objects", HPG 2020). The bits only spare time: a ray that meets any other
+cell asks the texture.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.texture_means import TextureMeans
+
+if TYPE_CHECKING:
+    from clrender.scene.description import Scene
+    from clrender.scene.surfaces import FlatSurfaces
+    from clrender.scene.texture_rows import FlatTextures
+
+__all__ = ["hole_rows"]
+
+_Floats: TypeAlias = NDArray[np.float64]
+_GRID: Final = layout.HOLE_GRID
+_WORDS: Final = _GRID * _GRID // 32
+_PARTS: Final = 4
+"""Of a cell, along either side: texels are looked up by upright rectangles, and cells may be slanted."""
+_MOST_ROWS: Final = 2**16
+"""Triangles that differ in their texture coordinates; those beyond always ask the texture."""
+_AT_ONCE: Final = 2**9
+_COLUMN: Final = next(at for name, at, _, _ in layout.ROWS["ATTRIBUTE"] if name == "HOLES")
+_MARGIN: Final = 1e-3
+"""Of a cell, and of a texel: many times what rounding can shift a point by."""
+
+
+def hole_rows(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures) -> NDArray[np.uint32]:
+    """The bits of all triangles whose opacity is a texture.
+
+    Parameters
+    ----------
+    scene : Scene
+    surfaces : FlatSurfaces
+        Its `attributes` are told their rows (ATTRIBUTE_ROW_HOLES).
+    textures : FlatTextures
+
+    Returns
+    -------
+    (N, 64) uint32
+        Cell (i, j), weights of B and C from i / 32 and j / 32 on, is bit 32 j + i: in the first half of a row, whether
+        it is a hole all over, in the second, whether it is whole all over. Row 0 has no bits.
+    """
+    rows = [np.zeros((1, 2 * _WORDS), np.uint32)]
+    made = 1
+    numbers = {name: number for number, name in enumerate(scene.materials)}
+    slots = textures.slots.view(np.uint32)[:, layout.TEXTURE_SLOTS["OPACITY"]]
+    shapes_of: dict[str, list[int]] = {}
+    for index, shape in enumerate(scene.shapes):
+        if shape.material is not None and not isinstance(shape, Sphere | Disk):
+            shapes_of.setdefault(shape.material, []).append(index)
+    for name, indices in shapes_of.items():
+        number = int(slots[numbers[name]])
+        if number == layout.NONE:
+            continue
+        means = TextureMeans(textures, number)
+        spans = [np.arange(surfaces.first[i], surfaces.first[i] + surfaces.count[i]) for i in indices]
+        triangles = np.concatenate(spans)
+        first = 6 * means.uv_set
+        corners, of = _different(surfaces.attributes[triangles, first : first + 6])
+        corners = corners[: max(0, _MOST_ROWS - made)]
+        bits = _masks(means, scene.materials[name].opacity_cutoff, corners.reshape(-1, 3, 2).astype(np.float64))
+        row = np.where(of < len(corners), of + made, 0).astype(np.uint32)
+        surfaces.attributes[triangles, _COLUMN] = row.view(np.float32)
+        rows.append(bits)
+        made += len(bits)
+    return np.concatenate(rows)
+
+
+def _different(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """The rows that differ, and which of them each is."""
+    whole = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1] * 4))).ravel()
+    _, first, of = np.unique(whole, return_index=True, return_inverse=True)
+    return rows[first], of.astype(np.int64)
+
+
+def _masks(texture: TextureMeans, cutoff: float | None, corners: _Floats) -> NDArray[np.uint32]:
+    """Bits of triangles with these texture coordinates, (T, 3, 2)."""
+    edges = np.abs(corners - np.roll(corners, 1, axis=1)).max(axis=(0, 1)) if len(corners) else np.zeros(2)
+    x, y = texture.place(np.array([0.0, edges[0], 0.0]), np.array([0.0, 0.0, edges[1]]))
+    reach = [2.0 * (abs(at[1] - at[0]) + abs(at[2] - at[0])) / (_GRID * _PARTS) + 4.0 for at in (x, y)]
+    sums = _summed(texture, cutoff, reach)
+    words = np.empty((len(corners), 2 * _WORDS), np.uint32)
+    for begin in range(0, len(corners), _AT_ONCE):
+        some = slice(begin, begin + _AT_ONCE)
+        known, (x0, x1), (y0, y1) = _reached(texture, corners[some], sums[0].shape)
+        for kind, table in enumerate(sums):
+            none = known & (table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0] == 0)
+            cells = none.reshape(-1, _GRID, _PARTS, _GRID, _PARTS).all(axis=(2, 4))
+            bits = np.packbits(cells.reshape(len(cells), -1), axis=1, bitorder="little")
+            words[some, kind * _WORDS : (kind + 1) * _WORDS] = bits.view("<u4")
+    return words
+
+
+def _summed(texture: TextureMeans, cutoff: float | None, reach: list[float]) -> list[NDArray[np.int32]]:
+    """How many texels above and to the left of each corner of texels are no hole, and how many are not whole.
+
+    The picture is followed by its beginning again, or its mirror image, as far as parts of cells may reach.
+    """
+    wide, high = (
+        size if wrap == layout.TEXTURE_WRAPS["clamp"] else size * (1 + (wrap == layout.TEXTURE_WRAPS["mirror"])) + more
+        for size, wrap, more in zip(
+            texture.size, texture.wraps, (min(int(r), s) for r, s in zip(reach, texture.size, strict=True)), strict=True
+        )
+    )
+    tables = [np.zeros((high + 1, wide + 1), np.int32) for _ in range(2)]
+    for row in range(high):
+        opacity = texture.texels(np.arange(wide), np.full(wide, row), *texture.size)[:, 0]
+        hole = (opacity <= 0.0) if cutoff is None else (opacity < cutoff * (1.0 - 1e-6))
+        whole = (opacity >= 1.0) if cutoff is None else (opacity >= cutoff * (1.0 + 1e-6))
+        for table, marked in zip(tables, (~hole, ~whole), strict=True):
+            table[row + 1, 1:] = table[row, 1:] + np.cumsum(marked, dtype=np.int32)
+    return tables
+
+
+def _reached(
+    texture: TextureMeans, corners: _Floats, shape: tuple[int, ...]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
+    """Columns and rows of texels that each part of a cell reaches from and to, and whether the tables have them."""
+    parts = _GRID * _PARTS
+    reach = (0.0 if texture.is_nearest else 0.5) + _MARGIN
+    steps = np.arange(parts) / parts
+    known = np.ones((len(corners), parts, parts), bool)
+    ranges = []
+    places = texture.place(corners[..., 0], corners[..., 1])
+    for at, size, wrap, known_to in zip(places, texture.size, texture.wraps, (shape[1] - 1, shape[0] - 1), strict=True):
+        a, b, c = at[:, 0, None, None], (at[:, 1] - at[:, 0])[:, None, None], (at[:, 2] - at[:, 0])[:, None, None]
+        corner = a + c * steps[:, None] + b * steps
+        slack = _MARGIN / parts * (np.abs(b) + np.abs(c)) + reach
+        begin = np.floor(corner + (np.minimum(b, 0.0) + np.minimum(c, 0.0)) / parts - slack)
+        end = np.floor(corner + (np.maximum(b, 0.0) + np.maximum(c, 0.0)) / parts + slack) + 1.0
+        if wrap == layout.TEXTURE_WRAPS["clamp"]:
+            begin, end = np.clip(begin, 0, size - 1), np.clip(end, 1, size)
+        else:
+            period = size if wrap == layout.TEXTURE_WRAPS["repeat"] else 2 * size
+            shift = np.floor(begin / period) * period
+            begin, end = begin - shift, end - shift
+        known &= (begin >= 0) & (end <= known_to)
+        ranges.append(np.clip(np.stack([begin, end]), 0, known_to).astype(np.int64))
+    return known, ranges[0], ranges[1]
