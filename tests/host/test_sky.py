@@ -263,6 +263,22 @@ def test_directions_of_the_compass() -> None:
     np.testing.assert_allclose(given.sun_axis, (x * c + z * s, y, z * c - x * s), atol=1e-12)
 
 
+@pytest.mark.parametrize("hour", range(5, 20))
+def test_the_sundial_goes_right(hour: int) -> None:
+    """The sun is in the plane of the gnomon's edge and of the line of its hour."""
+    scene = load("sundial")
+    assert scene.sky is not None and scene.sky.time is not None
+    day, offset = scene.sky.time[:11], scene.sky.time[19:]
+    sun = scene.sky.model_copy(update={"time": f"{day}{hour:02}:00:00{offset}"}).sun_axis
+    lines, gnomon = (np.array(scene.mesh(index).vertices, np.float64) for index in (6, 7))
+    corners = lines[4 * (hour - 5) : 4 * (hour - 4)]
+    begin, end = (corners[0] + corners[3]) / 2.0, (corners[1] + corners[2]) / 2.0
+    plane = np.cross(end - begin, gnomon[2] - gnomon[0])
+    off = math.degrees(math.asin(float(np.dot(sun, plane)) / float(np.linalg.norm(plane))))
+    # Refraction lifts a low sun, by 0.2 degrees at 19 o'clock; the equation of time is 10 seconds
+    assert abs(off) < 0.25
+
+
 def test_toml_json_and_offsets_say_one_time(tmp_path: Path) -> None:
     head = '[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n[[lights]]\ntype = "sun_sky"\n'
     head += "latitude = 52.5\nlongitude = 13.4\n"

@@ -1,6 +1,6 @@
 """Sun and sky as light: irradiance, the disc as it is seen, its shadows, and that all ways to find it agree.
 
-The sky is the picture that the host makes, which tests/host/test_sky.py compares with the model; the sun is its polynomial.
+The sky is the picture that the host makes, which tests/host/test_sky.py compares with the model.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def test_beside_another_light(evidence: Evidence, studio: Studio, light_sampler:
 
 def glossy(light: dict[str, Any]) -> Scene:
     """A rough metal in which the sun is seen about its middle."""
-    normal = np.array(SIDEWAYS) + [0.0, 0.0, 1.0]
+    normal = np.array(SIDEWAYS) + np.array([0.0, 0.0, 1.0])
     normal /= np.linalg.norm(normal)
     a = np.cross(normal, [0.0, 1.0, 0.0])
     b = np.cross(normal, a)
