@@ -157,12 +157,12 @@ def test_whitted_takes_the_sun_at_its_middle(studio: Studio) -> None:
     "light_sampler", ["power", *(pytest.param(name, marks=pytest.mark.slow) for name in ("uniform", "bvh"))]
 )
 def test_beside_another_light(evidence: Evidence, studio: Studio, light_sampler: str) -> None:
-    light = sun_sky(scale=1e-3)
-    lamp = {"type": "point", "position": [0.3, 0.4, 0.0], "intensity": [5.0, 5.0, 5.0]}
+    light = sun_sky()
+    lamp = {"type": "point", "position": [0.3, 0.4, 0.0], "intensity": [20.0, 20.0, 20.0]}
     ground = plane((0.0, 1.0, 0.0), light)
     both = ground.model_copy(update={"lights": (*ground.lights, *scene([], [lamp]).lights)})
-    sun = np.array(disc_of(light).mean) * 1e-3 * math.pi * SINE**2 * SIDEWAYS[1]
-    exact = (sky_irradiance(light, (0.0, 1.0, 0.0)) + sun) @ WEIGHTS + 5.0 * 0.4 / 0.5**3
+    sun = np.array(disc_of(light).mean) * math.pi * SINE**2 * SIDEWAYS[1]
+    exact = (sky_irradiance(light, (0.0, 1.0, 0.0)) + sun) @ WEIGHTS + 20.0 * 0.4 / 0.5**3
     for sampling in ("mis", "light"):
         seen = studio.pixels(both, spp=256, sampling=sampling, light_sampler=light_sampler)
         evidence.mean_is(sampling, seen, exact / math.pi, rounding=1e-4)
