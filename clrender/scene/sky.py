@@ -132,13 +132,14 @@ def _upper(elevation: float, turbidity: float, albedo: Color) -> _Floats:
 
 def _irradiance(upper: _Floats) -> float:
     """On the ground, of the upper half of the picture: each row a ring between two angles from the zenith."""
-    edges = np.array([sin_cos_degrees(row * 180.0 / _HEIGHT)[0] ** 2 for row in range(_HEIGHT // 2 + 1)])
+    sines = np.array([sin_cos_degrees(row * 180.0 / _HEIGHT)[0] for row in range(_HEIGHT // 2 + 1)])
     means = np.cumsum(upper, axis=1)[:, -1] / upper.shape[1]
-    return math.pi * math.fsum((means * np.diff(edges)).tolist())
+    return math.pi * math.fsum((means * np.diff(sines * sines)).tolist())
 
 
 def _spread() -> float:
-    return 2.0 * sin_cos_degrees(SUN_DEGREES / 2.0)[0] ** 2
+    sine = sin_cos_degrees(SUN_DEGREES / 2.0)[0]
+    return 2.0 * sine * sine
 
 
 def _above_horizon(elevation: float) -> float:
