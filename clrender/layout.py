@@ -63,6 +63,7 @@ __all__ = [
     "LIGHT_IES",
     "LIGHT_POINT",
     "LIGHT_SPOT",
+    "LIGHT_SUN",
     "MATERIAL_BY_ROW",
     "MATERIAL_CONDUCTOR",
     "MATERIAL_DIELECTRIC",
@@ -185,6 +186,7 @@ LIGHT_AREA_DISK: Final = 4
 LIGHT_ENVIRONMENT: Final = 5
 LIGHT_SPOT: Final = 6
 LIGHT_IES: Final = 7
+LIGHT_SUN: Final = 8
 
 ROULETTE_NONE: Final = 0
 ROULETTE_THROUGHPUT: Final = 1
@@ -303,6 +305,7 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "LIGHT_ENVIRONMENT": LIGHT_ENVIRONMENT,
     "LIGHT_SPOT": LIGHT_SPOT,
     "LIGHT_IES": LIGHT_IES,
+    "LIGHT_SUN": LIGHT_SUN,
     "ROULETTE_NONE": ROULETTE_NONE,
     "ROULETTE_THROUGHPUT": ROULETTE_THROUGHPUT,
     "ROULETTE_ABSORPTION": ROULETTE_ABSORPTION,
@@ -343,7 +346,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
             "float4",
             "rgb: radiance W/(sr m2), at a point: (largest) intensity W/sr, directional: irradiance W/m2",
         ),
-        ("position", "float4", "at a point: position; directional: unit direction of travel"),
+        ("position", "float4", "at a point: position; directional and sun: unit direction of travel"),
         ("axis", "float4", "lamp: unit, middle of its light; spot: w 1 - cosine of half its cone"),
         ("zero", "float4", "IES: unit, horizontal angle 0; spot: w one over what its cosine grows by as it falls off"),
         ("kind", "uint", "LIGHT_*"),
@@ -506,7 +509,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("STEEPNESS", 13, 1, "spot: one over what the cosine grows by as it falls off"),
         ("ZERO", 12, 3, "IES: unit, where horizontal angle 0 is"),
         ("TABLE", 15, 1, "IES, bits: row of lamp_tables where its own begins"),
-        ("DIRECTION", 6, 3, "directional light: of travel, unit"),
+        ("DIRECTION", 6, 3, "directional light, middle of the sun: of travel, unit"),
     ),
     "ENVIRONMENT": (
         ("WIDTH", 0, 1, "head of the environment's picture: bits: pixels"),
@@ -534,6 +537,14 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("DROP", 5, 1, "bits: 1 - cosine of each vertical angle"),
         ("BAND", 6, 1, "bits: share of the light before each vertical angle"),
         ("CELL", 7, 1, "bits: of the light between two vertical angles, share before each horizontal one"),
+    ),
+    "SUN": (
+        ("RED", 0, 6, "table of the sun: coefficients of its radiance in the cosine at its surface, constant first"),
+        ("GREEN", 6, 6, ""),
+        ("BLUE", 12, 6, ""),
+        ("AXIS", 18, 3, "unit, towards its middle"),
+        ("SPREAD", 21, 1, "1 - cosine of its angular radius"),
+        ("LIGHT", 22, 1, "bits: which light it is"),
     ),
     "CONE": (
         ("AXIS", 0, 3, "child of a node of the light BVH: unit, middle of a cone with all directions of its light"),

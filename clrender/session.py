@@ -227,7 +227,7 @@ def _light_sampler(job: RenderJob) -> str:
 
 def _compensated(job: RenderJob) -> bool:
     """Whether there is an environment, and samples of the BSDF find it wherever light samples do."""
-    if job.scene.environment is None:
+    if job.scene.environment is None and job.scene.sky is None:
         return False
     settings = job.settings.struct(1, job.integrator.fixed)
     return bool(settings["light_samples"][0] and settings["bsdf_samples"][0])

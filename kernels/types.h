@@ -71,6 +71,7 @@
 #define LIGHT_ENVIRONMENT 5u
 #define LIGHT_SPOT 6u
 #define LIGHT_IES 7u
+#define LIGHT_SUN 8u
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
 #define ROULETTE_ABSORPTION 2u
@@ -126,7 +127,7 @@ typedef struct {
 
 typedef struct {
     float4 radiance;            // rgb: radiance W/(sr m2), at a point: (largest) intensity W/sr, directional: irradiance W/m2
-    float4 position;            // at a point: position; directional: unit direction of travel
+    float4 position;            // at a point: position; directional and sun: unit direction of travel
     float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
     float4 zero;                // IES: unit, horizontal angle 0; spot: w one over what its cosine grows by as it falls off
     uint kind;                  // LIGHT_*
@@ -271,7 +272,7 @@ typedef struct {
 #define LIGHT_ROW_STEEPNESS 13          // spot: one over what the cosine grows by as it falls off
 #define LIGHT_ROW_ZERO 12               // IES: unit, where horizontal angle 0 is
 #define LIGHT_ROW_TABLE 15              // IES, bits: row of lamp_tables where its own begins
-#define LIGHT_ROW_DIRECTION 6           // directional light: of travel, unit
+#define LIGHT_ROW_DIRECTION 6           // directional light, middle of the sun: of travel, unit
 
 #define ENVIRONMENT_ROW_WIDTH 0         // head of the environment's picture: bits: pixels
 #define ENVIRONMENT_ROW_HEIGHT 1        // bits
@@ -296,6 +297,13 @@ typedef struct {
 #define LAMP_ROW_DROP 5                 // bits: 1 - cosine of each vertical angle
 #define LAMP_ROW_BAND 6                 // bits: share of the light before each vertical angle
 #define LAMP_ROW_CELL 7                 // bits: of the light between two vertical angles, share before each horizontal one
+
+#define SUN_ROW_RED 0                   // table of the sun: coefficients of its radiance in the cosine at its surface, constant first
+#define SUN_ROW_GREEN 6
+#define SUN_ROW_BLUE 12
+#define SUN_ROW_AXIS 18                 // unit, towards its middle
+#define SUN_ROW_SPREAD 21               // 1 - cosine of its angular radius
+#define SUN_ROW_LIGHT 22                // bits: which light it is
 
 #define CONE_ROW_AXIS 0                 // child of a node of the light BVH: unit, middle of a cone with all directions of its light
 #define CONE_ROW_COSINE 3               // of half the cone's angle

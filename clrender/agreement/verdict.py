@@ -85,6 +85,8 @@ def light_kinds(scene: Scene) -> frozenset[str]:
         kinds.add(SOFT_SHADOWS)
     if diffuse and (around := scene.environment) and (around.file is not None or max(around.constant) > 0.0):
         kinds.add(ENVIRONMENT_ON_DIFFUSE)
+    if diffuse and scene.sky is not None:
+        kinds.update((ENVIRONMENT_ON_DIFFUSE, SOFT_SHADOWS))
     return frozenset(kinds)
 
 

@@ -101,6 +101,8 @@ class SceneArrays:
         Whether the environment has a picture.
     lamps : bool
         Whether there are lights at a point that do not shine alike in all directions.
+    sun : bool
+        Whether there is one.
     interiors : bool
         Whether paths keep account of the dielectrics that they are inside of.
     textured : bool
@@ -131,6 +133,7 @@ class SceneArrays:
         self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
         self.lamps = bool(np.isin(scene.arrays["lights"]["kind"], (layout.LIGHT_SPOT, layout.LIGHT_IES)).any())
+        self.sun = bool((scene.arrays["lights"]["kind"] == layout.LIGHT_SUN).any())
         self.interiors = bool(scene.arrays["media_rows"].any())
         self.media = scene.scatters
         self.straight_surfaces = scene.straight_surfaces

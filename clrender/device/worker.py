@@ -218,6 +218,8 @@ class DeviceWorker:
             defines["ENVIRONMENT_MAP"] = 1
         if self._arrays.lamps:
             defines["LAMPS"] = 1
+        if self._arrays.sun:
+            defines["SUN"] = 1
         if self._arrays.interiors:
             defines["INTERIORS"] = 1
             if self._arrays.media:

@@ -14,6 +14,7 @@ from clrender.scene.description import (
     Render,
     Scene,
     SpotLight,
+    SunSkyLight,
 )
 from clrender.scene.load import builtin_names, load
 from clrender.scene.materials import (
@@ -56,6 +57,7 @@ __all__ = [
     "Shape",
     "Sphere",
     "SpotLight",
+    "SunSkyLight",
     "Tetrahedron",
     "Transform",
     "Triangle",

@@ -31,6 +31,7 @@ from clrender.scene.light_kinds import (
     Light,
     PointLight,
     SpotLight,
+    SunSkyLight,
 )
 from clrender.scene.materials import (
     BASE_COLORS,
@@ -78,6 +79,7 @@ __all__ = [
     "Render",
     "Scene",
     "SpotLight",
+    "SunSkyLight",
 ]
 
 # --- image, render ---------------------------------------------------------------------------------------------------
@@ -180,7 +182,7 @@ class Scene(Part):
         self._media_resolve()
         self._mixtures_resolve()
         self._colors_have_materials()
-        environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight)]
+        environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
         for i in environments[1:]:
             sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
             raise fault("light", sentence, "lights", i)
@@ -362,6 +364,11 @@ class Scene(Part):
         """The scene's only one."""
         return next((light for light in self.lights if isinstance(light, EnvironmentLight)), None)
 
+    @property
+    def sky(self) -> SunSkyLight | None:
+        """The scene's only one; beside it there is no environment."""
+        return next((light for light in self.lights if isinstance(light, SunSkyLight)), None)
+
     def environment_picture(self) -> EnvironmentPicture | None:
         """The picture of the environment, if it has one; its file is read once and kept.
 
@@ -448,8 +455,9 @@ class Scene(Part):
             If the scene has an environment, or the file cannot be read or is not a usable picture.
         """
         path = Path(file).absolute()
-        if self.environment is not None:
-            place = f"{self._source}: lights[{self.lights.index(self.environment)}]"
+        around = self.environment or self.sky
+        if around is not None:
+            place = f"{self._source}: lights[{self.lights.index(around)}]"
             raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
         picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
         lights = (*self.lights, EnvironmentLight(type="environment", file=str(path)))

@@ -14,6 +14,7 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.angles import sin_cos_degrees
 from clrender.scene.ies import IesProfile
+from clrender.scene.sky import Sun, scene_sun
 
 if TYPE_CHECKING:
     from clrender.scene.description import Scene
@@ -57,12 +58,13 @@ class LampTable:
 
 @dataclass(frozen=True)
 class LampTables:
-    """Those of a scene.
+    """Those of a scene, and the sun's, which is the first.
 
     Attributes
     ----------
     words : (N,) float32
         One after the other; one zero where there is none.
+    sun : Sun or None
     row : mapping of str to int
         By the name of the file: where each begins.
     table : mapping of str to LampTable
@@ -70,13 +72,14 @@ class LampTables:
     """
 
     words: NDArray[np.float32]
+    sun: Sun | None
     row: Mapping[str, int]
     table: Mapping[str, LampTable]
     profile: Mapping[str, IesProfile]
 
 
 def lamp_tables(scene: Scene) -> LampTables:
-    """The tables of all IES files that a scene names.
+    """The tables of all IES files that a scene names, and of its sun.
 
     Parameters
     ----------
@@ -90,8 +93,9 @@ def lamp_tables(scene: Scene) -> LampTables:
     rows: dict[str, int] = {}
     tables: dict[str, LampTable] = {}
     profiles: dict[str, IesProfile] = {}
-    parts: list[NDArray[np.float32]] = []
-    total = 0
+    sun = scene_sun(scene)
+    parts: list[NDArray[np.float32]] = [] if sun is None else [sun.words]
+    total = sum(len(words) for words in parts)
     for index, light in scene.ies_lights():
         if light.file in tables:
             continue
@@ -106,7 +110,7 @@ def lamp_tables(scene: Scene) -> LampTables:
             head[_HEAD[name]] += total
         parts.append(words)
         total += len(words)
-    return LampTables(np.concatenate(parts) if parts else np.zeros(1, np.float32), rows, tables, profiles)
+    return LampTables(np.concatenate(parts) if parts else np.zeros(1, np.float32), sun, rows, tables, profiles)
 
 
 def lamp_table(profile: IesProfile) -> LampTable:

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Final, Literal, TypeAlias
+from datetime import date
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
+from clrender.errors import SceneError
+from clrender.scene.angles import sin_cos_degrees
+from clrender.scene.elementary import degrees_of
+from clrender.scene.sun_position import parsed_time, sun_position
 from clrender.scene.values import (
     NUMBER_OR_TRIPLE,
     POWER_LIMIT,
     Color,
     FileName,
     Finite,
+    Flag,
     Part,
+    Reflectance,
     Share,
     Vector,
     cross,
@@ -22,18 +29,36 @@ from clrender.scene.values import (
     number_as_triple,
 )
 
-__all__ = ["LIGHT_TYPES", "DirectionalLight", "EnvironmentLight", "IesLight", "Light", "PointLight", "SpotLight"]
+__all__ = [
+    "LIGHT_TYPES",
+    "DirectionalLight",
+    "EnvironmentLight",
+    "IesLight",
+    "Light",
+    "PointLight",
+    "SpotLight",
+    "SunSkyLight",
+]
 
 Factor = Annotated[Color, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
+Albedo = Annotated[Reflectance, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
+
+
+def _time_as_text(value: Any) -> Any:
+    """TOML has types for dates and times, JSON has not."""
+    return value.isoformat() if isinstance(value, date) else value
+
+
+Time = Annotated[str, BeforeValidator(_time_as_text), Strict(), WithJsonSchema({"type": "string"})]
 
 
 _LEAST_CONE: Final = 0.01
 """Degrees; in single precision the edge of a narrower one is not smooth."""
 
 
-def _check_direction(direction: Vector) -> None:
+def _check_direction(direction: Vector, key: str = "direction", example: str = "[0, -1, 0]") -> None:
     if length(direction) == 0.0:
-        raise fault("light", "has length zero; give a direction such as [0, -1, 0]", "direction")
+        raise fault("light", f"has length zero; give a direction such as {example}", key)
 
 
 class PointLight(Part):
@@ -143,13 +168,94 @@ class EnvironmentLight(Part):
         return (red, green, blue)
 
 
+class SunSkyLight(Part):
+    """A clear sky and the sun, as the model of Hosek and Wilkie says; the lower half is the ground.
+
+    +y is up, -z north and +x east.
+    """
+
+    type: Literal["sun_sky"]
+    sun_direction: Vector | None = Field(None, description="towards the sun")
+    latitude: Annotated[Finite, Field(ge=-90.0, le=90.0)] | None = Field(
+        None, description="instead of `sun_direction`, with `longitude` and `time`: degrees to the north"
+    )
+    longitude: Annotated[Finite, Field(ge=-180.0, le=180.0)] | None = Field(None, description="degrees to the east")
+    time: Time | None = Field(
+        None, description="date and time of ISO 8601 with its offset from UTC: `2026-06-21T18:30:00+02:00`"
+    )
+    turbidity: Annotated[Finite, Field(ge=1.0, le=10.0)] = Field(
+        3.0, description="haze: 2 is a very clear, 3 a clear and 6 a hazy day"
+    )
+    ground_albedo: Albedo = Field((0.3, 0.3, 0.3), description="share of light that the ground reflects")
+    ground: Flag = Field(True, description="whether the lower half is the ground, lit by sun and sky; else it is black")
+    sky_scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the sky's radiance; 0: the sun alone")
+    sun_scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the sun's radiance; 0: the sky alone")
+    scale: Factor = Field((1.0, 1.0, 1.0), description="factor of both")
+    rotate_degrees: Finite = Field(0.0, description="turns all of it about +y, from +z towards +x")
+
+    @model_validator(mode="after")
+    def _has_a_sun(self) -> SunSkyLight:
+        place = {"latitude": self.latitude, "longitude": self.longitude, "time": self.time}
+        given, missing = ([key for key, value in place.items() if (value is None) == none] for none in (False, True))
+        if self.sun_direction is not None and given:
+            raise fault("light", f"has both `sun_direction` and `{given[0]}`; keep one of them")
+        if self.sun_direction is None and missing:
+            words = "`sun_direction`, or `latitude`, `longitude` and `time`"
+            raise fault("light", f"needs {words}" if not given else f"has `{given[0]}`, but no `{missing[0]}`; give it")
+        if self.sun_direction is not None:
+            _check_direction(self.sun_direction, "sun_direction", "[0, 1, 0]")
+        elif self.time is not None:
+            try:
+                parsed_time(self.time)
+            except ValueError as error:
+                raise fault("light", str(error), "time") from None
+        try:
+            elevation = self.sun_elevation
+        except SceneError as error:
+            raise fault("light", f"cannot be placed: {error}", "time") from None
+        if elevation < 0.0:
+            sentence = f"puts the sun {-elevation:.4g} degrees below the horizon, but the sky is known by day only"
+            if self.sun_direction is not None:
+                raise fault("light", f"{sentence}; give a direction whose y is at least 0", "sun_direction")
+            raise fault("light", f"{sentence}; give another time", "time")
+        return self
+
+    @property
+    def sun_elevation(self) -> float:
+        """Degrees over the horizon."""
+        if self.sun_direction is None:
+            return self._angles[0]
+        x, y, z = self.sun_direction
+        return degrees_of(y, length((x, 0.0, z)))
+
+    @property
+    def sun_turn(self) -> float:
+        """Degrees from +z towards +x, about +y: where the sun stands."""
+        if self.sun_direction is None:
+            return (180.0 - self._angles[1]) + self.rotate_degrees
+        x, _, z = self.sun_direction
+        return degrees_of(x, z) + self.rotate_degrees
+
+    @property
+    def sun_axis(self) -> Vector:
+        """Unit vector towards the sun."""
+        (rise, level), (right, ahead) = sin_cos_degrees(self.sun_elevation), sin_cos_degrees(self.sun_turn)
+        return (level * right, rise, level * ahead)
+
+    @property
+    def _angles(self) -> tuple[float, float]:
+        assert self.latitude is not None and self.longitude is not None and self.time is not None
+        return sun_position(self.latitude, self.longitude, self.time)
+
+
 LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
     "point": PointLight,
     "spot": SpotLight,
     "ies": IesLight,
     "directional": DirectionalLight,
     "environment": EnvironmentLight,
+    "sun_sky": SunSkyLight,
 }
 Light: TypeAlias = Annotated[
-    PointLight | SpotLight | IesLight | DirectionalLight | EnvironmentLight, Field(discriminator="type")
+    PointLight | SpotLight | IesLight | DirectionalLight | EnvironmentLight | SunSkyLight, Field(discriminator="type")
 ]

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.alias import alias_table
-from clrender.scene.description import DirectionalLight, Scene
+from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
 from clrender.scene.emission import Emission, shape_emission
 from clrender.scene.environment import EnvironmentTable, environment_table
 from clrender.scene.lamp_tables import LampTables
 from clrender.scene.lamps import AT_POINT, Lamp, lamp_at
 from clrender.scene.light_tree import Emitters, LightTree, light_tree
 from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.sky import Sun, sky_picture
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
 from clrender.scene.texture_means import TextureMeans
 from clrender.scene.texture_rows import FlatTextures
@@ -29,8 +30,10 @@ __all__ = ["FlatLights", "flat_environment", "flat_lights", "points_that_shine"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
+_TOO_BRIGHT: Final = f"makes a radiance of {{:g}}; at most {POWER_LIMIT:g} is known; make its scale smaller"
 _TREE_FROM: Final = 16
 """So many lights are worth a walk down a tree at every point."""
+_SUN_LIGHT: Final = next(at for name, at, _, _ in layout.ROWS["SUN"] if name == "LIGHT")
 _LEAST_SHARE: Final = 1e-3
 """Of the mean of a texture: no part of a light that shines as one counts as darker, as its mean is one of points."""
 
@@ -72,6 +75,8 @@ def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTabl
     SceneError
         If its picture cannot be read, or is brighter than single precision can tell.
     """
+    if scene.sky is not None:
+        return _sky_environment(scene, scene.sky, compensated)
     light, picture = scene.environment, scene.environment_picture()
     if light is None or picture is None:
         return EnvironmentTable.even(light.constant if light else (0.0, 0.0, 0.0), compensated)
@@ -166,6 +171,12 @@ def flat_lights(
         else:
             color, factor = around.radiance, 4.0 * math.pi * math.pi * radius * radius * around.sampled
             kind = layout.LIGHT_ENVIRONMENT
+        if isinstance(light, SunSkyLight) and tables.sun is not None:
+            solid_angle = 2.0 * math.pi * tables.sun.spread
+            rows.append(_sun_row(scene, light, tables.sun))
+            powers.append(np.array([math.pi * radius * radius * solid_angle * _luminance(tables.sun.mean)]))
+            tables.words[_SUN_LIGHT : _SUN_LIGHT + 1].view(np.uint32)[0] = total
+            total += 1
         if _luminance(color) == 0.0:
             continue
         row["kind"], row["radiance"][0, :3] = kind, color
@@ -193,6 +204,28 @@ def flat_lights(
     tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps))
     sampled["place"] = tree.place
     return FlatLights(lights, total, environment, tree)
+
+
+def _sky_environment(scene: Scene, light: SunSkyLight, compensated: bool) -> EnvironmentTable:
+    """The picture of the sky, turned to where the sun is."""
+    picture = sky_picture(light)
+    if picture is None:
+        return EnvironmentTable.even((0.0, 0.0, 0.0), compensated)
+    if (brightest := float(picture.pixels.max())) > POWER_LIMIT:
+        raise SceneError(f"{scene.source}: lights[{scene.lights.index(light)}]: {_TOO_BRIGHT.format(brightest)}")
+    return environment_table(picture, light.sun_turn % 360.0 / 360.0, (1.0, 1.0, 1.0), compensated)
+
+
+def _sun_row(scene: Scene, light: SunSkyLight, sun: Sun) -> _Rows:
+    """The sun's disc."""
+    brightest = 2.0 * max(sun.mean)  # in the middle, where its limb is much darker
+    if brightest > POWER_LIMIT:
+        raise SceneError(f"{scene.source}: lights[{scene.lights.index(light)}]: {_TOO_BRIGHT.format(brightest)}")
+    row = np.zeros(1, dtype=layout.dtype("Light"))
+    row["kind"], row["primitive"], row["place"] = layout.LIGHT_SUN, layout.NONE, layout.NONE
+    row["radiance"][0, :3], row["alias_threshold"] = sun.mean, 1.0
+    row["position"][0, :3] = [-x for x in sun.axis]
+    return row
 
 
 def points_that_shine(scene: Scene, tables: LampTables) -> list[int]:
@@ -230,7 +263,7 @@ def _emitters(
     low[round_], high[round_] = center[:, :3] - center[:, 3:], center[:, :3] + center[:, 3:]
     normal[round_] = shapes["normal"][:, :3]
     length = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2 + normal[:, 2] ** 2)[:, None]
-    infinite = (kind == layout.LIGHT_DIRECTIONAL) | (kind == layout.LIGHT_ENVIRONMENT)
+    infinite = np.isin(kind, (layout.LIGHT_DIRECTIONAL, layout.LIGHT_ENVIRONMENT, layout.LIGHT_SUN))
     # A flat light's power is π times what it sends forwards, a sphere's and a point's 4π; of what comes from infinitely
     # far, what falls through the scene's cross-section.
     flat = triangles | (kind == layout.LIGHT_AREA_DISK)

@@ -34,6 +34,11 @@ def check_materials(scene: Scene, integrator: str) -> None:
             f"{scene.source}: lights[{scene.lights.index(light)}].file: the integrator {integrator} takes no picture "
             "of the environment; give its radiance instead, or use --integrator path"
         )
+    if scene.sky is not None and not INTEGRATORS[integrator].environment_pictures:
+        raise SceneError(
+            f"{scene.source}: lights[{scene.lights.index(scene.sky)}].type: the integrator {integrator} takes no "
+            "sun_sky; give a directional light and an environment with a radiance instead, or use --integrator path"
+        )
     takes = INTEGRATORS[integrator]
     taken, volumes = takes.materials, takes.volumes
     if not takes.media:

@@ -69,6 +69,14 @@ static void path_travel(const Scene* scene, Path* path, Hit* hit) {
     medium_travel(scene, &path->interior, path->sample.sampler, path->depth, path_traces(path), &path->throughput, hit);
 }
 
+// Add the radiance of a light that the ray ran into; `density` is that of light samples there, once they chose this light.
+static void path_count_emission(const Scene* scene, Path* path, const LightRow* light, vec3 emitted, vfloat density, vmask where) {
+    const vfloat pdf = density * light_probability(scene, path_last_point(path), path->normal, light);
+    const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)scene->settings->light_samples), pdf);
+    const vec3 counted = scale(mul(path->throughput, emitted), path->specular ? splat(1.0f) : weight);
+    path->radiance = choose(where, add(path->radiance, counted), path->radiance);
+}
+
 // Add the light that the ray ran into: from a surface that shines, or from outside the scene. It counts in full where light sampling at
 // the last vertex could not have found it.
 static void path_add_emission(const Scene* scene, Path* path, const Vertex* vertex) {
@@ -89,10 +97,18 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
         emitted = choose(outside, around.radiance, emitted);
         density = outside ? around.pdf : density;
     }
-    const vfloat pdf = density * light_probability(scene, path_last_point(path), path->normal, &light);
-    const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)settings->light_samples), pdf);
-    const vec3 counted = scale(mul(path->throughput, emitted), path->specular ? splat(1.0f) : weight);
-    path->radiance = choose(shines | outside, add(path->radiance, counted), path->radiance);
+    path_count_emission(scene, path, &light, emitted, density, shines | outside);
+}
+
+// The same for the sun, which is a light of its own before the sky.
+static void path_add_sun(const Scene* scene, Path* path, const Vertex* vertex) {
+#ifdef SUN
+    const EnvironmentSample sun = sun_along(scene, path->ray.direction);
+    const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f);
+    if (!lane_any(seen)) return;
+    const LightRow light = light_at(scene, splat_uint(sun_light(scene)));
+    path_count_emission(scene, path, &light, sun.radiance, sun.pdf, seen);
+#endif
 }
 
 // Choose a light for each packet's points, where one is asked for: each pixel's shadow ray number `m`.
@@ -247,6 +263,7 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         EACH_PACKET(k) {
             path_vertex(scene, &path[k], hit[k], stats, &vertex[k]);
             path_add_emission(scene, &path[k], &vertex[k]);
+            path_add_sun(scene, &path[k], &vertex[k]);
         }
 
         // Add the light that reaches the surface straight from the lights

@@ -143,6 +143,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         path->throughput = interior_absorb(scene, &path->interior, hit[0], path->throughput);
         path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);
+        path_add_sun(scene, path, vertex);
 
         // On a diffuse surface add light straight from the lights, and what the photons brought
         path_add_direct(scene, path, vertex, stats);

@@ -183,6 +183,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         path_find(scene, path, hit);
         path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);
+        path_add_sun(scene, path, vertex);
 
         // The first matt surface anchors the path; a matt one right after it sends its light to the whole group
         const vmask matt = reuse_matt(vertex), anchors = matt & !reuse.anchored, shares = matt & reuse_alike(vertex) & reuse.leaves;

@@ -10,6 +10,7 @@
 #include "light/environment.h"
 #include "light/lamp.h"
 #include "light/row.h"
+#include "light/sun.h"
 #include "light/tree.h"
 #include "scene.h"
 
@@ -90,6 +91,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     const vfloat u = choice->u, v = choice->v;
     const vmask triangle = l->kind == LIGHT_AREA_TRIANGLE, sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
     const vmask point = lamp_at_point(l), directional = l->kind == LIGHT_DIRECTIONAL, environment = l->kind == LIGHT_ENVIRONMENT;
+    const vmask sun = sun_is(l);
     const vec3 center = vec3_row(l->row, LIGHT_ROW_CENTER);        // of a triangle A, of a point its position, or a direction
     const vfloat radius = l->row[LIGHT_ROW_RADIUS], facing = l->row[LIGHT_ROW_FACING];
     AreaSample area = triangle_sample(origin, vec3_row(l->row, LIGHT_ROW_A), vec3_row(l->row, LIGHT_ROW_AB), vec3_row(l->row, LIGHT_ROW_AC),
@@ -111,7 +113,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.radiance = choose(point, scale(lamp_intensity(scene, l, negate(s.direction)), inverse_or_one(distance2)), emitted);
     s.primitive = (triangle | sphere | disk) ? l->primitive : splat_uint(NONE);
     s.delta = point | directional;
-    s.infinite = directional | environment;
+    s.infinite = directional | environment | sun;
     if (lane_any(s.infinite)) {
         const EnvironmentSample around = environment_sample_chosen(scene, l->radiance, &choice->around);
         const vec3 to_infinity = choose(environment, around.direction, negate(center));
@@ -119,6 +121,13 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
         s.target = choose(s.infinite, to_infinity, s.target);
         s.radiance = choose(environment, around.radiance, s.radiance);
         s.pdf = environment ? probability * around.pdf : s.pdf;
+#ifdef SUN
+        const EnvironmentSample disc = sun_sample(scene, u, v);
+        s.direction = choose(sun, disc.direction, s.direction);
+        s.target = choose(sun, disc.direction, s.target);
+        s.radiance = choose(sun, disc.radiance, s.radiance);
+        s.pdf = sun ? probability * disc.pdf : s.pdf;
+#endif
     }
     return s;
 }
@@ -148,7 +157,7 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own,
     const vec3 a = vec3_row(l.row, LIGHT_ROW_A), b = vec3_row(l.row, LIGHT_ROW_AB), c = vec3_row(l.row, LIGHT_ROW_AC);
     const vfloat radius = l.row[LIGHT_ROW_RADIUS], facing = l.row[LIGHT_ROW_FACING], inverse = l.row[LIGHT_ROW_INVERSE];
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
-    const vmask directional = l.kind == LIGHT_DIRECTIONAL, flat = triangle | disk;
+    const vmask sun = sun_is(&l), directional = (l.kind == LIGHT_DIRECTIONAL) | sun, flat = triangle | disk;
     const vec3 center = choose(triangle, along(a, add(b, c), splat(1.0f / 3.0f)), a);
     const vec3 to = sub(center, origin);
     LightSample s;
@@ -159,6 +168,7 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own,
     const vfloat area = triangle ? inverse_or_one(inverse) * 0.5f : disk_area;
     const vfloat size = flat ? area * cosine : (sphere ? disk_area : splat(1.0f));
     s.radiance = scale(lamp_intensity(scene, &l, negate(s.direction)), directional ? splat(1.0f) : size * inverse_or_one(inner(to, to)));
+    s.radiance = sun_irradiance(scene, s.radiance, sun);
     const vmask dark = (l.kind == LIGHT_ENVIRONMENT) | (flat & ((l.primitive == own) | (cosine == 0.0f))) |
                        (sphere & !sphere_shines_on(origin, a, radius, facing));
     s.pdf = dark ? splat(0.0f) : splat(1.0f);
@@ -204,9 +214,15 @@ static EnvironmentSample environment_found(const Scene* scene, const LightRow* e
     return environment_along(scene, environment->radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
 }
 static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves) {
-    if (scene->settings->environment == NONE) return vec3_all(0.0f);
-    const LightRow environment = light_at(scene, splat_uint(scene->settings->environment));
-    return environment_found(scene, &environment, direction, leaves).radiance;
+    vec3 emitted = vec3_all(0.0f);
+    if (scene->settings->environment != NONE) {
+        const LightRow environment = light_at(scene, splat_uint(scene->settings->environment));
+        emitted = environment_found(scene, &environment, direction, leaves).radiance;
+    }
+#ifdef SUN
+    emitted = add(emitted, sun_along(scene, direction).radiance);
+#endif
+    return emitted;
 }
 
 // The ray that has to be free for the sample to arrive. The limit leaves out a few roundings before the light.

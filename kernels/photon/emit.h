@@ -57,6 +57,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     const vfloat u = unit_interval(rest), v = unit_interval(bits_v);
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
     const vmask directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
+    const vmask sun = sun_is(&l), parallel = directional | environment | sun;
     const vec3 a = vec3_row(l.row, LIGHT_ROW_POSITION);              // of a directional light its direction
     const vec3 anywhere = warp_sphere(u2, v2);
 
@@ -91,16 +92,23 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
         radiance = choose(spot | ies, scale(lamp_intensity(scene, &l, beam), inverse_or_one(pdf) * (0.25f * INV_PI)), radiance);
     }
 #endif
+#ifdef SUN
+    if (lane_any(sun)) {
+        const EnvironmentSample disc = sun_sample(scene, u2, v2);
+        direction = choose(sun, negate(disc.direction), direction);
+        radiance = choose(sun, scale(disc.radiance, inverse_or_one(disc.pdf)), radiance);
+    }
+#endif
     vec3 origin = choose(surface, ray_leave(from.point, from.normal, from.error, mask_none()), a);
-    if (lane_any(directional | environment))
-        origin = choose(directional | environment, emission_from_outside(bounds, direction, u, v), origin);
+    if (lane_any(parallel))
+        origin = choose(parallel, emission_from_outside(bounds, direction, u, v), origin);
     e.ray = ray_make(origin, direction);
     e.ray.from = (triangle | disk) ? l.primitive : splat_uint(NONE);
 
-    // Power: π A L of a surface, 4π I of a point (of a lamp, over 4π times the density), E times the disk's area of a direction, 4π L times it of an environment
+    // Power: π A L of a surface, 4π I of a point (of a lamp, over 4π times the density), E times the disk's area of a direction and of the sun, 4π L times it of an environment
     const float disk_area = bounds.w * bounds.w * PI;
     vfloat factor = surface ? from.area * PI : splat(4.0f * PI);
-    factor = directional ? splat(disk_area) : (environment ? splat(4.0f * PI) * disk_area : factor);
+    factor = (directional | sun) ? splat(disk_area) : (environment ? splat(4.0f * PI) * disk_area : factor);
     e.flux = scale(radiance, factor * inverse_or_one(l.row[LIGHT_ROW_PROBABILITY]));
     return e;
 }

@@ -24,6 +24,9 @@ GLASS = '[materials.g]\ntype = "dielectric"\nior = 1.5\n'
 MESH = '[[shapes]]\ntype = "mesh"\nfile = "{}"\n'
 SKY = CAMERA + '[[lights]]\ntype = "environment"\n{}\n'
 SPOT = CAMERA + '[[lights]]\ntype = "spot"\nposition = [0,2,0]\ndirection = [0, -1, 0]\nintensity = [1,1,1]\n{}\n'
+SUN = CAMERA + '[[lights]]\ntype = "sun_sky"\n{}\n'
+NOON = SUN.format("sun_direction = [0, 1, 0]\n{}")
+PLACED = SUN.format("latitude = 52.5\nlongitude = 13.4\ntime = {}")
 IES = CAMERA + '[[lights]]\ntype = "ies"\nposition = [0,2,0]\nfile = "{}"\n{}\n'
 LAMP = "IESNA:LM-63-2002\n[TEST] none\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 100\n0 45 90\n0\n100 50 0\n"
 HDR = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n"
@@ -352,7 +355,46 @@ SHAPES = [
         ("shapes[0]", "degenerate"),
     ),
     Bad("light type", CAMERA + '[[lights]]\ntype = "pont"\n', ("lights[0].type", 'did you mean "point"')),
-    Bad("light not built", CAMERA + '[[lights]]\ntype = "sun_sky"\n', ("lights[0].type",)),
+    Bad("sun of nothing", SUN.format(""), ("lights[0] needs `sun_direction`, or `latitude`, `longitude` and `time`",)),
+    Bad(
+        "sun of half a place",
+        SUN.format("latitude = 1.0\ntime = 2026-06-21T12:00:00Z"),
+        ("has `latitude`, but no `long",),
+    ),
+    Bad("sun of both", SUN.format("sun_direction = [0, 1, 0]\nlatitude = 1.0"), ("has both `sun_direction` and `lat",)),
+    Bad(
+        "sun nowhere", SUN.format("sun_direction = [0, 0, 0]"), ("lights[0].sun_direction", "length zero", "[0, 1, 0]")
+    ),
+    Bad(
+        "sun below the horizon",
+        SUN.format("sun_direction = [1, -1, 0]"),
+        ("sun_direction", "45 degrees below the horizon", "y is"),
+    ),
+    Bad("sun at night", PLACED.format("2026-06-21T00:00:00Z"), ("lights[0].time", "below the horizon", "another time")),
+    Bad("sun at no time", PLACED.format('"noon"'), ("lights[0].time is no date and time of ISO 8601", "2026-06-21T")),
+    Bad(
+        "sun at a local time", PLACED.format("2026-06-21T12:00:00"), ("lights[0].time has no offset from UTC", "+02:00")
+    ),
+    Bad("sun on a date", PLACED.format("2026-06-21"), ("lights[0].time has no offset",)),
+    Bad("sun long ago", PLACED.format("1500-06-21T12:00:00Z"), ("lights[0].time is in the year 1500", "1901")),
+    Bad("sun at a number", PLACED.format("17"), ("lights[0].time",)),
+    Bad("sun beyond the pole", SUN.format("latitude = 91.0"), ("lights[0].latitude", "90")),
+    Bad("turbidity too low", NOON.format("turbidity = 0.5"), ("lights[0].turbidity", "at least 1")),
+    Bad("turbidity too high", NOON.format("turbidity = 11.0"), ("lights[0].turbidity", "at most 10")),
+    Bad("ground brighter than white", NOON.format("ground_albedo = 1.5"), ("lights[0].ground_albedo", "at most 1")),
+    Bad("sky scale negative", NOON.format("sky_scale = -1.0"), ("lights[0].sky_scale", "at least 0")),
+    Bad("sun too bright", NOON.format("sun_scale = 1e7"), ("lights[0]: makes a radiance of", "at most 1e+12 is known")),
+    Bad(
+        "clear sky too bright",
+        NOON.format("sky_scale = 1e12"),
+        ("lights[0]: makes a radiance of", "at most 1e+12 is known"),
+    ),
+    Bad("sky misspelt", NOON.format("turbidty = 3.0"), ("lights[0].turbidty", "turbidity")),
+    Bad(
+        "sky and environment",
+        NOON.format("") + '[[lights]]\ntype = "environment"\nradiance = [1,1,1]\n',
+        ("lights[1]", "second", "lights[0]"),
+    ),
     Bad("spot without cone", SPOT.format("blend = 0.5"), ("lights[0]", "cone_degrees")),
     Bad("spot of no width", SPOT.format("cone_degrees = 0.001"), ("lights[0].cone_degrees", "at least 0.01")),
     Bad("spot too wide", SPOT.format("cone_degrees = 361.0"), ("lights[0].cone_degrees", "360")),

@@ -67,6 +67,7 @@ SCENES: dict[str, list[tuple[Any, ...]]] = {
                 "attenuation_distance": 1.0}},),
     ],
     "spots and lamps of IES files": [({"m": LAMBERT}, [], [SPOT]), ({"m": LAMBERT}, [], [LAMP])],
+    "sun and sky": [({"m": LAMBERT}, [], [{"type": "sun_sky", "sun_direction": [0, 1, 0]}])],
     "a picture of the environment": [({"m": LAMBERT}, [], [{"type": "environment", "file": "p.exr"}])],
 }  # fmt: skip
 

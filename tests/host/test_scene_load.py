@@ -44,7 +44,7 @@ intensity = [1, 1, 1]
 NEEDED = {
     "room", "room-mirror", "room-glass", "cornell", "furnace", "furnace-room", "furnace-sphere", "furnace-glass",
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
-    "metals", "sky", "drink", "surfaces", "lamps", "haze",
+    "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
 }  # fmt: skip
 INEXACT = {
     "room",
@@ -58,6 +58,7 @@ INEXACT = {
     "surfaces",
     "lamps",
     "haze",
+    "sundial",
 }
 EXACT = NEEDED - INEXACT
 

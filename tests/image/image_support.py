@@ -50,6 +50,7 @@ SCENES: Final = (
     "haze",
     "textures",
     "lamps",
+    "sundial",
     "S4",
 )
 """Built-in ones, and the benchmark's room with a thousand lights, which has a tree of lights."""

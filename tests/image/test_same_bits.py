@@ -233,7 +233,7 @@ def test_several_rays_on_every_driver(all_devices: list[Device]) -> None:
     assert len({sha("room", [device], size=(16, 16), spp=2, shadow_rays=3) for device in all_devices}) == 1
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", [pytest.param(s, marks=pytest.mark.slow) if s == "sundial" else s for s in SCENES])
 def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene: str) -> None:
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
     for device in all_devices:

@@ -83,6 +83,8 @@ class Run:
         With spots and IES files, so many that there is a tree of lights.
     opacity : str
         Of materials: ``holes`` where textures say so, or ``veil``, the same everywhere.
+    sun : bool
+        With sun and sky in the place of an environment.
     """
 
     kernel: str
@@ -98,6 +100,7 @@ class Run:
     media: bool = False
     lamps: bool = False
     opacity: str = ""
+    sun: bool = False
 
 
 RENDERS: Final = {
@@ -128,6 +131,10 @@ RENDERS: Final = {
     "path-1-veil": Run("path", 1, opacity="veil"),
     "reuse-4-veil": Run("reuse", 4, opacity="veil"),
     "photon-4-holes": Run("photon", 4, opacity="holes"),
+    "path-4-sun": Run("path", 4, samples=2, sun=True),
+    "path-1-sun": Run("path", 1, rough=True, lamps=True, sun=True),
+    "whitted-1-sun": Run("whitted", 1, sun=True),
+    "photon-4-sun": Run("photon", 4, sun=True),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -236,6 +243,11 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "media": {"smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "g": 0.6}, "milk": {"scattering": 6.0}},
         "fog": "smoke",
     }
+    around: dict[str, Any] = {"type": "environment", "radiance": (0.2, 0.2, 0.2)}
+    if run.sky:
+        around = {"type": "environment", "file": "sky"}
+    elif run.sun:
+        around = {"type": "sun_sky", "sun_direction": (0.4, 0.9, 0.5), "scale": 1e-4}
     described: dict[str, Any] = {
         **(scattering if run.media else {}),
         "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
@@ -252,7 +264,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             {"type": "point", "position": (0.5, 1.8, 1.5), "intensity": (1, 1, 1)},
             {"type": "directional", "direction": (0.2, -1, -0.3), "irradiance": (0.5, 0.4, 0.3)},
             *(lamps(folder) if run.lamps else []),
-            {"type": "environment", "file": "sky"} if run.sky else {"type": "environment", "radiance": (0.2, 0.2, 0.2)},
+            around,
         ],
     }
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
