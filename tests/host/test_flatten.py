@@ -63,6 +63,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "triangles",
         "primitive_shape",
         "material_rows",
+        "hole_rows",
         "albedo_tables",
         "media_rows",
         "attribute_rows",
