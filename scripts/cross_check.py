@@ -143,6 +143,9 @@ class _Maker:
         for kind, add in (("spots", self._spots), ("opacity", self._masks), ("skies", self._sky)):
             if kind in self.more and self.random.random() < _MOST:
                 add()
+        if closed and not any("emission" in each or each["type"] in ("point", "spot") for each in self._all()):
+            # Else the only light would be what roundings let through between two walls, here or there
+            self._quad((-0.5, 1.9, -0.5), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), emission=[6.0] * 3, material="black")
         if "media" in self.more and self.random.random() < _MOST:
             self._fill(closed)
         if "cameras" in self.more and self.random.random() < _MOST:
@@ -151,6 +154,9 @@ class _Maker:
         if self.media:
             made["media"] = self.media
         return made if self.fog is None else {**made, "fog": self.fog}
+
+    def _all(self) -> list[dict[str, Any]]:
+        return [*self.shapes, *self.lights]
 
     def _spots(self) -> None:
         for _ in range(int(self.random.integers(1, 3))):

@@ -146,11 +146,28 @@ def light(described: dict[str, Any], folder: Path) -> dict[str, Any]:
         return {"type": "directional", **values}
     if described["type"] == "spot":
         return spot(described)
+    if described["type"] == "sun_sky":
+        return sky(described)
     if described["type"] != "environment":
         raise ValueError(f"a light of type {described['type']} has no equal in Mitsuba")
     if "file" in described:
         return {"type": "envmap", "filename": str(folder / described["file"])}
     return {"type": "constant", "radiance": color(described["radiance"])}
+
+
+SKY_NANOMETRES = 106.75
+"""What the model's radiance in RGB is divided by there, and not in clrender."""
+
+
+def sky(described: dict[str, Any]) -> dict[str, Any]:
+    """The sky without sun or ground: of the sun's disc the two have different spectra. Upward is z there, y here."""
+    if described["sun_scale"] != 0.0 or described["ground"]:
+        raise ValueError("of a sun_sky only the sky has an equal in Mitsuba: give sun_scale = 0 and ground = false")
+    made = {key: described[key] for key in ("sun_direction", "turbidity")}
+    factor = described.get("sky_scale", 1.0) * described.get("scale", 1.0)
+    upward = mitsuba.ScalarTransform4f().rotate([1.0, 0.0, 0.0], -90.0)
+    scales = {"sky_scale": SKY_NANOMETRES * factor, "sun_scale": 0.0}
+    return {"type": "sunsky", **made, **scales, "albedo": described["ground_albedo"], "to_world": upward}
 
 
 def spot(described: dict[str, Any]) -> dict[str, Any]:
