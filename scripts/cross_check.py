@@ -1,12 +1,16 @@
 """Random scenes of every shape, material, texture and light: do clrender and Mitsuba agree?
 
-    .venv/bin/python scripts/cross_check.py FIRST LAST --mitsuba PYTHON [--folder DIR]
+    .venv/bin/python scripts/cross_check.py FIRST LAST --mitsuba PYTHON [--with media,spots,cameras] [--folder DIR]
     .venv/bin/python scripts/cross_check.py spheres --mitsuba PYTHON [--folder DIR]
 
 Renders the scenes of the seeds FIRST to LAST - 1 six times each with both, and compares means and tiles by Welch's
 t-test with Holm's correction over all of them. PYTHON is one that has Mitsuba. New seeds are always a blind test. The
 materials are those whose definitions agree: Mitsuba's metals and rough glass lose what is scattered more than once, so
 they are nearly smooth here.
+
+`--with` adds kinds of things, each in most of the scenes: `media` (clouds, filled glass, fog), `spots`, `cameras`
+(orthographic, and with a lens), `opacity` (constant, and pictures with holes) and `skies`. Of Mitsuba's integrators
+media and opacity take `volpath`.
 
 With `spheres` the scenes are single spheres between two lamps, one material each; some are defined differently.
 """
@@ -39,6 +43,10 @@ _SHARP: Final = 0.002
 _BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
 _HALF: Final = 2.0
 """Half the side of the room, metres."""
+_MORE: Final = ("media", "spots", "cameras", "opacity", "skies")
+"""What scenes may have besides."""
+_MOST: Final = 0.8
+"""Share of the scenes that have it."""
 
 
 def _rounded(values: npt.NDArray[np.float64]) -> list[float]:
@@ -53,9 +61,12 @@ def _seeds(number: int) -> range:
 class _Maker:
     """One random scene."""
 
-    def __init__(self, seed: int, folder: Path) -> None:
+    def __init__(self, seed: int, folder: Path, more: frozenset[str] = frozenset()) -> None:
         self.random = np.random.default_rng(seed)
         self.folder = folder
+        self.more = more
+        self.media: dict[str, Any] = {}
+        self.fog: str | None = None
         self.shapes: list[dict[str, Any]] = []
         self.lights: list[dict[str, Any]] = []
         self.materials: dict[str, Any] = {"black": dict(_BLACK)}
@@ -128,7 +139,104 @@ class _Maker:
             self._environment()
         position = [self._number(-1.8, 1.8), self._number(-1.0, 1.5), 1.9 if closed else 5.0]
         camera = {"position": position, "target": self._place(0.5), "vertical_fov": round(self._number(45.0, 75.0), 2)}
-        return {"camera": camera, "materials": self.materials, "shapes": self.shapes, "lights": self.lights}
+        # In the end, so that a seed gives the same scene without them as ever
+        for kind, add in (("spots", self._spots), ("opacity", self._masks), ("skies", self._sky)):
+            if kind in self.more and self.random.random() < _MOST:
+                add()
+        if closed and not any("emission" in each or each["type"] in ("point", "spot") for each in self._all()):
+            # Else the only light would be what roundings let through between two walls, here or there
+            self._quad((-0.5, 1.9, -0.5), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), emission=[6.0] * 3, material="black")
+        if "media" in self.more and self.random.random() < _MOST:
+            self._fill(closed)
+        if "cameras" in self.more and self.random.random() < _MOST:
+            camera = self._lens(camera)
+        made = {"camera": camera, "materials": self.materials, "shapes": self.shapes, "lights": self.lights}
+        if self.media:
+            made["media"] = self.media
+        return made if self.fog is None else {**made, "fog": self.fog}
+
+    def _all(self) -> list[dict[str, Any]]:
+        return [*self.shapes, *self.lights]
+
+    def _spots(self) -> None:
+        for _ in range(int(self.random.integers(1, 3))):
+            place = np.array(_rounded(self.random.uniform([-1.5, 0.5, -1.5], [1.5, 1.8, 1.5])))
+            cone = {"cone_degrees": round(self._number(30.0, 130.0), 2), "blend": round(self._number(0.05, 1.0), 3)}
+            towards = _rounded(np.array(self._place(0.8)) - [0.0, 1.0, 0.0] - place)
+            bright = _rounded(self.random.uniform(0.3, 1.0, 3) * self._number(5.0, 40.0))
+            self.lights.append(
+                {"type": "spot", "position": place.tolist(), "direction": towards, "intensity": bright, **cone}
+            )
+
+    def _lens(self, camera: dict[str, Any]) -> dict[str, Any]:
+        """Parallel rays, or a lens in the place of a point."""
+        if self.random.random() < 0.5:
+            lens = {"aperture_radius": round(self._number(0.02, 0.12), 3), "focus_distance": self._number(1.0, 5.0)}
+            return {**camera, **lens}
+        # Straight on: what it sees begins in a plane that nothing stands in
+        x, y, z = round(self._number(-0.4, 0.4), 3), round(self._number(-0.4, 0.4), 3), camera["position"][2]
+        both = {"position": [x, y, z], "target": [x, y, 0.0], "height": round(self._number(1.5, 3.0), 3)}
+        return {"type": "orthographic", **both}
+
+    def _medium(self, most: float) -> str:
+        name = f"medium{len(self.media)}"
+        scattering = self.random.uniform(0.2, 1.0, 3) * self._number(0.1, 1.0) * most
+        absorption = self.random.uniform(0.0, 0.4, 3) * scattering
+        g = round(self._number(-0.5, 0.8), 3)
+        self.media[name] = {"absorption": _rounded(absorption), "scattering": _rounded(scattering), "g": g}
+        return name
+
+    def _fill(self, closed: bool) -> None:
+        """Clouds, milk in glass, and in closed rooms fog; no two of what light passes may overlap."""
+        clear = ("glass", "rough_glass")
+        apart: list[dict[str, Any]] = []
+        for shape in list(self.shapes):
+            if shape.get("material") in clear:
+                if all(_apart(shape, other) for other in apart):
+                    apart.append(shape)
+                else:
+                    self.shapes.remove(shape)
+        for shape in apart:
+            if self.random.random() < 0.4:
+                shape["interior"] = self._medium(6.0)
+        for _ in range(int(self.random.integers(1, 4))):
+            place = _rounded(self.random.uniform(-1.1, 1.1, 3))
+            if self.random.random() < 0.6:
+                cloud: dict[str, Any] = {"type": "sphere", "center": place, "radius": round(self._number(0.3, 0.7), 3)}
+            else:
+                cloud = {"type": "box", "center": place, "size": _rounded(self.random.uniform(0.3, 0.9, 3))}
+            if all(_apart(cloud, other) for other in apart):
+                apart.append(cloud)
+                self.shapes.append({**cloud, "interior": self._medium(6.0)})
+        near = all(light["type"] in ("point", "spot") for light in self.lights)
+        if closed and near and self.random.random() < 0.6:
+            self.fog = self._medium(0.3)
+
+    def _masks(self) -> None:
+        """Quads that are there in part: everywhere by a share, or with the holes of a picture."""
+        from PIL import Image
+
+        for number in range(int(self.random.integers(1, 4))):
+            described: dict[str, Any] = self._diffuse()
+            if self.random.random() < 0.4:
+                described["opacity"] = round(self._number(0.1, 0.9), 3)
+            else:
+                texels = self.random.integers(0, 2, (8, 8, 4)) * 255
+                if self.random.random() < 0.5:
+                    texels = self.random.integers(0, 256, (8, 8, 4))
+                Image.fromarray(texels.astype(np.uint8), "RGBA").save(self.folder / f"mask{number}.png")
+                described["opacity"] = {"texture": f"mask{number}.png", "channel": "a", "filter": "nearest"}
+            name = self._material(f"mask{number}", described)
+            self._quad(self._place(), self._place(1.2), self._place(1.2), material=name)
+
+    def _sky(self) -> None:
+        """In the place of another environment: the sky alone, since the sun's disc differs in both."""
+        self.lights = [light for light in self.lights if light["type"] != "environment"]
+        x, y, z = self._normal()
+        sky = {"sun_direction": [x, abs(y) + 0.1, z], "turbidity": round(self._number(2.0, 8.0), 2)}
+        ground = {"ground": False, "ground_albedo": round(self._number(0.0, 0.8), 3)}
+        scales = {"sun_scale": 0.0, "sky_scale": 0.01}
+        self.lights.append({"type": "sun_sky", **sky, **ground, **scales})
 
     def _quad(self, origin: Any, u: Any, v: Any, **more: Any) -> None:
         self.shapes.append({"type": "quad", "origin": list(origin), "edge_u": list(u), "edge_v": list(v), **more})
@@ -209,6 +317,17 @@ class _Maker:
         # .hdr, whose mantissas are m + 1/2 here, as in Radiance, and m there.
         write_image(self.folder / "sky.exr", sky.repeat(32, axis=0).repeat(32, axis=1))
         self.lights.append({"type": "environment", "file": "sky.exr"})
+
+
+def _ball(shape: dict[str, Any]) -> tuple[Any, float]:
+    """Centre and radius of a sphere about a sphere or box."""
+    size = shape["radius"] if shape["type"] == "sphere" else 0.5 * np.linalg.norm(shape["size"])
+    return np.array(shape["center"]), float(size)
+
+
+def _apart(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    (a, r), (b, s) = _ball(one), _ball(other)
+    return bool(np.linalg.norm(a - b) > r + s + 1e-3)
 
 
 _GOLD: Final = {"eta": [0.21, 0.43, 1.38], "k": [3.272, 2.455, 1.914]}
@@ -384,6 +503,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="+", metavar="FIRST LAST | spheres")
     parser.add_argument("--mitsuba", help="a Python that has Mitsuba")
+    parser.add_argument("--with", dest="more", default="", metavar="KINDS", help=", ".join(_MORE) + ", by commas")
     parser.add_argument("--folder", type=Path, default=Path("cross_check"))
     parser.add_argument("--in-mitsuba", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()
@@ -391,6 +511,9 @@ def main() -> None:
     if asked.in_mitsuba:
         _in_mitsuba([folder / name for name in asked.scenes])
         return
+    more = frozenset(filter(None, asked.more.split(",")))
+    if not more <= set(_MORE):
+        parser.error(f"--with takes {', '.join(_MORE)}")
     spheres = asked.scenes == ["spheres"]
     if spheres:
         folders = _spheres(folder)
@@ -399,7 +522,7 @@ def main() -> None:
         folders = [folder / str(seed) for seed in range(first, last)]
         for seed, place in enumerate(folders, first):
             place.mkdir(parents=True, exist_ok=True)
-            (place / "scene.json").write_text(json.dumps(_Maker(seed, place).make()), encoding="utf-8")
+            (place / "scene.json").write_text(json.dumps(_Maker(seed, place, more).make()), encoding="utf-8")
     else:
         parser.error("give the first seed and the one after the last, such as 0 100, or `spheres`")
     if asked.mitsuba:

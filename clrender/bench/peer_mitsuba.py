@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import drjit
 import mitsuba
 import numpy as np
-from peer_scene import Job, Part, answer, camera_of, job, lights_of, parts_of, timed
+from peer_scene import Job, Part, answer, camera_of, job, lights_of, media_of, parts_of, timed
 
 __all__: list[str] = []
 
@@ -32,8 +33,25 @@ def texture(value: Any, folder: Path) -> Any:
     return color(value)
 
 
+def opacity(value: Any, folder: Path) -> Any:
+    """A number, or one of the channels of a bitmap."""
+    if not isinstance(value, dict):
+        return value
+    pixels = np.array(mitsuba.Bitmap(str(folder / value["texture"])))[..., "rgba".index(value["channel"])]
+    alone = mitsuba.Bitmap(np.ascontiguousarray(pixels[..., None]), mitsuba.Bitmap.PixelFormat.Y)
+    alone.set_srgb_gamma(False)
+    made = {**texture({**value, "color_space": "linear"}, folder), "bitmap": alone}
+    del made["filename"]
+    return made
+
+
 def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    if "opacity" in described:
+        whole = {key: value for key, value in described.items() if key != "opacity"}
+        return {"type": "mask", "opacity": opacity(described["opacity"], folder), "nested": material(whole, folder)}
     kind = described["type"]
+    if kind == "null":
+        return {"type": "null"}
     alpha = described.get("roughness", 0.0) ** 2
     if kind == "dielectric":
         if described.get("thin"):
@@ -82,8 +100,29 @@ def index_of(described: dict[str, Any]) -> Any:
     return GOLD if described.get("metal") == "Au" else (described["eta"], described["k"])
 
 
-def flat_mesh(part: Part, folder: Path) -> Any:
+def medium(described: dict[str, Any]) -> Any:
+    """Homogeneous, with Henyey and Greenstein's phase function."""
+    absorption, scattering = (np.broadcast_to(described.get(key, 0.0), 3) for key in ("absorption", "scattering"))
+    extinction = absorption + scattering
+    scale = max(float(extinction.max()), 1e-30)
+    albedo = np.divide(scattering, extinction, out=np.zeros(3), where=extinction > 0.0)
+    # The colour of a volume is at most 1
+    made = {"albedo": color(albedo.tolist()), "sigma_t": color((extinction / scale).tolist()), "scale": scale}
+    return mitsuba.load_dict({"type": "homogeneous", **made, "phase": {"type": "hg", "g": described.get("g", 0.0)}})
+
+
+def media_around(described: dict[str, Any], interior: str | None, media: dict[str, Any], fog: str | None) -> Any:
+    """Of a surface that light passes: what is behind it and before it."""
+    if interior is None and (fog is None or described["type"] not in ("dielectric", "null") or described.get("thin")):
+        return {}
+    around = {} if interior is None else {"interior": media[interior]}
+    return around if fog is None else {**around, "exterior": media[fog]}
+
+
+def flat_mesh(part: Part, folder: Path, around: dict[str, Any]) -> Any:
     properties = mitsuba.Properties()
+    for name, filled in around.items():
+        properties[name] = filled
     properties["bsdf"] = mitsuba.load_dict(material(part.material, folder))
     properties["face_normals"] = True
     if part.emission is not None:
@@ -105,6 +144,10 @@ def light(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     if described["type"] == "directional":
         values = {"direction": described["direction"], "irradiance": color(described["irradiance"])}
         return {"type": "directional", **values}
+    if described["type"] == "spot":
+        return spot(described)
+    if described["type"] == "sun_sky":
+        return sky(described)
     if described["type"] != "environment":
         raise ValueError(f"a light of type {described['type']} has no equal in Mitsuba")
     if "file" in described:
@@ -112,8 +155,44 @@ def light(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {"type": "constant", "radiance": color(described["radiance"])}
 
 
-def round_shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
-    made: dict[str, Any] = {"type": described["type"], "bsdf": material(described["material"], folder)}
+SKY_NANOMETRES = 106.75
+"""What the model's radiance in RGB is divided by there, and not in clrender."""
+
+
+def sky(described: dict[str, Any]) -> dict[str, Any]:
+    """The sky without sun or ground: of the sun's disc the two have different spectra. Upward is z there, y here."""
+    if described["sun_scale"] != 0.0 or described["ground"]:
+        raise ValueError("of a sun_sky only the sky has an equal in Mitsuba: give sun_scale = 0 and ground = false")
+    made = {key: described[key] for key in ("sun_direction", "turbidity")}
+    factor = described.get("sky_scale", 1.0) * described.get("scale", 1.0)
+    upward = mitsuba.ScalarTransform4f().rotate([1.0, 0.0, 0.0], -90.0)
+    scales = {"sky_scale": SKY_NANOMETRES * factor, "sun_scale": 0.0}
+    return {"type": "sunsky", **made, **scales, "albedo": described["ground_albedo"], "to_world": upward}
+
+
+def spot(described: dict[str, Any]) -> dict[str, Any]:
+    """With the smooth step in the cosine as a picture: by itself it falls off with the angle."""
+    half = described["cone_degrees"] / 2.0
+    edge, blend, side = math.cos(math.radians(half)), described.get("blend", 0.15), 2048
+    # The picture lies across the axis and fills the square about the cone
+    at = ((np.arange(side) + 0.5) / side * 2.0 - 1.0) * math.tan(math.radians(half))
+    cosine = 1.0 / np.sqrt(1.0 + at[:, None] ** 2 + at[None, :] ** 2)
+    t = np.clip((cosine - edge) / max(blend * (1.0 - edge), 1e-12), 0.0, 1.0)
+    fall = mitsuba.Bitmap((t * t * (3.0 - 2.0 * t)).astype(np.float32)[..., None], mitsuba.Bitmap.PixelFormat.Y)
+    position, direction = np.array(described["position"]), np.array(described["direction"])
+    upward = [1, 0, 0] if abs(direction[0]) < 0.9 * np.linalg.norm(direction) else [0, 1, 0]
+    to_world = mitsuba.ScalarTransform4f().look_at(
+        origin=position.tolist(), target=(position + direction).tolist(), up=upward
+    )
+    angles = {"cutoff_angle": half, "beam_width": 0.9999 * half}
+    bitmap = {"type": "bitmap", "bitmap": fall, "raw": True, "wrap_mode": "clamp"}
+    return {"type": "spot", "intensity": color(described["intensity"]), "texture": bitmap, **angles} | {
+        "to_world": to_world
+    }
+
+
+def round_shape(described: dict[str, Any], folder: Path, around: dict[str, Any]) -> dict[str, Any]:
+    made: dict[str, Any] = {"type": described["type"], "bsdf": material(described["material"], folder), **around}
     if described.get("emission") is not None:
         made["emitter"] = {"type": "area", "radiance": color(described["emission"])}
     center, radius = described["center"], described["radius"]
@@ -129,31 +208,55 @@ def round_shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {**made, "to_world": turned @ mitsuba.ScalarTransform4f().scale([radius, radius, 1.0])}
 
 
-def load(one: Job) -> Any:
-    camera = camera_of(one)
+def sensor(camera: dict[str, Any]) -> dict[str, Any]:
+    """Perspective, with or without a lens, or orthographic; what both renderers have."""
     transform = mitsuba.ScalarTransform4f().look_at(
         origin=camera["position"], target=camera["target"], up=camera.get("up", [0, 1, 0])
     )
+    if camera.get("type") == "orthographic":
+        half = camera["height"] / 2.0
+        return {"type": "orthographic", "to_world": transform @ mitsuba.ScalarTransform4f().scale([half, half, 1.0])}
+    made = {"type": "perspective", "fov": camera["vertical_fov"], "fov_axis": "y", "to_world": transform}
+    if not camera.get("aperture_radius"):
+        return made
+    return {
+        **made,
+        "type": "thinlens",
+        "aperture_radius": camera["aperture_radius"],
+        "focus_distance": camera["focus_distance"],
+    }
+
+
+def load(one: Job) -> Any:
     film = {"type": "hdrfilm", "width": one.width, "height": one.height, "pixel_format": "rgb"}
+    described_media, fog = media_of(one)
+    media = {name: medium(described) for name, described in described_media.items()}
+    parts, round_shapes = parts_of(one)
+    masked = any("opacity" in each for each in (*(p.material for p in parts), *(r["material"] for r in round_shapes)))
+    # The shadow rays of its `path` take masks for whole surfaces
+    kind = one.variant.partition(":")[2] or ("volpath" if media or masked else "path")
     scene: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": one.segments, "rr_depth": NO_ROULETTE if one.segments > 0 else 8},
+        "integrator": {"type": kind, "max_depth": one.segments, "rr_depth": NO_ROULETTE if one.segments > 0 else 8},
         "sensor": {
-            "type": "perspective", "fov": camera["vertical_fov"], "fov_axis": "y", "to_world": transform,
+            **sensor(camera_of(one)),
             "film": {**film, "rfilter": {"type": "box"}},
             "sampler": {"type": "independent", "sample_count": one.spp},
         },
-    }  # fmt: skip
-    parts, round_shapes = parts_of(one)
+    }
+    if fog is not None:
+        scene["sensor"]["medium"] = media[fog]
     folder = one.scene.parent
     for number, described in enumerate(lights_of(one)):
         scene[f"light{number}"] = light(described, folder)
     for number, shape in enumerate(round_shapes):
-        scene[f"round{number}"] = round_shape(shape, folder)
+        around = media_around(shape["material"], shape.get("interior"), media, fog)
+        scene[f"round{number}"] = round_shape(shape, folder, around)
     for part in parts:
-        scene[part.name] = flat_mesh(part, folder) if part.file is None else {
+        around = media_around(part.material, part.interior, media, fog)
+        scene[part.name] = flat_mesh(part, folder, around) if part.file is None else {
             "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,
-            "bsdf": material(part.material, folder),
+            "bsdf": material(part.material, folder), **around,
         }  # fmt: skip
     return mitsuba.load_dict(scene)
 
@@ -161,7 +264,7 @@ def load(one: Job) -> Any:
 def main() -> None:
     begin = time.perf_counter()
     one = job()
-    mitsuba.set_variant(one.variant)
+    mitsuba.set_variant(one.variant.partition(":")[0])
     scene = load(one)
     if not one.variant.startswith("scalar"):
         drjit.eval()

@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Job", "Part", "answer", "camera_of", "job", "lights_of", "parts_of", "refuse_rich", "timed"]
+__all__ = ["Job", "Part", "answer", "camera_of", "job", "lights_of", "media_of", "parts_of", "refuse_rich", "timed"]
 
 
 @dataclass(frozen=True)
 class Job:
-    """One render: `variant` of the peer, scene, size, samples per pixel, segments of a path, seed, output path."""
+    """One render: scene, size, samples per pixel, segments of a path, seed, output path.
+
+    `variant` is of the peer, with what else it has to know after a colon.
+    """
 
     variant: str
     scene: Path
@@ -47,6 +50,8 @@ class Part:
         A PLY file that holds the same.
     coordinates : (V, 2) float32 or None
         Of textures, for parallelograms: (0, 0) at the origin, (1, 1) opposite.
+    interior : str or None
+        Name of the medium behind it.
     """
 
     name: str
@@ -57,6 +62,7 @@ class Part:
     normals: Any = None
     file: Path | None = None
     coordinates: Any = None
+    interior: str | None = None
 
 
 def job() -> Job:
@@ -78,28 +84,39 @@ def lights_of(one: Job) -> list[dict[str, Any]]:
     return lights
 
 
+def media_of(one: Job) -> tuple[dict[str, Any], str | None]:
+    """Media by name, and the name of the one that is wherever no other is."""
+    described = json.loads(one.scene.read_text(encoding="utf-8"))
+    return described.get("media", {}), described.get("fog")
+
+
 def refuse_rich(one: Job, name: str) -> None:
     """End with a sentence when the scene holds more than Lambert, mirrors and smooth glass."""
-    if lights_of(one):
+    if lights_of(one) or any(media_of(one)):
         sys.exit(f"{name} has no translation of this scene's materials here; compare it with mitsuba")
 
 
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
-    """The scene's meshes, and its spheres and disks as in the scene file, with their materials resolved."""
+    """The scene's meshes, and its spheres and disks as in the scene file, with their materials resolved.
+
+    The material of what has none is of the type ``null``.
+    """
     described = json.loads(one.scene.read_text(encoding="utf-8"))
-    materials = {name: _resolved(name, described["materials"]) for name in described["materials"]}
+    materials: dict[str | None, Any] = {None: {"type": "null"}}
+    materials |= {name: _resolved(name, described["materials"]) for name in described["materials"]}
     parts, spheres = [], []
     groups: dict[str, list[dict[str, Any]]] = {}
     for number, shape in enumerate(described["shapes"]):
         if shape["type"] in ("sphere", "disk"):
-            spheres.append({**shape, "material": materials[shape["material"]]})
+            spheres.append({**shape, "material": materials[shape.get("material")]})
         elif shape["type"] == "mesh":
             file = one.scene.parent / shape["file"]
             parts.append(Part(f"mesh{number}", materials[shape["material"]], None, *_read_ply(file), file))
         else:
-            groups.setdefault(json.dumps([shape["material"], shape.get("emission")]), []).append(shape)
+            alike = [shape.get("material"), shape.get("emission"), shape.get("interior")]
+            groups.setdefault(json.dumps(alike), []).append(shape)
     for number, (key, shapes) in enumerate(groups.items()):
-        name, emission = json.loads(key)
+        name, emission, interior = json.loads(key)
         pieces = [_triangles(shape) for shape in shapes]
         all_quads = all(shape["type"] == "quad" for shape in shapes)
         corners = (
@@ -108,10 +125,8 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
         offsets = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
         vertices = np.concatenate([vertices for vertices, _ in pieces]).astype(np.float32)
         faces = np.concatenate([faces + offset for (_, faces), offset in zip(pieces, offsets, strict=True)])
-        group = Part(
-            f"group{number}_{name}", materials[name], emission, vertices, faces.astype(np.int32), coordinates=corners
-        )
-        parts.append(group)
+        both = {"coordinates": corners, "interior": interior}
+        parts.append(Part(f"group{number}_{name}", materials[name], emission, vertices, faces.astype(np.int32), **both))
     return parts, spheres
 
 

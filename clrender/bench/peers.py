@@ -34,6 +34,7 @@ class _Kind:
 
 PEERS: Final[Mapping[str, _Kind]] = {
     "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb"),
+    "mitsuba-path": _Kind("peer_mitsuba.py", "llvm_ad_rgb:path"),
     "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb"),
     "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb"),
     "luxcore": _Kind("peer_luxcore.py", "PATHCPU", spheres=False, no_opencl=True),
@@ -41,7 +42,11 @@ PEERS: Final[Mapping[str, _Kind]] = {
     "cycles-tree": _Kind("peer_cycles.py", "tree", spheres=False),
     "embree": _Kind("peer_embree.py", "rays", spheres=False),
 }
-"""Other renderers by name; ``embree`` only traces rays."""
+"""Other renderers by name; ``embree`` only traces rays.
+
+Where surfaces have holes ``mitsuba`` is its `volpath`, whose shadow rays pass holes as clrender's do. The shadow rays
+of its `path`, ``mitsuba-path``, do not, so that light through holes is found by chance alone: faster, and noisier.
+"""
 
 
 @dataclass(frozen=True)

@@ -62,13 +62,18 @@ def _bumps(p: Points) -> Points:
     return 1.0 + 0.08 * large + 0.01 * small
 
 
-def write_ply(path: Path, points: Points, faces: Corners, normals: Points | None = None) -> None:
-    """A binary PLY file of vertices (V, 3), triangles (F, 3) and vertex normals (V, 3)."""
-    columns = points if normals is None else np.concatenate([points, normals], 1)
-    names = "xyz" if normals is None else ("x", "y", "z", "nx", "ny", "nz")
+def write_ply(
+    path: Path, points: Points, faces: Corners, normals: Points | None = None, coordinates: Points | None = None
+) -> None:
+    """A binary PLY file of vertices (V, 3), triangles (F, 3), vertex normals (V, 3) or texture coordinates (V, 2)."""
+    names, columns = ["x", "y", "z"], [points]
+    for more, values in ((("nx", "ny", "nz"), normals), (("s", "t"), coordinates)):
+        if values is not None:
+            names += more
+            columns.append(values)
     rows = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
     rows["count"], rows["corners"] = 3, faces
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [f"property float {name}" for name in names]
     header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
-    path.write_bytes("\n".join(header).encode() + columns.astype("<f4").tobytes() + rows.tobytes())
+    path.write_bytes("\n".join(header).encode() + np.concatenate(columns, 1).astype("<f4").tobytes() + rows.tobytes())

@@ -494,8 +494,10 @@ class Scene(Part):
                 light["file"] = picture.sha256()
         for index, _ in self.ies_lights():
             content["lights"][index]["file"] = self.ies_profile(index).sha256()
-        for at, texture in self.texture_files():
-            put_at(content, at, self.textures().picture(texture).sha256)
+        if named := self.texture_files():
+            store = self.textures()
+            for at, texture in named:
+                put_at(content, at, store.picture(texture).sha256)
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 

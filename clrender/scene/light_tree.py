@@ -41,8 +41,8 @@ class Emitters:
         Unit, the middle of the hemisphere that a light shines into; zero where it shines all around; of a lamp the mean
         direction of its light, shorter than 1.
     power : (L,) float64
-        What arrives at a distance of 1 m from the front, W/m²; from infinitely far: what arrives. Above 0. Where there
-        are lamps, of all that are not infinitely far the flux over π, which for flat ones is the same.
+        The flux over π, which of flat lights is what arrives at a distance of 1 m from the front, W/m²; from infinitely
+        far: what arrives. Above 0.
     infinite : (L,) bool
     cones : (L, 4) float64 or None
         Where there are lamps: the middle of a cone with all directions of a light, unit, and the cosine of half its

@@ -264,15 +264,13 @@ def _emitters(
     normal[round_] = shapes["normal"][:, :3]
     length = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2 + normal[:, 2] ** 2)[:, None]
     infinite = np.isin(kind, (layout.LIGHT_DIRECTIONAL, layout.LIGHT_ENVIRONMENT, layout.LIGHT_SUN))
-    # A flat light's power is π times what it sends forwards, a sphere's and a point's 4π; of what comes from infinitely
-    # far, what falls through the scene's cross-section.
+    # Of all that is near the flux over π: what a flat light sends forwards. Others shine all around, of which the tree
+    # expects a quarter of that. Of what comes from infinitely far, what falls through the scene's cross-section
     flat = triangles | (kind == layout.LIGHT_AREA_DISK)
-    per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), np.where(flat, 1.0 / math.pi, 0.25 / math.pi))
+    per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), 1.0 / math.pi)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
     cone_axis, cone_cosine = normal.copy(), np.where(flat, 0.0, -1.0)
     lamps = np.flatnonzero(np.isin(kind, (layout.LIGHT_SPOT, layout.LIGHT_IES)))
-    if len(lamps):
-        per_power = np.where(infinite, per_power, 1.0 / math.pi)
     for number in lamps.tolist():
         lamp = at_point[number]
         normal[number], cone_axis[number], cone_cosine[number] = lamp.mean, lamp.cone_axis, lamp.cone_cosine

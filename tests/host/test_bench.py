@@ -8,13 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import clrender
 from clrender.bench import SCENES, Peer, Run, measure, peer_from, summary, write_scene
+from clrender.bench.foliage import LEAVES
 from clrender.bench.measure import relative_error
 from clrender.bench.peers import PEERS, Task
 from clrender.errors import RenderError, UsageError
 from clrender.flatten import flatten
+from clrender.image.files import read_image
+from clrender.scene.mesh_io import read_mesh
 
 TRIANGLES = {"S1": 28, "S1-tess": 28 + 10240, "S2": 28, "S2-tess": 28 + 10240, "S3-10k": 16 + 9680, "S4": 24 + 1000}
 
@@ -30,6 +34,20 @@ def test_scenes_are_what_they_say(tmp_path: Path, name: str) -> None:
     corners = flat.arrays["vertices"][flat.arrays["triangles"]]
     assert (corners.min((0, 1)) >= [-2.001, -0.001, -2.001]).all()
     assert (corners.max((0, 1)) <= [2.001, 4.001, 6.001]).all()
+
+
+def test_the_tree_has_leaves_with_holes(tmp_path: Path) -> None:
+    """All of them above the ground, of the same picture, which holds about as much leaf as hole."""
+    described = json.loads(write_scene("S6", tmp_path).read_text(encoding="utf-8"))
+    leaves = read_mesh("leaves.ply", tmp_path, [], "leaves")
+    assert leaves.triangles.shape == (2 * LEAVES, 3) and leaves.vertices[:, 1].min() > 0.5
+    assert leaves.uvs is not None
+    assert np.array_equal(np.unique(leaves.uvs), [0.0, 1.0])
+    alpha = np.array(Image.open(tmp_path / "leaf.png"))[..., 3]
+    assert set(np.unique(alpha)) == {0, 255} and 0.4 < (alpha > 0).mean() < 0.7
+    assert described["materials"]["leaf"]["opacity"]["texture"] == "leaf.png"
+    sky = read_image(tmp_path / "sky.exr")
+    assert sky.min() > 0.0 and sky.max() > 1e4
 
 
 def test_the_body_is_closed(tmp_path: Path) -> None:

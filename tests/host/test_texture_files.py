@@ -278,6 +278,23 @@ def test_a_copy_of_a_scene_may_have_other_textures(tmp_path: Path) -> None:
     assert first.content_sha256() != second.content_sha256()
 
 
+def test_a_hash_looks_for_textures_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not for each shape that has one: ten thousand shapes would take minutes."""
+    emission = {"checker": [0.5, 2.0], "size": 0.5}
+    write_image(tmp_path / "a.exr", np.ones((2, 2, 3), np.float32))
+    shapes = [{"type": "sphere", "radius": 1.0, "emission": each} for each in 20 * [emission, {"texture": "a.exr"}]]
+    lamps, looked, look = scene(tmp_path, *shapes), 0, Scene.placed_textures
+
+    def counted(self: Scene) -> Any:
+        nonlocal looked
+        looked += 1
+        return look(self)
+
+    monkeypatch.setattr(Scene, "placed_textures", counted)
+    lamps.sha256()
+    assert 0 < looked <= 2
+
+
 def test_hashes_follow_the_pixels(tmp_path: Path) -> None:
     Image.fromarray(COLORS).save(tmp_path / "a.png")
     Image.fromarray(COLORS).save(tmp_path / "b.png", compress_level=0)

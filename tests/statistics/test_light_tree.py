@@ -196,3 +196,23 @@ def test_light_from_behind_counts_where_it_is_scattered_too(device: Device) -> N
     assert shares.min() > 0.005, "none is left out"
     one_sided = table.choose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))[3]
     assert (one_sided[1::2] == 0.0).all(), "an opaque surface has no use for those behind it"
+
+
+@pytest.mark.parametrize("kind", ["sphere", "point"])
+def test_what_shines_all_around_counts_as_much_as_a_disk_that_faces_the_point(device: Device, kind: str) -> None:
+    """A small sphere sends to a far point what a disk of its size does that is turned to it, and a point may, too."""
+    rng = np.random.default_rng(50)
+    shapes: list[dict[str, Any]] = []
+    lights: list[dict[str, Any]] = []
+    for x, y, z in rng.uniform([3.0, 3.0, -0.5], [4.0, 4.0, 0.5], (16, 3)).tolist():
+        shapes.append(disk([x, y, z], [-x, -y, -z], 0.01, emission=1.0))
+        if kind == "sphere":
+            shapes.append(sphere([-x, y, z], 0.01, emission=1.0))
+        else:
+            lights.append({"type": "point", "position": [-x, y, z], "intensity": [1e-4 * np.pi] * 3})
+    table = LightTable(device, scene(shapes, lights))
+    shares = table.choose((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))[3].astype(np.float64)
+    flat = table.flat.arrays["lights"]["kind"][: len(shares)] == layout.LIGHT_AREA_DISK
+    assert flat.sum() == 16
+    # Not exactly: what the tree knows of a group are means
+    assert shares[~flat].sum() == pytest.approx(0.5, abs=0.05)
