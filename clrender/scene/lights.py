@@ -125,6 +125,7 @@ def flat_lights(
     powers: list[NDArray[np.float64]] = []
     total, environment = 0, layout.NONE
     darkest: dict[int, float] = {}
+    means: dict[int, NDArray[np.float64]] = {}
     for index in range(len(scene.shapes)):
         emission = shape_emission(scene, index)
         if emission is None:
@@ -147,7 +148,9 @@ def flat_lights(
             some["radiance"][:, :3] = emission.constant
             powers.append(math.pi * areas * _luminance(emission.constant))
         else:
-            some["radiance"][:, :3] = _means(scene, surfaces, index, TextureMeans(textures, texture))
+            if index not in means:
+                means |= _means(scene, surfaces, textures, texture)
+            some["radiance"][:, :3] = means[index]
             some["texture"] = texture + 1
             powers.append(math.pi * areas * np.maximum(_luminances(some["radiance"]), darkest[texture]))
         total += count
@@ -298,13 +301,26 @@ def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Row
     return rows, triangle_areas(surfaces.vertices, surfaces.triangles[first : first + count])
 
 
-def _means(scene: Scene, surfaces: FlatSurfaces, index: int, texture: TextureMeans) -> NDArray[np.float64]:
-    """Mean radiance of the primitives of one shape that shines as a texture, (n, 3) or (3,)."""
-    shape, first = scene.shapes[index], int(surfaces.first[index])
-    if isinstance(shape, Sphere | Disk):
-        return texture.sphere() if isinstance(shape, Sphere) else texture.disk()
-    corners = surfaces.attributes[first : first + int(surfaces.count[index])]
-    return texture.triangles(corners[:, 6 * texture.uv_set : 6 * texture.uv_set + 6].reshape(-1, 3, 2))
+def _means(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, number: int) -> dict[int, NDArray[np.float64]]:
+    """Mean radiance of the primitives of each shape that shines as this texture, (n, 3) or (3,).
+
+    Of all of them at once: for each alone it would take most of the time that it takes to load ten thousand shapes.
+    """
+    texture = TextureMeans(textures, number)
+    found: dict[int, NDArray[np.float64]] = {}
+    indices = [index for index, other in textures.emission.items() if other == number]
+    for kind, mean in ((Sphere, texture.sphere), (Disk, texture.disk)):
+        some = [index for index in indices if isinstance(scene.shapes[index], kind)]
+        if some:
+            found |= dict.fromkeys(some, mean())
+    flat = [index for index in indices if index not in found]
+    if flat:
+        counts = surfaces.count[flat].astype(np.int64)
+        spans = [np.arange(first, first + n) for first, n in zip(surfaces.first[flat].tolist(), counts, strict=True)]
+        at = 6 * texture.uv_set
+        corners = surfaces.attributes[np.concatenate(spans), at : at + 6].reshape(-1, 3, 2)
+        found |= dict(zip(flat, np.split(texture.triangles(corners), np.cumsum(counts)[:-1]), strict=True))
+    return found
 
 
 def _texture_luminance(scene: Scene, emission: Emission, texture: TextureMeans) -> float:

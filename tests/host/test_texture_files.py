@@ -25,6 +25,7 @@ from clrender.scene import Scene
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.scene.texels import TILE_BYTES, TexelStore, tile_shape
+from clrender.scene.texture_means import TextureMeans
 from clrender.scene.textures import ImageTexture
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -293,6 +294,32 @@ def test_a_hash_looks_for_textures_once(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(Scene, "placed_textures", counted)
     lamps.sha256()
     assert 0 < looked <= 2
+
+
+def test_lights_of_one_texture_are_averaged_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once for all spheres, and for the triangles of all shapes; each with the mean that it has alone."""
+    write_image(tmp_path / "a.exr", RNG.random((6, 9, 3)).astype(np.float32))
+    shape = {"emission": {"texture": "a.exr"}}
+    square = {"type": "quad", "origin": [0, 0, 0], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0]}
+    corners = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]], "uvs": [[0, 0], [0.4, 0.1], [0, 3]]}
+    kinds: list[dict[str, Any]] = [{"type": "sphere", "radius": 1.0}, square, {"type": "mesh", **corners}]
+    alone = [flatten(scene(tmp_path, {**each, **shape}), 8, 8).arrays["lights"]["radiance"] for each in kinds]
+    asked: list[str] = []
+
+    def counted(name: str) -> Callable[..., Any]:
+        ask = getattr(TextureMeans, name)
+
+        def asks(*given: Any) -> Any:
+            asked.append(name)
+            return ask(*given)
+
+        return asks
+
+    for name in ("sphere", "triangles"):
+        monkeypatch.setattr(TextureMeans, name, counted(name))
+    lights = flatten(scene(tmp_path, *({**each, **shape} for each in kinds * 4)), 8, 8).arrays["lights"]
+    assert sorted(asked) == ["sphere", "triangles"]
+    assert np.array_equal(lights["radiance"], np.concatenate(alone * 4))
 
 
 def test_hashes_follow_the_pixels(tmp_path: Path) -> None:
