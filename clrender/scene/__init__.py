@@ -25,6 +25,7 @@ from clrender.scene.materials import (
     Mix,
     OrenNayar,
     Principled,
+    Subsurface,
 )
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
@@ -56,6 +57,7 @@ __all__ = [
     "Shape",
     "Sphere",
     "SpotLight",
+    "Subsurface",
     "Tetrahedron",
     "Transform",
     "Triangle",

@@ -19,6 +19,7 @@
 #include "material/bsdf.h"
 #include "material/interior.h"
 #include "medium/homogeneous.h"
+#include "medium/walk.h"
 
 // Where the paths of a packet have arrived.
 typedef struct {
@@ -28,6 +29,7 @@ typedef struct {
     vmask traced;            // the path's ray came here for the first time
     vmask found;             // and here is a surface; else the ray has left the scene
     vmask scatters;          // the path may go on from it
+    vmask dark;              // no light sample could arrive
     vmask diffuse;           // and not by a delta alone, so that light sampling makes sense
 } Vertex;
 
@@ -43,7 +45,8 @@ static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats
     v->found = found & v->traced;
     const vmask straight = interior_straight(&v->crossing);
     v->scatters = found & ((path->depth < scene->settings->max_depth) | straight);
-    v->diffuse = v->scatters & !(v->bsdf.specular | straight);
+    v->dark = walk_in_the_dark(scene, &path->interior, &v->crossing, &v->bsdf);
+    v->diffuse = v->scatters & !(v->bsdf.specular | straight | v->dark);
     stats->rays += lane_count(path->alive);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
 }
@@ -177,7 +180,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const Bsdf* bsdf = &vertex->bsdf;
     const vmask straight = interior_straight(&vertex->crossing);
     const vmask passes = shadow_passes(straight);
-    path->specular = passes ? path->specular : bsdf->specular | straight;
+    path->specular = passes ? path->specular : bsdf->specular | straight | vertex->dark;
     path->bsdf_samples = passes ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
     split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
 
@@ -204,7 +207,8 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
-        const vfloat played = roulette_survival(settings->roulette, path->throughput, path->depth, vertex->surface.absorption);
+        const vfloat other = roulette_survival(settings->roulette, path->throughput, path->depth, vertex->surface.absorption);
+        const vfloat played = walk_survival(scene, &path->interior, bsdf, settings->roulette, path->throughput, path->depth, other);
         const vfloat survival = straight ? splat(1.0f) : played;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
         goes_on = goes_on & (unit_interval(bits_u) < survival);
