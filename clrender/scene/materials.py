@@ -264,8 +264,8 @@ class Subsurface(_Bumpy):
     """
 
     type: Literal["subsurface"]
-    albedo: _Albedo = Field(description="share of light that a flat, thick piece of it returns; a number or 3 numbers")
-    radius: _Radius = Field(description="mean free path inside, metres; a number or 3 numbers")
+    albedo: _Albedo = Field(description="share of light that a flat, thick piece of it returns")
+    radius: _Radius = Field(description="mean free path inside, metres")
     g: Annotated[Finite, Field(ge=-MOST_G, le=MOST_G)] = Field(
         0.0, description="mean cosine of scattering (Henyey and Greenstein): above 0 forwards, below 0 backwards"
     )

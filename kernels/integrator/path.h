@@ -51,10 +51,19 @@ static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
 }
 
+// How far each path gets in a medium: it need not look for what is further away.
+static void path_free(const Scene* scene, Path* path, FreePath* free) {
+#ifdef MEDIA
+    *free = medium_free_path(scene, &path->interior, path->sample.sampler, path->depth, path->throughput);
+    path->ray.limit = split_back(&path->split) ? path->ray.limit : lesser(path->ray.limit, free->length);
+#endif
+}
+
 // Find where each ray meets the scene. `path` and `hit` are arrays, even where there is one packet: rusticl's compiler (Mesa 22.3)
 // crashes over an index into what is none.
-static void path_find(const Scene* scene, const Path* path, Hit* hit) {
+static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) {
     Traversal ahead;
+    EACH_PACKET(k) path_free(scene, &path[k], &free[k]);
     EACH_PACKET(k) traverse_start(&scene->bvh, &ahead, k, &path[k].ray, path[k].alive, 0);
     traverse_finish(&scene->bvh, &ahead, 0);
     EACH_PACKET(k) {
@@ -64,8 +73,8 @@ static void path_find(const Scene* scene, const Path* path, Hit* hit) {
 }
 
 // Go there through what lies on the way: it absorbs, or scatters the path before it arrives.
-static void path_travel(const Scene* scene, Path* path, Hit* hit) {
-    medium_travel(scene, &path->interior, path->sample.sampler, path->depth, path->alive & !split_back(&path->split), &path->throughput, hit);
+static void path_travel(const Scene* scene, Path* path, const FreePath* free, Hit* hit) {
+    medium_travel(scene, &path->interior, free, path->alive & !split_back(&path->split), &path->throughput, hit);
     split_again(&path->split, hit);
 }
 
@@ -234,14 +243,15 @@ static int path_next_of_all(const Scene* scene, Pool* pool, CameraRays* waiting,
 static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS];
+    FreePath free[PACKETS];
     Hit hit[PACKETS];
     Vertex vertex[PACKETS];
     EACH_PACKET(k) path[k] = path_none();
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
         // Find where each ray meets the scene; paths that met the same kind of material go on side by side
-        path_find(scene, path, hit);
-        EACH_PACKET(k) path_travel(scene, &path[k], &hit[k]);
+        path_find(scene, path, free, hit);
+        EACH_PACKET(k) path_travel(scene, &path[k], &free[k], &hit[k]);
         path_regroup(scene, path, hit);
 
         // Add the light that the surface there sends out by itself, or the environment where there is none

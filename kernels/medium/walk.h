@@ -14,9 +14,9 @@
 
 #ifdef SUBSURFACE
 
-// From so many scattering events on a walk may end that absorbs nothing. At event n it goes on with the probability 1 − 1/n: weights then
-// grow no faster than n, and none does in a body of less than a hundred mean free paths.
-#define WALK_LONG 65536u
+// From so many scattering events on a walk may end that absorbs nothing. At event n it goes on with the probability 1 − 1/n, so that weights
+// grow no faster than n, and hardly ever in a body of less than a hundred mean free paths.
+#define WALK_LONG 16384u
 
 static vmask walk_flag(const Scene* scene, vuint medium, uint flag) {
     return (vfloat_bits(lane_gather(scene->media_rows, medium * 16u + (uint)MEDIUM_ROW_FLAGS)) & flag) != 0u;
@@ -35,7 +35,7 @@ static vmask walk_in_the_dark(const Scene* scene, const Interior* in, const Cros
 static vfloat walk_survival(const Scene* scene, const Interior* in, const Bsdf* b, uint roulette, vec3 throughput, vuint depth, vfloat other) {
     const vmask walks = b->passes | (b->medium & walk_flag(scene, interior_top(in), MEDIUM_FLAG_SUBSURFACE));
     const vfloat least = roulette == ROULETTE_THROUGHPUT ? lesser(largest(throughput), splat(1.0f)) : splat(1.0f);
-    const vfloat early = depth >= 4u ? least : splat(1.0f), late = splat(1.0f) - splat(1.0f) / vfloat_of(vint_from_uint(depth | 1u));
+    const vfloat early = depth >= 4u ? least : splat(1.0f), late = splat(1.0f) - splat(1.0f) / vfloat_of(vint_from_uint(depth + 1u));
     return walks ? (depth >= WALK_LONG ? early * late : early) : other;
 }
 

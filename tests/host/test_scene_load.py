@@ -45,6 +45,7 @@ NEEDED = {
     "room", "room-mirror", "room-glass", "cornell", "furnace", "furnace-room", "furnace-sphere", "furnace-glass",
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals", "sky", "drink", "surfaces", "lamps", "haze",
+    "candles",
 }  # fmt: skip
 INEXACT = {
     "room",
@@ -58,6 +59,7 @@ INEXACT = {
     "surfaces",
     "lamps",
     "haze",
+    "candles",
 }
 EXACT = NEEDED - INEXACT
 
