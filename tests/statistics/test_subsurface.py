@@ -240,15 +240,16 @@ def gathered() -> Scene:
     )
 
 
-@pytest.mark.parametrize("rich", [False, pytest.param(True, marks=SLOW)], ids=["", "rich"])
-def test_bits_do_not_depend_on_lanes_and_cuts(device: Device, rich: bool) -> None:
-    what = gathered() if rich else lit("lamp", **skin(list(ALBEDO), COLORED, g=0.4))
+@SLOW
+def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
+    """Beside the scene `candles`, which is one of those of tests/image: with all that makes a program large."""
+    what = gathered()
     with clrender.Session(device.info.index) as session:
         whole = session.render(what, size=(40, 31), spp=4).stats["image_sha256"]
         assert session.render(what, size=(40, 31), spp=4, tile=8, samples_per_pass=1).stats["image_sha256"] == whole
     hashes = {
         clrender.render(what, device=device.info.index, size=(40, 31), spp=4, lanes=lanes).stats["image_sha256"]
-        for lanes in ((1, 4, 8, 16) if rich else (1, 8))
+        for lanes in (1, 4, 8, 16)
     }
     assert hashes == {whole}
 
