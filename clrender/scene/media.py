@@ -127,8 +127,8 @@ def scene_media(scene: Scene) -> Media:
     if len(numbers) > MEDIA_LIMIT:
         text = f"the interiors of its shapes are {len(numbers)} different media, but paths tell {MEDIA_LIMIT} apart"
         raise SceneError(f"{scene.source}: materials: {text}; let more of them agree in index, absorption and priority")
-    # As the kernels see them, in single precision
-    indices = [np.float32(1.0), *(np.float32(medium.ior) for medium in numbers)]
+    # As the kernels see them, in single precision. No shadow ray gets into what has a surface all the same
+    indices = [np.float32(1.0), *(np.float32(medium.ior) for medium in numbers if medium.ior != MATCHED_IOR)]
     straight = any(indices.count(np.float32(medium.ior)) > 1 for medium in ranked)
     straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
     of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
