@@ -25,11 +25,11 @@ from clrender.scene.description import (
     SpotLight,
 )
 from clrender.scene.holes import hole_rows
-from clrender.scene.interiors import media_around, packed
+from clrender.scene.interiors import media_around, media_with_lights, packed
 from clrender.scene.lamp_tables import lamp_tables
 from clrender.scene.lights import flat_environment, flat_lights
 from clrender.scene.material_rows import flat_materials
-from clrender.scene.materials import Dielectric, Material
+from clrender.scene.materials import Dielectric, Material, Subsurface
 from clrender.scene.media import Solid, scene_media, solid_of
 from clrender.scene.microfacets import albedo_tables
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
@@ -75,6 +75,8 @@ class FlatScene:
         Whether light goes straight through some surfaces that are no boundaries: `clrender.scene.media.Media`.
     masked : bool
         Whether rays may pass by some surfaces: those of shapes with the flag `layout.SHAPE_MASKED`.
+    subsurface : bool
+        Whether there are subsurface materials.
     arrays_sha256 : str
         Over all of the above but the camera.
     warnings : tuple of str
@@ -94,6 +96,7 @@ class FlatScene:
     scatters: bool
     straight_surfaces: bool
     masked: bool
+    subsurface: bool
     arrays_sha256: str
     warnings: tuple[str, ...] = ()
     origin: Vector = (0.0, 0.0, 0.0)
@@ -202,6 +205,8 @@ def flatten(
         "lamp_tables": lamps.words,
         "environment_map": around.words,
     }
+    if media.subsurface:
+        _darken(arrays, triangle_count, lights.count)
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
     for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
@@ -220,6 +225,7 @@ def flatten(
         scatters=media.scatters,
         straight_surfaces=media.straight,
         masked=bool((surfaces.shapes["flags"] & layout.SHAPE_MASKED).any()),
+        subsurface=media.subsurface,
         arrays_sha256=digest.hexdigest(),
         warnings=(
             *surfaces.warnings,
@@ -245,6 +251,14 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     return dataclasses.replace(flat, camera=around)
 
 
+def _darken(arrays: Mapping[str, NDArray[Any]], triangle_count: int, light_count: int) -> None:
+    """Note of subsurface materials whether nothing shines inside: then paths look for no light there."""
+    flags = arrays["media_rows"][:, 15].view(np.uint32)
+    flags[(flags & layout.MEDIUM_FLAG_SUBSURFACE) != 0] |= np.uint32(layout.MEDIUM_FLAG_DARK)
+    for medium in media_with_lights(arrays, triangle_count, light_count):
+        flags[medium] &= np.uint32(~layout.MEDIUM_FLAG_DARK & 0xFFFFFFFF)
+
+
 def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
     """What no integrator but one finds: light of points and directions that passes glass."""
     used = {solid_of(shape) for shape in scene.shapes} - no_boundary
@@ -266,6 +280,8 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
 
 def _is_glass(material: Material) -> bool:
     """Whether it bends light, as far as it can be said without knowing what is around it."""
+    if isinstance(material, Subsurface):
+        return material.ior is not None and not material.rough
     return isinstance(material, Dielectric) and material.ior != material.exterior_ior
 
 

@@ -76,6 +76,9 @@ __all__ = [
     "MATERIAL_MIX",
     "MATERIAL_OREN_NAYAR",
     "MATERIAL_PRINCIPLED",
+    "MATERIAL_SUBSURFACE",
+    "MEDIUM_FLAG_DARK",
+    "MEDIUM_FLAG_SUBSURFACE",
     "NONE",
     "ROULETTE_ABSORPTION",
     "ROULETTE_NONE",
@@ -117,12 +120,17 @@ MATERIAL_PRINCIPLED: Final = 5
 MATERIAL_MIX: Final = 6
 MATERIAL_BY_ROW: Final = 7
 MATERIAL_MEDIUM: Final = 8
+MATERIAL_SUBSURFACE: Final = 9
 """Kind of a primitive's material that has rows of its own, of which the first says the kind."""
 
 MATERIAL_FLAG_THIN: Final = 1
 MATERIAL_FLAG_ONE_SIDED: Final = 2
 MATERIAL_FLAG_SCHLICK: Final = 4
 """Flags of a material's row: a wall without thickness; black from behind; a metal by its colour, not by eta and k."""
+
+MEDIUM_FLAG_SUBSURFACE: Final = 1
+MEDIUM_FLAG_DARK: Final = 2
+"""Flags of a medium's row: of a subsurface material; nothing shines in there, so that no light sample arrives."""
 
 GGX_ROWS: Final = 48
 GGX_COLUMNS: Final = 48
@@ -251,9 +259,12 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "MATERIAL_MIX": MATERIAL_MIX,
     "MATERIAL_BY_ROW": MATERIAL_BY_ROW,
     "MATERIAL_MEDIUM": MATERIAL_MEDIUM,
+    "MATERIAL_SUBSURFACE": MATERIAL_SUBSURFACE,
     "MATERIAL_FLAG_THIN": MATERIAL_FLAG_THIN,
     "MATERIAL_FLAG_ONE_SIDED": MATERIAL_FLAG_ONE_SIDED,
     "MATERIAL_FLAG_SCHLICK": MATERIAL_FLAG_SCHLICK,
+    "MEDIUM_FLAG_SUBSURFACE": MEDIUM_FLAG_SUBSURFACE,
+    "MEDIUM_FLAG_DARK": MEDIUM_FLAG_DARK,
     "GGX_ROWS": GGX_ROWS,
     "GGX_COLUMNS": GGX_COLUMNS,
     "GGX_LOST_ROWS": GGX_LOST_ROWS,
@@ -483,6 +494,8 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("EXTINCTION", 5, 3, "absorption and scattering coefficients together, per metre"),
         ("SCATTERING", 8, 3, "scattering coefficients"),
         ("G", 11, 1, "mean cosine of scattering: Henyey and Greenstein's parameter"),
+        ("ALBEDO", 12, 3, "of subsurface materials: share of light that a flat, thick piece returns"),
+        ("FLAGS", 15, 1, "bits: MEDIUM_FLAG_*"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

@@ -17,9 +17,12 @@
 #define MATERIAL_MIX 6u
 #define MATERIAL_BY_ROW 7u
 #define MATERIAL_MEDIUM 8u
+#define MATERIAL_SUBSURFACE 9u
 #define MATERIAL_FLAG_THIN 1u
 #define MATERIAL_FLAG_ONE_SIDED 2u
 #define MATERIAL_FLAG_SCHLICK 4u
+#define MEDIUM_FLAG_SUBSURFACE 1u
+#define MEDIUM_FLAG_DARK 2u
 #define GGX_ROWS 48u
 #define GGX_COLUMNS 48u
 #define GGX_LOST_ROWS 189u
@@ -248,6 +251,8 @@ typedef struct {
 #define MEDIUM_ROW_EXTINCTION 5         // absorption and scattering coefficients together, per metre
 #define MEDIUM_ROW_SCATTERING 8         // scattering coefficients
 #define MEDIUM_ROW_G 11                 // mean cosine of scattering: Henyey and Greenstein's parameter
+#define MEDIUM_ROW_ALBEDO 12            // of subsurface materials: share of light that a flat, thick piece returns
+#define MEDIUM_ROW_FLAGS 15             // bits: MEDIUM_FLAG_*
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

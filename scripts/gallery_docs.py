@@ -21,6 +21,7 @@ _SCENES: Final = {
     "sky": 512,
     "lamps": 512,
     "haze": 1024,
+    "candles": 256,
 }
 """Built-in scene -> samples per pixel."""
 _WIDTH: Final = 640

@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 
 from clrender.scene.angles import sin_cos_degrees  # noqa: E402
 
-__all__ = ["bumpy_sphere", "geodesic", "lathe", "liquid", "main", "ply_bytes", "tumbler"]
+__all__ = ["bumpy_sphere", "candle", "geodesic", "head", "lathe", "liquid", "main", "ply_bytes", "tumbler"]
 
 
 def geodesic(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -132,6 +132,55 @@ def liquid() -> tuple[NDArray[np.float64], None, NDArray[np.int64]]:
     return vertices, None, triangles
 
 
+def head(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """A head without hair, 21 cm high, that looks along +z: vertices, unit normals, triangles.
+
+    An ellipsoid, and on it bumps (1 - q)^3 of the squared distance q < 1 from their middle, in units of their size.
+    """
+    bumps = [  # middle and size, on a unit sphere; height in metres; those beside the middle are on both sides
+        ((0.0, 0.05, 1.0), (0.17, 0.36, 0.5), 0.012),  # bridge of the nose
+        ((0.0, -0.20, 0.98), (0.21, 0.21, 0.4), 0.021),  # and its tip
+        ((0.34, 0.10, 0.93), (0.30, 0.20, 0.5), -0.015),  # sockets of the eyes
+        ((0.34, 0.09, 0.93), (0.18, 0.12, 0.4), 0.009),  # lids
+        ((0.0, 0.34, 0.94), (0.75, 0.17, 0.6), 0.006),  # brow
+        ((0.0, -0.46, 0.88), (0.34, 0.10, 0.4), 0.009),  # lips
+        ((0.0, -0.61, 0.79), (0.30, 0.10, 0.4), 0.010),
+        ((0.0, -0.535, 0.84), (0.36, 0.05, 0.3), -0.003),
+        ((0.0, -0.84, 0.54), (0.36, 0.26, 0.5), 0.014),  # chin
+        ((0.55, -0.22, 0.80), (0.42, 0.40, 0.5), 0.007),  # cheeks
+        ((0.75, -0.55, 0.35), (0.60, 0.50, 0.6), 0.010),  # jaw
+        ((0.97, 0.02, -0.22), (0.60, 0.36, 0.17), 0.019),  # ears
+        ((0.99, 0.04, -0.13), (0.50, 0.24, 0.10), -0.010),
+    ]
+    points, triangles = geodesic(frequency)
+    vertices = points * np.array([0.070, 0.108, 0.095])
+    for middle, size, height in bumps:
+        for side in (1.0, -1.0) if middle[0] else (1.0,):
+            x, y, z = ((points - np.array(middle) * [side, 1.0, 1.0]) / np.array(size)).T
+            left = np.maximum(1.0 - (x * x + y * y + z * z), 0.0)
+            vertices += points * (height * left * left * left)[:, None]
+    return vertices, vertex_normals(vertices, triangles), triangles
+
+
+def candle() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """A candle, 10 cm high and 6 cm thick, hollow around its wick: vertices, unit normals, triangles."""
+
+    def arc(x: float, y: float, radius: float, first: float, last: float, parts: int) -> list[tuple[float, float]]:
+        angles = [sin_cos_degrees(first + (last - first) * i / parts) for i in range(parts + 1)]
+        return [(x + radius * c, y + radius * s) for s, c in angles]
+
+    profile = [(0.0, 0.0), (0.015, 0.0), *arc(0.028, 0.002, 0.002, -90.0, 0.0, 4), (0.03, 0.03), (0.03, 0.065)]
+    profile += [
+        *arc(0.0275, 0.0975, 0.0025, 0.0, 150.0, 8),
+        (0.021, 0.095),
+        (0.015, 0.0915),
+        (0.007, 0.09),
+        (0.0, 0.09),
+    ]
+    vertices, triangles = lathe(profile, 64)
+    return vertices, vertex_normals(vertices, triangles), triangles
+
+
 def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
     """Unit means of the normals of the triangles around each vertex, by their areas."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
@@ -167,7 +216,13 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="compare with the committed files instead of writing")
     check = parser.parse_args().check
     stale = 0
-    for name, mesh in (("bumpy", bumpy_sphere(32)), ("tumbler", tumbler()), ("liquid", liquid())):
+    for name, mesh in (
+        ("bumpy", bumpy_sphere(32)),
+        ("tumbler", tumbler()),
+        ("liquid", liquid()),
+        ("head", head(36)),
+        ("candle", candle()),
+    ):
         path, data = ROOT / "scenes" / f"{name}.ply", ply_bytes(*mesh)
         if not check:
             path.write_bytes(data)

@@ -137,6 +137,7 @@ class SceneArrays:
         self.interiors = bool(scene.arrays["media_rows"].any())
         self.media = scene.scatters
         self.straight_surfaces = scene.straight_surfaces
+        self.subsurface = scene.subsurface
         self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
         attributes = scene.arrays["attribute_rows"]
         self.textured = len(attributes) > 1 or bool(attributes.any()) or self.emission_textures

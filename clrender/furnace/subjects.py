@@ -33,6 +33,7 @@ _NEEDED: Final[Mapping[str, Mapping[str, Any]]] = {
     "oren_nayar": {"reflectance": [1.0, 1.0, 1.0]},
     "conductor": {"metal": "Au"},
     "dielectric": {"ior": 1.5},
+    "subsurface": {"albedo": 1.0, "radius": 0.01, "ior": 1.4},
 }
 """What a type needs beside its name."""
 _COLORS: Final = ("reflectance", "base_color", "f0", "specular_color", "sheen_color")

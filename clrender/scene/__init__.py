@@ -26,6 +26,7 @@ from clrender.scene.materials import (
     Mix,
     OrenNayar,
     Principled,
+    Subsurface,
 )
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
@@ -57,6 +58,7 @@ __all__ = [
     "Shape",
     "Sphere",
     "SpotLight",
+    "Subsurface",
     "SunSkyLight",
     "Tetrahedron",
     "Transform",

@@ -43,6 +43,7 @@ from clrender.scene.materials import (
     Mirror,
     Mix,
     Principled,
+    Subsurface,
     material_without_color,
 )
 from clrender.scene.medium import Medium
@@ -200,6 +201,9 @@ class Scene(Part):
             if shape.interior is None or shape.material is None:
                 continue
             material = self.materials[shape.material]
+            if isinstance(material, Subsurface):
+                sentence = f"is given, but the material {quoted(shape.material)} is subsurface and fills its shapes"
+                raise fault("reference", f"{sentence}; leave one of them out", "shapes", i, "interior")
             if not isinstance(material, Dielectric | Principled) or not material.solid:
                 sentence = f"is given, but the material {quoted(shape.material)} lets no light inside"
                 cure = "give the shape a dielectric, or leave its material out"
@@ -221,6 +225,9 @@ class Scene(Part):
                 if self.materials[part].masked:
                     sentence = f"names {quoted(part)}, which has an opacity; give the mixture one instead"
                     raise fault("reference", sentence, "materials", name, "materials", i)
+                if isinstance(self.materials[part], Subsurface):
+                    sentence = f"names {quoted(part)}, which is subsurface: what fills a shape cannot be mixed"
+                    raise fault("reference", f"{sentence}; name another", "materials", name, "materials", i)
                 if _shines(self.materials[part]):
                     sentence = f"names {quoted(part)}, which has emission; in a mixture it must have none"
                     sentence += ": give the emission to the shapes instead"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 
-__all__ = ["LIST_LENGTH", "light_inside", "media_around", "medium_of_primitives", "packed"]
+__all__ = ["LIST_LENGTH", "light_inside", "media_around", "media_with_lights", "medium_of_primitives", "packed"]
 
 _Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 _CHUNK: Final = 2**18
@@ -79,6 +79,29 @@ def light_inside(arrays: _Arrays, triangle_count: int, light_count: int) -> int 
         if any(media_around(arrays, triangle_count, point) for point in points[near]):
             return number
     return None
+
+
+def media_with_lights(arrays: _Arrays, triangle_count: int, light_count: int) -> set[int]:
+    """Media that a light shines from inside of, as far as a few points of each tell.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        As of `clrender.flatten.FlatScene`.
+    triangle_count, light_count : int
+
+    Returns
+    -------
+    set of int
+        Rows of ``media_rows``.
+    """
+    low, high = _box(arrays, triangle_count, np.flatnonzero(medium_of_primitives(arrays)))
+    found: set[int] = set()
+    for light in arrays["lights"][:light_count]:
+        points = _shining_points(arrays, triangle_count, light)
+        near = ((low <= points) & (points <= high)).all(axis=1)
+        found.update(*(media_around(arrays, triangle_count, point) for point in points[near]))
+    return found
 
 
 def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:

@@ -11,8 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.scene.materials import Conductor, Dielectric, Lambert, Material, Mirror, Mix, OrenNayar, Principled
-from clrender.scene.media import Solid, solid_of
+from clrender.scene.materials import (
+    Conductor,
+    Dielectric,
+    Lambert,
+    Material,
+    Mirror,
+    Mix,
+    OrenNayar,
+    Principled,
+    Subsurface,
+)
+from clrender.scene.media import MATCHED_IOR, Solid, solid_of
 from clrender.scene.microfacets import fresnel, fresnel_average
 from clrender.scene.textures import Checker, ImageTexture, Ramp
 from clrender.scene.values import Vector
@@ -62,6 +72,8 @@ def has_row(material: Material) -> bool:
         return True
     if isinstance(material, Lambert | Mirror):
         return not material.two_sided
+    if isinstance(material, Subsurface):
+        return material.rough
     return not isinstance(material, Dielectric) or material.rough or material.thin
 
 
@@ -101,11 +113,11 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
         color = _color(scene, material)
         default = 0.0 if _passes(scene, material) else min(1.0 - max(color), _MOST_ABSORPTION)
         row["color"] = (*color, default if material.absorption is None else material.absorption)
-        row["kind"] = _KINDS[type(material)]
+        row["kind"] = _kind(material)
         row["ior"] = _index(material)
         if isinstance(material, Principled) and row["medium"] and row["ior"] == 1.0:
             # Of a medium's surface 1 would say that it is no boundary (kernels/material/interior.h), but it reflects
-            row["ior"] = np.nextafter(np.float32(1.0), np.float32(2.0))
+            row["ior"] = MATCHED_IOR
         if by_row:
             _put(rows[number], KIND=_bits(int(row["kind"])), COLOR=color, IOR=float(row["ior"]), FLAGS=_bits(0))
             _put(rows[number], OPACITY=_opacity(material))
@@ -136,6 +148,12 @@ _KINDS: Final[dict[type, int]] = {
 }
 
 
+def _kind(material: Material) -> int:
+    if isinstance(material, Subsurface):
+        return layout.MATERIAL_SUBSURFACE if material.ior is None else layout.MATERIAL_DIELECTRIC
+    return _KINDS[type(material)]
+
+
 def _bits(number: int) -> np.float32:
     """A whole number's bits as a float's."""
     return np.uint32(number).view(np.float32)
@@ -159,6 +177,8 @@ def _index(material: Material) -> float:
     """Of refraction behind the front over that before it."""
     if isinstance(material, Dielectric):
         return material.ior / material.exterior_ior
+    if isinstance(material, Subsurface):
+        return MATCHED_IOR if material.ior is None else material.ior
     return material.ior if isinstance(material, Principled) else 1.0
 
 
@@ -166,12 +186,14 @@ def _passes(scene: Scene, material: Material) -> bool:
     """Whether light goes through."""
     if isinstance(material, Mix):
         return any(_passes(scene, scene.materials[name]) for name in material.materials)
-    return isinstance(material, Dielectric) or (isinstance(material, Principled) and material.transmission != 0.0)
+    if isinstance(material, Principled):
+        return material.transmission != 0.0
+    return isinstance(material, Dielectric | Subsurface)
 
 
 def _color(scene: Scene, material: Material) -> Vector:
     """What share of light it reflects, as far as one colour can say: of a metal, straight back."""
-    if isinstance(material, Dielectric):
+    if isinstance(material, Dielectric | Subsurface):
         return (1.0, 1.0, 1.0)
     if isinstance(material, Mix):
         first, second = (_color(scene, scene.materials[name]) for name in material.materials)
@@ -200,6 +222,11 @@ def _sides(material: Material) -> np.float32:
 @_fill.register
 def _(material: Dielectric, row: _Row, _numbers: dict[str, int]) -> None:
     _put(row, ROUGHNESS=material.roughness, FLAGS=_bits(layout.MATERIAL_FLAG_THIN if material.thin else 0))
+
+
+@_fill.register
+def _(material: Subsurface, row: _Row, _numbers: dict[str, int]) -> None:
+    _put(row, ROUGHNESS=material.roughness)
 
 
 @_fill.register

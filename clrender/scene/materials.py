@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
-from pydantic import Field, Strict, model_validator
+from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
 from clrender.scene.microfacets import METALS, SMOOTH_BELOW
+from clrender.scene.subsurface import MOST_G
 from clrender.scene.textures import (
     AnyTexture,
     BumpMap,
@@ -18,6 +19,8 @@ from clrender.scene.textures import (
     textures_of,
 )
 from clrender.scene.values import (
+    COORDINATE_LIMIT,
+    NUMBER_OR_TRIPLE,
     POWER_LIMIT,
     Absorption,
     Extinction,
@@ -32,6 +35,7 @@ from clrender.scene.values import (
     Share,
     Vector,
     fault,
+    number_as_triple,
 )
 
 __all__ = [
@@ -46,6 +50,7 @@ __all__ = [
     "Mix",
     "OrenNayar",
     "Principled",
+    "Subsurface",
     "material_textures",
     "material_without_color",
 ]
@@ -61,6 +66,11 @@ _AttenuationColor: TypeAlias = Annotated[
     Field(description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"),
 ]
 _AttenuationDistance: TypeAlias = Annotated[Length | None, Field(description="metres, in the medium behind the front")]
+_Albedo: TypeAlias = Annotated[Reflectance, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
+_PathLength = Annotated[Finite, Field(ge=1e-12, le=COORDINATE_LIMIT)]
+_Radius: TypeAlias = Annotated[
+    tuple[_PathLength, _PathLength, _PathLength], BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)
+]
 _NO_INSIDE: Final = "cannot be given beside thin: such a wall has no inside; leave it out"
 if TYPE_CHECKING:
     _Metal: TypeAlias = str
@@ -273,6 +283,41 @@ def _check_attenuation(material: Dielectric | Principled) -> None:
             raise fault("material", sentence, "attenuation_color", i)
 
 
+class Subsurface(_Bumpy):
+    """Skin, wax, marble: light enters closed shapes, walks about inside at random, and leaves them somewhere else.
+
+    Without an `ior` the surface lets all light pass, and spreads it by the cosine as Lambert's does.
+    """
+
+    type: Literal["subsurface"]
+    albedo: _Albedo = Field(description="share of light that a flat, thick piece of it returns")
+    radius: _Radius = Field(description="mean free path inside, metres")
+    g: Annotated[Finite, Field(ge=-MOST_G, le=MOST_G)] = Field(
+        0.0, description="mean cosine of scattering (Henyey and Greenstein): above 0 forwards, below 0 backwards"
+    )
+    ior: Annotated[Finite, Field(ge=1.01, le=1000.0)] | None = Field(
+        None, description="makes the surface that of a dielectric, which reflects and bends light"
+    )
+    roughness: ShareOrTexture = Field(0.0, description="of that surface: its square is alpha of GGX; 0: smooth")
+    priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
+        None, description="where closed shapes overlap, the highest number is there"
+    )
+
+    @model_validator(mode="after")
+    def _reflects(self) -> Subsurface:
+        if self.ior is None and "roughness" in self.model_fields_set:
+            sentence = "is given without ior; name the index of the surface that is rough, or leave roughness out"
+            raise fault("material", sentence, "roughness")
+        return self
+
+    @property
+    def rough(self) -> bool:
+        """Whether it is a rough dielectric's surface, in some place at least."""
+        if self.ior is None:
+            return False
+        return not isinstance(self.roughness, float) or self.roughness * self.roughness >= SMOOTH_BELOW
+
+
 class Mix(_Surface):
     """Two materials, of which each point shows one or the other."""
 
@@ -288,10 +333,11 @@ MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
     "oren_nayar": OrenNayar,
     "conductor": Conductor,
     "principled": Principled,
+    "subsurface": Subsurface,
     "mix": Mix,
 }
 Material: TypeAlias = Annotated[
-    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Mix, Field(discriminator="type")
+    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Subsurface | Mix, Field(discriminator="type")
 ]
 
 

@@ -13,14 +13,18 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
-from clrender.scene.materials import Dielectric, Material, Principled
+from clrender.scene.materials import Dielectric, Material, Principled, Subsurface
 from clrender.scene.shapes import Shape
+from clrender.scene.subsurface import single_scattering
 from clrender.scene.values import Vector
 
-__all__ = ["MEDIA_LIMIT", "Media", "Solid", "absorption_coefficients", "scene_media", "solid_of"]
+__all__ = ["MATCHED_IOR", "MEDIA_LIMIT", "Media", "Solid", "absorption_coefficients", "scene_media", "solid_of"]
 
 MEDIA_LIMIT: Final = 255
 """Most media of a scene: a path keeps their numbers in a byte each (``kernels/material/interior.h``)."""
+
+MATCHED_IOR: Final = float(np.nextafter(np.float32(1.0), np.float32(2.0)))
+"""Index of what bends nothing but has a surface all the same: of equal indices there is none."""
 
 Solid: TypeAlias = tuple[str | None, str | None]
 """The material and the interior that a shape names."""
@@ -37,6 +41,7 @@ class _Medium(NamedTuple):
     absorption: Vector = _BLACK
     scattering: Vector = _BLACK
     g: float = 0.0
+    albedo: Vector | None = None  # of a subsurface material
 
     @property
     def is_vacuum(self) -> bool:
@@ -53,13 +58,16 @@ class Media:
     rows : (n + 1, 16) float32
         ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is what is in no medium. All zero: paths need no account of them.
     of_solid : mapping of Solid to int
-        Row of each pair that bounds one: its material is a dielectric, or principled with transmission, and not thin.
+        Row of each pair that bounds one: its material is a dielectric, or principled with transmission, and not thin,
+        or subsurface.
     no_boundary : frozenset of Solid
         Those whose shapes change nothing wherever they are, so that they are left out unless they shine.
     scatters : bool
         Whether any does, or there is fog: then paths are in a medium also where they are inside of nothing.
     straight : bool
         Whether light goes straight through some of the surfaces, so that shadow rays have to look behind them.
+    subsurface : bool
+        Whether there are subsurface materials.
     """
 
     rows: NDArray[np.float32]
@@ -67,6 +75,7 @@ class Media:
     no_boundary: frozenset[Solid]
     scatters: bool
     straight: bool
+    subsurface: bool = False
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -118,23 +127,24 @@ def scene_media(scene: Scene) -> Media:
     if len(numbers) > MEDIA_LIMIT:
         text = f"the interiors of its shapes are {len(numbers)} different media, but paths tell {MEDIA_LIMIT} apart"
         raise SceneError(f"{scene.source}: materials: {text}; let more of them agree in index, absorption and priority")
-    # As the kernels see them, in single precision
-    indices = [np.float32(1.0), *(np.float32(medium.ior) for medium in numbers)]
+    # As the kernels see them, in single precision. No shadow ray gets into what has a surface all the same
+    indices = [np.float32(1.0), *(np.float32(medium.ior) for medium in numbers if medium.ior != MATCHED_IOR)]
     straight = any(indices.count(np.float32(medium.ior)) > 1 for medium in ranked)
     straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
     of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
-    scatters = not outside.is_vacuum or any(max(medium.scattering) > 0.0 for medium in numbers)
-    return Media(_rows(outside, numbers, len(unranked)), of_solid, frozenset(dark), scatters, straight)
+    subsurface = any(medium.albedo is not None for medium in numbers)
+    scatters = subsurface or not outside.is_vacuum or any(max(medium.scattering) > 0.0 for medium in numbers)
+    return Media(_rows(outside, numbers, len(unranked)), of_solid, frozenset(dark), scatters, straight, subsurface)
 
 
-def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled]:
+def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
     """What bounds media, by the materials' order in the scene, then by the shapes', with its surface."""
     places = {name: place for place, name in enumerate(scene.materials)}
     appear = dict.fromkeys(solid_of(shape) for shape in scene.shapes)
-    solids: dict[Solid, Dielectric | Principled] = {}
+    solids: dict[Solid, Dielectric | Principled | Subsurface] = {}
     for name, interior in sorted(appear, key=lambda solid: -1 if solid[0] is None else places[solid[0]]):
         material = scene.materials[name] if name is not None else _MATCHED if interior is not None else None
-        if isinstance(material, Dielectric | Principled) and material.solid:
+        if isinstance(material, Subsurface) or (isinstance(material, Dielectric | Principled) and material.solid):
             solids[name, interior] = material
     return solids
 
@@ -146,6 +156,9 @@ def _rows(outside: _Medium, numbers: Mapping[_Medium, int], unranked: int) -> ND
         for name, value in (("IOR", medium.ior), ("SIGMA", medium.absorption), ("EXTINCTION", extinction)):
             rows[number, _COLUMNS[name]] = value
         rows[number, _COLUMNS["SCATTERING"]], rows[number, _COLUMNS["G"]] = medium.scattering, medium.g
+        if medium.albedo is not None:
+            rows[number, _COLUMNS["ALBEDO"]] = medium.albedo
+            rows[number, _COLUMNS["FLAGS"]] = np.uint32(layout.MEDIUM_FLAG_SUBSURFACE).view(np.float32)
     rows[0, _COLUMNS["UNRANKED"]] = np.uint32(unranked).view(np.float32)
     return rows
 
@@ -162,11 +175,23 @@ def absorption_coefficients(material: Dielectric | Principled) -> Vector:
     return (red, green, blue)
 
 
-def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled) -> _Medium:
+def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled | Subsurface) -> _Medium:
+    if isinstance(material, Subsurface):
+        return _below(material)
     priority = material.priority if isinstance(material, Dielectric) else None
     if solid[1] is None:
         return _Medium(priority, material.ior, absorption_coefficients(material))
     return _Medium(priority, material.ior, *scene.media[solid[1]].numbers)
+
+
+def _below(material: Subsurface) -> _Medium:
+    """What fills a subsurface material: with the mean free paths asked for, and so that its albedo comes out."""
+    extinction = [1.0 / length for length in material.radius]
+    shares = [single_scattering(albedo, material.g) for albedo in material.albedo]
+    scattering: Vector = (shares[0] * extinction[0], shares[1] * extinction[1], shares[2] * extinction[2])
+    red, green, blue = (a - b for a, b in zip(extinction, scattering, strict=True))
+    ior = MATCHED_IOR if material.ior is None else material.ior
+    return _Medium(material.priority, ior, (red, green, blue), scattering, material.g, material.albedo)
 
 
 def _by_priority(media: Mapping[Solid, _Medium]) -> list[_Medium]:

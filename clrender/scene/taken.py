@@ -7,7 +7,7 @@ from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.emission import shape_emission
 from clrender.scene.material_rows import has_row
-from clrender.scene.materials import Dielectric, Principled, material_textures
+from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import Checker, ImageTexture, Ramp
 
@@ -108,3 +108,9 @@ def _refuse_media(scene: Scene, integrator: str) -> None:
             f"{scene.source}: {place} is a medium, which the integrator {integrator} does not take; leave it out, or "
             "use --integrator path"
         )
+    for index, shape in enumerate(scene.shapes):
+        if shape.material is not None and isinstance(scene.materials[shape.material], Subsurface):
+            raise SceneError(
+                f"{scene.source}: shapes[{index}].material: {shape.material!r} is of type subsurface, which the "
+                f"integrator {integrator} does not take; give the shape another, or use --integrator path"
+            )

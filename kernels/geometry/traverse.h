@@ -66,17 +66,29 @@ static Hit traverse_hit(const Traversal* t, uint packet) {
 
 static vmask traverse_blocked(const Traversal* t, uint packet) { return t->nearest[packet] < 0.0f; }
 
-// One packet on its own: the others' rays ask for nothing.
+// The other packets have no rays on their way.
+static void traverse_no_others(Traversal* t) {
+#if TRAVERSE_ALONE
+    for (uint k = 1; k < PACKETS; ++k) {
+        lane_store((vint)(-1), t->alone.top + k * LANES);
+        t->parted[k] = 0;
+    }
+#endif
+}
+
+// One packet on its own.
 static Hit traverse_nearest(const Bvh* bvh, const Ray* ray, vmask active) {
     Traversal t;
-    EACH_PACKET(k) traverse_start(bvh, &t, k, ray, k == 0 ? active : mask_none(), 0);
+    traverse_no_others(&t);
+    traverse_start(bvh, &t, 0, ray, active, 0);
     traverse_finish(bvh, &t, 0);
     return traverse_hit(&t, 0);
 }
 
 static vmask traverse_occluded(const Bvh* bvh, const Ray* ray, vmask active) {
     Traversal t;
-    EACH_PACKET(k) traverse_start(bvh, &t, k, ray, k == 0 ? active : mask_none(), 1);
+    traverse_no_others(&t);
+    traverse_start(bvh, &t, 0, ray, active, 1);
     traverse_finish(bvh, &t, 1);
     return active & traverse_blocked(&t, 0);
 }

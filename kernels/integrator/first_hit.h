@@ -14,6 +14,7 @@
 #include "light/light.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
+#include "medium/walk.h"
 
 // So many mirrors and glass walls are looked through: between two mirrors there is no end.
 #define FIRST_HIT_FOLLOWED 16u
@@ -86,12 +87,14 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         sampler_bits(path.sample.sampler, sampler_set(path.depth, SET_BSDF), &bits_u, &bits_v);
         BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
         interior_straighten(&crossing, path.ray.direction, &next.direction, &next.weight);
-        const vmask looks_on = first_hit_clear(&bsdf) & (path.depth < followed);
+        vec3 albedo = bsdf_albedo(&bsdf);
+        const vmask below = walk_begins(scene, &surface, found, &albedo);
+        const vmask looks_on = first_hit_clear(&bsdf) & !below & (path.depth < followed);
         vmask goes_on = found & (looks_on | straight) & (largest(next.weight) > 0.0f);
         interior_cross(&path.interior, &crossing, next.direction, bsdf.side);
         goes_on = goes_on & interior_goes_on(&path.interior, &crossing, path.sample.sampler, &path.throughput);
         const vmask ended = path.alive & !goes_on;
-        const vec3 color = choose(looks_on, first_hit_tint(&bsdf, &next), bsdf_albedo(&bsdf));
+        const vec3 color = choose(looks_on, first_hit_tint(&bsdf, &next), albedo);
         path.throughput = choose(found, mul(path.throughput, color), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
         if (lane_any(ended)) pool_put(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);

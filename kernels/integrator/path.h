@@ -20,6 +20,7 @@
 #include "material/bsdf.h"
 #include "material/interior.h"
 #include "medium/homogeneous.h"
+#include "medium/walk.h"
 
 // Where the paths of a packet have arrived.
 typedef struct {
@@ -29,6 +30,7 @@ typedef struct {
     vmask traced;            // the path's ray came here for the first time
     vmask found;             // and here is a surface; else the ray has left the scene
     vmask scatters;          // the path may go on from it
+    vmask dark;              // no light sample could arrive
     vmask diffuse;           // and not by a delta alone, so that light sampling makes sense
 } Vertex;
 
@@ -47,15 +49,25 @@ static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats
     v->found = found & v->traced;
     const vmask straight = interior_straight(&v->crossing);
     v->scatters = found & ((path->depth < scene->settings->max_depth) | straight);
-    v->diffuse = v->scatters & !(v->bsdf.specular | straight);
+    v->dark = walk_in_the_dark(scene, &path->interior, &v->crossing, &v->bsdf);
+    v->diffuse = v->scatters & !(v->bsdf.specular | straight | v->dark);
     stats->rays += lane_count(v->traced);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
 }
 
+// How far each path gets in a medium: it need not look for what is further away.
+static void path_free(const Scene* scene, Path* path, FreePath* free) {
+#ifdef MEDIA
+    *free = medium_free_path(scene, &path->interior, path->sample.sampler, path->depth, path->throughput);
+    path->ray.limit = split_back(&path->split) ? path->ray.limit : lesser(path->ray.limit, free->length);
+#endif
+}
+
 // Find where each ray meets the scene. `path` and `hit` are arrays, even where there is one packet: rusticl's compiler (Mesa 22.3)
 // crashes over an index into what is none.
-static void path_find(const Scene* scene, const Path* path, Hit* hit) {
+static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) {
     Search ahead;
+    EACH_PACKET(k) path_free(scene, &path[k], &free[k]);
     EACH_PACKET(k) find_start(scene, &ahead, k, &path[k].ray, path[k].sample.sampler, path[k].depth, path_traces(&path[k]));
     find_finish(scene, &ahead, hit);
     EACH_PACKET(k) {
@@ -65,8 +77,8 @@ static void path_find(const Scene* scene, const Path* path, Hit* hit) {
 }
 
 // Go there through what lies on the way: it absorbs, or scatters the path before it arrives.
-static void path_travel(const Scene* scene, Path* path, Hit* hit) {
-    medium_travel(scene, &path->interior, path->sample.sampler, path->depth, path_traces(path), &path->throughput, hit);
+static void path_travel(const Scene* scene, Path* path, const FreePath* free, Hit* hit) {
+    medium_travel(scene, &path->interior, free, path_traces(path), &path->throughput, hit);
 }
 
 // Add the radiance of a light that the ray ran into; `density` is that of light samples there, once they chose this light.
@@ -196,7 +208,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const Bsdf* bsdf = &vertex->bsdf;
     const vmask straight = interior_straight(&vertex->crossing);
     const vmask passes = shadow_passes(straight);
-    path->specular = passes ? path->specular : bsdf->specular | straight;
+    path->specular = passes ? path->specular : bsdf->specular | straight | vertex->dark;
     path->bsdf_samples = passes ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
     split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
 
@@ -223,7 +235,8 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
-        const vfloat played = roulette_survival(settings->roulette, path->throughput, path->depth, vertex->surface.absorption);
+        const vfloat other = roulette_survival(settings->roulette, path->throughput, path->depth, vertex->surface.absorption);
+        const vfloat played = walk_survival(scene, &path->interior, bsdf, settings->roulette, path->throughput, path->depth, other);
         const vfloat survival = straight ? splat(1.0f) : played;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
         goes_on = goes_on & (unit_interval(bits_u) < survival);
@@ -249,14 +262,15 @@ static int path_next_of_all(const Scene* scene, Pool* pool, CameraRays* waiting,
 static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS];
+    FreePath free[PACKETS];
     Hit hit[PACKETS];
     Vertex vertex[PACKETS];
     EACH_PACKET(k) path[k] = path_none();
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
         // Find where each ray meets the scene; paths that met the same kind of material go on side by side
-        path_find(scene, path, hit);
-        EACH_PACKET(k) path_travel(scene, &path[k], &hit[k]);
+        path_find(scene, path, free, hit);
+        EACH_PACKET(k) path_travel(scene, &path[k], &free[k], &hit[k]);
         path_regroup(scene, path, hit);
 
         // Add the light that the surface there sends out by itself, or the environment where there is none

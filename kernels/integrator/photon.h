@@ -134,12 +134,13 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
 static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
+    FreePath free[PACKETS];
     Hit hit[PACKETS];
     Vertex vertex[PACKETS];
 
     while (path_next(scene, pool, &waiting, path)) {
         // Find the nearest surface, and add the light the ray ran into
-        path_find(scene, path, hit);
+        path_find(scene, path, free, hit);
         path->throughput = interior_absorb(scene, &path->interior, hit[0], path->throughput);
         path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);

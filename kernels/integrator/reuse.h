@@ -169,6 +169,7 @@ static void reuse_store(__global float* records, vuint record, vmask shared, vec
 static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
+    FreePath free[PACKETS];
     Hit hit[PACKETS];
     Vertex vertex[PACKETS];
     Reuse reuse = reuse_none();
@@ -180,7 +181,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         reuse.shared = reuse.shared & goes;
 
         // Find the nearest surface along each ray, and add the light the ray ran into
-        path_find(scene, path, hit);
+        path_find(scene, path, free, hit);
         path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);
         path_add_sun(scene, path, vertex);

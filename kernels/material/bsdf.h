@@ -34,6 +34,9 @@ typedef struct {
     Closure closure;
     vmask thin;          // a smooth wall without thickness, whose own index is closure.glass.eta
 #endif
+#ifdef SUBSURFACE
+    vmask passes;        // the surface of a subsurface material: all light goes through, and is spread by the cosine
+#endif
 #ifdef MEDIA
     vmask medium;        // no surface: a medium, which scatters to all sides by its phase function; z points back
     vfloat g;            // its mean cosine
@@ -117,6 +120,11 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
         shading = normal_map_shading(scene, &s->attributes, &slots, s->normal, shading, s->front, direction);
     }
 #endif
+#ifdef SUBSURFACE
+    // What enters is never seen to: by the geometry's normal none of it gets lost
+    b->passes = s->kind == MATERIAL_SUBSURFACE;
+    shading = choose(b->passes & s->front, s->normal, shading);
+#endif
     b->frame = frame_around(choose(s->front, shading, negate(shading)));
     b->wo = frame_to_local(b->frame, negate(direction));
     b->wo.z = greater(b->wo.z, splat(1.0e-7f));      // an interpolated normal may look away from the viewer
@@ -124,6 +132,9 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->eta = s->front ? s->ior : splat(1.0f) / s->ior;
     b->kind = s->kind;
     b->specular = s->kind != MATERIAL_LAMBERT;
+#ifdef SUBSURFACE
+    b->specular = b->specular & !b->passes;
+#endif
 #ifdef MEDIA
     b->medium = s->kind == MATERIAL_MEDIUM;
     b->g = s->g;
@@ -149,8 +160,24 @@ static vmask bsdf_is_clear(const Bsdf* b) {
     return clear;
 }
 
+// Turns what a subsurface material's surface lets pass to the side that light comes from: there all is as of a Lambertian one.
+static vec3 bsdf_turn(const Bsdf* b, vec3 v) {
+#ifdef SUBSURFACE
+    return choose(b->passes, negate(v), v);
+#else
+    return v;
+#endif
+}
+static vec3 bsdf_turn_local(const Bsdf* b, vec3 wi) {
+#ifdef SUBSURFACE
+    return vec3_of(wi.x, wi.y, b->passes ? -wi.z : wi.z);
+#else
+    return wi;
+#endif
+}
+
 // The normal of the side that light has to arrive on to be scattered; zero: on either.
-static vec3 bsdf_receives(const Bsdf* b) { return choose(bsdf_is_clear(b), vec3_all(0.0f), b->side); }
+static vec3 bsdf_receives(const Bsdf* b) { return choose(bsdf_is_clear(b), vec3_all(0.0f), bsdf_turn(b, b->side)); }
 
 // About the share of light along `wo` that is scattered, by colour; glass that is smooth passes all.
 static vec3 bsdf_albedo(const Bsdf* b) {
@@ -180,13 +207,13 @@ static vec3 bsdf_eval_local(const Bsdf* b, vec3 wi, vfloat* pdf) {
 // The same of a direction in the world.
 static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     vfloat density;
-    const vec3 wi = frame_to_local(b->frame, direction);
+    const vec3 wi = bsdf_turn_local(b, frame_to_local(b->frame, direction));
     vec3 f = bsdf_eval_local(b, wi, &density);
+    const vmask above = inner(direction, bsdf_turn(b, b->side)) > 0.0f;
 #ifdef MATERIALS
-    const vmask above = inner(direction, b->side) > 0.0f;
     vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | (b->closure.glass.there & !above & (wi.z < 0.0f)));
 #else
-    vmask seen = !b->specular & (inner(direction, b->side) > 0.0f);
+    vmask seen = !b->specular & above;
 #endif
 #ifdef MEDIA
     const vfloat phase = phase_eval(b->g, -wi.z);
@@ -250,6 +277,7 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
         s.pdf = b->medium ? phase_eval(b->g, turned.z) : s.pdf;
     }
 #endif
+    wi = bsdf_turn_local(b, wi);
     s.direction = direction_again(frame_to_world(b->frame, wi));
     // A direction on the other side of the geometry than it is of the shading normal carries no light.
     vmask crossed = (inner(s.direction, b->side) > 0.0f) != (wi.z > 0.0f);

@@ -22,8 +22,39 @@ static vec3 medium_attenuation(vec3 extinction, vfloat distance) {
     return vec3_of(exp_minus(extinction.x * distance), exp_minus(extinction.y * distance), exp_minus(extinction.z * distance));
 }
 
-// Go through the medium that is there, until the hit or to where light scatters before it; the throughput carries what is left.
-static void medium_travel(const Scene* scene, const Interior* in, Sampler sampler, vuint depth, vmask alive, vec3* throughput, Hit* hit) {
+// How far a path gets in the medium that is there before it scatters, if no surface stops it.
+typedef struct {
+    vfloat length;           // FAR where nothing scatters
+    vec3 share;              // how often it was sampled for each channel
+} FreePath;
+
+static FreePath medium_free_path(const Scene* scene, const Interior* in, Sampler sampler, vuint depth, vec3 throughput) {
+    FreePath free;
+    vfloat row[16];
+    lane_rows(scene->media_rows, interior_top(in), row);
+    const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
+    const vmask may = largest(scattering) > 0.0f;
+    free.length = splat(FAR);
+    free.share = vec3_all(0.0f);
+    if (!lane_any(may)) return free;
+
+    // Choose a channel. Each straight crossing since the last vertex has random numbers of its own
+    vuint bits_length, bits_channel;
+    Sampler own = sampler;
+    own.seed ^= in->straight * 0x9e3779b9u;
+    sampler_bits(own, sampler_set(depth, SET_MEDIUM), &bits_length, &bits_channel);
+    free.share = scale(throughput, inverse_or_one(throughput.x + throughput.y + throughput.z));
+    const vfloat u = unit_interval(bits_channel);
+    const vfloat chosen = u < free.share.x ? extinction.x : u < free.share.x + free.share.y ? extinction.y : extinction.z;
+
+    // Sample how far it goes
+    const vmask goes = may & (chosen > 0.0f);
+    free.length = goes ? lesser(minus_log_of_bits(bits_length) / (goes ? chosen : splat(1.0f)), splat(FAR)) : splat(FAR);
+    return free;
+}
+
+// Go through that medium, until the hit or, where there is none so near, to where light scatters; the throughput carries what is left.
+static void medium_travel(const Scene* scene, const Interior* in, const FreePath* free, vmask alive, vec3* throughput, Hit* hit) {
     vfloat row[16];
     lane_rows(scene->media_rows, interior_top(in), row);
     const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
@@ -33,24 +64,12 @@ static void medium_travel(const Scene* scene, const Interior* in, Sampler sample
         *throughput = arrives;
         return;
     }
-
-    // Choose a channel. Each straight crossing since the last vertex has random numbers of its own
-    vuint bits_length, bits_channel;
-    Sampler own = sampler;
-    own.seed ^= in->straight * 0x9e3779b9u;
-    sampler_bits(own, sampler_set(depth, SET_MEDIUM), &bits_length, &bits_channel);
-    const vec3 share = scale(*throughput, inverse_or_one(throughput->x + throughput->y + throughput->z));
-    const vfloat u = unit_interval(bits_channel);
-    const vfloat chosen = u < share.x ? extinction.x : u < share.x + share.y ? extinction.y : extinction.z;
-
-    // Sample how far it goes
-    const vfloat length = chosen > 0.0f ? minus_log_of_bits(bits_length) / (chosen > 0.0f ? chosen : splat(1.0f)) : splat(FAR);
-    const vmask scatters = may & (length < hit->distance);
-    const vec3 left = medium_attenuation(extinction, scatters ? length : hit->distance);
-    const vfloat pdf = inner(share, choose(scatters, mul(extinction, left), left));
+    const vmask scatters = may & (hit->primitive == NONE) & (free->length < FAR);
+    const vec3 left = medium_attenuation(extinction, scatters ? free->length : hit->distance);
+    const vfloat pdf = inner(free->share, choose(scatters, mul(extinction, left), left));
     const vec3 weight = scale(choose(scatters, mul(scattering, left), left), inverse_or_one(pdf));
     *throughput = choose(may, mul(*throughput, weight), arrives);
-    hit->distance = scatters ? length : hit->distance;
+    hit->distance = scatters ? free->length : hit->distance;
     hit->primitive = scatters ? splat_uint(HIT_MEDIUM) : hit->primitive;
 }
 
@@ -74,7 +93,12 @@ static void medium_surface(const Scene* scene, const Ray* ray, const Interior* i
 #else
 
 static vmask medium_scatters(Hit hit) { return mask_none(); }
-static void medium_travel(const Scene* scene, const Interior* in, Sampler sampler, vuint depth, vmask alive, vec3* throughput, Hit* hit) {
+
+typedef struct {
+    uint nothing;
+} FreePath;
+
+static void medium_travel(const Scene* scene, const Interior* in, const FreePath* free, vmask alive, vec3* throughput, Hit* hit) {
     *throughput = interior_absorb(scene, in, *hit, *throughput);
 }
 static void medium_surface(const Scene* scene, const Ray* ray, const Interior* in, Hit hit, Surface* s) {}

@@ -60,6 +60,10 @@ SCENES: dict[str, list[tuple[Any, ...]]] = {
             [{"type": "sphere", "center": [0, 3, 0], "radius": 1.0, "material": "m", "emission": [1, 1, 1]}],
         )
     ],
+    "`subsurface`": [
+        ({"m": {"type": "subsurface", "albedo": 0.8, "radius": 0.1}},),
+        ({"m": {"type": "subsurface", "albedo": 0.8, "radius": 0.1, "ior": 1.4, "roughness": 0.3, "priority": 1}},),
+    ],
     "dielectrics with a `priority`, or that absorb": [
         ({"m": {"type": "dielectric", "ior": 1.5, "priority": 1}},),
         ({"m": {"type": "dielectric", "ior": 1.5, "attenuation_color": [0.5] * 3, "attenuation_distance": 1.0}},),

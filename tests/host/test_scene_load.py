@@ -45,6 +45,7 @@ NEEDED = {
     "room", "room-mirror", "room-glass", "cornell", "furnace", "furnace-room", "furnace-sphere", "furnace-glass",
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
+    "candles",
 }  # fmt: skip
 INEXACT = {
     "room",
@@ -59,6 +60,7 @@ INEXACT = {
     "lamps",
     "haze",
     "sundial",
+    "candles",
 }
 EXACT = NEEDED - INEXACT
 

@@ -48,6 +48,7 @@ SCENES: Final = (
     "sky",
     "drink",
     "haze",
+    "candles",
     "textures",
     "lamps",
     "sundial",

@@ -248,7 +248,7 @@ def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scene", "gigabytes"), [("sky", 4), ("drink", 4), ("haze", 5), ("matt textures", 5), ("metals", 9)]
+    ("scene", "gigabytes"), [("sky", 4), ("drink", 4), ("haze", 5), ("candles", 5), ("matt textures", 5), ("metals", 9)]
 )
 def test_rich_scenes_on_rusticl(
     all_devices: list[Device], scene: str, gigabytes: int, monkeypatch: pytest.MonkeyPatch

@@ -79,6 +79,8 @@ class Run:
         Of pixels.
     media : bool
         With media that scatter, in shapes and around them.
+    skin : bool
+        With subsurface materials, of which one has a lamp inside.
     lamps : bool
         With spots and IES files, so many that there is a tree of lights.
     opacity : str
@@ -98,6 +100,7 @@ class Run:
     textured: bool = False
     filter: str = "box"
     media: bool = False
+    skin: bool = False
     lamps: bool = False
     opacity: str = ""
     sun: bool = False
@@ -116,6 +119,8 @@ RENDERS: Final = {
     "whitted-1-interiors": Run("whitted", 1, samples=2, interiors=True),
     "path-4-media": Run("path", 4, samples=2, media=True),
     "path-1-media": Run("path", 1, rough=True, media=True),
+    "path-4-skin": Run("path", 4, samples=2, skin=True),
+    "path-1-skin": Run("path", 1, rough=True, textured=True, skin=True),
     "path-4-textured": Run("path", 4, samples=2, textured=True),
     "whitted-1-textured": Run("whitted", 1, textured=True),
     "photon-4-textured": Run("photon", 4, textured=True),
@@ -210,6 +215,15 @@ def scene(run: Run, folder: Path) -> FlatScene:
             {"type": "box", "center": (0.2, -0.1, 0.5), "size": (1.6, 0.7, 1.6), "interior": "smoke"},
             {"type": "sphere", "center": (0.2, 0.1, 0.3), "radius": 0.3, "material": "glass", "interior": "milk"},
         ]
+    if run.skin:
+        shapes += [
+            {"type": "box", "center": (0.2, -0.1, 0.9), "size": (0.8, 0.7, 0.6), "material": "skin"},
+            {"type": "sphere", "center": (1.1, 0.6, 0.5), "radius": 0.4, "material": "wax"},
+        ]
+    walks = {
+        "skin": {"type": "subsurface", "albedo": (0.8, 0.5, 0.3), "radius": (0.3, 0.2, 0.1)},
+        "wax": {"type": "subsurface", "albedo": 0.8, "radius": 0.2, "g": 0.5, "ior": 1.4, "roughness": 0.3 * run.rough},
+    }
     media = {
         "glass": {"type": "dielectric", "ior": 1.5, "priority": 2},
         "water": {
@@ -257,6 +271,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             "glass": {"type": "dielectric", "ior": 1.5},
             **(rough if run.rough else {}),
             **(media if run.interiors else {}),
+            **(walks if run.skin else {}),
             **(textured if run.textured or run.opacity else {}),
         },
         "shapes": shapes,

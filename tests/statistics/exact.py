@@ -13,6 +13,7 @@ __all__ = [
     "Floats",
     "disk_irradiance",
     "fresnel",
+    "half_space_albedo",
     "lens_share",
     "mirrored",
     "polygon_irradiance",
@@ -123,3 +124,17 @@ def lens_share(x: npt.ArrayLike) -> Floats:
     """Share of a unit disk where the first coordinate is below x."""
     clipped = np.clip(np.asarray(x, np.float64), -1.0, 1.0)
     return 0.5 + (clipped * np.sqrt(1.0 - clipped**2) + np.arcsin(clipped)) / math.pi
+
+
+def half_space_albedo(alpha: float) -> float:
+    """Share of light, entering by the cosine, that a half-space of isotropic scattering returns.
+
+    1 - 2 √(1 - α) ∫ H(μ) μ dμ, and ln H(μ) = -μ/π ∫ ln(1 - α t cot t) / (cos² t + μ² sin² t) dt from 0 to π/2
+    (Chandrasekhar, Radiative Transfer, 1960, V).
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    turn, share = (nodes + 1.0) * math.pi / 4.0, weights * math.pi / 4.0
+    mu, of_mu = (nodes[:, None] + 1.0) / 2.0, weights / 2.0
+    logarithm = np.log(1.0 - alpha * turn / np.tan(turn))
+    h = np.exp(-mu[:, 0] / math.pi * ((share * logarithm) / (np.cos(turn) ** 2 + (mu * np.sin(turn)) ** 2)).sum(axis=1))
+    return float(1.0 - 2.0 * math.sqrt(1.0 - alpha) * (of_mu * mu[:, 0] * h).sum())
