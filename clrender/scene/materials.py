@@ -98,10 +98,16 @@ class _Surface(Part):
             raise fault(
                 "material", "is 0, which leaves no hole; give a number above it, or leave it out", "opacity_cutoff"
             )
-        if self.masked and getattr(self, "solid", False):
+        if self.masked and self.solid:
             sentence = "cannot be given to what has an inside: light would get there through no boundary"
-            raise fault("material", f"{sentence}; make it thin, or leave this out", "opacity")
+            cure = "make it thin, or leave this out" if "thin" in type(self).model_fields else "leave it out"
+            raise fault("material", f"{sentence}; {cure}", "opacity")
         return self
+
+    @property
+    def solid(self) -> bool:
+        """Whether light goes through it into a medium."""
+        return False
 
     @property
     def masked(self) -> bool:
@@ -309,6 +315,11 @@ class Subsurface(_Bumpy):
             sentence = "is given without ior; name the index of the surface that is rough, or leave roughness out"
             raise fault("material", sentence, "roughness")
         return self
+
+    @property
+    def solid(self) -> bool:
+        """It always has an inside."""
+        return True
 
     @property
     def rough(self) -> bool:

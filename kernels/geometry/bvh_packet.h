@@ -85,13 +85,14 @@ static void packet_keep(const PacketRay* ray, vmask hit, vfloat distance, vfloat
 }
 
 // The hits of a triangle or pair that count, as single_solid.
-static vmask packet_solid(const Bvh* bvh, uint word, vmask hit, vfloat determinant, vfloat b, vfloat c, int any_hit, vuint* primitive) {
+static vmask packet_solid(const Bvh* bvh, uint word, vmask hit, vmask near, vfloat determinant, vfloat b, vfloat c, int any_hit,
+                          vuint* primitive) {
 #ifdef HOLES
-    if (bvh->hole_rows == 0 || !lane_any(hit)) return hit;
+    if (bvh->hole_rows == 0 || !lane_any(hit & near)) return hit;
     int hits[LANES];
     uint doubtful[LANES];
     float determinants[LANES], weights_b[LANES], weights_c[LANES];
-    lane_store(hit, hits);
+    lane_store((hit & near), hits);
     lane_store(*primitive, doubtful);
     lane_store(determinant, determinants);
     lane_store(b, weights_b);
@@ -126,8 +127,7 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
         const vfloat distance = triangle_distance_lanes(from.x, from.y, from.z, nx, ny, nz, determinant);
         vuint id = splat_uint(first);
         if (!any_hit && last != first) id = c > b ? splat_uint(last) : id;
-        const vmask ahead = hit & (distance > 0.0f) & (distance <= nearest);
-        const vmask there = packet_solid(bvh, as_uint(pack[TRIANGLE_ID]), ahead, determinant, b, c, any_hit, &primitive);
+        const vmask there = packet_solid(bvh, as_uint(pack[TRIANGLE_ID]), hit, distance <= nearest, determinant, b, c, any_hit, &primitive);
         packet_keep(ray, there, distance, entered, id, first, last, any_hit, &nearest, &primitive);
     }
     ray->nearest = nearest;

@@ -71,11 +71,11 @@ static void single_keep(SingleRays* rays, int ray, int8 hit, int8 later, float8 
 
 // The hits of a pack's triangles that count: those that are not in holes. Of any hits, only those where the surface is known to be whole;
 // others are remembered by a primitive number.
-static int8 single_solid(const Bvh* bvh, SingleRays* rays, int ray, __global const float* ids, uint members, int8 hit, float8 determinant,
-                         float8 b, float8 c, int any_hit) {
+static int8 single_solid(const Bvh* bvh, SingleRays* rays, int ray, __global const float* ids, uint members, int8 hit, float8 distance,
+                         float8 determinant, float8 b, float8 c, int any_hit) {
 #ifdef HOLES
     if (bvh->hole_rows == 0) return hit;
-    const int8 own = hit & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members);
+    const int8 own = hit & (distance <= rays->nearest[ray]) & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members);
     if (!any_of_eight(own)) return own;
     int hits[8];
     float determinants[8], weights_b[8], weights_c[8];
@@ -106,8 +106,7 @@ static void single_triangles(SingleRays* rays, int ray, const Bvh* bvh, uint ref
                                        vload8(14, pack), (float8)(rays->direction[0][ray]), (float8)(rays->direction[1][ray]),
                                        (float8)(rays->direction[2][ray]), (float8)(rays->slack[ray]), &determinant, &b, &c);
     const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
-    const int8 ahead = hit & (distance > 0.0f) & (distance <= rays->nearest[ray]);
-    const int8 there = single_solid(bvh, rays, ray, pack + TRIANGLE_ID, bvh_members(reference), ahead, determinant, b, c, any_hit);
+    const int8 there = single_solid(bvh, rays, ray, pack + TRIANGLE_ID, bvh_members(reference), hit, distance, determinant, b, c, any_hit);
     single_keep(rays, ray, there, c > b, distance, entered, pack + TRIANGLE_ID, bvh_members(reference), any_hit);
 }
 

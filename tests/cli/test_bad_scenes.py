@@ -205,6 +205,11 @@ VALUES = [
     ),
     Bad("holes in glass", CAMERA + GLASS + "opacity = 0.5\n", ("materials.g.opacity", "make it thin"), cli=True),
     Bad(
+        "holes in skin",
+        CAMERA + '[materials.s]\ntype = "subsurface"\nalbedo = 0.5\nradius = 0.1\nopacity = 0.5\n',
+        ("materials.s.opacity", "has an inside", "leave it out"),
+    ),
+    Bad(
         "holes in a part of a mixture",
         CAMERA + MIX.format("a", "m", "w") + '[materials.w]\ntype = "mirror"\nopacity = 0.5\n',
         ("materials.a.materials[1]", '"w"', "which has an opacity; give the mixture one"),
