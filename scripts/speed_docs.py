@@ -31,7 +31,7 @@ _BEGIN: Final = "<!-- made by scripts/speed_docs.py: begin -->"
 _END: Final = "<!-- end -->"
 _GROWTH: Final = {"S3-10k": 9_680, "S3-1M": 1_003_520, "S3-4M": 3_996_180}
 """Scenes of the plot, and their triangles."""
-_ROWS: Final = ("S1", "S2", "S1-tess", "S3-10k", "S3-1M", "S3-4M", "S4", "S5")
+_ROWS: Final = ("S1", "S2", "S1-tess", "S3-10k", "S3-1M", "S3-4M", "S4", "S5", "S6")
 _NONE: Final = "–"
 
 

@@ -146,10 +146,10 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
 def test_holes_in_every_number_of_lanes(all_devices: list[Device], settings: dict[str, Any]) -> None:
     """Hits one after the other, by rays together and alone."""
     wanted = sha("leaves", all_devices[:1], spp=4, **settings)
-    for lanes in LANES:
-        for traversal in TRAVERSALS:
-            cutting = Cutting(lanes, traversal, 16, 1, 16, "shuffled")
-            assert sha("leaves", all_devices[:1], cutting, spp=4, **settings) == wanted, str(cutting)
+    every = itertools.product(LANES, TRAVERSALS)
+    for lanes, traversal in [(1, "packet"), (8, "single")] if settings else every:
+        cutting = Cutting(lanes, traversal, 16, 1, 16, "shuffled")
+        assert sha("leaves", all_devices[:1], cutting, spp=4, **settings) == wanted, str(cutting)
 
 
 FILTERS = [name for name in SETTINGS["filter"].domain.members if name != "box"]  # type: ignore[attr-defined]
