@@ -21,6 +21,9 @@ _SCENES: Final = {
     "sky": 512,
     "lamps": 512,
     "haze": 1024,
+    "foliage": 256,
+    "product": 1024,
+    "fisheye": 512,
 }
 """Built-in scene -> samples per pixel."""
 _WIDTH: Final = 640
