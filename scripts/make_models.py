@@ -166,7 +166,7 @@ class Tree:
             part = min(int(at * parts), parts - 1)
             point = plus(nodes[part][0], nodes[part + 1][1], (at * parts - part) * length / parts)
             away = turned(nodes[part + 1][1], chance(58.0, 80.0) - 30.0 * at, i * 137.5 + chance(-25.0, 25.0))
-            size = (1.4 * (1.0 - 0.55 * at), length * 0.55 * (1.15 - 0.6 * at), 0.2, 0.0)[level] * chance(0.8, 1.2)
+            size = (1.55 * (1.0 - 0.55 * at), length * 0.55 * (1.15 - 0.6 * at), 0.2, 0.0)[level] * chance(0.8, 1.2)
             self.grow(level + 1, point, away, size, radius * (0.55 - 0.2 * at))
         if level >= 2:
             leaves = (3, 7)[level - 2]
@@ -176,7 +176,7 @@ class Tree:
                 point = plus(nodes[part][0], nodes[part + 1][1], (at * parts - part) * length / parts)
                 angle = 20.0 if i == leaves - 1 else chance(45.0, 75.0)
                 self.leaf(
-                    point, turned(nodes[part + 1][1], angle, 180.0 * i + chance(-50.0, 50.0)), chance(0.09, 0.135)
+                    point, turned(nodes[part + 1][1], angle, 180.0 * i + chance(-50.0, 50.0)), chance(0.07, 0.105)
                 )
 
     def tube(self, nodes: Sequence[tuple[Vector, Vector]], radius: float, sides: int) -> None:
