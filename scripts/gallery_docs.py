@@ -22,6 +22,9 @@ _SCENES: Final = {
     "lamps": 512,
     "haze": 1024,
     "candles": 256,
+    "foliage": 256,
+    "product": 1024,
+    "fisheye": 512,
 }
 """Built-in scene -> samples per pixel."""
 _WIDTH: Final = 640

@@ -63,10 +63,65 @@ def globe() -> NDArray[np.uint8]:
     return np.asarray(np.where(lines[..., None], color * 3 // 4, color), np.uint8)
 
 
+def leaf() -> NDArray[np.uint8]:
+    """(128, 128, 4) a leaf, its stalk in the lower left corner, its tip in the upper right one; sRGB, and opacity."""
+    y, x = np.mgrid[:512, :512] / 512.0
+    along, aside = (x + 1.0 - y) / 2.0, abs(x - 1.0 + y) / 2.0
+    blade = np.clip((along - 0.1) / 0.88, 0.0, 1.0)
+    teeth = abs((blade * 13.0) % 1.0 - 0.3) * 0.02
+    width = 0.26 * np.sqrt(blade) * (1.0 - blade) * (2.4 - 0.6 * blade) - teeth
+    inside = (aside < width) | ((aside < 0.012) & (along > 0.01) & (along < 0.5))
+    vein = np.clip(1.0 - abs((along - aside * 1.1) * 11.0 % 1.0 - 0.5) * 14.0, 0.0, 1.0) * (aside > 0.01)
+    rib = np.clip(1.6 - aside * 110.0, 0.0, 1.0)
+    light = np.maximum(rib, 0.45 * vein)[..., None]
+    edge = np.clip(1.0 - aside / np.maximum(width, 1e-3), 0.0, 1.0)[..., None]
+    green = np.array([92.0, 132.0, 42.0]) + edge * np.array([-12.0, -4.0, -2.0])
+    color = green + light * np.array([46.0, 40.0, 40.0])
+    return shrunk(np.concatenate([color, inside[..., None] * 255.0], axis=2))
+
+
+def grass() -> NDArray[np.uint8]:
+    """(128, 256, 4) blades of grass, and in the right half daisies between them; sRGB, and opacity."""
+    y, x = np.mgrid[:512, :1024]
+    up = 512.0 - y
+    picture = np.zeros((512, 1024, 4))
+    picture[..., :3] = [84.0, 116.0, 40.0]
+    for number in range(44):
+        half = number % 2 * 512
+        foot = half + 70 + number * 197 % 372
+        height = 250 + number * 151 % 240
+        bend = (number * 89 % 121 - 60) * 1.1
+        part = np.clip(up / height, 0.0, 1.0)
+        there = (abs(x - foot - bend * part * part) < 11.0 * (1.0 - part * part) + 1.0) & (up < height)
+        tone = np.array([(62.0, 104.0, 30.0), (92.0, 128.0, 44.0), (112.0, 136.0, 56.0)][number % 3])
+        picture[there] = [*tone, 255.0]
+        picture[there, :3] += (part[there] * 34.0)[..., None] * np.array([1.0, 0.8, 0.5])
+    for number, (left, height) in enumerate([(640, 420), (760, 330), (905, 455)]):
+        stalk = (abs(x - left) < 5) & (up < height)
+        picture[stalk] = [96.0, 128.0, 50.0, 255.0]
+        dx, dy = x - left, (up - height) * 1.3
+        distance = np.sqrt(dx * dx + dy * dy)
+        # Petals: a star of twelve, from the shorter of two folded coordinates
+        fold = np.minimum(abs(dx), abs(dy)) / np.maximum(np.maximum(abs(dx), abs(dy)), 1.0)
+        petal = distance < 46.0 - 14.0 * abs((fold * 3.0 + number * 0.3) % 1.0 - 0.5)
+        picture[petal] = [236.0, 234.0, 228.0, 255.0]
+        picture[distance < 15.0] = [226.0, 176.0, 40.0, 255.0]
+    return shrunk(picture)
+
+
+def shrunk(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Means of 4 × 4 pixels, in whole numbers."""
+    height, width, channels = picture.shape
+    sums = np.floor(picture).astype(np.int64).reshape(height // 4, 4, width // 4, 4, channels).sum(axis=(1, 3))
+    return np.asarray(sums // 16, np.uint8)
+
+
 PICTURES: Final[Mapping[str, NDArray[np.uint8]]] = {
     "tiles.png": tiles(),
     "tiles-normal.png": tile_normals(),
     "globe.png": globe(),
+    "leaf.png": leaf(),
+    "grass.png": grass(),
 }
 
 

@@ -46,6 +46,7 @@ NEEDED = {
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
     "candles",
+    "foliage", "product", "fisheye",
 }  # fmt: skip
 INEXACT = {
     "room",
@@ -61,6 +62,9 @@ INEXACT = {
     "haze",
     "sundial",
     "candles",
+    "foliage",
+    "product",
+    "fisheye",
 }
 EXACT = NEEDED - INEXACT
 
@@ -136,7 +140,7 @@ def test_builtin_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monke
     assert scenes.load("room").title == "The room"
 
 
-@pytest.mark.parametrize("name", ["make_meshes.py", "make_sky.py", "make_lamps.py"])
+@pytest.mark.parametrize("name", ["make_meshes.py", "make_models.py", "make_sky.py", "make_lamps.py"])
 def test_files_are_the_ones_the_script_makes(name: str) -> None:
     script = scenes_folder().parent / "scripts" / name
     done = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, check=False)
