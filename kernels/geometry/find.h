@@ -147,6 +147,12 @@ static void passage_finish(const Scene* scene, Passage* p) {
 
 static vfloat passage_left(const Passage* p, uint packet) { return p->left[packet]; }
 
+// Whether any does; less may than was sent.
+static vmask passage_arrives(const Passage* p, uint packet, vec3* arriving) {
+    *arriving = scale(*arriving, p->left[packet]);
+    return p->left[packet] > 0.0f;
+}
+
 // Of one packet, what masked surfaces leave before this distance.
 static vfloat passage_masked(const Scene* scene, const Ray* ray, vfloat limit, vmask asked) {
     Masked m;
@@ -178,6 +184,7 @@ static void passage_start(const Scene* scene, Passage* p, uint packet, const Ray
 }
 static void passage_finish(const Scene* scene, Passage* p) { traverse_finish(&scene->bvh, p, 1); }
 static vfloat passage_left(const Passage* p, uint packet) { return traverse_blocked(p, packet) ? splat(0.0f) : splat(1.0f); }
+static vmask passage_arrives(const Passage* p, uint packet, vec3* arriving) { return !traverse_blocked(p, packet); }
 static vfloat passage_masked(const Scene* scene, const Ray* ray, vfloat limit, vmask asked) { return splat(1.0f); }
 
 #endif

@@ -76,11 +76,7 @@ static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, cons
     passage_start(scene, shadows, packet, ray, asked);
 }
 static void shadow_finish(const Scene* scene, Shadows* shadows) { passage_finish(scene, shadows); }
-static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) {
-    const vfloat left = passage_left(shadows, packet);
-    *arriving = scale(*arriving, left);
-    return left > 0.0f;
-}
+static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) { return passage_arrives(shadows, packet, arriving); }
 
 #endif
 
