@@ -59,12 +59,22 @@ def sha(scene: str, devices: list[Device], cutting: Cutting | None = None, **set
     return str(image.stats["image_sha256"])
 
 
+class Hashes(dict[str, str]):
+    """The hash of each scene that is asked for, from one device left to itself."""
+
+    def __init__(self, device: Device) -> None:
+        super().__init__()
+        self._device = device
+
+    def __missing__(self, scene: str) -> str:
+        self[scene] = sha(scene, [self._device])
+        assert list(self.values()).count(self[scene]) == 1, "scenes differ"
+        return self[scene]
+
+
 @pytest.fixture(scope="module")
-def expected(all_devices: list[Device]) -> dict[str, str]:
-    """The hash of each scene, from the first device left to itself."""
-    hashes = {scene: sha(scene, all_devices[:1]) for scene in SCENES}
-    assert len(set(hashes.values())) == len(SCENES)
-    return hashes
+def expected(all_devices: list[Device]) -> Hashes:
+    return Hashes(all_devices[0])
 
 
 FEW = ("room", "bumpy", "S4")
@@ -74,7 +84,7 @@ FEW = ("room", "bumpy", "S4")
 
 
 @pytest.mark.parametrize("cutting", covering(), ids=str)
-def test_every_pair_of_choices(all_devices: list[Device], expected: dict[str, str], cutting: Cutting) -> None:
+def test_every_pair_of_choices(all_devices: list[Device], expected: Hashes, cutting: Cutting) -> None:
     for scene in FEW:
         assert sha(scene, all_devices[:1], cutting) == expected[scene], scene
 
@@ -82,7 +92,7 @@ def test_every_pair_of_choices(all_devices: list[Device], expected: dict[str, st
 @pytest.mark.slow
 @pytest.mark.parametrize("traversal", TRAVERSALS)
 @pytest.mark.parametrize("lanes", LANES)
-def test_every_combination(all_devices: list[Device], expected: dict[str, str], lanes: int, traversal: str) -> None:
+def test_every_combination(all_devices: list[Device], expected: Hashes, lanes: int, traversal: str) -> None:
     for device in all_devices:
         slow = GPU_LIKE in device.info.platform
         if slow and (lanes, traversal) != (1, "packet"):
@@ -171,7 +181,7 @@ def test_pixel_filters_in_every_number_of_lanes(all_devices: list[Device], scene
                 assert sha(scene, [device], cutting, filter=name) == wanted, f"{name}, {cutting}, {device.info.title}"
 
 
-def test_a_filter_is_another_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+def test_a_filter_is_another_image(all_devices: list[Device], expected: Hashes) -> None:
     hashes = {sha("room", all_devices[:1], filter=name) for name in FILTERS}
     assert len(hashes | {expected["room"]}) == len(FILTERS) + 1
     assert sha("room", all_devices[:1], filter="box") == expected["room"]
@@ -186,7 +196,7 @@ def test_lamps_that_a_tree_picks(all_devices: list[Device], lanes: int) -> None:
 
 
 @pytest.mark.parametrize("packets", [1, 3])
-def test_packets_that_take_turns(all_devices: list[Device], expected: dict[str, str], packets: int) -> None:
+def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, packets: int) -> None:
     """Other numbers of them than devices choose, where rays part or paths are sorted by material.
 
     With another pool of samples to a work-item each.
@@ -219,7 +229,7 @@ def test_odd_sizes(all_devices: list[Device], scene: str, size: tuple[int, int])
     assert len(hashes) == 1
 
 
-def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device], expected: Hashes) -> None:
     changes: list[dict[str, Any]] = [{"seed": 1}, {"spp": SPP - 1}, {"size": (39, 50)}, {"max_depth": 3}]
     hashes = {sha("room", all_devices[:1], **change) for change in changes}
     assert len(hashes | {expected["room"]}) == len(changes) + 1
@@ -233,8 +243,12 @@ def test_several_rays_on_every_driver(all_devices: list[Device]) -> None:
     assert len({sha("room", [device], size=(16, 16), spp=2, shadow_rays=3) for device in all_devices}) == 1
 
 
-@pytest.mark.parametrize("scene", [pytest.param(s, marks=pytest.mark.slow) if s == "sundial" else s for s in SCENES])
-def test_every_driver(all_devices: list[Device], expected: dict[str, str], scene: str) -> None:
+SELDOM = {"haze", "candles", "lamps", "sundial"}
+"""Programs that take long to build for every driver, and whose parts other tests have."""
+
+
+@pytest.mark.parametrize("scene", [pytest.param(s, marks=pytest.mark.slow) if s in SELDOM else s for s in SCENES])
+def test_every_driver(all_devices: list[Device], expected: Hashes, scene: str) -> None:
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
     for device in all_devices:
         if GPU_LIKE in device.info.platform and scene != "room":
@@ -322,14 +336,14 @@ def test_no_more_lanes_than_a_driver_can_compile(all_devices: list[Device]) -> N
         clrender.render(clrender.load("room"), device=limited[0].info.index, size=(8, 8), spp=1, lanes=4)
 
 
-def test_all_drivers_share_one_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+def test_all_drivers_share_one_image(all_devices: list[Device], expected: Hashes) -> None:
     image = render("room", all_devices, Cutting(tile=8, order="shuffled"))
     assert image.stats["image_sha256"] == expected["room"]
     assert len(image.stats["devices"]) == len(all_devices)
     assert sum(each["samples"] for each in image.stats["devices"]) == SPP * WIDTH_HEIGHT[0] * WIDTH_HEIGHT[1]
 
 
-def test_two_devices_of_one_driver_share_an_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+def test_two_devices_of_one_driver_share_an_image(all_devices: list[Device], expected: Hashes) -> None:
     """Both halves of the processor as devices of their own where the driver can split it, else the device twice."""
     halves = [Device(all_devices[0].info, handle) for handle in split(all_devices[0])]
     image = render("room-glass", halves, Cutting(tile=8, order="shuffled"))
@@ -359,7 +373,7 @@ print(image.stats["image_sha256"])
 
 @pytest.mark.slow
 def test_two_drivers_inside_pocl(
-    all_devices: list[Device], expected: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    all_devices: list[Device], expected: Hashes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """PoCL's device with threads beside the one without, in a process of its own: they are chosen before it loads."""
     library = next(device.info.library for device in all_devices if "pocl" in device.info.version.lower())
@@ -402,7 +416,7 @@ def test_oclgrind(all_devices: list[Device], monkeypatch: pytest.MonkeyPatch) ->
     ids=["every other unit", "first and second half of the samples"],
 )
 def test_two_renders_merged_as_films(
-    all_devices: list[Device], expected: dict[str, str], which: Callable[[int, Unit], int]
+    all_devices: list[Device], expected: Hashes, which: Callable[[int, Unit], int]
 ) -> None:
     whole = small_units
 
@@ -419,7 +433,7 @@ def test_two_renders_merged_as_films(
     assert image_sha256(films[0].mean()) == expected["cornell"]
 
 
-def test_a_film_goes_through_a_file(all_devices: list[Device], expected: dict[str, str], tmp_path: Path) -> None:
+def test_a_film_goes_through_a_file(all_devices: list[Device], expected: Hashes, tmp_path: Path) -> None:
     image = render("room", all_devices[:1])
     image.save(tmp_path / "room.film")
     film = Film.load(tmp_path / "room.film")
@@ -445,7 +459,7 @@ class _Recording:
         return sums
 
 
-def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: dict[str, str]) -> None:
+def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: Hashes) -> None:
     settings = RenderSettings(spp=SPP, width=WIDTH_HEIGHT[0], height=WIDTH_HEIGHT[1])
     tile = tile_side(16, settings.width, settings.height)
     plan = Plan(settings.width, settings.height, 0, SPP, tile)
@@ -478,7 +492,7 @@ def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: 
     assert image_sha256(film.mean()) == expected["bumpy"]
 
 
-def test_shards_on_two_drivers_merge_to_the_image(all_devices: list[Device], expected: dict[str, str]) -> None:
+def test_shards_on_two_drivers_merge_to_the_image(all_devices: list[Device], expected: Hashes) -> None:
     job = clrender.RenderJob.of(clrender.load("room"), size=WIDTH_HEIGHT, spp=SPP)
     films = []
     for number in (1, 2, 3):
