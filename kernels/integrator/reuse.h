@@ -249,8 +249,10 @@ static vuint reuse_partners(__global const Settings* settings, const Pool* pool,
 // Decides whether anchor m of the group sees the lanes' target through what lets a share of light pass: to see it or not with that chance is
 // without bias, as long as both sums take the same decision. In [0, 1).
 static vfloat reuse_chance(__global const Settings* settings, const Pool* pool, uint number, uint m) {
-    const vuint pixel = hash_pair(pool->first_slot + pool->base + lane_index(), splat_uint(pool->first_sample + number));
-    return unit_interval(hash_pair(pixel, splat_uint((settings->seed ^ 0x5be0cd19u) + m)));
+    vuint x, y;
+    slot_pixel(settings, pool->block, pool->first_slot + pool->base + lane_index(), &x, &y);
+    const vuint sample = hash_pair(y * settings->width + x, splat_uint(pool->first_sample + number));
+    return unit_interval(hash_pair(sample, splat_uint((settings->seed ^ 0x5be0cd19u) + m)));
 }
 
 static vmask reuse_flag(vfloat flags, uint flag) { return (vfloat_bits(flags) & flag) != 0u; }
