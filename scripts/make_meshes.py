@@ -8,8 +8,9 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ sys.path.insert(0, str(ROOT))
 
 from clrender.scene.angles import sin_cos_degrees  # noqa: E402
 
-__all__ = ["bumpy_sphere", "candle", "geodesic", "head", "lathe", "liquid", "main", "ply_bytes", "tumbler"]
+__all__ = ["bumpy_sphere", "candle", "geodesic", "head", "lathe", "liquid", "ply_bytes", "tumbler", "write_or_compare"]
 
 
 def geodesic(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -210,20 +211,14 @@ def ply_bytes(
     return header.encode() + columns.astype("<f4").tobytes() + faces.tobytes()
 
 
-def main() -> int:
-    """Write the files, or compare; returns the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def write_or_compare(description: str, meshes: Mapping[str, Callable[[], bytes]]) -> int:
+    """Write the mesh files of these names in scenes/, or with ``--check`` compare them; returns the exit code."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare with the committed files instead of writing")
     check = parser.parse_args().check
     stale = 0
-    for name, mesh in (
-        ("bumpy", bumpy_sphere(32)),
-        ("tumbler", tumbler()),
-        ("liquid", liquid()),
-        ("head", head(36)),
-        ("candle", candle()),
-    ):
-        path, data = ROOT / "scenes" / f"{name}.ply", ply_bytes(*mesh)
+    for name, make in meshes.items():
+        path, data = ROOT / "scenes" / f"{name}.ply", make()
         if not check:
             path.write_bytes(data)
         elif not path.is_file() or path.read_bytes() != data:
@@ -232,5 +227,14 @@ def main() -> int:
     return stale
 
 
+MESHES: Final[Mapping[str, Callable[[], bytes]]] = {
+    "bumpy": lambda: ply_bytes(*bumpy_sphere(32)),
+    "tumbler": lambda: ply_bytes(*tumbler()),
+    "liquid": lambda: ply_bytes(*liquid()),
+    "head": lambda: ply_bytes(*head(36)),
+    "candle": lambda: ply_bytes(*candle()),
+}
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(write_or_compare(__doc__ or "", MESHES))

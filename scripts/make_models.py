@@ -6,23 +6,21 @@ with ``--check`` to compare them with the committed ones. Scenes scale them by t
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from functools import partial
 from typing import Final
 
 import numpy as np
-from make_meshes import lathe, vertex_normals
+from make_meshes import lathe, vertex_normals, write_or_compare
 from numpy.typing import NDArray
 
 from clrender.scene.angles import sin_cos_degrees
 
-__all__ = ["Chance", "Model", "main"]
+__all__ = ["MODELS", "Chance", "Model"]
 
-ROOT: Final = Path(__file__).resolve().parent.parent
 Vector = tuple[float, float, float]
 _TYPES: Final = {"<i2": "short", "i1": "char", "u1": "uchar"}
 _UP: Final = (0.0, 1.0, 0.0)
@@ -449,21 +447,9 @@ MODELS: Final[Mapping[str, Callable[[], Model]]] = {
 }
 
 
-def main() -> int:
-    """Write the files, or compare; returns the exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="compare with the committed files instead of writing")
-    check = parser.parse_args().check
-    stale = 0
-    for name, make in MODELS.items():
-        path, data = ROOT / "scenes" / f"{name}.ply", make().ply()
-        if not check:
-            path.write_bytes(data)
-        elif not path.is_file() or path.read_bytes() != data:
-            print(f"{path} is not what this script makes; run it again without --check", file=sys.stderr)
-            stale = 1
-    return stale
+def _ply(make: Callable[[], Model]) -> bytes:
+    return make().ply()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(write_or_compare(__doc__ or "", {name: partial(_ply, make) for name, make in MODELS.items()}))

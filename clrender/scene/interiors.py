@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -71,14 +71,8 @@ def light_inside(arrays: _Arrays, triangle_count: int, light_count: int) -> int 
     """
     if len(arrays["media_rows"]) == 1:
         return None
-    bounding = np.flatnonzero(medium_of_primitives(arrays))
-    low, high = _box(arrays, triangle_count, bounding)
-    for number, light in enumerate(arrays["lights"][:light_count]):
-        points = _shining_points(arrays, triangle_count, light)
-        near = ((low <= points) & (points <= high)).all(axis=1)
-        if any(media_around(arrays, triangle_count, point) for point in points[near]):
-            return number
-    return None
+    around = _media_around_lights(arrays, triangle_count, light_count)
+    return next((number for number, media in around if media), None)
 
 
 def media_with_lights(arrays: _Arrays, triangle_count: int, light_count: int) -> set[int]:
@@ -95,13 +89,17 @@ def media_with_lights(arrays: _Arrays, triangle_count: int, light_count: int) ->
     set of int
         Rows of ``media_rows``.
     """
+    return set().union(*(media for _, media in _media_around_lights(arrays, triangle_count, light_count)))
+
+
+def _media_around_lights(arrays: _Arrays, triangle_count: int, light_count: int) -> Iterator[tuple[int, list[int]]]:
+    """Each light with the media around one of its points, for all points that may be in any."""
     low, high = _box(arrays, triangle_count, np.flatnonzero(medium_of_primitives(arrays)))
-    found: set[int] = set()
-    for light in arrays["lights"][:light_count]:
+    for number, light in enumerate(arrays["lights"][:light_count]):
         points = _shining_points(arrays, triangle_count, light)
         near = ((low <= points) & (points <= high)).all(axis=1)
-        found.update(*(media_around(arrays, triangle_count, point) for point in points[near]))
-    return found
+        for point in points[near]:
+            yield number, media_around(arrays, triangle_count, point)
 
 
 def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:

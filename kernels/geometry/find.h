@@ -3,7 +3,8 @@
 // Where surfaces have holes (-D OPACITY) there are two trees, one over opaque primitives, one over masked ones, whose opacity is not 1 everywhere.
 // A ray's nearest opaque surface is found first. What is masked before it follows, one hit after the other in the order of distance and
 // primitive number: each is there with the probability of its opacity. Shadow rays that nothing opaque stops multiply what
-// their masked hits let through. So both trees are walked without a test of opacity inside.
+// their masked hits let through. So no texture is read on the way through a tree; only what is known of holes without one counts there
+// (geometry/holes.h).
 //
 // Elsewhere all of this is a walk through the one tree.
 #ifndef GEOMETRY_FIND_H

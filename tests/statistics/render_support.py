@@ -11,9 +11,21 @@ import numpy.typing as npt
 import clrender
 
 if TYPE_CHECKING:
+    from clrender.device import Device
     from clrender.scene import Scene
 
-__all__ = ["Studio", "disk", "down", "lambert", "quad", "room", "scene", "sphere", "triangle"]
+__all__ = [
+    "Studio",
+    "disk",
+    "down",
+    "hashes_by_lanes_and_cuts",
+    "lambert",
+    "quad",
+    "room",
+    "scene",
+    "sphere",
+    "triangle",
+]
 
 _WEIGHTS: Final = np.array([0.5, 0.3, 0.2])
 """Channels become one number: they are not independent of each other, and unequal weights tell them apart."""
@@ -126,3 +138,10 @@ def disk(center: Vector, normal: Vector, radius: float, **more: Any) -> dict[str
 def _colors(more: Mapping[str, Any]) -> dict[str, Any]:
     """`emission` may be one number."""
     return {k: [v] * 3 if k == "emission" and isinstance(v, int | float) else v for k, v in more.items()}
+
+
+def hashes_by_lanes_and_cuts(device: Device, what: Scene) -> set[str]:
+    """Hashes of a small image as the device would render it, in small tiles and single samples, and in all lanes."""
+    ways: list[dict[str, Any]] = [{}, {"tile": 8, "samples_per_pass": 1}, *({"lanes": n} for n in (1, 4, 8, 16))]
+    images = (clrender.render(what, device=device.info.index, size=(40, 31), spp=4, **way) for way in ways)
+    return {str(image.stats["image_sha256"]) for image in images}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from render_support import Studio, lambert, quad, sphere
+from render_support import Studio, hashes_by_lanes_and_cuts, lambert, quad, sphere
 from stats_support import Evidence
 
 import clrender
@@ -200,14 +200,7 @@ def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
             "materials": {**what.materials, **both.materials},
         }
     )
-    with clrender.Session(device.info.index) as session:
-        whole = session.render(what, size=(40, 31), spp=4).stats["image_sha256"]
-        assert session.render(what, size=(40, 31), spp=4, tile=8, samples_per_pass=1).stats["image_sha256"] == whole
-    hashes = {
-        clrender.render(what, device=device.info.index, size=(40, 31), spp=4, lanes=lanes).stats["image_sha256"]
-        for lanes in (1, 4, 8, 16)
-    }
-    assert hashes == {whole}
+    assert len(hashes_by_lanes_and_cuts(device, what)) == 1
 
 
 @pytest.mark.parametrize("integrator", ["whitted", "photon", "reuse", "radiosity"])
