@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from clrender.errors import RenderError as RenderError
     from clrender.errors import SceneError as SceneError
     from clrender.errors import UsageError as UsageError
+    from clrender.importers.load import load as load
     from clrender.job import RenderJob as RenderJob
     from clrender.rendered_image import Progress as Progress
     from clrender.rendered_image import RenderedImage as RenderedImage
     from clrender.rendering import render as render
     from clrender.scene import Scene as Scene
-    from clrender.scene.load import load as load
     from clrender.session import Session as Session
 
 # What each name comes from. They are fetched when first used: `clrender --version` must not load NumPy.
@@ -39,7 +39,7 @@ _HOMES = {
     "Session": "clrender.session",
     "UsageError": "clrender.errors",
     "devices": "clrender.device",
-    "load": "clrender.scene",
+    "load": "clrender.importers",
     "render": "clrender.rendering",
 }
 

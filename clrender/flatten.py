@@ -228,6 +228,7 @@ def flatten(
         subsurface=media.subsurface,
         arrays_sha256=digest.hexdigest(),
         warnings=(
+            *scene.notes,
             *surfaces.warnings,
             *_lost_light(scene, media.no_boundary),
             *_coinciding(scene, arrays, triangle_count),

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from clrender import scene as scenes
 from clrender.cli.options import allow_path_option
 from clrender.flatten import flatten
+from clrender.importers import load
 
 __all__ = ["check"]
 
@@ -18,7 +18,7 @@ __all__ = ["check"]
 @allow_path_option
 def check(scene: str, allow_paths: tuple[Path, ...]) -> None:
     """Validate SCENE (a file, or a built-in scene's name) and print what it holds."""
-    loaded = scenes.load(scene, allow_paths=allow_paths)
+    loaded = load(scene, allow_paths=allow_paths)
     flat = flatten(loaded, loaded.image.width, loaded.image.height)
     rows = [
         ("image", f"{loaded.image.width} x {loaded.image.height}"),

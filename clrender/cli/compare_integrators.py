@@ -52,7 +52,7 @@ def compare_on_scene(
         As `clrender.agreement.integrators.compare_integrators`, and where files cannot be written.
     """
     from clrender.agreement.integrators import check_integrators, compare_integrators
-    from clrender.scene import load
+    from clrender.importers import load
 
     names = [name.strip() for name in integrators]
     check_integrators(names)

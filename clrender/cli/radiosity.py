@@ -77,10 +77,10 @@ def radiosity(
     from clrender.device import select
     from clrender.film.unit import tile_side
     from clrender.image.files import write_image
+    from clrender.importers import load
     from clrender.radiosity.animate import Motion, frames
     from clrender.radiosity.dynamic import DynamicRadiosity
     from clrender.radiosity.solution import RadiositySettings
-    from clrender.scene import load
 
     description = load(scene, allow_paths=allow_paths)
     if shape >= len(description.shapes):

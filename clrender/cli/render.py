@@ -94,7 +94,7 @@ def render(
     allow_paths: tuple[Path, ...],
     **settings: Any,
 ) -> None:
-    """Render SCENE (a .toml or .json file, or a name of `clrender scenes`) to FILE.
+    """Render SCENE (a scene or model file, or a name of `clrender scenes`) to FILE.
 
     Defaults, in parentheses, hold where neither the command line nor the scene says anything else. Ctrl-C stops within
     a second, writes the image so far and exits with 130.
@@ -104,9 +104,9 @@ def render(
     check_distinct(written, [Path(scene)])
     layers = _layers(aov, outputs)
     with interruptible() as interrupt:
+        from clrender.importers import load
         from clrender.job import RenderJob
         from clrender.rendered_image import IncompleteRender
-        from clrender.scene import load
 
         begun = time.perf_counter()
         description = load(scene, allow_paths=allow_paths)

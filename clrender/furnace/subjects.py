@@ -13,7 +13,8 @@ from pydantic import ValidationError
 
 from clrender.errors import UsageError
 from clrender.furnace.surfaces import Uv
-from clrender.scene import builtin_names, load
+from clrender.importers import load
+from clrender.scene import builtin_names
 from clrender.scene.description import MATERIAL_TYPES, Scene
 from clrender.scene.materials import material_textures
 from clrender.scene.validation_errors import scene_error

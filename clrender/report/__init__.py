@@ -50,13 +50,13 @@ def make_report(
         When `should_stop` said so.
     """
     from clrender.drawing.svg import require_matplotlib
+    from clrender.importers import load
     from clrender.report.drawing import hemisphere, room_dimensions
     from clrender.report.page import Page
     from clrender.report.pictures import Figure, figures
     from clrender.report.plan import SCENE
     from clrender.report.plots import plots
     from clrender.report.runs import Renderer, measure
-    from clrender.scene import load
     from clrender.session import Session
 
     require_matplotlib()

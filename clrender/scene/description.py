@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -169,7 +169,9 @@ class Scene(Part):
     _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
     _profiles: dict[str, IesProfile] = PrivateAttr(default_factory=dict)
     _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
+    _encoded: dict[str, tuple[bytes, str]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
+    _notes: tuple[str, ...] = PrivateAttr(default=())
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -313,6 +315,23 @@ class Scene(Part):
         scene._given, scene._store = {**self._given, **pictures}, []
         return scene
 
+    def with_encoded_textures(self, pictures: Mapping[str, tuple[bytes, str]]) -> Scene:
+        """The same scene with these encoded pictures and their formats' endings in place of such files."""
+        scene = self.model_copy()
+        scene._encoded, scene._store = {**self._encoded, **pictures}, []
+        return scene
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What its reader did not understand, and what it did instead; a sentence each."""
+        return self._notes
+
+    def with_notes(self, notes: Iterable[str]) -> Scene:
+        """The same scene with these notes."""
+        scene = self.model_copy()
+        scene._notes = tuple(notes)
+        return scene
+
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
         """All textures of materials and shapes, each with its place in the scene's description."""
         found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
@@ -340,7 +359,7 @@ class Scene(Part):
         if self._store and self._store[0].holds(texture for _, texture in placed):
             return self._store[0]
         textures = [(f"{self._source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
-        store = TexelStore(textures, self._base_folder, self._allow_paths, self._given)
+        store = TexelStore(textures, self._base_folder, self._allow_paths, self._given, self._encoded)
         if self._store:
             self._store = [store]  # this is a copy with other textures of the scene that the store is for
         else:

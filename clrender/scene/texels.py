@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -105,6 +106,8 @@ class TexelStore:
         As of `clrender.scene.mesh_io.read_mesh`.
     given : mapping of str to (StoredPicture, (tiles, 64) uint8)
         In the place of files of these names.
+    encoded : mapping of str to (bytes, str)
+        Likewise, but what such files would hold, and the endings that they would have.
 
     Attributes
     ----------
@@ -125,6 +128,7 @@ class TexelStore:
         base_folder: Path,
         allow_paths: Sequence[Path],
         given: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]],
+        encoded: Mapping[str, tuple[bytes, str]],
     ) -> None:
         self.pictures: dict[str, StoredPicture] = {}
         places: dict[str, str] = {}
@@ -134,7 +138,7 @@ class TexelStore:
             places.setdefault(name, f"{place}: {quoted(name)}")
             if isinstance(texture, Checker | Ramp):
                 drawn[name] = _drawn(texture)
-        files = _Files(base_folder, allow_paths)
+        files = _Files(base_folder, allow_paths, encoded)
         room = 0
         for name, label in places.items():
             room += _tiles(drawn[name]) if name in drawn else files.most_tiles(name, label)
@@ -182,14 +186,20 @@ class TexelStore:
 
 
 class _Files:
-    """Picture files, where a scene may name them."""
+    """Picture files, where a scene may name them, or within it."""
 
-    def __init__(self, base_folder: Path, allow_paths: Sequence[Path]) -> None:
-        self._base_folder, self._allow_paths = base_folder, allow_paths
+    def __init__(
+        self, base_folder: Path, allow_paths: Sequence[Path], encoded: Mapping[str, tuple[bytes, str]]
+    ) -> None:
+        self._base_folder, self._allow_paths, self._encoded = base_folder, allow_paths, encoded
 
     @contextmanager
     def opened(self, name: str, label: str) -> Iterator[tuple[BinaryIO, str]]:
         """A file and its ending."""
+        if name in self._encoded:
+            data, ending = self._encoded[name]
+            yield io.BytesIO(data), ending
+            return
         file, size = open_named_file(name, self._base_folder, self._allow_paths, label, FILE_LIMIT)
         with file:
             ending = Path(name).suffix.lower()

@@ -31,6 +31,7 @@ LAYERS = (
     ("device",),
     ("flatten",),
     ("film",),
+    ("importers",),
     ("scene",),
     ("settings",),
     ("integrators",),

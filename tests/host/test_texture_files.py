@@ -250,7 +250,7 @@ def test_tiles_fill_a_line_of_memory(bits: int) -> None:
 
 
 def store(folder: Path, *names: str) -> TexelStore:
-    return TexelStore([("here", ImageTexture(texture=name)) for name in names], folder, (), {})
+    return TexelStore([("here", ImageTexture(texture=name)) for name in names], folder, (), {}, {})
 
 
 def test_a_picture_used_twice_is_stored_once(tmp_path: Path) -> None:

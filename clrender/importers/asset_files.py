@@ -1,0 +1,97 @@
+"""The one door through which importers get at files: those that a scene names, wherever their bytes are."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+from urllib.parse import unquote, unquote_to_bytes
+
+from clrender.errors import SceneError
+from clrender.scene.named_files import open_named_file, open_scene_file
+from clrender.scene.wording import quoted
+
+__all__ = ["AssetFiles"]
+
+_LIMIT: Final = 2**32
+"""Largest file that is read whole, bytes."""
+
+
+class AssetFiles:
+    """Files that a scene names, from its own folder and those allowed.
+
+    Parameters
+    ----------
+    source : str
+        Name of the scene file for messages.
+    folder : pathlib.Path
+        The scene file's own.
+    allow_paths : sequence of pathlib.Path
+    """
+
+    def __init__(self, source: str, folder: Path, allow_paths: Sequence[Path] = ()) -> None:
+        self.source, self.folder, self.allow_paths = source, folder, tuple(allow_paths)
+
+    def scene(self, path: Path, limit: int = _LIMIT) -> bytes:
+        """The content of the scene file itself."""
+        file, size = open_scene_file(path, f"{self.source}: the scene file", limit)
+        with file:
+            return file.read(size)
+
+    def read(self, uri: str, place: str, limit: int = _LIMIT) -> bytes:
+        """What a URI names: a file beside the scene, or data that it holds itself.
+
+        Parameters
+        ----------
+        uri : str
+            Relative, perhaps with percent escapes, or ``data:``.
+        place : str
+            Where the scene names it, for messages: a JSON pointer, a line.
+        limit : int
+            Most bytes.
+
+        Raises
+        ------
+        SceneError
+            As of `clrender.scene.named_files.open_named_file`, or the data are not base64, or it is on the network.
+        """
+        label = f"{self.source}: {place}"
+        if uri[:5].lower() == "data:":
+            return _data(uri, label, limit)
+        label = f"{label}: {quoted(uri)}"
+        file, size = open_named_file(self.name(uri, place), self.folder, self.allow_paths, label, limit)
+        with file:
+            return file.read(size)
+
+    def name(self, uri: str, place: str) -> str:
+        """The name of the file that a URI stands for, relative to the scene's folder.
+
+        Raises
+        ------
+        SceneError
+            It names no file.
+        """
+        label = f"{self.source}: {place}: {quoted(uri)}"
+        scheme, colon, _ = uri.partition(":")
+        if colon and "/" not in scheme and len(scheme) > 1:
+            raise SceneError(f"{label} is no file beside the scene, and nothing is fetched; save it there and name it")
+        name = unquote(uri)
+        if not name or "\0" in name:
+            raise SceneError(f"{label} is no name of a file")
+        return name
+
+
+def _data(uri: str, label: str, limit: int) -> bytes:
+    head, comma, body = uri[5:].partition(",")
+    if not comma:
+        raise SceneError(f"{label}: the data URI has no comma between its kind and its data")
+    if len(body) > 2 * limit + 4:
+        raise SceneError(f"{label}: the data URI has {len(body)} characters, which is too much; keep it in a file")
+    if not head.lower().endswith(";base64"):
+        return unquote_to_bytes(body)
+    try:
+        return base64.b64decode(unquote(body), validate=True)
+    except (binascii.Error, ValueError):
+        raise SceneError(f"{label}: the data URI is not valid base64; export it again") from None

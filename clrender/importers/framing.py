@@ -1,0 +1,83 @@
+"""Completes what a model leaves open: a camera that frames it, and light all around."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from clrender.errors import SceneError
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.scene import Mesh, Scene
+from clrender.scene.bounds import scene_bounds
+from clrender.scene.validation_errors import scene_error
+
+__all__ = ["completed"]
+
+_FROM: Final = (0.45, 0.35, 1.0)
+"""Where the camera stands, seen from the middle of the model: in front, a little to the right and above."""
+_VERTICAL_FOV: Final = 35.0
+_MARGIN: Final = 1.05
+_RADIANCE: Final = 1.0
+
+
+def completed(draft: Draft, files: AssetFiles) -> Scene:
+    """The scene of a draft, with a camera and light if it has none.
+
+    Raises
+    ------
+    SceneError
+        It describes no valid scene, or none with anything in it to frame.
+    """
+    framed = "camera" not in draft.description
+    description = {**draft.description}
+    if framed:
+        description["camera"] = {"position": (0.0, 0.0, 1.0), "target": (0.0, 0.0, 0.0)}
+    if not description.get("lights") and not _shines(description):
+        description["lights"] = [{"type": "environment", "radiance": [_RADIANCE] * 3}]
+        draft.note("there is no light in it: lit evenly from all around")
+    try:
+        scene = Scene.model_validate(description)
+    except ValidationError as error:
+        raise scene_error(error, Scene, files.source) from None
+    scene = scene.placed(files.source, files.folder, files.allow_paths)
+    scene = scene.with_meshes({(name, None): mesh for name, mesh in draft.meshes.items()})
+    scene = scene.with_encoded_textures(draft.pictures)
+    if framed:
+        draft.note("there is no camera in it: it is framed from the front, a little from above")
+        low, high = scene_bounds(scene)
+        scene = scene.model_copy(update={"camera": scene.camera.model_copy(update=_around(low, high, scene))})
+    for index, shape in enumerate(scene.shapes):
+        if isinstance(shape, Mesh) and shape.file is not None:
+            scene.mesh(index)
+    scene.textures()
+    scene.environment_picture()
+    return scene.with_notes(f"{files.source}: {note}" for note in draft.notes)
+
+
+def _shines(description: dict[str, Any]) -> bool:
+    if any(shape.get("emission") is not None for shape in description["shapes"]):
+        return True
+    used = {shape.get("material") for shape in description["shapes"]}
+    return any("emission" in material for name, material in description["materials"].items() if name in used)
+
+
+def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene) -> dict[str, Any]:
+    """Keys of a camera that has the whole of a box in its image."""
+    if not (high >= low).all():
+        raise SceneError(f"{scene.source}: has no surface that a camera could be pointed at")
+    middle, radius = (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
+    wide = scene.image.width / scene.image.height
+    half = math.radians(_VERTICAL_FOV) / 2.0
+    half = min(half, math.atan(math.tan(half) * wide))
+    distance = _MARGIN * max(radius, 1e-6) / math.sin(half)
+    toward = np.array(_FROM) / np.linalg.norm(_FROM)
+    return {
+        "position": tuple(float(x) for x in middle + distance * toward),
+        "target": tuple(float(x) for x in middle),
+        "vertical_fov": _VERTICAL_FOV,
+    }

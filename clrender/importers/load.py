@@ -1,0 +1,60 @@
+"""One way in: reads a scene of whatever format by the ending of its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Final
+
+from clrender.errors import SceneError
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.importers.framing import completed
+from clrender.scene import Scene
+from clrender.scene.load import load as load_own
+from clrender.scene.wording import quoted
+
+__all__ = ["SCENE_ENDINGS", "load"]
+
+_READERS: Final[Mapping[str, str]] = {
+    ".obj": "clrender.importers.mesh_files",
+    ".ply": "clrender.importers.mesh_files",
+}
+"""Modules by the ending that they read. Each has ``read(path, files) -> Draft``, and is imported when it is needed."""
+SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
+"""Of the files that `load` reads."""
+
+
+def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) -> Scene:
+    """Read and validate a scene and the files it names.
+
+    Parameters
+    ----------
+    path_or_name : str or pathlib.Path
+        A file whose ending is one of `SCENE_ENDINGS`, or the name of a built-in scene (which wins: write ``./room`` for
+        a file).
+    allow_paths : sequence of str or pathlib.Path
+        Folders, besides the scene's own, from which these may be read.
+
+    Returns
+    -------
+    Scene
+        Its `clrender.scene.Scene.notes` say what was not understood, and what was done instead.
+
+    Raises
+    ------
+    SceneError
+        In one sentence: file, place, what is wrong, what would be right.
+    """
+    path = Path(path_or_name)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        return load_own(path_or_name, allow_paths=allow_paths)
+    read: Callable[[Path, AssetFiles], Draft] = import_module(reader).read
+    folders = [Path(folder) for folder in allow_paths]
+    for folder in folders:
+        if not folder.is_dir():
+            raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
+    files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders)
+    return completed(read(path, files), files)
