@@ -210,7 +210,8 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const vmask passes = shadow_passes(straight);
     path->specular = passes ? path->specular : bsdf->specular | straight | vertex->dark;
     path->bsdf_samples = passes ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
-    split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->sample.sampler, path->depth, vertex->diffuse, settings->indirect_rays);
+    split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->index_squared, &path->sample.sampler, path->depth,
+                vertex->diffuse, settings->indirect_rays);
 
     // Sample a direction, and the weight of the radiance that arrives along it
     vuint bits_u, bits_v;
@@ -218,6 +219,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
+    path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
     path->bsdf_pdf = passes ? path->bsdf_pdf : next.pdf;
     path->normal = choose(passes, path->normal, bsdf_receives(bsdf));
     path_pass(path, vertex->surface.point, passes);
@@ -231,12 +233,13 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
 #endif
     goes_on = goes_on & interior_goes_on(&path->interior, &vertex->crossing, path->sample.sampler, &path->throughput);
 
-    // Play Russian roulette, but not where nothing happened to the path
+    // Play Russian roulette with what the path carries, but not where nothing happened to it
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
-        const vfloat other = roulette_survival(settings->roulette, path->throughput, path->depth, vertex->surface.absorption);
-        const vfloat played = walk_survival(scene, &path->interior, bsdf, settings->roulette, path->throughput, path->depth, other);
+        const vec3 carried = scale(path->throughput, path->index_squared);      // as flux: refraction scatters no light away
+        const vfloat other = roulette_survival(settings->roulette, carried, path->depth, vertex->surface.absorption);
+        const vfloat played = walk_survival(scene, &path->interior, bsdf, settings->roulette, carried, path->depth, other);
         const vfloat survival = straight ? splat(1.0f) : played;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
         goes_on = goes_on & (unit_interval(bits_u) < survival);

@@ -25,6 +25,7 @@ typedef struct {
     Ray ray;                 // the next segment
     vec3 throughput;         // what the camera gets of the radiance arriving along it
     vec3 radiance;           // found so far
+    vfloat index_squared;           // of where the ray is, relative to where the path began: refraction divided the throughput by it
     vuint depth;             // scattering events so far
     vec3 normal;             // of the last vertex, for which lights were chosen there (bsdf_receives)
     vmask specular;          // the ray comes from the camera or a delta: no light sample could have gone its way
@@ -44,6 +45,7 @@ static Path path_none(void) {
     path.alive = path.specular = path.ended = mask_none();
     path.depth = splat_uint(0u);
     path.bsdf_samples = path.bsdf_pdf = splat(0.0f);
+    path.index_squared = splat(1.0f);
     path.throughput = path.radiance = path.normal = vec3_all(0.0f);
     path.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
     path.interior = interior_none();
@@ -121,6 +123,7 @@ static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, P
     path->throughput = choose(lane, vec3_all(sees), path->throughput);
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
+    path->index_squared = lane ? splat(1.0f) : path->index_squared;
 #ifdef STRAIGHT_SHADOWS
     path->passed = lane ? splat(0.0f) : path->passed;
 #endif

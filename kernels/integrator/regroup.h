@@ -69,6 +69,7 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
     REGROUP_VEC3(FLOAT, path->ray.direction)                                                   \
     UINT(path->ray.from)                                                                       \
     REGROUP_VEC3(FLOAT, path->throughput)                                                      \
+    FLOAT(path->index_squared)                                                                 \
     REGROUP_VEC3(FLOAT, path->radiance)                                                        \
     UINT(path->depth)                                                                          \
     REGROUP_VEC3(FLOAT, path->normal)                                                          \

@@ -19,6 +19,7 @@ typedef struct {
     Hit hit;                 // there
     Interior interior;       // on its way there
     vec3 throughput;         // share of each ray
+    vfloat index_squared;    // there
     Sampler sampler;
     vuint depth, left;       // rays that have still to leave
 } Split;
@@ -29,6 +30,7 @@ static Split split_none(void) {
     s.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
     s.interior = interior_none();
     s.throughput = vec3_all(0.0f);
+    s.index_squared = splat(1.0f);
     s.sampler.seed = s.sampler.index = s.depth = s.left = splat_uint(0u);
     s.hit.distance = splat(0.0f);
     s.hit.primitive = splat_uint(NONE);
@@ -45,12 +47,14 @@ static vmask split_back(const Split* s) { return s->back; }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return s->met & !s->back ? splat((float)min(samples, 1u)) : splat((float)samples); }
 
 // At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it. `hit`: what the ray met there.
-static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {
+static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, vfloat* index_squared, Sampler* sampler,
+                        vuint depth, vmask diffuse, uint rays) {
     const vmask opens = diffuse & !s->met;
     if (lane_any(opens)) {
         ray_replace(&s->ray, *ray, opens);
         interior_replace(&s->interior, interior, opens);
         s->throughput = choose(opens, scale(*throughput, splat(1.0f) / (float)rays), s->throughput);
+        s->index_squared = opens ? *index_squared : s->index_squared;
         s->sampler.seed = opens ? sampler->seed : s->sampler.seed;
         s->sampler.index = opens ? sampler->index : s->sampler.index;
         s->depth = opens ? depth : s->depth;
@@ -66,6 +70,7 @@ static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, ve
     sampler->seed = leaves ? own.seed : sampler->seed;
     sampler->index = leaves ? own.index : sampler->index;
     *throughput = choose(leaves, s->throughput, *throughput);
+    *index_squared = leaves ? s->index_squared : *index_squared;
 }
 
 // Paths that ended go back while rays are left there. Returns those that are at their end.
@@ -98,7 +103,8 @@ static void split_start(Split* s, vmask lane) {}
 static vmask split_back(const Split* s) { return mask_none(); }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return splat((float)samples); }
 static void split_again(const Split* s, Hit* hit) {}
-static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, Sampler* sampler, vuint depth, vmask diffuse, uint rays) {}
+static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, vfloat* index_squared, Sampler* sampler,
+                        vuint depth, vmask diffuse, uint rays) {}
 static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, vmask ended) { return ended; }
 
 #endif

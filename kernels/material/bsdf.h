@@ -160,6 +160,16 @@ static vmask bsdf_is_clear(const Bsdf* b) {
     return clear;
 }
 
+// What radiance is divided by that comes along `wi` (world): the square of the index there over that on wo's side.
+static vfloat bsdf_index_squared(const Bsdf* b, vec3 wi) {
+    const vmask through = inner(wi, b->side) < 0.0f;
+    vfloat index_squared = b->kind == MATERIAL_DIELECTRIC ? b->eta * b->eta : splat(1.0f);
+#ifdef MATERIALS
+    index_squared = b->closure.there & b->closure.glass.there ? splat(1.0f) / b->closure.glass.squeezed : index_squared;
+#endif
+    return through ? index_squared : splat(1.0f);
+}
+
 // Turns what a subsurface material's surface lets pass to the side that light comes from: there all is as of a Lambertian one.
 static vec3 bsdf_turn(const Bsdf* b, vec3 v) {
 #ifdef SUBSURFACE
