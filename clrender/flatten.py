@@ -71,6 +71,8 @@ class FlatScene:
         Of the tree of lights; 0: there is none.
     scatters : bool
         Whether a medium does, or there is fog.
+    fog : bool
+        Whether what no other medium fills does.
     straight_surfaces : bool
         Whether light goes straight through some surfaces that are no boundaries: `clrender.scene.media.Media`.
     masked : bool
@@ -94,6 +96,7 @@ class FlatScene:
     light_count: int
     light_levels: int
     scatters: bool
+    fog: bool
     straight_surfaces: bool
     masked: bool
     subsurface: bool
@@ -223,6 +226,7 @@ def flatten(
         light_count=lights.count,
         light_levels=tree.levels if tree else 0,
         scatters=media.scatters,
+        fog=media.fog,
         straight_surfaces=media.straight,
         masked=bool((surfaces.shapes["flags"] & layout.SHAPE_MASKED).any()),
         subsurface=media.subsurface,

@@ -136,6 +136,7 @@ class SceneArrays:
         self.sun = bool((scene.arrays["lights"]["kind"] == layout.LIGHT_SUN).any())
         self.interiors = bool(scene.arrays["media_rows"].any())
         self.media = scene.scatters
+        self.fog = scene.fog
         self.straight_surfaces = scene.straight_surfaces
         self.subsurface = scene.subsurface
         self.emission_textures = bool(scene.arrays["lights"]["texture"].any())

@@ -224,6 +224,8 @@ class DeviceWorker:
             defines["INTERIORS"] = 1
             if self._arrays.media:
                 defines["MEDIA"] = 1
+            if self._arrays.fog:
+                defines["EQUIANGULAR"] = 1
             if self._arrays.subsurface:
                 defines["SUBSURFACE"] = 1
             if self._arrays.straight_surfaces:

@@ -68,6 +68,8 @@ class Media:
         Whether light goes straight through some of the surfaces, so that shadow rays have to look behind them.
     subsurface : bool
         Whether there are subsurface materials.
+    fog : bool
+        Whether light is scattered where nothing else is.
     """
 
     rows: NDArray[np.float32]
@@ -76,6 +78,7 @@ class Media:
     scatters: bool
     straight: bool
     subsurface: bool = False
+    fog: bool = False
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -134,7 +137,9 @@ def scene_media(scene: Scene) -> Media:
     of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
     subsurface = any(medium.albedo is not None for medium in numbers)
     scatters = subsurface or not outside.is_vacuum or any(max(medium.scattering) > 0.0 for medium in numbers)
-    return Media(_rows(outside, numbers, len(unranked)), of_solid, frozenset(dark), scatters, straight, subsurface)
+    rows = _rows(outside, numbers, len(unranked))
+    fog = max(outside.scattering) > 0.0
+    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog)
 
 
 def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:

@@ -58,7 +58,7 @@ static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats
 // How far each path gets in a medium: it need not look for what is further away.
 static void path_free(const Scene* scene, Path* path, FreePath* free) {
 #ifdef MEDIA
-    *free = medium_free_path(scene, &path->interior, path->sample.sampler, path->depth, path->throughput);
+    *free = medium_free_path(scene, &path->interior, &path->ray, path->sample.sampler, path->depth, path->throughput);
     path->ray.limit = split_back(&path->split) ? path->ray.limit : lesser(path->ray.limit, free->length);
 #endif
 }

@@ -10,6 +10,7 @@
 
 #include "geometry/surface.h"
 #include "material/interior.h"
+#include "medium/equiangular.h"
 
 #ifdef MEDIA
 
@@ -26,9 +27,12 @@ static vec3 medium_attenuation(vec3 extinction, vfloat distance) {
 typedef struct {
     vfloat length;           // FAR where nothing scatters
     vec3 share;              // how often it was sampled for each channel
+#ifdef EQUIANGULAR
+    Equiangular lamp;        // and with what share about a lamp instead
+#endif
 } FreePath;
 
-static FreePath medium_free_path(const Scene* scene, const Interior* in, Sampler sampler, vuint depth, vec3 throughput) {
+static FreePath medium_free_path(const Scene* scene, const Interior* in, const Ray* ray, Sampler sampler, vuint depth, vec3 throughput) {
     FreePath free;
     vfloat row[16];
     lane_rows(scene->media_rows, interior_top(in), row);
@@ -36,6 +40,9 @@ static FreePath medium_free_path(const Scene* scene, const Interior* in, Sampler
     const vmask may = largest(scattering) > 0.0f;
     free.length = splat(FAR);
     free.share = vec3_all(0.0f);
+#ifdef EQUIANGULAR
+    free.lamp.share = splat(0.0f);
+#endif
     if (!lane_any(may)) return free;
 
     // Choose a channel. Each straight crossing since the last vertex has random numbers of its own
@@ -50,7 +57,25 @@ static FreePath medium_free_path(const Scene* scene, const Interior* in, Sampler
     // Sample how far it goes
     const vmask goes = may & (chosen > 0.0f);
     free.length = goes ? lesser(minus_log_of_bits(bits_length) / (goes ? chosen : splat(1.0f)), splat(FAR)) : splat(FAR);
+#ifdef EQUIANGULAR
+    const vuint set = sampler_set(depth, SET_MEDIUM);
+    free.lamp = equiangular_about_lamp(scene, own, set, ray, inner(free.share, extinction), may & (interior_top(in) == 0u));
+    vuint bits_way, unused;
+    sampler_hash_bits(own, set, &bits_way, &unused);
+    free.length = unit_interval(bits_way) < free.lamp.share ? equiangular_sample(&free.lamp, bits_length) : free.length;
+#endif
     return free;
+}
+
+// The density with which it ended at this distance, per metre; or the probability that it got further, where it did not scatter.
+static vfloat medium_pdf(const FreePath* free, vec3 extinction, vec3 left, vfloat distance, vmask scatters) {
+    const vfloat pdf = inner(free->share, choose(scatters, mul(extinction, left), left));
+#ifdef EQUIANGULAR
+    const vfloat about_lamp = scatters ? equiangular_pdf(&free->lamp, distance) : equiangular_beyond(&free->lamp, distance);
+    return free->lamp.share > 0.0f ? fma(free->lamp.share, about_lamp - pdf, pdf) : pdf;
+#else
+    return pdf;
+#endif
 }
 
 // Go through that medium, until the hit or, where there is none so near, to where light scatters; the throughput carries what is left.
@@ -65,8 +90,9 @@ static void medium_travel(const Scene* scene, const Interior* in, const FreePath
         return;
     }
     const vmask scatters = may & (hit->primitive == NONE) & (free->length < FAR);
-    const vec3 left = medium_attenuation(extinction, scatters ? free->length : hit->distance);
-    const vfloat pdf = inner(free->share, choose(scatters, mul(extinction, left), left));
+    const vfloat distance = scatters ? free->length : hit->distance;
+    const vec3 left = medium_attenuation(extinction, distance);
+    const vfloat pdf = medium_pdf(free, extinction, left, distance, scatters);
     const vec3 weight = scale(choose(scatters, mul(scattering, left), left), inverse_or_one(pdf));
     *throughput = choose(may, mul(*throughput, weight), arrives);
     hit->distance = scatters ? free->length : hit->distance;

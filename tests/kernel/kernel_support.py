@@ -136,7 +136,7 @@ def flat_scene(
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
     camera = np.zeros(1, layout.dtype("Camera"))
-    nothing = (0, 0, False, False, False, False, "")
+    nothing = (0, 0, False, False, False, False, False, "")
     return FlatScene(padded, camera, layout.NONE, len(corners), len(analytic_shapes), *nothing)
 
 

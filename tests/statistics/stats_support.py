@@ -26,10 +26,10 @@ __all__ = ["ALARM", "JUDGEMENTS", "LEVEL", "ROUNDING", "Evidence", "within"]
 
 ALARM: Final = 1e-3
 """Chance that any test of this folder fails on a correct renderer, each time its bits change."""
-JUDGEMENTS: Final = 1000
+JUDGEMENTS: Final = 4000
 """At least as many as are made; `Evidence` refuses to make more."""
 LEVEL: Final = -math.expm1(math.log1p(-ALARM) / JUDGEMENTS)
-"""Significance of a judgement: 1 - (1 - ALARM)^(1 / JUDGEMENTS), one in a million."""
+"""Significance of a judgement: 1 - (1 - ALARM)^(1 / JUDGEMENTS), one in four million."""
 ROUNDING: Final = 64 * 2.0**-24
 """Relative error allowed beside noise: the result of a few dozen operations in single precision, 3.8e-6."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from render_support import Studio, hashes_by_lanes_and_cuts, lambert, quad, sphere
+from scipy import integrate
 from stats_support import Evidence
 
 import clrender
@@ -89,6 +90,36 @@ def test_light_scattered_once(evidence: Evidence, studio: Studio, toward: tuple[
     )
     for settings in ({"integrator": "direct"}, {"max_depth": 1}):
         evidence.mean_is(str(settings), batches(studio, what, spp=64, **settings), float(once @ WEIGHTS))
+
+
+@pytest.mark.parametrize("end", [-2.0, None], ids=["wall", "endless"])
+@pytest.mark.parametrize(
+    ("height", "density"), [(0.05, 1.0), pytest.param(0.8, 0.1, marks=_slow), pytest.param(3.0, 0.3, marks=_slow)]
+)
+def test_fog_around_a_lamp(
+    evidence: Evidence, studio: Studio, height: float, density: float, end: float | None
+) -> None:
+    """A lamp beside the line of sight, `height` away: ∫ σs p I e^(-σ (t + d)) / d² dt, in all the ways to sample t.
+
+    Nothing but the fog is seen, which a black wall ends or nothing does.
+    """
+    fog: dict[str, Any] = {"scattering": [2.0 * density, density, 3.0 * density], "absorption": 0.2 * density, "g": 0.6}
+    extinction = np.add(fog["scattering"], fog["absorption"])
+
+    def from_distance(t: float) -> Any:
+        away = math.hypot(height, t - 4.0)
+        cosine = (4.0 - t) / away
+        phase = (1.0 - 0.36) / (4.0 * math.pi * (1.36 - 1.2 * cosine) ** 1.5)
+        return WEIGHTS @ (fog["scattering"] * np.exp(-extinction * (t + away)) * phase * 5.0 / away**2)
+
+    last = 60.0 / density if end is None else 5.0 - end
+    seen, _ = integrate.quad(from_distance, 0.0, last, points=[4.0 - height, 4.0, 4.0 + height], limit=1000)
+    wall = [] if end is None else [quad([-9.0, -9.0, end], [18.0, 0.0, 0.0], [0.0, 18.0, 0.0])]
+    lamp = {"type": "point", "position": [height, 0.0, 1.0], "intensity": [5.0, 5.0, 5.0]}
+    camera = {**STRAIGHT, "height": 1e-3 * height}
+    what = described(wall, [lamp], camera, media={"smoke": fog}, fog="smoke")
+    for settings in ({"integrator": "direct"}, {"max_depth": 1}):
+        evidence.mean_is(str(settings), batches(studio, what, spp=256, **settings), seen, rounding=1e-5)
 
 
 GLASS = {"type": "dielectric", "ior": 1.5}
