@@ -45,7 +45,8 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     except ValidationError as error:
         raise scene_error(error, Scene, files.source) from None
     scene = scene.placed(files.source, files.folder, files.allow_paths)
-    scene = scene.with_meshes({(name, None): mesh for name, mesh in draft.meshes.items()})
+    held = {shape.asset for shape in scene.shapes if isinstance(shape, Mesh) and shape.file in draft.meshes}
+    scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
     scene = scene.with_encoded_textures(draft.pictures)
     if framed:
         draft.note("there is no camera in it: it is framed from the front, a little from above")
