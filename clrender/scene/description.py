@@ -172,6 +172,7 @@ class Scene(Part):
     _encoded: dict[str, tuple[bytes, str]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
     _notes: tuple[str, ...] = PrivateAttr(default=())
+    _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -332,6 +333,12 @@ class Scene(Part):
         scene._notes = tuple(notes)
         return scene
 
+    def with_default_light(self, light: EnvironmentLight, note: str) -> Scene:
+        """The same scene, which has no environment, in one that `with_environment` replaces, with what notes say of it."""
+        scene = self.model_copy(update={"lights": (*self.lights, light)})
+        scene._default_light = light, note
+        return scene
+
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
         """All textures of materials and shapes, each with its place in the scene's description."""
         found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
@@ -468,7 +475,7 @@ class Scene(Part):
         return scene
 
     def with_environment(self, file: str | Path) -> Scene:
-        """The same scene, which has no environment, in one with this picture.
+        """The same scene, which has no environment of its own, in one with this picture.
 
         Parameters
         ----------
@@ -482,12 +489,15 @@ class Scene(Part):
         """
         path = Path(file).absolute()
         around = self.environment or self.sky
-        if around is not None:
+        if around is not None and around is not self._default_light[0]:
             place = f"{self._source}: lights[{self.lights.index(around)}]"
             raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
         picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
-        lights = (*self.lights, EnvironmentLight(type="environment", file=str(path)))
-        return self.model_copy(update={"lights": lights}).with_pictures({str(path): picture})
+        default, note = self._default_light
+        others = tuple(light for light in self.lights if light is not default)
+        lights = (*others, EnvironmentLight(type="environment", file=str(path)))
+        scene = self.model_copy(update={"lights": lights}).with_pictures({str(path): picture})
+        return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.

@@ -43,7 +43,8 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
         With the JSON pointer of what is wrong.
     """
     choices = choices or Choices()
-    document = opened(path, files, Draft())
+    # What shines in a glTF file is mostly a detail of a model that viewers light by themselves
+    document = opened(path, files, Draft(wants_light=True))
     validate(document)
     accessors = Accessors(document)
     accessors.check()
