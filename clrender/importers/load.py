@@ -68,7 +68,9 @@ def load(
     choices = Choices(time_at, variant)
     for key, given in (("time_at", time_at), ("variant", variant)):
         if given is not None and ending not in _CHOOSING:
-            raise SceneError(f"{quoted(str(path))} takes no {key}, which is for {' and '.join(_CHOOSING)}; leave it out")
+            raise SceneError(
+                f"{quoted(str(path))} takes no {key}, which is for {' and '.join(_CHOOSING)}; leave it out"
+            )
     if time_at is not None and not math.isfinite(time_at):
         raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
     reader = _READERS.get(ending)

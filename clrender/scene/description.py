@@ -334,7 +334,7 @@ class Scene(Part):
         return scene
 
     def with_default_light(self, light: EnvironmentLight, note: str) -> Scene:
-        """The same scene, which has no environment, in one that `with_environment` replaces, with what notes say of it."""
+        """The same scene, which has no environment, in one that `with_environment` replaces, along with its note."""
         scene = self.model_copy(update={"lights": (*self.lights, light)})
         scene._default_light = light, note
         return scene

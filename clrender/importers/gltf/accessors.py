@@ -49,7 +49,8 @@ class Accessors:
         if data is None:
             text = "has no `uri`, so that nobody knows its bytes, but they are used; export it again"
             raise self._document.fault(f"/buffers/{view['buffer']}", text)
-        return data[start : start + view["byteLength"]]
+        part: memoryview = data[start : start + view["byteLength"]]
+        return part
 
     def raw(self, index: int) -> NDArray[Any]:
         """Numbers as the file has them: (count,), (count, n) of vectors, (count, rows, columns) of matrices.
@@ -65,9 +66,11 @@ class Accessors:
         accessor = self._document.items("accessors")[index]
         numbers = self.raw(index)
         if not accessor.get("normalized"):
-            return numbers.astype(np.float32, copy=False)
+            plain: NDArray[np.float32] = numbers.astype(np.float32, copy=False)
+            return plain
         shares = numbers.astype(np.float32) / np.float32(_LARGEST[accessor["componentType"]])
-        return np.maximum(shares, np.float32(-1.0))
+        held: NDArray[np.float32] = np.maximum(shares, np.float32(-1.0))
+        return held
 
     def check(self) -> None:
         """All of them have finite numbers within their bounds.
@@ -124,7 +127,9 @@ class Accessors:
             found = self._strided(data, accessor, count, view.get("byteStride"))
         else:
             if count > _WITHOUT_DATA:
-                raise self._document.fault(f"{at}/count", f"is {count}, but there are no bytes for that; export it again")
+                raise self._document.fault(
+                    f"{at}/count", f"is {count}, but there are no bytes for that; export it again"
+                )
             found = np.zeros(shape, kind)
         sparse = accessor.get("sparse")
         if sparse is None:
@@ -179,7 +184,9 @@ def _buffers(document: Document) -> list[memoryview | None]:
         else:
             data = memoryview(_content(document, uri, at))
         if len(data) < size:
-            raise document.fault(f"{at}", f"has a byteLength of {size}, but only {len(data)} bytes are there; export it again")
+            raise document.fault(
+                f"{at}", f"has a byteLength of {size}, but only {len(data)} bytes are there; export it again"
+            )
         found.append(data[:size])
     return found
 

@@ -76,7 +76,9 @@ def _check_times(document: Document, accessors: Accessors, sampler: dict[str, An
         raise document.fault(f"{at}/input", f"begins at {times[0]:g} seconds, before 0; export it again")
     if (times[1:] <= times[:-1]).any():
         row = int(np.argmax(times[1:] <= times[:-1])) + 1
-        raise document.fault(f"{at}/input", f"does not grow: key frame {row} is at {times[row]:g} seconds; export it again")
+        raise document.fault(
+            f"{at}/input", f"does not grow: key frame {row} is at {times[row]:g} seconds; export it again"
+        )
 
 
 def _check_target(document: Document, node: int, path: str, at: str) -> None:
@@ -100,11 +102,15 @@ def _check_values(
     frames = document.items("accessors")[sampler["input"]]["count"]
     needed = frames * cubic * (target_count(document, document.items("nodes")[node]) if path == "weights" else 1)
     if accessor["count"] != needed:
-        raise document.fault(at, f"has {accessor['count']} values, but {frames} key frames need {needed}; export it again")
+        raise document.fault(
+            at, f"has {accessor['count']} values, but {frames} key frames need {needed}; export it again"
+        )
     if path == "rotation" and accessors.known(sampler["output"]):
         turns = accessors.floats(sampler["output"]).astype(np.float64)
         turns = turns[1::3] if cubic == 3 else turns
         off = np.abs(np.sqrt((turns * turns).sum(axis=1)) - 1.0)
         if (off > _NOT_UNIT).any():
             row = int(np.argmax(off > _NOT_UNIT))
-            raise document.fault(at, f"has a rotation, of key frame {row}, whose quaternion has not length 1; export it again")
+            raise document.fault(
+                at, f"has a rotation, of key frame {row}, whose quaternion has not length 1; export it again"
+            )

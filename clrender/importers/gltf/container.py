@@ -84,7 +84,9 @@ def _constant(name: str) -> Any:
 def _parsed(text: bytes, source: str) -> dict[str, Any]:
     """The root object of JSON in UTF-8."""
     if text[:3] == b"\xef\xbb\xbf":
-        raise SceneError(f"{source}: byte 0: the JSON begins with a byte order mark, which glTF forbids; save without it")
+        raise SceneError(
+            f"{source}: byte 0: the JSON begins with a byte order mark, which glTF forbids; save without it"
+        )
     if not text.strip():
         raise SceneError(f"{source}: the file is empty; it must hold the JSON of a glTF scene")
     try:

@@ -58,7 +58,7 @@ def joint_transforms(document: Document, accessors: Accessors, index: int, world
     inverse = accessors.raw(number)[: len(joints)].astype(np.float64)
     if (inverse[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise document.fault(at, "holds a matrix whose last row is not 0, 0, 0, 1; export it again")
-    columns = inverse.transpose(0, 2, 1).reshape(len(joints), 16)
+    columns = inverse.transpose(0, 2, 1).reshape(len(joints), 16).tolist()
     return [product(joint, from_columns(each)) for joint, each in zip(joints, columns, strict=True)]
 
 
@@ -99,7 +99,9 @@ def skinned(
             accessor = document.items("accessors")[number]
             sound = accessor["componentType"] in ((5121, 5123) if whole else (5121, 5123, 5126))
             if accessor.get("type") != "VEC4" or not sound:
-                raise document.fault(f"{at}/attributes/{name}", "must be VEC4 of the types that the specification names")
+                raise document.fault(
+                    f"{at}/attributes/{name}", "must be VEC4 of the types that the specification names"
+                )
         numbers = accessors.raw(which)
         if int(numbers.max()) >= len(joints):
             text = f"names joint {int(numbers.max())}, but the skin has {len(joints)}; export it again"

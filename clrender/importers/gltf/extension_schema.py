@@ -42,9 +42,7 @@ def _material(name: str, **properties: Rule) -> tuple[str, Rule]:
 
 MATERIAL_EXTENSIONS: Final[Mapping[str, Rule]] = dict(
     [
-        _material(
-            "anisotropy", anisotropyStrength=_SHARE, anisotropyRotation=number(), anisotropyTexture=TEXTURE_INFO
-        ),
+        _material("anisotropy", anisotropyStrength=_SHARE, anisotropyRotation=number(), anisotropyTexture=TEXTURE_INFO),
         _material(
             "clearcoat",
             clearcoatFactor=_SHARE,
@@ -95,9 +93,7 @@ PRIMITIVE_EXTENSIONS: Final[Mapping[str, Rule]] = {
         ("mappings",),
     )
 }
-VARIANTS: Final = Table(
-    "KHR_materials_variants", {"variants": many(Table("a variant", {}, ("name",)))}, ("variants",)
-)
+VARIANTS: Final = Table("KHR_materials_variants", {"variants": many(Table("a variant", {}, ("name",)))}, ("variants",))
 TEXTURE_EXTENSIONS: Final[Mapping[str, Rule]] = {
     "EXT_texture_webp": Table("EXT_texture_webp", {"source": ref("images")}),
     "KHR_texture_basisu": Table("KHR_texture_basisu", {"source": ref("images")}),
@@ -111,7 +107,9 @@ def _light_of_node(walk: Walk, value: Any, at: str) -> Any:
         lights = lights.get(key) if isinstance(lights, dict) else None
     size = len(lights) if isinstance(lights, list) else 0
     if found["light"] >= size:
-        raise walk.fault(f"{at}/light", f"is {found['light']}, but there are {size or 'no'} lights; name one that exists")
+        raise walk.fault(
+            f"{at}/light", f"is {found['light']}, but there are {size or 'no'} lights; name one that exists"
+        )
     return found
 
 

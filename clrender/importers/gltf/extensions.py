@@ -36,8 +36,8 @@ _READ: Final = frozenset(
 )
 _CURES: Final[Mapping[str, str]] = {
     "KHR_draco_mesh_compression": "meshes compressed by Draco are not read; export it without Draco compression",
-    "EXT_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without (gltfpack without -c)",
-    "KHR_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without (gltfpack without -c)",
+    "EXT_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
+    "KHR_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
     "KHR_texture_basisu": "textures in KTX2 (Basis Universal) are not read; export them as PNG, JPEG or WebP",
     "KHR_materials_pbrSpecularGlossiness": "materials by specular and glossiness are not read; convert them to "
     "metallic and roughness (gltf-transform metalrough)",

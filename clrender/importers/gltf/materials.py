@@ -159,7 +159,10 @@ class _Material:
     def _base_layer(self, base: dict[str, Any]) -> None:
         at = "/pbrMetallicRoughness"
         self._color(
-            "base_color", base.get("baseColorFactor", [1.0] * 4)[:3], base.get("baseColorTexture"), f"{at}/baseColorTexture"
+            "base_color",
+            base.get("baseColorFactor", [1.0] * 4)[:3],
+            base.get("baseColorTexture"),
+            f"{at}/baseColorTexture",
         )
         for key, name, channel in (("metallic", "metallicFactor", "b"), ("roughness", "roughnessFactor", "g")):
             place = f"{at}/metallicRoughnessTexture"
@@ -193,7 +196,13 @@ class _Material:
         specular, at = self._extension("specular"), "/extensions/KHR_materials_specular"
         if not specular:
             return
-        self._number("specular", specular.get("specularFactor", 1.0), specular.get("specularTexture"), f"{at}/specularTexture", "a")
+        self._number(
+            "specular",
+            specular.get("specularFactor", 1.0),
+            specular.get("specularTexture"),
+            f"{at}/specularTexture",
+            "a",
+        )
         color = specular.get("specularColorFactor", [1.0] * 3)
         if max(color) > 1.0:
             self._note(f"{at}/specularColorFactor is above 1, where it was cut off")
@@ -204,19 +213,34 @@ class _Material:
         """Clear coat, sheen and anisotropy."""
         if coat := self._extension("clearcoat"):
             at = "/extensions/KHR_materials_clearcoat"
-            self._number("coat", coat.get("clearcoatFactor", 0.0), coat.get("clearcoatTexture"), f"{at}/clearcoatTexture", "r")
+            self._number(
+                "coat", coat.get("clearcoatFactor", 0.0), coat.get("clearcoatTexture"), f"{at}/clearcoatTexture", "r"
+            )
             rough = f"{at}/clearcoatRoughnessTexture"
             self._number(
-                "coat_roughness", coat.get("clearcoatRoughnessFactor", 0.0), coat.get("clearcoatRoughnessTexture"), rough, "g"
+                "coat_roughness",
+                coat.get("clearcoatRoughnessFactor", 0.0),
+                coat.get("clearcoatRoughnessTexture"),
+                rough,
+                "g",
             )
             if "clearcoatNormalTexture" in coat and coat["clearcoatNormalTexture"] != self._source.get("normalTexture"):
                 self._note(f"{at}/clearcoatNormalTexture was left out: a coat has the normals of what is below it")
         if sheen := self._extension("sheen"):
             at = "/extensions/KHR_materials_sheen"
-            self._color("sheen_color", sheen.get("sheenColorFactor", [0.0] * 3), sheen.get("sheenColorTexture"), f"{at}/sheenColorTexture")
+            self._color(
+                "sheen_color",
+                sheen.get("sheenColorFactor", [0.0] * 3),
+                sheen.get("sheenColorTexture"),
+                f"{at}/sheenColorTexture",
+            )
             rough = f"{at}/sheenRoughnessTexture"
             self._number(
-                "sheen_roughness", sheen.get("sheenRoughnessFactor", 0.0), sheen.get("sheenRoughnessTexture"), rough, "a"
+                "sheen_roughness",
+                sheen.get("sheenRoughnessFactor", 0.0),
+                sheen.get("sheenRoughnessTexture"),
+                rough,
+                "a",
             )
         anisotropy = self._extension("anisotropy")
         if anisotropy.get("anisotropyStrength"):
@@ -234,7 +258,9 @@ class _Material:
         self._color("emission", factor, self._source.get("emissiveTexture"), "/emissiveTexture")
         strength = self._extension("emissive_strength").get("emissiveStrength", 1.0)
         if strength > 1e12:
-            self._note("/extensions/KHR_materials_emissive_strength/emissiveStrength is above 1e12, where it was cut off")
+            self._note(
+                "/extensions/KHR_materials_emissive_strength/emissiveStrength is above 1e12, where it was cut off"
+            )
         self.made_of["emission_strength"] = min(strength, 1e12)
         self._front_only()
 

@@ -64,5 +64,3 @@ def determinant_is_zero(m: Matrix) -> bool:
     sizes = [math.sqrt(sum(x * x for x in row[:3])) for row in m[:3]]
     volume = sum(a * b for a, b in zip(m[0][:3], _cofactors(m)[0], strict=True))
     return abs(volume) <= 1e-12 * sizes[0] * sizes[1] * sizes[2]
-
-

@@ -108,18 +108,25 @@ class Meshes:
         if joints is not None:
             positions, normals = skinned(self._document, self._accessors, primitive, at, joints, positions, normals)
         if not np.abs(positions).max() <= COORDINATE_LIMIT:
-            raise self._document.fault(f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller")
+            raise self._document.fault(
+                f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller"
+            )
         triangles = self._triangles(primitive, mode, len(positions), at)
         if triangles is None or _are_flat(positions, triangles):
             self._document.note(f"{at} was left out: it has no triangle with an area")
             return None
         material = self._materials.of(primitive)
         colors = self._colors(primitive, material, triangles, at)
-        sets = [self._uvs(primitive, number, material, triangles, at) for number in (0, 1)]
-        mesh = MeshData(positions, triangles, normals, "", *sets, colors)
+        first, second = (self._uvs(primitive, number, material, triangles, at) for number in (0, 1))
+        mesh = MeshData(positions, triangles, normals, "", first, second, colors)
         self._document.draft.meshes[name] = mesh
-        if "normal_map" in self._document.draft.description["materials"][material.name] and "TANGENT" in primitive["attributes"]:
-            self._document.note("tangents of vertices are not read: those of normal maps follow from texture coordinates")
+        if (
+            "normal_map" in self._document.draft.description["materials"][material.name]
+            and "TANGENT" in primitive["attributes"]
+        ):
+            self._document.note(
+                "tangents of vertices are not read: those of normal maps follow from texture coordinates"
+            )
         return Part(name, material, colors is not None)
 
     def _check(self, primitive: dict[str, Any], at: str) -> None:
@@ -133,7 +140,9 @@ class Meshes:
                 kind = accessors[number].get("type")
                 wanted = _TYPES.get(key) or (("VEC2",) if key.startswith("TEXCOORD_") else None)
                 if wanted and kind not in wanted:
-                    raise self._document.fault(f"{place}/{key}", f"is of type {kind}, but must be {' or '.join(wanted)}")
+                    raise self._document.fault(
+                        f"{place}/{key}", f"is of type {kind}, but must be {' or '.join(wanted)}"
+                    )
                 if accessors[number]["count"] != count:
                     text = f"has {accessors[number]['count']} elements, but there are {count} vertices; export it again"
                     raise self._document.fault(f"{place}/{key}", text)
@@ -156,7 +165,9 @@ class Meshes:
             order = np.arange(count, dtype=np.uint32)
         if mode == 4:
             if rest := len(order) % 3:
-                self._document.note(f"{at}: the last {rest} of {len(order)} corners were left out: they make no triangle")
+                self._document.note(
+                    f"{at}: the last {rest} of {len(order)} corners were left out: they make no triangle"
+                )
             order = order[: len(order) - rest]
             return order.reshape(-1, 3) if len(order) else None
         if len(order) < 3:

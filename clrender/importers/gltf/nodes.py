@@ -106,7 +106,9 @@ def instance_transforms(document: Document, accessors: Accessors, index: int) ->
             continue
         accessor = document.items("accessors")[number]
         if accessor.get("type") != ("VEC4" if path == "rotation" else "VEC3"):
-            raise document.fault(f"{at}/{key}", f"is of type {accessor.get('type')}, which no {path} is; export it again")
+            raise document.fault(
+                f"{at}/{key}", f"is of type {accessor.get('type')}, which no {path} is; export it again"
+            )
         columns[path] = accessors.floats(number).astype(float).tolist()
     counts = {len(column) for column in columns.values()}
     if len(counts) != 1:

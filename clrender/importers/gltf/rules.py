@@ -151,7 +151,9 @@ def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = F
         if not isinstance(value, list):
             raise walk.fault(at, f"is {shown(value)}, but must be an array")
         if len(value) < least:
-            raise walk.fault(at, f"has {len(value) or 'no'} entries, but must have at least {least}; leave it out or fill it")
+            raise walk.fault(
+                at, f"has {len(value) or 'no'} entries, but must have at least {least}; leave it out or fill it"
+            )
         if most is not None and len(value) > most:
             raise walk.fault(at, f"has {len(value)} entries, but must have at most {most}")
         for index, one in enumerate(value):

@@ -19,7 +19,15 @@ from clrender.importers.gltf.rules import Table, choice, flag, integer, many, na
 __all__ = ["COMPONENTS", "ROOT"]
 
 _COMPONENT_TYPES: Final = (5120, 5121, 5122, 5123, 5125, 5126)
-COMPONENTS: Final = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MAT2": (2, 2), "MAT3": (3, 3), "MAT4": (4, 4)}  # noqa: E501
+COMPONENTS: Final = {
+    "SCALAR": (1, 1),
+    "VEC2": (1, 2),
+    "VEC3": (1, 3),
+    "VEC4": (1, 4),
+    "MAT2": (2, 2),
+    "MAT3": (3, 3),
+    "MAT4": (4, 4),
+}
 """Columns, and components of a column, by the type of an accessor."""
 _COUNT: Final = integer(1)
 
@@ -168,7 +176,10 @@ _ANIMATION = Table(
                     "sampler": integer(),
                     "target": Table(
                         "a channel's target",
-                        {"node": ref("nodes"), "path": choice("translation", "rotation", "scale", "weights", "pointer")},
+                        {
+                            "node": ref("nodes"),
+                            "path": choice("translation", "rotation", "scale", "weights", "pointer"),
+                        },
                         ("path",),
                     ),
                 },
@@ -221,9 +232,7 @@ ROOT: Final = Table(
         "cameras": many(_CAMERA),
         "images": many(_IMAGE),
         "materials": many(_MATERIAL),
-        "meshes": many(
-            Table("a mesh", {"primitives": many(_PRIMITIVE), "weights": many(number())}, ("primitives",))
-        ),
+        "meshes": many(Table("a mesh", {"primitives": many(_PRIMITIVE), "weights": many(number())}, ("primitives",))),
         "nodes": many(_NODE),
         "samplers": many(_SAMPLER),
         "scene": ref("scenes"),

@@ -59,7 +59,9 @@ def _check_version(document: Document) -> None:
                 raise document.fault(f"/asset/{key}", 'is no version such as "2.0"; export it again')
             found[key] = int(match[1]), int(match[2])
     if found["version"][0] != 2:
-        raise document.fault("/asset/version", f"is {quoted(asset['version'])}, but only glTF 2.0 is read; export it so")
+        raise document.fault(
+            "/asset/version", f"is {quoted(asset['version'])}, but only glTF 2.0 is read; export it so"
+        )
     if found.get("minVersion", (0, 0)) > found["version"]:
         raise document.fault("/asset/minVersion", "is above its version; export it again")
     if found["version"] > (2, 0):
@@ -71,7 +73,9 @@ def _check_view(document: Document, view: dict[str, Any], at: str) -> None:
     start, size = view.get("byteOffset", 0), view["byteLength"]
     if start + size > room:
         key = "byteOffset" if start >= room else "byteLength"
-        raise document.fault(f"{at}/{key}", f"takes it to byte {start + size} of a buffer of {room} bytes; export it again")
+        raise document.fault(
+            f"{at}/{key}", f"takes it to byte {start + size} of a buffer of {room} bytes; export it again"
+        )
     stride = view.get("byteStride")
     if stride is None:
         return
@@ -106,7 +110,9 @@ def _check_accessor(document: Document, accessor: dict[str, Any], at: str) -> No
             raise document.fault(f"{at}/{key}", f"has {len(accessor[key])} numbers, but must have {columns * rows}")
     sparse = accessor.get("sparse")
     if sparse is not None and sparse["count"] > accessor["count"]:
-        raise document.fault(f"{at}/sparse/count", f"is {sparse['count']}, more than the accessor's {accessor['count']}")
+        raise document.fault(
+            f"{at}/sparse/count", f"is {sparse['count']}, more than the accessor's {accessor['count']}"
+        )
     if "bufferView" not in accessor:
         if "byteOffset" in accessor:
             raise document.fault(f"{at}/byteOffset", "is given without bufferView; leave it out")
@@ -181,7 +187,7 @@ def _check_tree(document: Document) -> None:
             parents[child] = index
     sound = {index for index in range(len(nodes)) if index not in parents}
     for index in range(len(nodes)):
-        way = []
+        way: list[int] = []
         while index not in sound and len(way) <= len(nodes):
             way.append(index)
             index = parents[index]
@@ -209,7 +215,9 @@ def _check_node(document: Document, node: dict[str, Any], at: str) -> None:
         meshes = document.items("meshes")
         targets = _targets(meshes[node["mesh"]]) if "mesh" in node else 0
         if len(node["weights"]) != targets:
-            raise document.fault(f"{at}/weights", f"has {len(node['weights'])} numbers, but the mesh has {targets} targets")
+            raise document.fault(
+                f"{at}/weights", f"has {len(node['weights'])} numbers, but the mesh has {targets} targets"
+            )
 
 
 def _targets(mesh: dict[str, Any]) -> int:
