@@ -96,17 +96,17 @@ def _masks(texture: TextureMeans, cutoff: float | None, corners: _Floats) -> NDA
     sums = _summed(texture, cutoff, reach)
     words = np.zeros((len(corners), 2 * _WORDS), np.uint32)
     # Of fine meshes nearly all triangles are of one kind all over
-    alike = np.stack([none[:, 0, 0] for none in _without(texture, sums, corners, 1)])
+    alike = [none[:, 0, 0] for none in _without(texture, sums, corners, 1)]
     for kind in range(2):
         words[alike[kind], kind * _WORDS : (kind + 1) * _WORDS] = 2**32 - 1
     long = np.zeros(len(corners), bool)
     for at in texture.place(corners[..., 0], corners[..., 1]):
         long |= np.ptp(at, axis=1) >= _LEAST_TEXELS
-    finely = np.flatnonzero(long & ~alike.any(axis=0))
+    finely = np.flatnonzero(long & ~alike[0] & ~alike[1])
     for begin in range(0, len(finely), _AT_ONCE):
         some = finely[begin : begin + _AT_ONCE]
         for kind, none in enumerate(_without(texture, sums, corners[some], _GRID * _PARTS)):
-            cells = none.reshape(-1, _GRID, _PARTS, _GRID, _PARTS).all(axis=(2, 4))
+            cells = np.asarray(none.reshape(-1, _GRID, _PARTS, _GRID, _PARTS).all(axis=(2, 4)))
             bits = np.packbits(cells.reshape(len(cells), -1), axis=1, bitorder="little")
             words[some, kind * _WORDS : (kind + 1) * _WORDS] = bits.view("<u4")
     return words

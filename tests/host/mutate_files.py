@@ -1,6 +1,6 @@
 """Reads mutated files of every format, in a process of its own: `mutate_files.py FOLDER COUNT SEED ENDING…`.
 
-Prints a line for each file that is answered with anything but an image, a mesh, a lamp, a film, a scene or one sentence, and at
+Prints a line for each file that is answered with anything but what it should hold or one sentence, and at
 the end how many there were, how many of them were read all the same, and the most memory the program took, in MiB.
 """
 
@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
+from gltf_files import Model
 
 from clrender.errors import ClrenderError
 from clrender.film import Film
@@ -31,9 +32,6 @@ from clrender.importers import load
 from clrender.scene.ies import read_ies
 from clrender.scene.lamp_tables import lamp_table
 from clrender.scene.mesh_io import read_mesh
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from gltf_files import Model
 
 __all__ = ["main"]
 
@@ -64,7 +62,9 @@ IES = (
 def glTF() -> Model:
     """A model with something of all that is read."""
     model = Model()
-    model.extend("KHR_lights_punctual", "KHR_texture_transform", "EXT_mesh_gpu_instancing", "KHR_materials_transmission")
+    model.extend(
+        "KHR_lights_punctual", "KHR_texture_transform", "EXT_mesh_gpu_instancing", "KHR_materials_transmission"
+    )
     light = {"type": "spot", "spot": {"outerConeAngle": 0.5}, "intensity": 100.0}
     model.root["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
     turned = {"KHR_texture_transform": {"rotation": 1.0, "offset": [0.5, 0.0], "scale": [2.0, 3.0]}}
@@ -153,13 +153,15 @@ def changed_model(rng: random.Random, ending: str) -> bytes:
             case 2 if isinstance(inside, dict):
                 inside[rng.choice(["mesh", "sparse", "targets", "extensions", "a/b~", "children"])] = rng.choice(VALUES)
             case _ if number:
-                place[key] = rng.choice([inside + 1, inside - 1, 0.3 * min(inside, 1e9), rng.randrange(8), rng.choice(NUMBERS)])
+                place[key] = rng.choice(
+                    [inside + 1, inside - 1, 0.3 * min(inside, 1e9), rng.randrange(8), rng.choice(NUMBERS)]
+                )
             case _:
                 place[key] = rng.choice(VALUES)
     if rng.random() < 0.3:
         at = rng.randrange(0, len(model.data), 4)
         model.data[at : at + 4] = struct.pack("<f", rng.choice([math.nan, math.inf, 1e38, -1e-40, 7.0]))
-    return model.glb() if ending == ".glb" else model.gltf()
+    return bytes(model.glb() if ending == ".glb" else model.gltf())
 
 
 def mutated(data: bytes, rng: random.Random, ending: str = "") -> bytes:
@@ -220,7 +222,14 @@ def _scene(path: Path) -> Any:
     return flatten(load(path, time_at=0.5), 8, 8)
 
 
-READERS: dict[str, Callable[[Path], Any]] = {".ply": _mesh, ".obj": _mesh, ".ies": _lamp, ".film": Film.load, ".gltf": _scene, ".glb": _scene}
+READERS: dict[str, Callable[[Path], Any]] = {
+    ".ply": _mesh,
+    ".obj": _mesh,
+    ".ies": _lamp,
+    ".film": Film.load,
+    ".gltf": _scene,
+    ".glb": _scene,
+}
 
 
 def _hangs(number: int, frame: FrameType | None) -> None:

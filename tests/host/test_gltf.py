@@ -1,4 +1,4 @@
-"""glTF files: what becomes of meshes, nodes, materials, cameras and lights, and which files are refused with which words."""
+"""glTF files: what becomes of meshes, nodes, materials, cameras and lights, and what is refused with which words."""
 
 from __future__ import annotations
 
@@ -68,7 +68,9 @@ def test_modes(tmp_path: Path, mode: int, corners: list[int], triangles: list[tu
     """Orders as of section 3.7.2.1 of the specification."""
     model = Model()
     at = {"POSITION": model.accessor(QUAD)}
-    mesh = model.add("meshes", {"primitives": [{"attributes": at, "mode": mode, "indices": model.accessor(corners, "uint8")}]})
+    mesh = model.add(
+        "meshes", {"primitives": [{"attributes": at, "mode": mode, "indices": model.accessor(corners, "uint8")}]}
+    )
     model.node(mesh=mesh)
     np.testing.assert_array_equal(loaded(tmp_path, model).mesh(0).triangles, triangles)
 
@@ -107,7 +109,9 @@ def test_kinds_of_accessors(tmp_path: Path) -> None:
             "COLOR_0": model.accessor(np.full((4, 4), (65535, 0, 13107, 65535)), "uint16", normalized=True),
         },
         "mode": 6,
-        "material": model.add("materials", {"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": model.texture([[[9, 9, 9]]])}}),
+        "material": model.add(
+            "materials", {"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": model.texture([[[9, 9, 9]]])}}
+        ),
     }
     model.node(mesh=model.add("meshes", {"primitives": [primitive]}))
     mesh = loaded(tmp_path, model).mesh(0)
@@ -243,7 +247,11 @@ def test_extensions_of_materials(tmp_path: Path) -> None:
     made = material(
         tmp_path,
         {
-            "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 1.0], "metallicFactor": 0.25, "roughnessFactor": 0.5},
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.1, 0.2, 0.3, 1.0],
+                "metallicFactor": 0.25,
+                "roughnessFactor": 0.5,
+            },
             "emissiveFactor": [1.0, 0.5, 0.0],
             "extensions": {
                 "KHR_materials_emissive_strength": {"emissiveStrength": 8.0},
@@ -253,7 +261,11 @@ def test_extensions_of_materials(tmp_path: Path) -> None:
                 "KHR_materials_sheen": {"sheenColorFactor": [0.1, 0.2, 0.4], "sheenRoughnessFactor": 0.6},
                 "KHR_materials_anisotropy": {"anisotropyStrength": 0.4, "anisotropyRotation": math.pi / 2},
                 "KHR_materials_transmission": {"transmissionFactor": 0.9},
-                "KHR_materials_volume": {"thicknessFactor": 1.0, "attenuationDistance": 2.0, "attenuationColor": [0, 0.5, 1]},
+                "KHR_materials_volume": {
+                    "thicknessFactor": 1.0,
+                    "attenuationDistance": 2.0,
+                    "attenuationColor": [0, 0.5, 1],
+                },
             },
         },
     )
@@ -520,7 +532,7 @@ def test_files_outside_the_folder_are_not_read(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not (ASSETS / "gltf-invalid").is_dir(), reason="the assets of the project are not here")
 def test_the_files_of_the_khronos_validator() -> None:
-    """Files with errors are refused with the place of one, or of what it names; those with warnings at most are read."""
+    """Files with errors are refused with the place of one, or of what it names; those with warnings are read."""
     count = 0
     for path in sorted((ASSETS / "gltf-invalid").glob("*/*.gl[tb]*")):
         report = path.with_name(path.name + ".report.json")

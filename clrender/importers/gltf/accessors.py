@@ -1,4 +1,4 @@
-"""Reads accessors as arrays: interleaved, sparse, normalised, matrices; without copies where their bytes are as needed."""
+"""Reads accessors as arrays: interleaved, sparse, normalised, matrices; without copies where that is possible."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class Accessors:
     def _check(self, index: int, accessor: dict[str, Any]) -> None:
         at = f"/accessors/{index}"
         numbers = self.raw(index)
-        low, high = numbers.min(axis=0), numbers.max(axis=0)
+        low, high = _extremes(numbers)
         if numbers.dtype.kind == "f" and not (np.isfinite(low).all() and np.isfinite(high).all()):
             row = int(np.argmax(~np.isfinite(numbers.reshape(len(numbers), -1)).all(axis=1)))
             raise self._document.fault(at, f"has a number in element {row} that is not finite; export it again")
@@ -161,6 +161,14 @@ class Accessors:
             text = f"must grow, and be below the accessor's count of {count}; export it again"
             raise self._document.fault(f"{at}/sparse/indices", text)
         return indices
+
+
+def _extremes(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Least and greatest number of each component; NaN where there is one."""
+    if numbers.ndim != 2:
+        return numbers.min(axis=0), numbers.max(axis=0)
+    columns = [numbers[:, column] for column in range(numbers.shape[1])]  # several times as fast as along rows
+    return np.array([each.min() for each in columns]), np.array([each.max() for each in columns])
 
 
 def _buffers(document: Document) -> list[memoryview | None]:

@@ -16,7 +16,7 @@ from PIL import Image
 
 __all__ = ["ASSETS", "Model", "picture_uri"]
 
-ASSETS: Final = Path(os.environ.get("CLRENDER_ASSETS") or Path(__file__).resolve().parents[2] / "shared" / "assets")
+ASSETS: Final = Path(os.environ.get("CLRENDER_ASSETS") or Path(__file__).resolve().parents[3] / "shared" / "assets")
 """The assets of the project, beside the repository, or where ``CLRENDER_ASSETS`` says; they may be missing."""
 _COMPONENTS: Final = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _TYPES: Final = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
