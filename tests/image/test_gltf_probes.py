@@ -230,7 +230,7 @@ def test_a_normal_map_turns_the_normal_as_geometry_does(device: Device, tmp_path
     assert found[0] == pytest.approx(found[1], rel=0.01)
 
 
-# --- models of the Khronos Group that say by themselves what is right --------------------------------------------------
+# --- models of the Khronos Group that say by themselves what is right ------------------------------------------------
 
 needs_assets = pytest.mark.skipif(not (ASSETS / "gltf").is_dir(), reason="the assets of the project are not here")
 
