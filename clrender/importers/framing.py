@@ -60,7 +60,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
             scene.mesh(index)
     scene.textures()
     scene.environment_picture()
-    return scene.with_notes(f"{files.source}: {note}" for note in draft.notes)
+    return scene.with_notes((f"{files.source}: {note}" for note in draft.notes), files.opened)
 
 
 def _shines(description: dict[str, Any]) -> bool:

@@ -172,6 +172,7 @@ class Scene(Part):
     _encoded: dict[str, tuple[bytes, str]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
     _notes: tuple[str, ...] = PrivateAttr(default=())
+    _read_files: tuple[Path, ...] = PrivateAttr(default=())
     _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
 
     @model_validator(mode="after")
@@ -327,10 +328,15 @@ class Scene(Part):
         """What its reader did not understand, and what it did instead; a sentence each."""
         return self._notes
 
-    def with_notes(self, notes: Iterable[str]) -> Scene:
-        """The same scene with these notes."""
+    @property
+    def read_files(self) -> tuple[Path, ...]:
+        """Files that its reader has read besides the scene file, and that the description does not name."""
+        return self._read_files
+
+    def with_notes(self, notes: Iterable[str], read_files: Iterable[Path] = ()) -> Scene:
+        """The same scene with these notes, and these more files that were read."""
         scene = self.model_copy()
-        scene._notes = tuple(notes)
+        scene._notes, scene._read_files = tuple(notes), (*self._read_files, *read_files)
         return scene
 
     def with_default_light(self, light: EnvironmentLight, note: str) -> Scene:

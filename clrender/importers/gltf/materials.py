@@ -17,7 +17,6 @@ __all__ = ["Materials", "Used"]
 _LEAST_LEFT: Final = 1e-3
 """In the place of 0 in an attenuation colour, which no thickness of a medium has."""
 _HIGH_INDEX: Final = 1000.0
-_HARMLESS: Final = frozenset({"KHR_materials_unlit", "KHR_materials_variants"})
 
 
 @dataclass(frozen=True)
@@ -266,7 +265,7 @@ class _Material:
 
     def _front_only(self) -> None:
         if self._source.get("doubleSided"):
-            self._note(" is double-sided, but shines from its front only; it reflects on both sides")
+            self._document.note("double-sided materials shine from their fronts only; they reflect on both sides")
 
     def _alpha(self, base: dict[str, Any]) -> None:
         """The modes of alpha: of a mask what is not a hole is whole."""
@@ -300,6 +299,6 @@ class _Material:
         self.made_of |= {"base_color": [0.0] * 3, "specular": 0.0, "metallic": 0.0, "roughness": 1.0}
         at = "/pbrMetallicRoughness/baseColorTexture"
         self._color("emission", base.get("baseColorFactor", [1.0] * 4)[:3], base.get("baseColorTexture"), at)
-        self._note(" is unlit: it shines with its colour as radiance, and lights what is around it")
+        self._document.note("unlit materials shine with their colour as radiance, and light what is around them")
         self._front_only()
         self._alpha(base)
