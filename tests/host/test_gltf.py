@@ -228,6 +228,7 @@ def test_a_skin_carries_vertices_by_its_joints_not_by_its_node(tmp_path: Path) -
     model.node(translation=[0, 1, 0], rotation=[half, 0, 0, half])
     scene = loaded(tmp_path, model)
     np.testing.assert_allclose(scene.mesh(0).vertices, [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], atol=1e-6)
+    np.testing.assert_allclose(scene_bounds(scene), [(-1, -1, 0), (1, 1, 0)], atol=1e-6)
     normals = scene.mesh(0).normals
     assert normals is not None
     np.testing.assert_allclose(normals, [(0, 0, 1)] * 2 + [(0, -1, 0)] * 2, atol=1e-6)
@@ -280,8 +281,11 @@ def test_extensions_of_materials(tmp_path: Path) -> None:
 
 
 def test_glass_without_thickness_is_thin(tmp_path: Path) -> None:
-    glass = {"KHR_materials_transmission": {"transmissionFactor": 1.0}}
+    glass: dict[str, Any] = {"KHR_materials_transmission": {"transmissionFactor": 1.0}}
     assert material(tmp_path, {"extensions": glass}).thin
+    glass["KHR_materials_volume"] = {"thicknessFactor": 0.0, "attenuationDistance": 1.0, "attenuationColor": [0, 0, 0]}
+    made = material(tmp_path, {"extensions": glass})
+    assert made.thin and made.attenuation_color is None
 
 
 def test_textures_have_their_channels_samplers_and_sets(tmp_path: Path) -> None:

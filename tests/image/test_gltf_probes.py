@@ -62,6 +62,7 @@ def test_pictures_stand_upright_and_unlit_shows_their_colours(device: Device, tm
         # u' = v, v' = 1 - u: the coordinates turn counter-clockwise, and the picture clockwise
         ({"rotation": math.pi / 2, "offset": [0.0, 1.0]}, [BLUE, RED, WHITE, GREEN]),
         ({"scale": [0.5, 0.5], "offset": [0.5, 0.5]}, [WHITE] * 4),
+        ({"scale": [1.0, 0.75], "rotation": math.pi / 2, "offset": [0.0, 1.0]}, [BLUE, RED, WHITE, GREEN]),
         ({"scale": [0.5, 1.0], "rotation": math.pi / 2, "offset": [0.0, 0.5]}, [RED, RED, GREEN, GREEN]),
     ],
 )
