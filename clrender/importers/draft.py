@@ -34,8 +34,10 @@ class Draft:
     pictures: dict[str, tuple[bytes, str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
+    _said: set[str] = field(default_factory=set, repr=False)
 
     def note(self, sentence: str) -> None:
         """Say something once."""
-        if sentence not in self.notes:
+        if sentence not in self._said:
+            self._said.add(sentence)
             self.notes.append(sentence)

@@ -489,6 +489,19 @@ def test_faults_are_told_with_their_json_pointer(
     assert words in str(error.value) and str(error.value).startswith(str(tmp_path / "m.glb"))
 
 
+def test_many_faults_take_no_time_and_few_notes(tmp_path: Path) -> None:
+    """Twenty thousand flattened nodes, and a list whose last entry is there twice."""
+    model = Model()
+    quad = model.quad()
+    for _ in range(20_000):
+        model.node(mesh=quad, scale=[0, 0, 0])
+    scene = loaded(tmp_path, model)
+    assert scene.shapes == () and len(scene.notes) < 50 and any("19962 more things" in note for note in scene.notes)
+    model.root["scenes"][0]["nodes"].append(19_999)
+    with pytest.raises(SceneError, match="/scenes/0/nodes/20000 is 19999, which is there already"):
+        loaded(tmp_path, model)
+
+
 def test_indices_beyond_the_vertices(tmp_path: Path) -> None:
     model = _broken(lambda root: root)
     model.root["meshes"][0]["primitives"][0]["indices"] = model.accessor([0, 1, 4], "uint32")

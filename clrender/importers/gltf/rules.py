@@ -159,7 +159,8 @@ def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = F
         for index, one in enumerate(value):
             value[index] = each(walk, one, f"{at}/{index}")
         if distinct and len(set(value)) < len(value):
-            index = next(i for i, one in enumerate(value) if one in value[:i])
+            first = {one: i for i, one in reversed(list(enumerate(value)))}
+            index = next(i for i, one in enumerate(value) if first[one] < i)
             raise walk.fault(f"{at}/{index}", f"is {shown(value[index])}, which is there already; leave it out")
         return value
 
