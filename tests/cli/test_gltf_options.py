@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from cli_support import run
@@ -19,7 +20,7 @@ def test_moments_variants_and_pictures_beside_the_file(tmp_path: Path) -> None:
     model = Model()
     model.extend("KHR_materials_unlit", "KHR_materials_variants")
     texture = model.add("textures", {"source": model.add("images", {"uri": "a%20b.png"})})
-    unlit = {"extensions": {"KHR_materials_unlit": {}}}
+    unlit: dict[str, Any] = {"extensions": {"KHR_materials_unlit": {}}}
     first = model.add("materials", {"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}, **unlit})
     blue = model.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 1, 1]}, **unlit})
     model.root["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "blue"}]}}
