@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from clrender.cli.options import allow_path_option
+from clrender.cli.options import allow_path_option, choice_options
 from clrender.flatten import flatten
 from clrender.importers import load
 
@@ -15,10 +15,11 @@ __all__ = ["check"]
 
 @click.command()
 @click.argument("scene")
+@choice_options
 @allow_path_option
-def check(scene: str, allow_paths: tuple[Path, ...]) -> None:
+def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, variant: str | None) -> None:
     """Validate SCENE (a file, or a built-in scene's name) and print what it holds."""
-    loaded = load(scene, allow_paths=allow_paths)
+    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant)
     flat = flatten(loaded, loaded.image.width, loaded.image.height)
     rows = [
         ("image", f"{loaded.image.width} x {loaded.image.height}"),

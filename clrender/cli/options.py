@@ -19,6 +19,7 @@ __all__ = [
     "TONE_MAPS",
     "DomainType",
     "allow_path_option",
+    "choice_options",
     "number",
     "numbers",
     "setting_option",
@@ -186,6 +187,17 @@ def tone_options(command: Any) -> Any:
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def choice_options(command: Any) -> Any:
+    """Decorator: what a glTF file leaves open."""
+    command = click.option("--variant", metavar="NAME", help="Variant of a glTF file's materials.")(command)
+    return click.option(
+        "--time-at",
+        type=float,
+        metavar="S",
+        help="Moment of a glTF file's animation, in seconds; default: the model at rest.",
+    )(command)
 
 
 def allow_path_option(command: Any) -> Any:

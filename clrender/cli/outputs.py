@@ -60,7 +60,12 @@ def scene_files(name: str, scene: Scene) -> list[Path]:
     files = [shape.file for shape in scene.shapes if isinstance(shape, Mesh) and shape.file is not None]
     if scene.environment is not None and scene.environment.file is not None:
         files.append(scene.environment.file)
-    return [Path(name), scene.base_folder / f"{name}.toml", *(scene.base_folder / file for file in files)]
+    return [
+        Path(name),
+        scene.base_folder / f"{name}.toml",
+        *(scene.base_folder / file for file in files),
+        *scene.read_files,
+    ]
 
 
 def _same_file(a: Path, b: Path) -> bool:

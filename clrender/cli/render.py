@@ -14,7 +14,7 @@ from click.core import ParameterSource
 
 from clrender.cli import STARTED
 from clrender.cli.interrupt import Interrupt, interruptible
-from clrender.cli.options import allow_path_option, setting_options, tone_options
+from clrender.cli.options import allow_path_option, choice_options, setting_options, tone_options
 from clrender.cli.options import shard as parse_shard
 from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct, check_image_size, scene_files
@@ -70,6 +70,7 @@ __all__ = ["render"]
     "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
 )
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@choice_options
 @allow_path_option
 @click.pass_context
 def render(
@@ -91,6 +92,8 @@ def render(
     denoise: bool,
     stats: Path | None,
     quiet: bool,
+    time_at: float | None,
+    variant: str | None,
     allow_paths: tuple[Path, ...],
     **settings: Any,
 ) -> None:
@@ -109,7 +112,7 @@ def render(
         from clrender.rendered_image import IncompleteRender
 
         begun = time.perf_counter()
-        description = load(scene, allow_paths=allow_paths)
+        description = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant)
         if environment is not None:
             description = description.with_environment(environment)
         description = description.with_exposure(f_stop, shutter, iso)

@@ -138,7 +138,8 @@ def open_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> ImageFile:
     from PIL.PngImagePlugin import PngImageFile
 
     start = file.read(29)
-    size = os.fstat(file.fileno()).st_size
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
     file.seek(0)
     if start[:8] == b"\x89PNG\r\n\x1a\n" and len(start) == 29:
         width, height, depth, color = struct.unpack(">IIBB", start[16:26])

@@ -138,7 +138,8 @@ def _open_webp(file: IO[bytes]) -> Any:
     """A WebP; its decoder looks at nothing but the header until pixels are asked for."""
     from PIL.WebPImagePlugin import WebPImageFile
 
-    size = os.fstat(file.fileno()).st_size
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
     picture = WebPImageFile(file)
     if picture.width * picture.height > _WEBP_RATIO * size:
         raise ValueError("it is truncated: it is too small for the size its header gives")

@@ -29,10 +29,16 @@ class AssetFiles:
     folder : pathlib.Path
         The scene file's own.
     allow_paths : sequence of pathlib.Path
+
+    Attributes
+    ----------
+    opened : list of pathlib.Path
+        Files that were read besides the scene's own.
     """
 
     def __init__(self, source: str, folder: Path, allow_paths: Sequence[Path] = ()) -> None:
         self.source, self.folder, self.allow_paths = source, folder, tuple(allow_paths)
+        self.opened: list[Path] = []
 
     def scene(self, path: Path, limit: int = _LIMIT) -> bytes:
         """The content of the scene file itself."""
@@ -61,7 +67,9 @@ class AssetFiles:
         if uri[:5].lower() == "data:":
             return _data(uri, label, limit)
         label = f"{label}: {quoted(uri)}"
-        file, size = open_named_file(self.name(uri, place), self.folder, self.allow_paths, label, limit)
+        name = self.name(uri, place)
+        file, size = open_named_file(name, self.folder, self.allow_paths, label, limit)
+        self.opened.append(self.folder / name)
         with file:
             return file.read(size)
 

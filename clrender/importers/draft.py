@@ -25,14 +25,19 @@ class Draft:
         Encoded pictures by that name, each with the ending that its format has, such as ``.png``.
     notes : list of str
         What was not understood and what was done instead; a sentence each, without the file's name.
+    wants_light : bool
+        Whether it is lit from all around also where surfaces of it shine, as long as it has no other lights.
     """
 
     description: dict[str, Any] = field(default_factory=lambda: {"materials": {}, "shapes": [], "lights": []})
     meshes: dict[str, MeshData] = field(default_factory=dict)
     pictures: dict[str, tuple[bytes, str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    wants_light: bool = False
+    _said: set[str] = field(default_factory=set, repr=False)
 
     def note(self, sentence: str) -> None:
         """Say something once."""
-        if sentence not in self.notes:
+        if sentence not in self._said:
+            self._said.add(sentence)
             self.notes.append(sentence)

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
-from clrender.scene import Mesh, Scene
+from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.bounds import scene_bounds
 from clrender.scene.validation_errors import scene_error
 
@@ -23,6 +23,7 @@ _FROM: Final = (0.45, 0.35, 1.0)
 _VERTICAL_FOV: Final = 35.0
 _MARGIN: Final = 1.05
 _RADIANCE: Final = 1.0
+_EVENLY: Final = "there is no light in it: lit evenly from all around"
 
 
 def completed(draft: Draft, files: AssetFiles) -> Scene:
@@ -37,15 +38,18 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     description = {**draft.description}
     if framed:
         description["camera"] = {"position": (0.0, 0.0, 1.0), "target": (0.0, 0.0, 0.0)}
-    if not description.get("lights") and not _shines(description):
-        description["lights"] = [{"type": "environment", "radiance": [_RADIANCE] * 3}]
-        draft.note("there is no light in it: lit evenly from all around")
+    dark = not description.get("lights") and (draft.wants_light or not _shines(description))
     try:
         scene = Scene.model_validate(description)
     except ValidationError as error:
         raise scene_error(error, Scene, files.source) from None
+    if dark:
+        light = EnvironmentLight(type="environment", radiance=(_RADIANCE,) * 3)
+        scene = scene.with_default_light(light, _EVENLY)
+        draft.note(_EVENLY)
     scene = scene.placed(files.source, files.folder, files.allow_paths)
-    scene = scene.with_meshes({(name, None): mesh for name, mesh in draft.meshes.items()})
+    held = {shape.asset for shape in scene.shapes if isinstance(shape, Mesh) and shape.file in draft.meshes}
+    scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
     scene = scene.with_encoded_textures(draft.pictures)
     if framed:
         draft.note("there is no camera in it: it is framed from the front, a little from above")
@@ -56,7 +60,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
             scene.mesh(index)
     scene.textures()
     scene.environment_picture()
-    return scene.with_notes(f"{files.source}: {note}" for note in draft.notes)
+    return scene.with_notes((f"{files.source}: {note}" for note in draft.notes), files.opened)
 
 
 def _shines(description: dict[str, Any]) -> bool:

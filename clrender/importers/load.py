@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Final
 
 from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
+from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.framing import completed
 from clrender.scene import Scene
@@ -20,13 +22,23 @@ __all__ = ["SCENE_ENDINGS", "load"]
 _READERS: Final[Mapping[str, str]] = {
     ".obj": "clrender.importers.mesh_files",
     ".ply": "clrender.importers.mesh_files",
+    ".gltf": "clrender.importers.gltf",
+    ".glb": "clrender.importers.gltf",
 }
 """Modules by the ending that they read. Each has ``read(path, files) -> Draft``, and is imported when it is needed."""
+_CHOOSING: Final = (".gltf", ".glb")
+"""Endings whose ``read`` takes `Choices` as well."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
 """Of the files that `load` reads."""
 
 
-def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) -> Scene:
+def load(
+    path_or_name: str | Path,
+    *,
+    allow_paths: Sequence[str | Path] = (),
+    time_at: float | None = None,
+    variant: str | None = None,
+) -> Scene:
     """Read and validate a scene and the files it names.
 
     Parameters
@@ -36,6 +48,10 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
         a file).
     allow_paths : sequence of str or pathlib.Path
         Folders, besides the scene's own, from which these may be read.
+    time_at : float, optional
+        Moment of a glTF file's animation, seconds from its start; default: the model at rest.
+    variant : str, optional
+        Of a glTF file's materials, by name (KHR_materials_variants).
 
     Returns
     -------
@@ -48,13 +64,22 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
         In one sentence: file, place, what is wrong, what would be right.
     """
     path = Path(path_or_name)
-    reader = _READERS.get(path.suffix.lower())
+    ending = path.suffix.lower()
+    choices = Choices(time_at, variant)
+    for key, given in (("time_at", time_at), ("variant", variant)):
+        if given is not None and ending not in _CHOOSING:
+            raise SceneError(
+                f"{quoted(str(path))} takes no {key}, which is for {' and '.join(_CHOOSING)}; leave it out"
+            )
+    if time_at is not None and not math.isfinite(time_at):
+        raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
+    reader = _READERS.get(ending)
     if reader is None:
         return load_own(path_or_name, allow_paths=allow_paths)
-    read: Callable[[Path, AssetFiles], Draft] = import_module(reader).read
+    read: Callable[..., Draft] = import_module(reader).read
     folders = [Path(folder) for folder in allow_paths]
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders)
-    return completed(read(path, files), files)
+    return completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files)

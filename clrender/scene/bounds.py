@@ -35,7 +35,11 @@ def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]
             )
             continue
         mesh = scene.mesh(index) if isinstance(shape, Mesh) else polyhedron(shape)
-        used = mesh.vertices[np.unique(mesh.triangles)] if isinstance(shape, Mesh) else mesh.vertices
+        used = mesh.vertices
+        if isinstance(shape, Mesh):
+            named = np.zeros(len(used), bool)
+            named[mesh.triangles] = True
+            used = used if named.all() else used[named]
         points = np.empty((len(used), 3), np.float32)
         place.points_into(used, points)
         if len(points):

@@ -172,6 +172,8 @@ class Scene(Part):
     _encoded: dict[str, tuple[bytes, str]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
     _notes: tuple[str, ...] = PrivateAttr(default=())
+    _read_files: tuple[Path, ...] = PrivateAttr(default=())
+    _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -326,10 +328,21 @@ class Scene(Part):
         """What its reader did not understand, and what it did instead; a sentence each."""
         return self._notes
 
-    def with_notes(self, notes: Iterable[str]) -> Scene:
-        """The same scene with these notes."""
+    @property
+    def read_files(self) -> tuple[Path, ...]:
+        """Files that its reader has read besides the scene file, and that the description does not name."""
+        return self._read_files
+
+    def with_notes(self, notes: Iterable[str], read_files: Iterable[Path] = ()) -> Scene:
+        """The same scene with these notes, and these more files that were read."""
         scene = self.model_copy()
-        scene._notes = tuple(notes)
+        scene._notes, scene._read_files = tuple(notes), (*self._read_files, *read_files)
+        return scene
+
+    def with_default_light(self, light: EnvironmentLight, note: str) -> Scene:
+        """The same scene, which has no environment, in one that `with_environment` replaces, along with its note."""
+        scene = self.model_copy(update={"lights": (*self.lights, light)})
+        scene._default_light = light, note
         return scene
 
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
@@ -468,7 +481,7 @@ class Scene(Part):
         return scene
 
     def with_environment(self, file: str | Path) -> Scene:
-        """The same scene, which has no environment, in one with this picture.
+        """The same scene, which has no environment of its own, in one with this picture.
 
         Parameters
         ----------
@@ -482,12 +495,15 @@ class Scene(Part):
         """
         path = Path(file).absolute()
         around = self.environment or self.sky
-        if around is not None:
+        if around is not None and around is not self._default_light[0]:
             place = f"{self._source}: lights[{self.lights.index(around)}]"
             raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
         picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
-        lights = (*self.lights, EnvironmentLight(type="environment", file=str(path)))
-        return self.model_copy(update={"lights": lights}).with_pictures({str(path): picture})
+        default, note = self._default_light
+        others = tuple(light for light in self.lights if light is not default)
+        lights = (*others, EnvironmentLight(type="environment", file=str(path)))
+        scene = self.model_copy(update={"lights": lights}).with_pictures({str(path): picture})
+        return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.

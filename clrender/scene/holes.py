@@ -32,6 +32,8 @@ _PARTS: Final = 4
 _MOST_ROWS: Final = 2**16
 """Triangles that differ in their texture coordinates; those beyond always ask the texture."""
 _AT_ONCE: Final = 2**9
+_LEAST_TEXELS: Final = float(layout.HOLE_GRID)
+"""Of the size of a triangle that is worth a grid, if it is not of one kind all over: cells should be no finer than texels."""  # noqa: E501
 _COLUMN: Final = next(at for name, at, _, _ in layout.ROWS["ATTRIBUTE"] if name == "HOLES")
 _MARGIN: Final = 1e-3
 """Of a cell, and of a texel: many times what rounding can shift a point by."""
@@ -92,16 +94,30 @@ def _masks(texture: TextureMeans, cutoff: float | None, corners: _Floats) -> NDA
     x, y = texture.place(np.array([0.0, edges[0], 0.0]), np.array([0.0, 0.0, edges[1]]))
     reach = [2.0 * (abs(at[1] - at[0]) + abs(at[2] - at[0])) / (_GRID * _PARTS) + 4.0 for at in (x, y)]
     sums = _summed(texture, cutoff, reach)
-    words = np.empty((len(corners), 2 * _WORDS), np.uint32)
-    for begin in range(0, len(corners), _AT_ONCE):
-        some = slice(begin, begin + _AT_ONCE)
-        known, (x0, x1), (y0, y1) = _reached(texture, corners[some], sums[0].shape)
-        for kind, table in enumerate(sums):
-            none = known & (table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0] == 0)
-            cells = none.reshape(-1, _GRID, _PARTS, _GRID, _PARTS).all(axis=(2, 4))
+    words = np.zeros((len(corners), 2 * _WORDS), np.uint32)
+    # Of fine meshes nearly all triangles are of one kind all over
+    alike = [none[:, 0, 0] for none in _without(texture, sums, corners, 1)]
+    for kind in range(2):
+        words[alike[kind], kind * _WORDS : (kind + 1) * _WORDS] = 2**32 - 1
+    long = np.zeros(len(corners), bool)
+    for at in texture.place(corners[..., 0], corners[..., 1]):
+        long |= np.ptp(at, axis=1) >= _LEAST_TEXELS
+    finely = np.flatnonzero(long & ~alike[0] & ~alike[1])
+    for begin in range(0, len(finely), _AT_ONCE):
+        some = finely[begin : begin + _AT_ONCE]
+        for kind, none in enumerate(_without(texture, sums, corners[some], _GRID * _PARTS)):
+            cells = np.asarray(none.reshape(-1, _GRID, _PARTS, _GRID, _PARTS).all(axis=(2, 4)))
             bits = np.packbits(cells.reshape(len(cells), -1), axis=1, bitorder="little")
             words[some, kind * _WORDS : (kind + 1) * _WORDS] = bits.view("<u4")
     return words
+
+
+def _without(
+    texture: TextureMeans, sums: list[NDArray[np.int32]], corners: _Floats, parts: int
+) -> list[NDArray[np.bool_]]:
+    """Of both kinds of texels that `sums` count: which of the parts along either side reach none, (T, parts, parts)."""
+    known, (x0, x1), (y0, y1) = _reached(texture, corners, sums[0].shape, parts)
+    return [known & (table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0] == 0) for table in sums]
 
 
 def _summed(texture: TextureMeans, cutoff: float | None, reach: list[float]) -> list[NDArray[np.int32]]:
@@ -126,10 +142,9 @@ def _summed(texture: TextureMeans, cutoff: float | None, reach: list[float]) -> 
 
 
 def _reached(
-    texture: TextureMeans, corners: _Floats, shape: tuple[int, ...]
+    texture: TextureMeans, corners: _Floats, shape: tuple[int, ...], parts: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
-    """Columns and rows of texels that each part of a cell reaches from and to, and whether the tables have them."""
-    parts = _GRID * _PARTS
+    """Columns and rows of texels that each part of a triangle reaches from and to, and whether the tables have them."""
     reach = (0.0 if texture.is_nearest else 0.5) + _MARGIN
     steps = np.arange(parts) / parts
     known = np.ones((len(corners), parts, parts), bool)

@@ -1,11 +1,12 @@
 """Reads mutated files of every format, in a process of its own: `mutate_files.py FOLDER COUNT SEED ENDING…`.
 
-Prints a line for each file that is answered with anything but an image, a mesh, a lamp, a film or one sentence, and at
+Prints a line for each file that is answered with anything but what it should hold or one sentence, and at
 the end how many there were, how many of them were read all the same, and the most memory the program took, in MiB.
 """
 
 from __future__ import annotations
 
+import math
 import random
 import re
 import signal
@@ -14,17 +15,20 @@ import sys
 import time
 import traceback
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import numpy as np
 import OpenEXR
+from gltf_files import Model
 
 from clrender.errors import ClrenderError
 from clrender.film import Film
+from clrender.flatten import flatten
 from clrender.image.files import read_image, read_provenance, write_image
+from clrender.importers import load
 from clrender.scene.ies import read_ies
 from clrender.scene.lamp_tables import lamp_table
 from clrender.scene.mesh_io import read_mesh
@@ -34,6 +38,7 @@ __all__ = ["main"]
 SECONDS = 10
 WORDS = [b"nan", b"-1", b"1e999", b"99999999999", b"\n", b" ", b"/", b"-", b"\\\n", b"#", b"0", b"(", b"'", b"\0", b"="]
 NUMBERS = [0, 1, 2, 127, 128, 255, 256, 32767, 65535, 65536, 2**20, 2**31 - 1, 2**31, 2**32 - 1]
+VALUES: list[Any] = [None, True, -1, 0.5, 1e308, 10**400, "", "x", "\ud800", [], {}, [0], [[]], {"a": {}}, [1, 2, 3]]
 PLY = (
     b"ply\nformat %b 1.0\ncomment c\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
     b"property uchar red\nproperty uchar green\nproperty uchar blue\n"
@@ -54,6 +59,40 @@ IES = (
 )
 
 
+def glTF() -> Model:
+    """A model with something of all that is read."""
+    model = Model()
+    model.extend(
+        "KHR_lights_punctual", "KHR_texture_transform", "EXT_mesh_gpu_instancing", "KHR_materials_transmission"
+    )
+    light = {"type": "spot", "spot": {"outerConeAngle": 0.5}, "intensity": 100.0}
+    model.root["extensions"] = {"KHR_lights_punctual": {"lights": [light]}}
+    turned = {"KHR_texture_transform": {"rotation": 1.0, "offset": [0.5, 0.0], "scale": [2.0, 3.0]}}
+    picture = {"index": model.texture([[[1, 2, 3, 4]] * 3] * 2, {"wrapS": 33071}), "extensions": turned}
+    glass = {"KHR_materials_transmission": {"transmissionFactor": 1.0, "transmissionTexture": picture}}
+    base = {"baseColorTexture": picture, "baseColorFactor": [1, 1, 1, 0.5]}
+    material = model.add("materials", {"pbrMetallicRoughness": base, "alphaMode": "BLEND", "extensions": glass})
+    mesh = model.quad(material, WEIGHTS_0=[(1, 0, 0, 0)] * 4, NORMAL=[(0, 0, 1)] * 4, COLOR_0=[(1, 0, 0.5)] * 4)
+    primitive = model.root["meshes"][mesh]["primitives"][0]
+    primitive["attributes"]["JOINTS_0"] = model.accessor([(0, 1, 0, 0)] * 4, "uint8")
+    primitive["targets"] = [{"POSITION": model.accessor([(0, 0, 1)] * 4)}]
+    sparse = {"bufferView": model.view(bytes([1, 0, 3, 0])), "componentType": 5123}
+    values = {"bufferView": model.view(np.ones((2, 3), "<f4").tobytes())}
+    model.root["accessors"][0]["sparse"] = {"count": 2, "indices": sparse, "values": values}
+    bound = model.accessor(np.tile(np.eye(4), (2, 1, 1)).reshape(2, 16))
+    model.add("skins", {"joints": [1, 2], "inverseBindMatrices": bound})
+    model.node(mesh=mesh, skin=0, weights=[0.5])
+    model.node(translation=[0, 1, 0], rotation=[0, 0, 0, 1], children=[2])
+    model.add("nodes", {"scale": [1, -1, 1], "mesh": mesh})
+    model.add("cameras", {"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1, "aspectRatio": 1.5}})
+    moves = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": model.accessor([(0, 0, 1), (0, 0, 2)])}}}
+    model.node(camera=0, mesh=mesh, extensions={"KHR_lights_punctual": {"light": 0}, **moves})
+    sampler = {"input": model.times([0.0, 1.0]), "output": model.accessor([(0, 0, 0), (0, 2, 0)])}
+    channel = {"sampler": 0, "target": {"node": 1, "path": "translation"}}
+    model.add("animations", {"samplers": [sampler], "channels": [channel]})
+    return model
+
+
 def originals(folder: Path, ending: str) -> list[bytes]:
     """A few sound files of a format."""
     y, x = np.mgrid[0:24, 0:40]
@@ -71,6 +110,8 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     if ending == ".ies":
         one = IES[: IES.index(b"100 80.")].replace(b"5 3 1 2", b"5 1 1 2").replace(b"0 45 90\r\n", b"0\r\n")
         return [IES, one[one.index(b"TILT") :]]
+    if ending in (".gltf", ".glb"):
+        return [glTF().glb() if ending == ".glb" else glTF().gltf()]
     if ending == ".film":
         film = Film(6, 5)
         film.save(path, {"seed": 1})
@@ -89,8 +130,44 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     return found
 
 
-def mutated(data: bytes, rng: random.Random) -> bytes:
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """All tables and lists of JSON, each with each of its keys."""
+    for key, inside in value.items() if isinstance(value, dict) else enumerate(value):
+        yield value, key
+        if isinstance(inside, dict | list):
+            yield from _places(inside)
+
+
+def changed_model(rng: random.Random, ending: str) -> bytes:
+    """A model some values of whose JSON are others, missing or doubled, and some numbers of whose buffer."""
+    model = glTF()
+    for _ in range(rng.choice([1, 1, 2, 4])):
+        place, key = rng.choice(list(_places(model.root)))
+        inside = place[key]
+        number = isinstance(inside, int | float) and rng.random() < 0.7
+        match rng.randrange(10):
+            case 0:
+                del place[key]
+            case 1 if isinstance(place, list):
+                place.append(inside)
+            case 2 if isinstance(inside, dict):
+                inside[rng.choice(["mesh", "sparse", "targets", "extensions", "a/b~", "children"])] = rng.choice(VALUES)
+            case _ if number:
+                place[key] = rng.choice(
+                    [inside + 1, inside - 1, 0.3 * min(inside, 1e9), rng.randrange(8), rng.choice(NUMBERS)]
+                )
+            case _:
+                place[key] = rng.choice(VALUES)
+    if rng.random() < 0.3:
+        at = rng.randrange(0, len(model.data), 4)
+        model.data[at : at + 4] = struct.pack("<f", rng.choice([math.nan, math.inf, 1e38, -1e-40, 7.0]))
+    return bytes(model.glb() if ending == ".glb" else model.gltf())
+
+
+def mutated(data: bytes, rng: random.Random, ending: str = "") -> bytes:
     """The file with some of its bytes changed, cut out, doubled or put in; headers more often than the rest."""
+    if ending in (".gltf", ".glb") and rng.random() < 0.8:
+        return changed_model(rng, ending)
     new = bytearray(data)
     for _ in range(rng.randint(1, 4)):
         reach = min(len(new), 500) if rng.random() < 0.6 else len(new)
@@ -141,7 +218,18 @@ def _lamp(path: Path) -> Any:
     return lamp_table(read_ies(path.name, path.parent, (), "here"))
 
 
-READERS: dict[str, Callable[[Path], Any]] = {".ply": _mesh, ".obj": _mesh, ".ies": _lamp, ".film": Film.load}
+def _scene(path: Path) -> Any:
+    return flatten(load(path, time_at=0.5), 8, 8)
+
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    ".ply": _mesh,
+    ".obj": _mesh,
+    ".ies": _lamp,
+    ".film": Film.load,
+    ".gltf": _scene,
+    ".glb": _scene,
+}
 
 
 def _hangs(number: int, frame: FrameType | None) -> None:
@@ -164,7 +252,7 @@ def main(folder: Path, count: int, seed: int, endings: list[str]) -> None:
         for number in range(count):
             rng = random.Random(f"{seed} {ending} {number}")
             path = folder / f"mutated{ending}"
-            path.write_bytes(mutated(rng.choice(sources), rng))
+            path.write_bytes(mutated(rng.choice(sources), rng, ending))
             signal.alarm(SECONDS)
             total += 1
             try:

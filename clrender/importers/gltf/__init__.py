@@ -1,0 +1,7 @@
+"""glTF 2.0 (Khronos; ISO/IEC 12113:2022) and its extensions, read into our own kind of scene."""
+
+from __future__ import annotations
+
+from clrender.importers.gltf.reader import read
+
+__all__ = ["read"]

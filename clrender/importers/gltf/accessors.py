@@ -1,0 +1,210 @@
+"""Reads accessors as arrays: interleaved, sparse, normalised, matrices; without copies where that is possible."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.schema import COMPONENTS
+from clrender.importers.gltf.validator import element_bytes
+from clrender.scene.wording import quoted
+
+__all__ = ["Accessors"]
+
+_KINDS: Final = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_LARGEST: Final = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
+_WITHOUT_DATA: Final = 2**22
+"""Most elements of an accessor that has no bytes in the file, which could say any number."""
+_LOOSE: Final = 1e-5
+"""How far beyond its bounds a float may be, of their size: exporters round bounds to few digits."""
+
+
+class Accessors:
+    """The arrays of a file.
+
+    Parameters
+    ----------
+    document : Document
+        Validated.
+
+    Raises
+    ------
+    SceneError
+        A buffer cannot be read, or is too short.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._buffers = _buffers(document)
+        self._arrays: dict[int, NDArray[Any]] = {}
+
+    def view(self, index: int) -> memoryview:
+        """The bytes of a buffer view."""
+        view = self._document.items("bufferViews")[index]
+        start = view.get("byteOffset", 0)
+        data = self._buffers[view["buffer"]]
+        if data is None:
+            text = "has no `uri`, so that nobody knows its bytes, but they are used; export it again"
+            raise self._document.fault(f"/buffers/{view['buffer']}", text)
+        part: memoryview = data[start : start + view["byteLength"]]
+        return part
+
+    def raw(self, index: int) -> NDArray[Any]:
+        """Numbers as the file has them: (count,), (count, n) of vectors, (count, rows, columns) of matrices.
+
+        Do not write into it.
+        """
+        if index not in self._arrays:
+            self._arrays[index] = self._read(index)
+        return self._arrays[index]
+
+    def floats(self, index: int) -> NDArray[np.float32]:
+        """The same as float32, normalised where the file says so."""
+        accessor = self._document.items("accessors")[index]
+        numbers = self.raw(index)
+        if not accessor.get("normalized"):
+            plain: NDArray[np.float32] = numbers.astype(np.float32, copy=False)
+            return plain
+        shares = numbers.astype(np.float32) / np.float32(_LARGEST[accessor["componentType"]])
+        held: NDArray[np.float32] = np.maximum(shares, np.float32(-1.0))
+        return held
+
+    def check(self) -> None:
+        """All of them have finite numbers within their bounds.
+
+        Raises
+        ------
+        SceneError
+            With the first that has not.
+        """
+        for index, accessor in enumerate(self._document.items("accessors")):
+            if self.known(index):
+                self._check(index, accessor)
+
+    def known(self, index: int) -> bool:
+        """Whether there are bytes for an accessor that say anything."""
+        accessor = self._document.items("accessors")[index]
+        if "type" not in accessor or not ("bufferView" in accessor or "sparse" in accessor):
+            return False
+        sparse = accessor.get("sparse")
+        parts = [accessor] + ([sparse["indices"], sparse["values"]] if sparse else [])
+        views = [self._document.items("bufferViews")[part["bufferView"]] for part in parts if "bufferView" in part]
+        return all(self._buffers[view["buffer"]] is not None for view in views)
+
+    def _check(self, index: int, accessor: dict[str, Any]) -> None:
+        at = f"/accessors/{index}"
+        numbers = self.raw(index)
+        low, high = _extremes(numbers)
+        if numbers.dtype.kind == "f" and not (np.isfinite(low).all() and np.isfinite(high).all()):
+            row = int(np.argmax(~np.isfinite(numbers.reshape(len(numbers), -1)).all(axis=1)))
+            raise self._document.fault(at, f"has a number in element {row} that is not finite; export it again")
+        for key, found, sign in (("min", low, 1.0), ("max", high, -1.0)):
+            if key not in accessor:
+                continue
+            # Matrices stand column by column in the file, and their bounds likewise
+            given = np.asarray(accessor[key])
+            there = np.asarray(np.atleast_1d(found.T if found.ndim == 2 else found), np.float64).reshape(-1)
+            slack = _LOOSE * np.maximum(np.abs(given), np.abs(there)) + 1e-9 if numbers.dtype.kind == "f" else 0.0
+            bad = sign * (given - there) > slack
+            if bad.any():
+                part = int(np.argmax(bad))
+                text = f"is {given[part]:g}, but there is a number {there[part]:g} in the data; export it again"
+                raise self._document.fault(f"{at}/{key}/{part}", text)
+
+    def _read(self, index: int) -> NDArray[Any]:
+        accessor, at = self._document.items("accessors")[index], f"/accessors/{index}"
+        if "type" not in accessor:
+            raise self._document.fault(f"{at}/type", "is not known, but the accessor is used; export it again")
+        columns, rows = COMPONENTS[accessor["type"]]
+        kind, count = np.dtype(_KINDS[accessor["componentType"]]), accessor["count"]
+        shape = (count,) if columns * rows == 1 else (count, rows) if columns == 1 else (count, rows, columns)
+        if "bufferView" in accessor:
+            view = self._document.items("bufferViews")[accessor["bufferView"]]
+            data = self.view(accessor["bufferView"])[accessor.get("byteOffset", 0) :]
+            found = self._strided(data, accessor, count, view.get("byteStride"))
+        else:
+            if count > _WITHOUT_DATA:
+                raise self._document.fault(
+                    f"{at}/count", f"is {count}, but there are no bytes for that; export it again"
+                )
+            found = np.zeros(shape, kind)
+        sparse = accessor.get("sparse")
+        if sparse is None:
+            return found
+        indices = self._sparse_indices(sparse, count, at)
+        values = self.view(sparse["values"]["bufferView"])[sparse["values"].get("byteOffset", 0) :]
+        found = found.copy()
+        found[indices] = self._strided(values, accessor, sparse["count"], None)
+        return found
+
+    def _strided(self, data: memoryview, accessor: dict[str, Any], count: int, stride: int | None) -> NDArray[Any]:
+        """Elements that lie a stride apart; the data may end right behind the last."""
+        columns, rows = COMPONENTS[accessor["type"]]
+        kind = np.dtype(_KINDS[accessor["componentType"]])
+        _, step, column = element_bytes(accessor)
+        step = stride or step
+        if columns > 1:
+            strides = (step, kind.itemsize, column)
+            return np.ndarray((count, rows, columns), kind, data, strides=strides)
+        if rows == 1:
+            return np.ndarray((count,), kind, data, strides=(step,))
+        return np.ndarray((count, rows), kind, data, strides=(step, kind.itemsize))
+
+    def _sparse_indices(self, sparse: dict[str, Any], count: int, at: str) -> NDArray[Any]:
+        part = sparse["indices"]
+        data = self.view(part["bufferView"])[part.get("byteOffset", 0) :]
+        indices = np.frombuffer(data, _KINDS[part["componentType"]], sparse["count"])
+        if int(indices[-1]) >= count or (indices[1:] <= indices[:-1]).any():
+            text = f"must grow, and be below the accessor's count of {count}; export it again"
+            raise self._document.fault(f"{at}/sparse/indices", text)
+        return indices
+
+
+def _extremes(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Least and greatest number of each component; NaN where there is one."""
+    if numbers.ndim != 2:
+        return numbers.min(axis=0), numbers.max(axis=0)
+    columns = [numbers[:, column] for column in range(numbers.shape[1])]  # several times as fast as along rows
+    return np.array([each.min() for each in columns]), np.array([each.max() for each in columns])
+
+
+def _buffers(document: Document) -> list[memoryview | None]:
+    """The bytes of all buffers; None for one that nobody can read and nobody uses."""
+    used = {view["buffer"] for view in document.items("bufferViews")}
+    found: list[memoryview | None] = []
+    for index, buffer in enumerate(document.items("buffers")):
+        at, uri = f"/buffers/{index}", buffer.get("uri")
+        size = buffer["byteLength"]
+        if uri is None:
+            data = document.binary if index == 0 else None
+            if data is None:  # stands for what an extension brings, such as of meshoptimizer
+                found.append(None)
+                continue
+            if len(data) > size + 3:
+                document.note(f"{at} has {size} bytes, fewer than the binary chunk; the rest was left out")
+        elif index not in used and uri.partition("://")[0].lower() in ("http", "https"):
+            document.note(f"{at}/uri {quoted(uri)} was left out: nothing is fetched, and nothing uses it")
+            found.append(None)
+            continue
+        else:
+            data = memoryview(_content(document, uri, at))
+        if len(data) < size:
+            raise document.fault(
+                f"{at}", f"has a byteLength of {size}, but only {len(data)} bytes are there; export it again"
+            )
+        found.append(data[:size])
+    return found
+
+
+def _content(document: Document, uri: str, at: str) -> bytes:
+    if uri[:5].lower() == "data:":
+        head = uri[5:].partition(",")[0].lower()
+        kind = head.partition(";")[0]
+        if ";;" in head or head.endswith(";"):
+            raise document.fault(f"{at}/uri", "is a data URI with an empty parameter; export it again")
+        if kind not in ("application/octet-stream", "application/gltf-buffer"):
+            raise document.fault(f"{at}/uri", f"is a data URI of the kind {quoted(kind)}, not application/octet-stream")
+    return document.files.read(uri, f"{at}/uri")

@@ -1,0 +1,93 @@
+"""What an animation says about a moment: translations, rotations, scales and weights of morph targets."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.document import Document
+from clrender.scene.wording import quoted
+
+__all__ = ["Moved", "moved_at"]
+
+Moved: TypeAlias = dict[tuple[int, str], list[float]]
+"""Values by node and path."""
+
+
+def moved_at(document: Document, accessors: Accessors, seconds: float | None) -> Moved:
+    """The values of the file's first animation; before its first and after its last key frame these hold.
+
+    Parameters
+    ----------
+    document, accessors
+        Checked.
+    seconds : float, optional
+        From the start of the animation; default: nothing is moved.
+    """
+    animations = document.items("animations")
+    if seconds is None:
+        if animations:
+            document.note("it has animations; the image is of the model at rest, another moment with --time-at SECONDS")
+        return {}
+    if not animations:
+        document.note("it has no animation, so that the time asked for changes nothing")
+        return {}
+    if len(animations) > 1:
+        name = animations[0].get("name", "0")
+        document.note(f"it has {len(animations)} animations; of these the first, {quoted(name)}, moves the model")
+    moved: Moved = {}
+    for channel in animations[0]["channels"]:
+        target = channel["target"]
+        if "node" in target and target.get("path") in ("translation", "rotation", "scale", "weights"):
+            sampler = animations[0]["samplers"][channel["sampler"]]
+            moved[target["node"], target["path"]] = _value(accessors, sampler, target["path"], seconds)
+    return moved
+
+
+def _value(accessors: Accessors, sampler: dict[str, Any], path: str, seconds: float) -> list[float]:
+    """Interpolated as appendix C of the specification says."""
+    times = accessors.raw(sampler["input"]).astype(np.float64)
+    kind = sampler.get("interpolation", "LINEAR")
+    values = accessors.floats(sampler["output"]).astype(np.float64)
+    # (frames, 1 or 3, numbers): a spline has a tangent before and behind each value
+    values = values.reshape(len(times), 3 if kind == "CUBICSPLINE" else 1, -1)
+    middle = values[:, values.shape[1] // 2]
+    after = int(np.searchsorted(times, seconds, "right"))
+    if after in (0, len(times)) or kind == "STEP":
+        return _unit(middle[max(after - 1, 0)], path)
+    before = after - 1
+    step = times[after] - times[before]
+    t = (seconds - times[before]) / step
+    if kind == "CUBICSPLINE":
+        a, b = values[before], values[after]
+        value = (
+            (2 * t**3 - 3 * t**2 + 1) * a[1]
+            + step * (t**3 - 2 * t**2 + t) * a[2]
+            + (-2 * t**3 + 3 * t**2) * b[1]
+            + step * (t**3 - t**2) * b[0]
+        )
+        return _unit(value, path)
+    if path == "rotation":
+        return _between(middle[before], middle[after], t)
+    return [float(x) for x in (1.0 - t) * middle[before] + t * middle[after]]
+
+
+def _unit(value: NDArray[np.float64], path: str) -> list[float]:
+    numbers = [float(x) for x in value]
+    size = math.sqrt(sum(x * x for x in numbers))
+    return [x / size for x in numbers] if path == "rotation" and size > 0.0 else numbers
+
+
+def _between(a: NDArray[np.float64], b: NDArray[np.float64], t: float) -> list[float]:
+    """Spherical interpolation of quaternions, the short way."""
+    dot = sum(float(x * y) for x, y in zip(a, b, strict=True))
+    sign = -1.0 if dot < 0.0 else 1.0
+    angle = math.acos(min(abs(dot), 1.0))
+    if angle < 1e-6:
+        return _unit((1.0 - t) * a + t * sign * b, "rotation")
+    first, second = math.sin((1.0 - t) * angle), sign * math.sin(t * angle)
+    return _unit((first * a + second * b) / math.sin(angle), "rotation")

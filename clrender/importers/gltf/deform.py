@@ -1,0 +1,125 @@
+"""Morph targets and skins: where vertices are at rest, or at a moment of an animation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.matrices import Matrix, from_columns, product
+
+__all__ = ["joint_transforms", "morphed", "skinned"]
+
+_Points = NDArray[np.float32]
+
+
+def morphed(
+    accessors: Accessors, primitive: dict[str, Any], weights: list[float], positions: _Points, normals: _Points | None
+) -> tuple[_Points, _Points | None]:
+    """Positions and normals with the morph targets of a primitive added.
+
+    Parameters
+    ----------
+    accessors : Accessors
+    primitive : dict
+    weights : list of float
+        Of its targets; those that are missing are 0.
+    positions, normals : (V, 3) float32
+    """
+    for target, weight in zip(primitive.get("targets", []), weights, strict=False):
+        if weight == 0.0:
+            continue
+        if "POSITION" in target:
+            positions = positions + np.float32(weight) * accessors.floats(target["POSITION"])
+        if "NORMAL" in target and normals is not None:
+            normals = normals + np.float32(weight) * accessors.floats(target["NORMAL"])
+    return positions, normals
+
+
+def joint_transforms(document: Document, accessors: Accessors, index: int, world: list[Matrix]) -> list[Matrix]:
+    """Of a skin's joints: from where vertices were bound to the world.
+
+    Raises
+    ------
+    SceneError
+        The inverse bind matrices are none.
+    """
+    skin, at = document.items("skins")[index], f"/skins/{index}/inverseBindMatrices"
+    joints = [world[joint] for joint in skin["joints"]]
+    number = skin.get("inverseBindMatrices")
+    if number is None:
+        return joints
+    accessor = document.items("accessors")[number]
+    if accessor.get("type") != "MAT4" or accessor["componentType"] != 5126 or accessor["count"] < len(joints):
+        raise document.fault(at, f"must name {len(joints)} matrices (MAT4) of floats; export it again")
+    inverse = accessors.raw(number)[: len(joints)].astype(np.float64)
+    if (inverse[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
+        raise document.fault(at, "holds a matrix whose last row is not 0, 0, 0, 1; export it again")
+    columns = inverse.transpose(0, 2, 1).reshape(len(joints), 16).tolist()
+    return [product(joint, from_columns(each)) for joint, each in zip(joints, columns, strict=True)]
+
+
+def skinned(
+    document: Document,
+    accessors: Accessors,
+    primitive: dict[str, Any],
+    at: str,
+    joints: list[Matrix],
+    positions: _Points,
+    normals: _Points | None,
+) -> tuple[_Points, _Points | None]:
+    """Positions and normals in world space, each carried by the weighted sum of its joints' transforms.
+
+    Parameters
+    ----------
+    document, accessors, primitive
+    at : str
+        JSON pointer of the primitive.
+    joints : list of Matrix
+        As of `joint_transforms`.
+    positions, normals : (V, 3) float32
+
+    Raises
+    ------
+    SceneError
+        Vertices name joints that the skin does not have.
+    """
+    table = np.array(joints)[:, :3]
+    blended = np.zeros((len(positions), 3, 4))
+    total = np.zeros(len(positions))
+    for set_ in range(64):
+        names = f"JOINTS_{set_}", f"WEIGHTS_{set_}"
+        if not all(name in primitive["attributes"] for name in names):
+            break
+        which, weights = (primitive["attributes"][name] for name in names)
+        for name, number, whole in ((names[0], which, True), (names[1], weights, False)):
+            accessor = document.items("accessors")[number]
+            sound = accessor["componentType"] in ((5121, 5123) if whole else (5121, 5123, 5126))
+            if accessor.get("type") != "VEC4" or not sound:
+                raise document.fault(
+                    f"{at}/attributes/{name}", "must be VEC4 of the types that the specification names"
+                )
+        numbers = accessors.raw(which)
+        if int(numbers.max()) >= len(joints):
+            text = f"names joint {int(numbers.max())}, but the skin has {len(joints)}; export it again"
+            raise document.fault(f"{at}/attributes/{names[0]}", text)
+        shares = accessors.floats(weights).astype(np.float64)
+        for corner in range(4):
+            blended += shares[:, corner, None, None] * table[numbers[:, corner]]
+            total += shares[:, corner]
+    if not total.any():
+        document.note(f"{at} has a skin, but no JOINTS_0 and WEIGHTS_0: it moves with the skin's first joint")
+        blended[:], total[:] = table[0], 1.0
+    blended /= np.where(np.abs(total) > 1e-6, total, 1.0)[:, None, None]
+    linear, offset = blended[:, :, :3], blended[:, :, 3]
+    placed = (linear * positions[:, None, :]).sum(axis=2) + offset
+    if normals is not None:
+        # Cofactors carry normals as the inverse transpose does; a mirror turns them round
+        a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
+        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        sign = np.sign((a * cofactors[:, 0]).sum(axis=1))[:, None]
+        normals = (sign * (cofactors * normals[:, None, :]).sum(axis=2)).astype(np.float32)
+    return placed.astype(np.float32), normals

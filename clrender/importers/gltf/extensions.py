@@ -1,0 +1,105 @@
+"""Which extensions are read, which are refused, and what is done instead of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.rules import Walk, many, text
+from clrender.scene.wording import quoted
+
+__all__ = ["check_declared", "check_required"]
+
+_READ: Final = frozenset(
+    {
+        "EXT_mesh_gpu_instancing",
+        "EXT_texture_webp",
+        "KHR_lights_punctual",
+        "KHR_materials_anisotropy",
+        "KHR_materials_clearcoat",
+        "KHR_materials_emissive_strength",
+        "KHR_materials_ior",
+        "KHR_materials_sheen",
+        "KHR_materials_specular",
+        "KHR_materials_transmission",
+        "KHR_materials_unlit",
+        "KHR_materials_variants",
+        "KHR_materials_volume",
+        "KHR_mesh_quantization",
+        "KHR_node_visibility",
+        "KHR_texture_transform",
+        # Said about the file, not about the picture
+        "KHR_xmp",
+        "KHR_xmp_json_ld",
+    }
+)
+_CURES: Final[Mapping[str, str]] = {
+    "KHR_draco_mesh_compression": "meshes compressed by Draco are not read; export it without Draco compression",
+    "EXT_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
+    "KHR_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
+    "KHR_texture_basisu": "textures in KTX2 (Basis Universal) are not read; export them as PNG, JPEG or WebP",
+    "KHR_materials_pbrSpecularGlossiness": "materials by specular and glossiness are not read; convert them to "
+    "metallic and roughness (gltf-transform metalrough)",
+}
+"""Why some of those that files require are refused."""
+_INSTEAD: Final[Mapping[str, str]] = {
+    "KHR_draco_mesh_compression": "meshes are read where the file holds them without compression as well",
+    "EXT_meshopt_compression": "buffers are read where the file holds them without compression as well",
+    "KHR_meshopt_compression": "buffers are read where the file holds them without compression as well",
+    "KHR_texture_basisu": "pictures are read where the file holds them as PNG or JPEG as well",
+    "KHR_materials_pbrSpecularGlossiness": "such materials are drawn by their metallic and roughness",
+    "KHR_materials_iridescence": "surfaces reflect without colours of thin films",
+    "KHR_materials_dispersion": "glass bends all colours alike",
+    "KHR_materials_diffuse_transmission": "such surfaces let no diffuse light through",
+    "KHR_animation_pointer": "what it moves stays as it is in the file",
+    "EXT_lights_image_based": "give the environment with --environment FILE",
+    "KHR_lights_image_based": "give the environment with --environment FILE",
+    "EXT_lights_ies": "give such lamps as `ies` lights in a scene file",
+}
+
+
+def check_required(document: Document) -> None:
+    """Refuse a file that requires an extension which is not read.
+
+    Raises
+    ------
+    SceneError
+        So it does, or the lists of extensions do not fit each other.
+    """
+    walk = Walk(document)
+    for key in ("extensionsUsed", "extensionsRequired"):
+        if key in document.root:
+            many(text(), distinct=True)(walk, document.root[key], f"/{key}")
+    used, required = document.items("extensionsUsed"), document.items("extensionsRequired")
+    for index, name in enumerate(required):
+        if name not in used:
+            lacks = f"is {quoted(name)}, but extensionsUsed lacks it; add it there"
+            raise document.fault(f"/extensionsRequired/{index}", lacks)
+        if name not in _READ:
+            why = _CURES.get(name, "that extension is not known; export it without")
+            raise document.fault(f"/extensionsRequired/{index}", f"is {quoted(name)}: {why}")
+
+
+def check_declared(walk: Walk, document: Document) -> None:
+    """Note which extensions of a file are left out.
+
+    Parameters
+    ----------
+    walk : Walk
+        After the whole file.
+    document : Document
+
+    Raises
+    ------
+    SceneError
+        An extension is there that the file does not declare.
+    """
+    used = document.items("extensionsUsed")
+    for name, at in walk.met.items():
+        if name not in used:
+            raise document.fault(at, "is an extension that extensionsUsed does not name; add it there")
+    for name in used:
+        if name not in _READ:
+            instead = _INSTEAD.get(name, "it was left out")
+            document.note(f"{quoted(name)[1:-1]} is not read: {instead}")

@@ -1,0 +1,304 @@
+"""Materials of a glTF file as `principled` ones, with the extensions that these have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from clrender.errors import SceneError
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.textures import Textures
+from clrender.scene.wording import quoted, suggestion
+
+__all__ = ["Materials", "Used"]
+
+_LEAST_LEFT: Final = 1e-3
+"""In the place of 0 in an attenuation colour, which no thickness of a medium has."""
+_HIGH_INDEX: Final = 1000.0
+
+
+@dataclass(frozen=True)
+class Used:
+    """A material of the draft.
+
+    Attributes
+    ----------
+    name : str
+        In the draft.
+    uv_sets : frozenset of int
+        Texture coordinates that its textures need.
+    colored : bool
+        Whether colours of vertices multiply its colour.
+    transparent : bool
+        Whether alpha counts.
+    place : str
+        JSON pointer.
+    """
+
+    name: str
+    uv_sets: frozenset[int]
+    colored: bool
+    transparent: bool
+    place: str
+
+
+class Materials:
+    """Makes materials when a primitive uses them.
+
+    Parameters
+    ----------
+    document : Document
+    textures : Textures
+    variant : str, optional
+        Name of a variant (KHR_materials_variants).
+
+    Raises
+    ------
+    SceneError
+        The file has no such variant.
+    """
+
+    def __init__(self, document: Document, textures: Textures, variant: str | None) -> None:
+        self._document, self._textures = document, textures
+        self._made: dict[int | None, Used] = {}
+        self._variant = _variant_number(document, variant)
+
+    def of(self, primitive: dict[str, Any]) -> Used:
+        """The material of a primitive, in the variant asked for."""
+        index: int | None = primitive.get("material")
+        variants = self._document.extension(primitive, "KHR_materials_variants")
+        for mapping in variants["mappings"] if variants and self._variant is not None else ():
+            if self._variant in mapping["variants"]:
+                index = mapping["material"]
+        if index not in self._made:
+            self._made[index] = self._make(index)
+        return self._made[index]
+
+    def _make(self, index: int | None) -> Used:
+        source = {} if index is None else self._document.items("materials")[index]
+        at = "the default material" if index is None else f"/materials/{index}"
+        made = _Material(self._document, self._textures, source, at).made()
+        materials = self._document.draft.description["materials"]
+        name = source.get("name", "").encode("utf-8", "replace").decode()[:150] or f"material {index}"
+        name = "default" if index is None else name
+        if name in materials:
+            name = f"{name} {at}"
+        materials[name] = made
+        used = [value for value in made.values() if isinstance(value, dict)]
+        sets = frozenset(value.get("uv_set", 0) for value in used)
+        unlit = self._document.extension(source, "KHR_materials_unlit") is not None
+        transparent = source.get("alphaMode", "OPAQUE") != "OPAQUE"
+        return Used(name, sets, not unlit, transparent, at)
+
+
+def _variant_number(document: Document, variant: str | None) -> int | None:
+    declared = document.extension(document.root, "KHR_materials_variants") or {"variants": []}
+    names = [each["name"] for each in declared["variants"]]
+    if variant is None:
+        if names:
+            shown = ", ".join(quoted(name) for name in names[:8])
+            document.note(f"it has variants of its materials ({shown}); choose one with --variant NAME")
+        return None
+    if variant not in names:
+        text = f"has no variant {quoted(variant)}{suggestion(variant, names)}"
+        raise SceneError(f"{document.files.source}: /extensions/KHR_materials_variants {text}")
+    return names.index(variant)
+
+
+class _Material:
+    """One of them on its way."""
+
+    def __init__(self, document: Document, textures: Textures, source: dict[str, Any], at: str) -> None:
+        self._document, self._textures = document, textures
+        self._source, self._at = source, at
+        self._extensions: Mapping[str, dict[str, Any]] = source.get("extensions", {})
+        self.made_of: dict[str, Any] = {"type": "principled"}
+
+    def made(self) -> dict[str, Any]:
+        """The material as a scene file of our own would say it."""
+        base = self._base()
+        if "KHR_materials_unlit" in self._extensions:
+            self._unlit(base)
+            return self.made_of
+        self._base_layer(base)
+        self._glass()
+        self._dielectric()
+        self._layers()
+        self._emission()
+        self._alpha(base)
+        if "normalTexture" in self._source:
+            self._normal(self._source["normalTexture"], f"{self._at}/normalTexture")
+        return self.made_of
+
+    def _note(self, sentence: str) -> None:
+        self._document.note(f"{self._at}{sentence}")
+
+    def _extension(self, name: str) -> dict[str, Any]:
+        return self._extensions.get(f"KHR_materials_{name}", {})
+
+    def _number(self, key: str, factor: float, info: dict[str, Any] | None, at: str, channel: str) -> None:
+        """A number, times one channel of a texture if there is one."""
+        texture = self._textures.made(info, f"{self._at}{at}") if factor else None
+        if texture is not None:
+            texture |= {"channel": channel, "color_space": "linear", "scale": [factor] * 3}
+        self.made_of[key] = factor if texture is None else texture
+
+    def _color(self, key: str, factor: list[float], info: dict[str, Any] | None, at: str) -> None:
+        texture = self._textures.made(info, f"{self._at}{at}") if any(factor) else None
+        if texture is not None:
+            texture |= {"color_space": "srgb", "scale": factor}
+        self.made_of[key] = factor if texture is None else texture
+
+    def _base(self) -> dict[str, Any]:
+        found: dict[str, Any] = self._source.get("pbrMetallicRoughness", {})
+        return found
+
+    def _base_layer(self, base: dict[str, Any]) -> None:
+        at = "/pbrMetallicRoughness"
+        self._color(
+            "base_color",
+            base.get("baseColorFactor", [1.0] * 4)[:3],
+            base.get("baseColorTexture"),
+            f"{at}/baseColorTexture",
+        )
+        for key, name, channel in (("metallic", "metallicFactor", "b"), ("roughness", "roughnessFactor", "g")):
+            place = f"{at}/metallicRoughnessTexture"
+            self._number(key, base.get(name, 1.0), base.get("metallicRoughnessTexture"), place, channel)
+
+    def _glass(self) -> None:
+        """KHR_materials_transmission: a thin wall, but with KHR_materials_volume the boundary of a solid."""
+        glass, volume = self._extension("transmission"), self._extension("volume")
+        factor = glass.get("transmissionFactor", 0.0)
+        if not factor:
+            return
+        at = "/extensions/KHR_materials_transmission/transmissionTexture"
+        self._number("transmission", factor, glass.get("transmissionTexture"), at, "r")
+        if not volume.get("thicknessFactor"):
+            self.made_of["thin"] = True
+            return
+        color, distance = volume.get("attenuationColor", [1.0] * 3), volume.get("attenuationDistance", math.inf)
+        if distance < 1e12 and min(color) < 1.0:
+            self.made_of["attenuation_color"] = [max(share, _LEAST_LEFT) for share in color]
+            self.made_of["attenuation_distance"] = max(distance, 1e-9)
+
+    def _dielectric(self) -> None:
+        """KHR_materials_ior and KHR_materials_specular."""
+        ior = self._extension("ior").get("ior", 1.5)
+        if not 1.0 <= ior <= _HIGH_INDEX:
+            used = _HIGH_INDEX if ior == 0.0 or ior > 1.0 else 1.0
+            if ior != 0.0:  # stands for a surface that reflects all light
+                self._note(f"/extensions/KHR_materials_ior/ior is {ior:g}; {used:g} is taken instead")
+            ior = used
+        self.made_of["ior"] = ior
+        specular, at = self._extension("specular"), "/extensions/KHR_materials_specular"
+        if not specular:
+            return
+        self._number(
+            "specular",
+            specular.get("specularFactor", 1.0),
+            specular.get("specularTexture"),
+            f"{at}/specularTexture",
+            "a",
+        )
+        color = specular.get("specularColorFactor", [1.0] * 3)
+        if max(color) > 1.0:
+            self._note(f"{at}/specularColorFactor is above 1, where it was cut off")
+            color = [min(share, 1.0) for share in color]
+        self._color("specular_color", color, specular.get("specularColorTexture"), f"{at}/specularColorTexture")
+
+    def _layers(self) -> None:
+        """Clear coat, sheen and anisotropy."""
+        if coat := self._extension("clearcoat"):
+            at = "/extensions/KHR_materials_clearcoat"
+            self._number(
+                "coat", coat.get("clearcoatFactor", 0.0), coat.get("clearcoatTexture"), f"{at}/clearcoatTexture", "r"
+            )
+            rough = f"{at}/clearcoatRoughnessTexture"
+            self._number(
+                "coat_roughness",
+                coat.get("clearcoatRoughnessFactor", 0.0),
+                coat.get("clearcoatRoughnessTexture"),
+                rough,
+                "g",
+            )
+            if "clearcoatNormalTexture" in coat and coat["clearcoatNormalTexture"] != self._source.get("normalTexture"):
+                self._note(f"{at}/clearcoatNormalTexture was left out: a coat has the normals of what is below it")
+        if sheen := self._extension("sheen"):
+            at = "/extensions/KHR_materials_sheen"
+            self._color(
+                "sheen_color",
+                sheen.get("sheenColorFactor", [0.0] * 3),
+                sheen.get("sheenColorTexture"),
+                f"{at}/sheenColorTexture",
+            )
+            rough = f"{at}/sheenRoughnessTexture"
+            self._number(
+                "sheen_roughness",
+                sheen.get("sheenRoughnessFactor", 0.0),
+                sheen.get("sheenRoughnessTexture"),
+                rough,
+                "a",
+            )
+        anisotropy = self._extension("anisotropy")
+        if anisotropy.get("anisotropyStrength"):
+            at = "/extensions/KHR_materials_anisotropy"
+            texture = anisotropy.get("anisotropyTexture")
+            self._number("anisotropy", anisotropy["anisotropyStrength"], texture, f"{at}/anisotropyTexture", "b")
+            turn = math.degrees(anisotropy.get("anisotropyRotation", 0.0))
+            self.made_of["anisotropy_rotation"] = math.fmod(turn, 360.0)
+            self._note(f"{at} is taken from the direction around the y axis, not from that of tangents")
+
+    def _emission(self) -> None:
+        factor = self._source.get("emissiveFactor", [0.0] * 3)
+        if not any(factor):
+            return
+        self._color("emission", factor, self._source.get("emissiveTexture"), "/emissiveTexture")
+        strength = self._extension("emissive_strength").get("emissiveStrength", 1.0)
+        if strength > 1e12:
+            self._note(
+                "/extensions/KHR_materials_emissive_strength/emissiveStrength is above 1e12, where it was cut off"
+            )
+        self.made_of["emission_strength"] = min(strength, 1e12)
+        self._front_only()
+
+    def _front_only(self) -> None:
+        if self._source.get("doubleSided"):
+            self._document.note("double-sided materials shine from their fronts only; they reflect on both sides")
+
+    def _alpha(self, base: dict[str, Any]) -> None:
+        """The modes of alpha: of a mask what is not a hole is whole."""
+        mode, alpha = self._source.get("alphaMode", "OPAQUE"), base.get("baseColorFactor", [1.0] * 4)[3]
+        if mode == "OPAQUE":
+            return
+        if self.made_of.get("transmission") and not self.made_of.get("thin"):
+            self._note("/alphaMode was left out: what has an inside has no holes (KHR_materials_volume)")
+            return
+        cutoff = self._source.get("alphaCutoff", 0.5) if mode == "MASK" else None
+        at = f"{self._at}/pbrMetallicRoughness/baseColorTexture"
+        texture = self._textures.made(base.get("baseColorTexture"), at) if alpha else None
+        if cutoff is not None and (cutoff > 1.0 or cutoff == 0.0 or texture is None):
+            if (1.0 if texture is not None else alpha) < cutoff:
+                self.made_of["opacity"] = 0.0
+            return
+        if texture is not None:
+            texture |= {"channel": "a", "scale": [alpha] * 3}
+        if texture is not None or alpha < 1.0:
+            self.made_of["opacity"] = alpha if texture is None else texture
+        if cutoff is not None:
+            self.made_of["opacity_cutoff"] = cutoff
+
+    def _normal(self, info: dict[str, Any], at: str) -> None:
+        texture = self._textures.made(info, at)
+        if texture is not None:
+            self.made_of["normal_map"] = texture | {"scale": min(max(info.get("scale", 1.0), -100.0), 100.0)}
+
+    def _unlit(self, base: dict[str, Any]) -> None:
+        """What takes no light sends out its colour."""
+        self.made_of |= {"base_color": [0.0] * 3, "specular": 0.0, "metallic": 0.0, "roughness": 1.0}
+        at = "/pbrMetallicRoughness/baseColorTexture"
+        self._color("emission", base.get("baseColorFactor", [1.0] * 4)[:3], base.get("baseColorTexture"), at)
+        self._document.note("unlit materials shine with their colour as radiance, and light what is around them")
+        self._front_only()
+        self._alpha(base)

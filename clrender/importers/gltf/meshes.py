@@ -1,0 +1,225 @@
+"""Primitives of meshes as triangles: lists, strips and fans, with normals, texture coordinates and colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.deform import morphed, skinned
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.materials import Materials, Used
+from clrender.importers.gltf.matrices import Matrix
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_io import UV_LIMIT
+from clrender.scene.surfaces import SMALLEST
+from clrender.scene.values import COORDINATE_LIMIT
+
+__all__ = ["Meshes", "Part"]
+
+_MODES: Final = ("points", "lines", "lines", "lines", "triangles", "a strip", "a fan")
+_TYPES: Final = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "COLOR_0": ("VEC3", "VEC4")}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A primitive that became a mesh.
+
+    Attributes
+    ----------
+    mesh : str
+        Its name in the draft.
+    material : Used
+    colored : bool
+        Whether its vertices have colours.
+    """
+
+    mesh: str
+    material: Used
+    colored: bool
+
+
+class Meshes:
+    """Makes meshes when a node uses them, each once.
+
+    Parameters
+    ----------
+    document : Document
+    accessors : Accessors
+    materials : Materials
+    """
+
+    def __init__(self, document: Document, accessors: Accessors, materials: Materials) -> None:
+        self._document, self._accessors, self._materials = document, accessors, materials
+        self._made: dict[tuple[Any, ...], Part | None] = {}
+
+    def parts(self, index: int, weights: list[float], joints: list[Matrix] | None, node: int) -> list[Part]:
+        """The meshes of a mesh's primitives.
+
+        Parameters
+        ----------
+        index : int
+            Of the mesh.
+        weights : list of float
+            Of its morph targets.
+        joints : list of Matrix, optional
+            Of the node's skin; the meshes are then in world space.
+        node : int
+            That has the mesh.
+
+        Raises
+        ------
+        SceneError
+            A primitive is unsound.
+        """
+        found: list[Part] = []
+        for number, primitive in enumerate(self._document.items("meshes")[index]["primitives"]):
+            own = (node,) if joints else tuple(weights) if any(weights) else ()
+            key = (index, number, *own)
+            if key not in self._made:
+                name = f"/meshes/{index}/primitives/{number}"
+                if own:
+                    name += f" of /nodes/{node}"
+                self._made[key] = self._part(primitive, f"/meshes/{index}/primitives/{number}", name, weights, joints)
+            part = self._made[key]
+            if part is not None:
+                found.append(part)
+        return found
+
+    def _part(
+        self, primitive: dict[str, Any], at: str, name: str, weights: list[float], joints: list[Matrix] | None
+    ) -> Part | None:
+        mode = primitive.get("mode", 4)
+        if mode < 4:
+            self._document.note(f"{at} was left out: it consists of {_MODES[mode]}, and only triangles are drawn")
+            return None
+        if "POSITION" not in primitive["attributes"]:
+            if self._document.extension(primitive, "KHR_draco_mesh_compression"):
+                raise self._document.fault(at, "is compressed by Draco, which is not read; export it without")
+            self._document.note(f"{at} was left out: it has no POSITION")
+            return None
+        self._check(primitive, at)
+        positions = self._accessors.floats(primitive["attributes"]["POSITION"])
+        normals = self._attribute(primitive, "NORMAL")
+        positions, normals = morphed(self._accessors, primitive, weights, positions, normals)
+        if joints is not None:
+            positions, normals = skinned(self._document, self._accessors, primitive, at, joints, positions, normals)
+        if not np.abs(positions).max() <= COORDINATE_LIMIT:
+            raise self._document.fault(
+                f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller"
+            )
+        triangles = self._triangles(primitive, mode, len(positions), at)
+        if triangles is None or _are_flat(positions, triangles):
+            self._document.note(f"{at} was left out: it has no triangle with an area")
+            return None
+        material = self._materials.of(primitive)
+        colors = self._colors(primitive, material, triangles, at)
+        first, second = (self._uvs(primitive, number, material, triangles, at) for number in (0, 1))
+        mesh = MeshData(positions, triangles, normals, "", first, second, colors)
+        self._document.draft.meshes[name] = mesh
+        if (
+            "normal_map" in self._document.draft.description["materials"][material.name]
+            and "TANGENT" in primitive["attributes"]
+        ):
+            self._document.note(
+                "tangents of vertices are not read: those of normal maps follow from texture coordinates"
+            )
+        return Part(name, material, colors is not None)
+
+    def _check(self, primitive: dict[str, Any], at: str) -> None:
+        """Attributes are of their types, and as many as there are vertices."""
+        accessors = self._document.items("accessors")
+        count = accessors[primitive["attributes"]["POSITION"]]["count"]
+        groups = [(primitive["attributes"], f"{at}/attributes")]
+        groups += [(each, f"{at}/targets/{i}") for i, each in enumerate(primitive.get("targets", []))]
+        for attributes, place in groups:
+            for key, number in attributes.items():
+                kind = accessors[number].get("type")
+                wanted = _TYPES.get(key) or (("VEC2",) if key.startswith("TEXCOORD_") else None)
+                if wanted and kind not in wanted:
+                    raise self._document.fault(
+                        f"{place}/{key}", f"is of type {kind}, but must be {' or '.join(wanted)}"
+                    )
+                if accessors[number]["count"] != count:
+                    text = f"has {accessors[number]['count']} elements, but there are {count} vertices; export it again"
+                    raise self._document.fault(f"{place}/{key}", text)
+
+    def _attribute(self, primitive: dict[str, Any], key: str) -> NDArray[np.float32] | None:
+        number = primitive["attributes"].get(key)
+        return None if number is None else self._accessors.floats(number)
+
+    def _triangles(self, primitive: dict[str, Any], mode: int, count: int, at: str) -> NDArray[np.uint32] | None:
+        """Corners of the triangles; None where there are none."""
+        if "indices" in primitive:
+            accessor = self._document.items("accessors")[primitive["indices"]]
+            if accessor.get("type") != "SCALAR" or accessor["componentType"] not in (5121, 5123, 5125):
+                raise self._document.fault(f"{at}/indices", "must name whole numbers without sign; export it again")
+            order = self._accessors.raw(primitive["indices"]).astype(np.uint32, copy=False)
+            if int(order.max()) >= count:
+                text = f"hold {int(order.max())}, but there are only {count} vertices; export it again"
+                raise self._document.fault(f"{at}/indices", text)
+        else:
+            order = np.arange(count, dtype=np.uint32)
+        if mode == 4:
+            if rest := len(order) % 3:
+                self._document.note(
+                    f"{at}: the last {rest} of {len(order)} corners were left out: they make no triangle"
+                )
+            order = order[: len(order) - rest]
+            return order.reshape(-1, 3) if len(order) else None
+        if len(order) < 3:
+            return None
+        if mode == 6:
+            first = np.full(len(order) - 2, order[0])
+            return np.stack([order[1:-1], order[2:], first], axis=1)
+        strip = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
+        strip[1::2, 1:] = strip[1::2, :0:-1]
+        return strip
+
+    def _uvs(
+        self, primitive: dict[str, Any], number: int, material: Used, triangles: NDArray[np.uint32], at: str
+    ) -> NDArray[np.float32] | None:
+        """Texture coordinates of corners, with (0, 0) in the lower left, where the material needs them."""
+        if number not in material.uv_sets:
+            return None
+        key = f"TEXCOORD_{number}"
+        uvs = self._attribute(primitive, key)
+        if uvs is None:
+            self._document.note(f"{at} has no {key}, which {material.place} needs: its textures show one place there")
+            return np.zeros((len(triangles), 3, 2), np.float32)
+        if not np.abs(uvs).max() <= UV_LIMIT:
+            raise self._document.fault(f"{at}/attributes/{key}", f"goes beyond {UV_LIMIT:g}; make it smaller")
+        corners: NDArray[np.float32] = uvs[triangles]
+        np.subtract(np.float32(1.0), corners[..., 1], out=corners[..., 1])
+        return corners
+
+    def _colors(
+        self, primitive: dict[str, Any], material: Used, triangles: NDArray[np.uint32], at: str
+    ) -> NDArray[np.float32] | None:
+        colors = self._attribute(primitive, "COLOR_0")
+        if colors is None:
+            return None
+        if not material.colored:
+            self._document.note(f"{at}/attributes/COLOR_0 was left out: {material.place} is unlit")
+            return None
+        if material.transparent and colors.shape[1] == 4 and float(colors[:, 3].min()) < 1.0:
+            self._document.note(f"{at}/attributes/COLOR_0: its alpha was left out")
+        linear = colors[:, :3]
+        if float(linear.min()) < 0.0 or float(linear.max()) > 1.0:
+            self._document.note(f"{at}/attributes/COLOR_0 goes beyond 0 to 1, where it was cut off")
+            linear = np.clip(linear, 0.0, 1.0)
+        corners: NDArray[np.float32] = np.ascontiguousarray(linear)[triangles]
+        return corners
+
+
+def _are_flat(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> bool:
+    """Whether no triangle has an area; mostly the first few say so."""
+    for start in (0, 64):
+        some = triangles[start : 64 if start == 0 else None]
+        a, b, c = (positions[some[:, i]].astype(np.float32) for i in range(3))
+        if len(some) and np.abs(np.cross(b - a, c - a)).max() >= SMALLEST:
+            return False
+    return True

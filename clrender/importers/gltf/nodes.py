@@ -1,0 +1,118 @@
+"""The nodes of a glTF scene in world space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.animation import Moved
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.matrices import IDENTITY, Matrix, composed, from_columns, product
+from clrender.scene.values import COORDINATE_LIMIT
+
+__all__ = ["Nodes", "instance_transforms"]
+
+_TRS: Final = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+
+
+class Nodes:
+    """Where all nodes are, and which of them the scene shows.
+
+    Parameters
+    ----------
+    document : Document
+        Validated.
+    moved : Moved
+        What an animation says in the place of the nodes' own values.
+
+    Attributes
+    ----------
+    world : list of Matrix
+        Transform of each node to world space.
+    shown : list of int
+        The nodes of the scene in the order of a walk down its tree.
+    """
+
+    def __init__(self, document: Document, moved: Moved) -> None:
+        self._nodes = document.items("nodes")
+        self._moved = moved
+        self.world: list[Matrix] = [IDENTITY] * len(self._nodes)
+        children = {child for node in self._nodes for child in node.get("children", [])}
+        for index in self._walk([i for i in range(len(self._nodes)) if i not in children], hidden=True):
+            if max(abs(x) for row in self.world[index] for x in row) > COORDINATE_LIMIT:
+                text = f"is scaled or moved by more than {COORDINATE_LIMIT:g}; make its transform smaller"
+                raise document.fault(f"/nodes/{index}", text)
+        self.shown = list(self._walk(self._roots(document, children)))
+
+    def weights(self, index: int, mesh: dict[str, Any]) -> list[float]:
+        """Weights of the morph targets of a node's mesh."""
+        own: list[float] = self._nodes[index].get("weights") or mesh.get("weights") or []
+        return self._moved.get((index, "weights"), own)
+
+    def _roots(self, document: Document, children: set[int]) -> list[int]:
+        scenes = document.items("scenes")
+        if not scenes:
+            if self._nodes:
+                document.note("it has no scene; the image shows all of its nodes")
+            return [i for i in range(len(self._nodes)) if i not in children]
+        chosen: int = document.root.get("scene", 0)
+        if len(scenes) > 1:
+            document.note(f"it has {len(scenes)} scenes; the image is of /scenes/{chosen}")
+        roots: list[int] = scenes[chosen].get("nodes", [])
+        return roots
+
+    def _walk(self, roots: list[int], hidden: bool = False) -> Iterator[int]:
+        """Nodes from parents to children; on the first walk their places in the world are found."""
+        stack = list(reversed(roots))
+        while stack:
+            index = stack.pop()
+            node = self._nodes[index]
+            children = node.get("children", [])
+            if hidden:
+                self.world[index] = product(self.world[index], self._local(index))
+                for child in children:
+                    self.world[child] = self.world[index]
+            elif not node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True):
+                continue
+            yield index
+            stack += reversed(children)
+
+    def _local(self, index: int) -> Matrix:
+        node = self._nodes[index]
+        if "matrix" in node:
+            return from_columns(node["matrix"])
+        parts = [self._moved.get((index, key), node.get(key, default)) for key, default in _TRS.items()]
+        return composed(*parts)
+
+
+def instance_transforms(document: Document, accessors: Accessors, index: int) -> list[Matrix] | None:
+    """Transforms of the instances of a node's mesh (EXT_mesh_gpu_instancing), within the node; None where it has none.
+
+    Raises
+    ------
+    SceneError
+        Their numbers differ, or they are of another kind.
+    """
+    instancing = document.extension(document.items("nodes")[index], "EXT_mesh_gpu_instancing")
+    if instancing is None:
+        return None
+    at = f"/nodes/{index}/extensions/EXT_mesh_gpu_instancing/attributes"
+    columns: dict[str, list[Any]] = {}
+    for key, number in instancing["attributes"].items():
+        path = key.lower()
+        if path not in _TRS:
+            document.note(f"{at}/{key[:40]} was left out: instances have translation, rotation and scale only")
+            continue
+        accessor = document.items("accessors")[number]
+        if accessor.get("type") != ("VEC4" if path == "rotation" else "VEC3"):
+            raise document.fault(
+                f"{at}/{key}", f"is of type {accessor.get('type')}, which no {path} is; export it again"
+            )
+        columns[path] = accessors.floats(number).astype(float).tolist()
+    counts = {len(column) for column in columns.values()}
+    if len(counts) != 1:
+        raise document.fault(at, "do not have the same number of instances; export it again")
+    count = counts.pop()
+    rows = (columns.get(key) or [default] * count for key, default in _TRS.items())
+    return [composed(*parts) for parts in zip(*rows, strict=True)]

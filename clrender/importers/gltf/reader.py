@@ -1,0 +1,100 @@
+"""Reads glTF 2.0: a `.gltf` with what lies beside it, or a `.glb`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.choices import Choices
+from clrender.importers.draft import Draft
+from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.animation import moved_at
+from clrender.importers.gltf.animation_checks import check_animations
+from clrender.importers.gltf.cameras import add_camera
+from clrender.importers.gltf.container import opened
+from clrender.importers.gltf.deform import joint_transforms
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.lights import add_lights
+from clrender.importers.gltf.materials import Materials
+from clrender.importers.gltf.matrices import IDENTITY, Matrix, determinant_is_zero, product
+from clrender.importers.gltf.meshes import Meshes
+from clrender.importers.gltf.nodes import Nodes, instance_transforms
+from clrender.importers.gltf.textures import Textures
+from clrender.importers.gltf.validator import validate
+from clrender.scene.values import SHAPE_LIMIT
+
+__all__ = ["read"]
+
+_MOST_NOTES: Final = 40
+"""Of a file; those beyond are counted."""
+
+
+def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft:
+    """The scene of a glTF file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+    choices : Choices, optional
+        The moment of its animation, and the variant of its materials.
+
+    Raises
+    ------
+    SceneError
+        With the JSON pointer of what is wrong.
+    """
+    choices = choices or Choices()
+    # What shines in a glTF file is mostly a detail of a model that viewers light by themselves
+    document = opened(path, files, Draft(wants_light=True))
+    validate(document)
+    accessors = Accessors(document)
+    accessors.check()
+    check_animations(document, accessors)
+    nodes = Nodes(document, moved_at(document, accessors, choices.time_at))
+    skins = [joint_transforms(document, accessors, index, nodes.world) for index in range(len(document.items("skins")))]
+    meshes = Meshes(document, accessors, Materials(document, Textures(document, accessors), choices.variant))
+    for index in nodes.shown:
+        if "mesh" in document.items("nodes")[index]:
+            _add_shapes(document, accessors, nodes, skins, meshes, index)
+    add_camera(document, nodes)
+    add_lights(document, nodes)
+    description = document.draft.description
+    if not description["shapes"]:
+        document.note("nothing in it has a surface: the image is of what is around it")
+        description.setdefault("camera", {"position": [0.0, 0.0, 1.0], "target": [0.0, 0.0, 0.0]})
+    notes = document.draft.notes
+    if len(notes) > _MOST_NOTES:
+        notes[_MOST_NOTES - 1 :] = [f"{len(notes) - _MOST_NOTES + 1} more things were left out or changed"]
+    return document.draft
+
+
+def _add_shapes(
+    document: Document, accessors: Accessors, nodes: Nodes, skins: list[list[Matrix]], meshes: Meshes, index: int
+) -> None:
+    """The shapes of a node's mesh, of its instances each."""
+    node, shapes = document.items("nodes")[index], document.draft.description["shapes"]
+    joints = skins[node["skin"]] if "skin" in node else None
+    weights = nodes.weights(index, document.items("meshes")[node["mesh"]])
+    parts = meshes.parts(node["mesh"], weights, joints, index)
+    # Skinned vertices are in the world already, wherever their node is
+    world = IDENTITY if joints else nodes.world[index]
+    placed = [product(world, each) for each in instance_transforms(document, accessors, index) or [IDENTITY]]
+    sound = [matrix for matrix in placed if not determinant_is_zero(matrix)]
+    if len(sound) < len(placed):
+        document.note(f"/nodes/{index}: {_times(len(placed) - len(sound))} left out, which its transform flattens")
+    if len(shapes) + len(sound) * len(parts) > SHAPE_LIMIT:
+        raise document.fault(f"/nodes/{index}", f"makes more than {SHAPE_LIMIT} shapes of the scene; export fewer")
+    for matrix in sound:
+        for part in parts:
+            shape: dict[str, Any] = {"type": "mesh", "file": part.mesh, "material": part.material.name}
+            if part.colored:
+                shape["vertex_colors"] = "linear"
+            if matrix != IDENTITY:
+                shape["transform"] = {"matrix": matrix}
+            shapes.append(shape)
+
+
+def _times(count: int) -> str:
+    return "a mesh was" if count == 1 else f"{count} meshes were"

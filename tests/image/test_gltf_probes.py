@@ -1,0 +1,276 @@
+"""glTF models seen: each feature against a number that the specification, or simple optics, says."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from gltf_files import ASSETS, Model
+
+import clrender
+from clrender.device import Device
+from clrender.scene import Camera, EnvironmentLight, Scene
+
+Colors = npt.NDArray[np.float64]
+SIZE = 32
+RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
+
+
+def lens(half: float) -> dict[str, Any]:
+    """A camera that sees so far to all sides of its middle, without perspective."""
+    flat = {"xmag": half, "ymag": half, "znear": 0.01, "zfar": 99.0}
+    return {"type": "orthographic", "orthographic": flat}
+
+
+def seen(folder: Path, device: Device, model: Model, half: float = 1.0, spp: int = 4, **more: Any) -> Colors:
+    """The image of a model from +z, (32, 32, 3) radiance."""
+    model.node(camera=model.add("cameras", lens(half)), translation=[0, 0, 9])
+    scene = clrender.load(model.write(folder / "m.glb"))
+    image = clrender.render(scene, device=device.info.index, size=(SIZE, SIZE), spp=spp, **more)
+    return np.asarray(image.linear, np.float64)
+
+
+def unlit(model: Model, **base: Any) -> int:
+    """A material that shows its colour as it is."""
+    if "KHR_materials_unlit" not in model.root.get("extensionsUsed", []):
+        model.extend("KHR_materials_unlit")
+    return model.add("materials", {"pbrMetallicRoughness": base, "extensions": {"KHR_materials_unlit": {}}})
+
+
+def quarters(image: Colors) -> Colors:
+    """Colours in the middles of the four quarters, from the upper left by rows."""
+    a, b = SIZE // 4, 3 * SIZE // 4
+    return np.array([image[a, a], image[a, b], image[b, a], image[b, b]])
+
+
+def test_pictures_stand_upright_and_unlit_shows_their_colours(device: Device, tmp_path: Path) -> None:
+    model = Model()
+    texture = model.texture([[RED, GREEN], [BLUE, WHITE]], {"magFilter": 9728})
+    model.node(mesh=model.quad(unlit(model, baseColorTexture={"index": texture})))
+    np.testing.assert_allclose(quarters(seen(tmp_path, device, model)) * 255.0, [RED, GREEN, BLUE, WHITE], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("transform", "expected"),
+    [
+        ({"offset": [0.5, 0.0]}, [GREEN, RED, WHITE, BLUE]),
+        ({"offset": [0.0, 0.5]}, [BLUE, WHITE, RED, GREEN]),
+        # u' = v, v' = 1 - u: the coordinates turn counter-clockwise, and the picture clockwise
+        ({"rotation": math.pi / 2, "offset": [0.0, 1.0]}, [BLUE, RED, WHITE, GREEN]),
+        ({"scale": [0.5, 0.5], "offset": [0.5, 0.5]}, [WHITE] * 4),
+        ({"scale": [1.0, 0.75], "rotation": math.pi / 2, "offset": [0.0, 1.0]}, [BLUE, RED, WHITE, GREEN]),
+        ({"scale": [0.5, 1.0], "rotation": math.pi / 2, "offset": [0.0, 0.5]}, [RED, RED, GREEN, GREEN]),
+    ],
+)
+def test_transforms_of_textures(
+    device: Device, tmp_path: Path, transform: dict[str, Any], expected: list[tuple[int, ...]]
+) -> None:
+    model = Model()
+    model.extend("KHR_texture_transform")
+    texture = model.texture([[RED, GREEN], [BLUE, WHITE]], {"magFilter": 9728})
+    info = {"index": texture, "extensions": {"KHR_texture_transform": transform}}
+    model.node(mesh=model.quad(unlit(model, baseColorTexture=info)))
+    np.testing.assert_allclose(quarters(seen(tmp_path, device, model)) * 255.0, expected, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("sampler", "expected"),
+    [
+        ({}, [RED, RED, RED, RED]),
+        ({"wrapS": 33071}, [RED, GREEN, RED, GREEN]),
+        ({"wrapS": 33648}, [RED, GREEN, RED, GREEN]),
+        ({"wrapT": 33071}, [RED, RED, BLUE, BLUE]),
+    ],
+)
+def test_wraps_beyond_the_picture(
+    device: Device, tmp_path: Path, sampler: dict[str, int], expected: list[tuple[int, ...]]
+) -> None:
+    """Coordinates 0 to 2: in the middles of quarters 0.5 and 1.5, minus a quarter to stay off the texels' edges."""
+    model = Model()
+    texture = model.texture([[RED, GREEN], [BLUE, WHITE]], {"magFilter": 9728, **sampler})
+    at = [(-0.25, 1.75), (1.75, 1.75), (1.75, -0.25), (-0.25, -0.25)]
+    model.node(mesh=model.quad(unlit(model, baseColorTexture={"index": texture}), TEXCOORD_0=at))
+    np.testing.assert_allclose(quarters(seen(tmp_path, device, model)) * 255.0, expected, atol=1e-3)
+
+
+def test_the_second_set_of_coordinates(device: Device, tmp_path: Path) -> None:
+    model = Model()
+    texture = model.texture([[RED, GREEN], [BLUE, WHITE]], {"magFilter": 9728})
+    material = unlit(model, baseColorTexture={"index": texture, "texCoord": 1})
+    model.node(mesh=model.quad(material, TEXCOORD_1=((1, 1), (0, 1), (0, 0), (1, 0))))  # mirrored
+    found = quarters(seen(tmp_path, device, model)) * 255.0
+    np.testing.assert_allclose(found, [GREEN, RED, WHITE, BLUE], atol=1e-3)
+
+
+def test_colours_of_vertices_multiply_the_base_colour(device: Device, tmp_path: Path) -> None:
+    """In light from all around a matt surface shows its albedo; between vertices it is interpolated linearly."""
+    model = Model()
+    base = {"baseColorFactor": [0.5, 1.0, 1.0, 1.0], "metallicFactor": 0.0}
+    specular = {"KHR_materials_specular": {"specularFactor": 0.0}}
+    model.extend("KHR_materials_specular")
+    material = model.add("materials", {"pbrMetallicRoughness": base, "extensions": specular})
+    model.node(mesh=model.quad(material, COLOR_0=((0, 0, 0.5), (1, 0, 0.5), (1, 1, 0.5), (0, 1, 0.5))))
+    image = seen(tmp_path, device, model, spp=256)
+    x = (np.arange(SIZE) + 0.5) / SIZE
+    np.testing.assert_allclose(image.mean(axis=0)[:, 0], 0.5 * x, atol=0.02)
+    np.testing.assert_allclose(image.mean(axis=1)[:, 1], 1.0 - x, atol=0.02)
+    np.testing.assert_allclose(image[..., 2].mean(), 0.5, atol=0.01)
+
+
+@pytest.mark.parametrize(("mode", "shown"), [("OPAQUE", [1.0, 1.0]), ("BLEND", [0.8, 0.2]), ("MASK", [1.0, 0.0])])
+def test_alpha(device: Device, tmp_path: Path, mode: str, shown: list[float]) -> None:
+    """A surface of radiance 3 before an environment of 1: alpha is 0.8 on the left and 0.2 on the right."""
+    model = Model()
+    model.extend("KHR_materials_emissive_strength")
+    texture = model.texture([[(0, 0, 0, 204), (0, 0, 0, 51)]], {"magFilter": 9728})
+    strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 3.0}}
+    source = {"emissiveFactor": [1, 1, 1], "alphaMode": mode, "extensions": strength}
+    base = {"baseColorTexture": {"index": texture}, "roughnessFactor": 1.0}
+    material = model.add("materials", {"pbrMetallicRoughness": base, **source})
+    model.node(mesh=model.quad(material))
+    image = seen(tmp_path, device, model, spp=256)
+    found = [image[:, : SIZE // 2, 1].mean(), image[:, SIZE // 2 :, 1].mean()]
+    np.testing.assert_allclose(found, [3.0 * share + (1.0 - share) for share in shown], atol=0.03)
+
+
+def test_a_negative_scale_shines_from_where_its_front_is_seen(device: Device, tmp_path: Path) -> None:
+    """Two quads that shine to the front only: a mirrored one still shows its front, a turned one does not."""
+    model = Model()
+    material = model.add(
+        "materials", {"emissiveFactor": [1, 1, 1], "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}}
+    )
+    mesh = model.quad(material)
+    model.node(mesh=mesh, translation=[-0.5, 0, 0], scale=[-0.4, 0.4, 0.4])
+    model.node(mesh=mesh, translation=[0.5, 0, 0], scale=[0.4, 0.4, 0.4], rotation=[0, 1, 0, 0])
+    model.extend("KHR_lights_punctual")
+    model.root["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 0.0}]}}
+    model.node(extensions={"KHR_lights_punctual": {"light": 0}})  # so that there is no environment
+    image = seen(tmp_path, device, model)
+    assert image[SIZE // 2, SIZE // 4, 0] == pytest.approx(1.0) and image[SIZE // 2, 3 * SIZE // 4, 0] == 0.0
+
+
+def cube(model: Model, material: int) -> int:
+    """A mesh from -1 to 1 with its fronts outward."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float32)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    order = np.array([(a, b, c, a, c, d) for a, b, c, d in faces]).ravel()
+    primitive = {"attributes": {"POSITION": model.accessor(corners)}, "indices": model.accessor(order, "uint16")}
+    return model.add("meshes", {"primitives": [{**primitive, "material": material}]})
+
+
+def glass(model: Model, ior: float, **volume: Any) -> int:
+    model.extend("KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume")
+    extensions: dict[str, Any] = {
+        "KHR_materials_transmission": {"transmissionFactor": 1.0},
+        "KHR_materials_ior": {"ior": ior},
+    }
+    if volume:
+        extensions["KHR_materials_volume"] = {"thicknessFactor": 1.0, **volume}
+    base = {"metallicFactor": 0.0, "roughnessFactor": 0.0}
+    return model.add("materials", {"pbrMetallicRoughness": base, "extensions": extensions})
+
+
+def test_attenuation_by_beers_law(device: Device, tmp_path: Path) -> None:
+    """Straight through two units, of which one leaves (0.2, 0.5, 0.9): its square, scaled nodes included."""
+    for scale, length in ((1.0, 2.0), (0.5, 1.0)):
+        model = Model()
+        material = glass(model, 1.0, attenuationDistance=1.0, attenuationColor=[0.2, 0.5, 0.9])
+        model.node(mesh=cube(model, material), scale=[1, 1, scale])
+        image = seen(tmp_path, device, model, half=0.9)
+        np.testing.assert_allclose(image.mean(axis=(0, 1)), np.array([0.2, 0.5, 0.9]) ** length, rtol=1e-3)
+
+
+def test_thin_glass_bends_nothing_and_reflects_what_two_boundaries_do(device: Device, tmp_path: Path) -> None:
+    """Of index 1.5 straight on 4 % each: 2R / (1 + R) back; before black that is all that comes from around."""
+    model = Model()
+    model.node(mesh=model.quad(glass(model, 1.5)), scale=[2, 2, 2])
+    black = model.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}})
+    # A black metal reflects at grazing angles only (Schlick)
+    model.node(mesh=model.quad(black), translation=[0, 0, -1], scale=[9, 9, 9])
+    image = seen(tmp_path, device, model, spp=256)
+    assert image.mean() == pytest.approx(2 * 0.04 / 1.04, abs=0.012)
+
+
+def test_metals_and_plastics_in_even_light(device: Device, tmp_path: Path) -> None:
+    """Seen straight on a metal returns its colour, a plastic 4 % of all light as well; the default is a white metal."""
+    for metallic, expected in ((1.0, 0.5), (0.0, 0.04 + 0.96 * 0.5), (None, 1.0)):
+        model = Model()
+        base = {"baseColorFactor": [0.5, 0.5, 0.5, 1.0], "metallicFactor": metallic, "roughnessFactor": 0.3}
+        material = None if metallic is None else model.add("materials", {"pbrMetallicRoughness": base})
+        model.node(mesh=model.quad(material))
+        assert seen(tmp_path, device, model, spp=64).mean() == pytest.approx(expected, abs=0.025)
+
+
+def test_a_normal_map_turns_the_normal_as_geometry_does(device: Device, tmp_path: Path) -> None:
+    """Green is up in the picture: a surface that leans up by 30 degrees, by map and by rotation, lit from above."""
+    found = []
+    for mapped in (True, False):
+        model = Model()
+        lean = math.radians(30.0)
+        base = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+        source: dict[str, Any] = {
+            "pbrMetallicRoughness": base,
+            "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}},
+        }
+        if mapped:
+            texel = [round(127.5 + 127.5 * x) for x in (0.0, math.sin(lean), math.cos(lean))]
+            source["normalTexture"] = {"index": model.texture([[texel]])}
+        model.extend("KHR_lights_punctual", "KHR_materials_specular")
+        sun = {"type": "directional", "intensity": 683.0}
+        model.root["extensions"] = {"KHR_lights_punctual": {"lights": [sun]}}
+        half = -math.radians(45.0) / 2.0  # shines down and to the back
+        model.node(rotation=[math.sin(half), 0, 0, math.cos(half)], extensions={"KHR_lights_punctual": {"light": 0}})
+        turn = [0, 0, 0, 1] if mapped else [math.sin(-lean / 2.0), 0, 0, math.cos(lean / 2.0)]
+        model.node(mesh=model.quad(model.add("materials", source)), scale=[9, 9, 9], rotation=turn)
+        found.append(float(seen(tmp_path, device, model, spp=16).mean()))
+    assert found[1] == pytest.approx(math.cos(math.radians(15.0)) / math.pi, rel=1e-3)
+    assert found[0] == pytest.approx(found[1], rel=0.01)
+
+
+# --- models of the Khronos Group that say by themselves what is right ------------------------------------------------
+
+needs_assets = pytest.mark.skipif(not (ASSETS / "gltf").is_dir(), reason="the assets of the project are not here")
+
+
+def asset(name: str) -> Scene:
+    return clrender.load(next((ASSETS / "gltf" / name).glob(f"{name}.gl*")))
+
+
+def boxes(device: Device, name: str, distance: float, at: list[tuple[int, int]]) -> Colors:
+    """Mean colours, of pieces of an image in even light, of 24 x 24 pixels around these."""
+    camera = Camera(position=(0.0, 0.0, distance), target=(0.0, 0.0, 0.0), vertical_fov=45.0)
+    light = EnvironmentLight(type="environment", radiance=(1.0, 1.0, 1.0))
+    scene = asset(name).model_copy(update={"camera": camera, "lights": (light,)})
+    image = clrender.render(scene, device=device.info.index, size=(384, 384), spp=16).linear
+    return np.array([image[y - 12 : y + 12, x - 12 : x + 12].mean(axis=(0, 1)) for x, y in at], np.float64)
+
+
+@needs_assets
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted((ASSETS / "gltf").glob("*/*.gl*")), ids=lambda path: path.stem)
+def test_all_models_render(device: Device, path: Path) -> None:
+    image = clrender.render(clrender.load(path), device=device.info.index, size=(64, 48), spp=4)
+    assert image.stats["nonfinite_samples"] == 0 and np.ptp(np.asarray(image.linear)) > 0.0
+
+
+@needs_assets
+@pytest.mark.slow
+def test_the_texture_settings_test_passes_but_for_backs(device: Device) -> None:
+    """Each row has a test beside a sample that it should look like; the first asks for backs that are not drawn."""
+    rows = range(114, 340, 32)
+    test, sample = (boxes(device, "TextureSettingsTest", 15.0, [(x, y) for y in rows]) for x in (206, 272))
+    np.testing.assert_allclose(test[1:], sample[1:], atol=0.04)
+    assert test[0, 0] > test[0, 1] + 0.05 and sample[0, 1] > sample[0, 0] + 0.05  # a red cross, a green tick
+
+
+@needs_assets
+@pytest.mark.slow
+def test_the_vertex_color_test_passes(device: Device) -> None:
+    """The ticks of the upper row are coloured by vertices, those of the lower by a picture."""
+    test, sample = (boxes(device, "VertexColorTest", 4.0, [(x, y) for x in (128, 192, 262)]) for y in (153, 254))
+    np.testing.assert_allclose(test, sample, atol=0.04)
+    assert (test.argmax(axis=1) == [0, 1, 2]).all()
