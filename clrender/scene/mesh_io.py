@@ -15,7 +15,7 @@ from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.vertex_colors import VertexColors
 from clrender.scene.wording import quoted
 
-__all__ = ["FILE_LIMIT", "read_mesh"]
+__all__ = ["FILE_LIMIT", "checked_mesh", "read_mesh"]
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
@@ -63,7 +63,7 @@ def read_mesh(
     if colors is not None and mesh.colors is None:
         text = "has no colours of vertices (red, green, blue), which vertex_colors asks for"
         raise SceneError(f"{label} {text}; export the mesh with them, or leave vertex_colors out")
-    return _checked(mesh, label)
+    return checked_mesh(mesh, label)
 
 
 def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], MeshData] | None:
@@ -79,8 +79,14 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], 
     return None
 
 
-def _checked(mesh: MeshData, label: str) -> MeshData:
-    """The mesh, if all its numbers are finite and in range."""
+def checked_mesh(mesh: MeshData, label: str) -> MeshData:
+    """The mesh, if all its numbers are finite and in range.
+
+    Raises
+    ------
+    SceneError
+        It begins with `label`.
+    """
     for array, what in ((mesh.vertices, "vertex"), (mesh.normals, "normal")):
         for start in range(0, 0 if array is None else len(array), 2**20):
             assert array is not None

@@ -5,24 +5,25 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 
-__all__ = ["Block", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
+__all__ = ["CONTINUATION", "Block", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
 
 _READ: Final = 1 << 21
 _LINE_LIMIT: Final = 1 << 26
-_CONTINUATION: Final = b"\x0b"
+CONTINUATION: Final = b"\x0b"
 """Stands for the line break of a continued line: a blank to the parsers, and still a line when lines are counted."""
 
 # Form feeds and vertical tabs are blanks. Other control characters belong to no number: they become question marks.
 _PLAIN: Final = bytes(
     byte if byte >= 32 or byte in b"\t\n\r" else 32 if byte in b"\f\v" else ord("?") for byte in range(256)
 )
+Spans: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]
 _POWERS: Final = 10.0 ** np.arange(23)
 """Powers of ten that double precision holds exactly."""
 
@@ -44,12 +45,12 @@ class Block:
     def line_number(self, position: int) -> int:
         """Number, in the file, of the line that begins at a byte of the text."""
         before = self.text[:position]
-        return self.first_line + before.count(b"\n") + before.count(_CONTINUATION)
+        return self.first_line + before.count(b"\n") + before.count(CONTINUATION)
 
     def line(self, position: int) -> str:
         """The line that begins at a byte of the text, shortened, for a message."""
         line = self.text[position : position + 200].split(b"\n", 1)[0]
-        return line.replace(_CONTINUATION, b" ").decode("utf-8", errors="replace").strip()[:80]
+        return line.replace(CONTINUATION, b" ").decode("utf-8", errors="replace").strip()[:80]
 
 
 def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = False) -> Iterator[Block]:
@@ -110,7 +111,8 @@ def _joined(text: bytes) -> bytes:
     if b"#" in text:
         # Comments go first: one that ends in a backslash, as a Windows path does, must not swallow the next line.
         text = re.sub(rb"#[^\n]*", b"", text)
-    text = text.replace(b"\\\n", b" " + _CONTINUATION)
+    if b"\\" in text:
+        text = text.replace(b"\\\n", b" " + CONTINUATION)
     return text if text.endswith(b"\n") else text + b"\n"  # a file may end in a line that goes on
 
 
@@ -150,13 +152,15 @@ def parse_whole(text: bytes) -> NDArray[np.int64] | None:
         return None
 
 
-def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
+def parse_numbers(text: bytes, spans: Spans | None = None) -> NDArray[np.float64] | None:
     """Decimal numbers parted by blanks, each correctly rounded.
 
     Parameters
     ----------
     text : bytes
         Blank at its end.
+    spans : two (words,) int64, optional
+        As of `word_spans`, if they are known.
 
     Returns
     -------
@@ -164,7 +168,7 @@ def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
         None when a word is not exactly one number.
     """
     data = np.frombuffer(text, np.uint8)
-    starts, ends = word_spans(data)
+    starts, ends = word_spans(data) if spans is None else spans
     values = _from_digits(text, data, starts, ends)
     if values is None:
         try:
@@ -191,7 +195,10 @@ def _from_digits(
     if len(values) and np.abs(values).max() >= 2.0**53:
         return None
     if len(dots):
-        words = np.searchsorted(starts, dots, side="right") - 1
+        if len(dots) == len(starts) and ((dots >= starts) & (dots < ends)).all():
+            words = np.arange(len(dots))
+        else:
+            words = np.searchsorted(starts, dots, side="right") - 1
         decimals = ends[words] - dots - 1
         behind = data[dots + 1]
         sound = (behind <= 32) | ((behind >= ord("0")) & (behind <= ord("9")))
