@@ -15,6 +15,7 @@ from clrender.importers.draft import Draft
 from clrender.scene import Mesh, Scene
 from clrender.scene.bounds import scene_bounds
 from clrender.scene.validation_errors import scene_error
+from clrender.scene.vertex_colors import VertexColors
 
 __all__ = ["completed"]
 
@@ -45,7 +46,11 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     except ValidationError as error:
         raise scene_error(error, Scene, files.source) from None
     scene = scene.placed(files.source, files.folder, files.allow_paths)
-    scene = scene.with_meshes({(name, None): mesh for name, mesh in draft.meshes.items()})
+    # Shapes whose meshes have colours say that these are linear
+    linear: VertexColors = "linear"
+    scene = scene.with_meshes(
+        {(name, None if mesh.colors is None else linear): mesh for name, mesh in draft.meshes.items()}
+    )
     scene = scene.with_encoded_textures(draft.pictures)
     if framed:
         draft.note("there is no camera in it: it is framed from the front, a little from above")

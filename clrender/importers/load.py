@@ -18,8 +18,9 @@ from clrender.scene.wording import quoted
 __all__ = ["SCENE_ENDINGS", "load"]
 
 _READERS: Final[Mapping[str, str]] = {
-    ".obj": "clrender.importers.mesh_files",
-    ".ply": "clrender.importers.mesh_files",
+    ".obj": "clrender.importers.obj",
+    ".ply": "clrender.importers.ply",
+    ".stl": "clrender.importers.stl",
 }
 """Modules by the ending that they read. Each has ``read(path, files) -> Draft``, and is imported when it is needed."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)

@@ -49,7 +49,7 @@ def read_mesh(
     read = _reader(Path(name).suffix.lower())
     if read is None:
         allowed_file(name, base_folder, allow_paths, label)
-        raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply or .obj")
+        raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply, .obj or .stl")
     file, size = open_named_file(name, base_folder, allow_paths, label, FILE_LIMIT)
     with file:
         if size == 0:
@@ -76,6 +76,10 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], 
         from clrender.scene.mesh_obj import read_obj
 
         return read_obj
+    if ending == ".stl":
+        from clrender.scene.mesh_stl import read_stl
+
+        return read_stl
     return None
 
 

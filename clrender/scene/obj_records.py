@@ -177,9 +177,7 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
         _add_faces(lines("f"), of_faces, block, found, label)
 
 
-def _add_statements(
-    block: Block, found: ObjRecords, keys: _Whole, places: _Whole, faces: _Whole, label: str
-) -> None:
+def _add_statements(block: Block, found: ObjRecords, keys: _Whole, places: _Whole, faces: _Whole, label: str) -> None:
     """Keep lines of a block that begin at these bytes, and have their keywords there."""
     if len(found.statements) + len(keys) > _STATEMENT_LIMIT:
         raise SceneError(f"{label} has more than {_STATEMENT_LIMIT} lines that are neither vertices nor faces")
