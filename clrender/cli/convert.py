@@ -49,9 +49,8 @@ def convert(scene: str, output: Path, force: bool, allow_paths: tuple[Path, ...]
     export = exported(loaded, folder.name)
     name = ascii(Path(scene).name)[1:-1]
     text = scene_text(export.description, output.suffix.lower(), f"{name}, as clrender {__version__} converts it")
-    with _files_beside(export, output):
-        with atomic_write(output) as file:
-            file.write(text)
+    with _files_beside(export, output), atomic_write(output) as file:
+        file.write(text)
     for note in loaded.notes:
         click.echo(f"note: {note}", err=True)
     beside = f", {len(export.files)} files in {folder}" if export.files else ""

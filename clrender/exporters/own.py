@@ -42,6 +42,7 @@ class Export:
 
     description: dict[str, Any]
     files: dict[str, _Write] = field(default_factory=dict)
+    _digests: dict[str, str] = field(default_factory=dict)
 
     def add(self, folder: str, stem: str, ending: str, digest: str, write: _Write) -> str:
         """The name of a file for some content.
@@ -59,6 +60,8 @@ class Export:
         """
         plain = _HASHED.sub("", re.sub(r"[^A-Za-z0-9_-]+", "-", stem).strip("-").lower()[:60]) or "file"
         name = f"{folder}/{plain}-{digest[:8]}{ending}"
+        if self._digests.setdefault(name, digest) != digest:
+            name = f"{folder}/{plain}-{digest}{ending}"
         self.files.setdefault(name, write)
         return name
 

@@ -1,7 +1,7 @@
 """Materials of OBJ files in terms of our own.
 
-Sources: the MTL format's own terms (Wavefront); alpha of a lobe like Phong's by B. Walter et al., "Microfacet models for
-refraction through rough surfaces" (2007), section 5.2.
+Sources: the MTL format's own terms (Wavefront); alpha of a lobe like Phong's by B. Walter et al., "Microfacet models
+for refraction through rough surfaces" (2007), section 5.2.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from clrender.importers.mtl_file import MtlMaterial
 from clrender.importers.mtl_pictures import MtlPictures
+from clrender.scene.values import POWER_LIMIT
 from clrender.scene.wording import quoted
 
 __all__ = ["GREY", "Converted", "converted"]
@@ -238,4 +239,7 @@ class _Converter:
             red, green, blue = (max(each, 0.0) for each in ambient)
         if (red, green, blue) == _BLACK:
             return None
+        if max(red, green, blue) > POWER_LIMIT:
+            self._note(f"has an emission of {max(red, green, blue):g}: held at {POWER_LIMIT:g}")
+            red, green, blue = (min(each, POWER_LIMIT) for each in (red, green, blue))
         return self._pictures.color(picture, (red, green, blue)) or [red, green, blue]

@@ -13,6 +13,7 @@ from clrender.errors import SceneError
 from clrender.image.pictures import PICTURE_ENDINGS, open_picture
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.mtl_file import MtlPicture
+from clrender.scene.values import POWER_LIMIT
 from clrender.scene.wording import quoted
 
 __all__ = ["BUMP_SHARE", "MtlPictures"]
@@ -51,7 +52,7 @@ class MtlPictures:
         if picture.word("-imfchan") in _CHANNELS:
             table["channel"] = _CHANNELS[picture.word("-imfchan")]
         gain = self._gain(picture)
-        return {**table, "scale": [gain * each for each in factor]}
+        return {**table, "scale": [min(gain * each, POWER_LIMIT) for each in factor]}
 
     def share(self, picture: MtlPicture | None, factor: float, channel: str) -> dict[str, Any] | None:
         """A texture of numbers, likewise; `channel` where the file does not say which."""
@@ -59,7 +60,7 @@ class MtlPictures:
         if table is None or picture is None:
             return None
         channel = _CHANNELS.get(picture.word("-imfchan"), channel)
-        return {**table, "channel": channel, "scale": [factor * self._gain(picture)] * 3}
+        return {**table, "channel": channel, "scale": [min(factor * self._gain(picture), POWER_LIMIT)] * 3}
 
     def relief(self, picture: MtlPicture, normals: bool) -> tuple[str, dict[str, Any]] | None:
         """A normal map or bump map, and the key of a material for it.

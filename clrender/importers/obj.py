@@ -80,7 +80,8 @@ def read(path: Path, files: AssetFiles) -> Draft:
     runs = _runs(records.statements, records.counts["f"])
     _note_statements(records, runs, faces, draft)
     library, folder = _library(records.statements, files, draft)
-    diagonal = float(np.linalg.norm(np.ptp(faces.positions, axis=0)))
+    with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused below
+        diagonal = float(np.linalg.norm(np.ptp(faces.positions, axis=0)))
     pictures = MtlPictures(files, folder, draft.note, diagonal)
     _add_shapes(draft, faces, runs, _materials(runs, library, pictures, draft))
     return draft
@@ -187,14 +188,14 @@ def _add_shapes(draft: Draft, faces: ObjFaces, runs: _Runs, materials: dict[int,
     colored = faces.colors is not None and bool(((faces.colors >= 0.0) & (faces.colors <= 1.0)).all())
     for some in np.split(order, begins[1:]):
         name, material = materials[int(runs.materials[some[0]])]
-        _add_shape(draft, faces, runs, some if len(begins) > 1 else None, (name, material), colored)
+        _add_shape(draft, faces, runs, some, (name, material), colored)
 
 
 def _add_shape(
     draft: Draft,
     faces: ObjFaces,
     runs: _Runs,
-    some: _Whole | None,
+    some: _Whole,
     of: tuple[str | None, Converted],
     colored: bool,
 ) -> None:
@@ -203,19 +204,20 @@ def _add_shape(
     if colored and plain:
         draft.note(f"colours of vertices are not read where the material {quoted(name or '')} has no colour")
     shaded = colored and not plain
-    mesh = faces.mesh(some, "auto" if shaded else None, runs.smoothing)
+    mesh = faces.mesh(some if len(some) < len(faces.sizes) else None, "auto" if shaded else None, runs.smoothing)
     if mesh.uvs is None and (_has_textures(material) or isinstance(emission, dict)):
         draft.note(f"faces of the material {quoted(name or '')} have no texture coordinates, and got (0, 0)")
         mesh = _with_blank_uvs(mesh)
     number = len(draft.description["shapes"])
-    draft.meshes[f"mesh {number}"] = checked_mesh(mesh, faces.label)
+    file = f"{runs.object_names[int(runs.objects[some[0]])][:60]} {(name or '')[:60]} {number}".strip()
+    draft.meshes[file] = checked_mesh(mesh, faces.label)
     materials = draft.description["materials"]
     if name is None:
         # White, where colours of vertices say all
         name = "no material" if not shaded else "no material, coloured"
         material = {**material, "reflectance": [1.0 if shaded else GREY] * 3}
     materials[name] = material
-    shape: dict[str, Any] = {"type": "mesh", "file": f"mesh {number}", "material": name}
+    shape: dict[str, Any] = {"type": "mesh", "file": file, "material": name}
     if shaded:
         shape["vertex_colors"] = "linear"
     if emission is not None:

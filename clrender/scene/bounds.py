@@ -35,7 +35,9 @@ def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]
             )
             continue
         mesh = scene.mesh(index) if isinstance(shape, Mesh) else polyhedron(shape)
-        used = mesh.vertices[np.unique(mesh.triangles)] if isinstance(shape, Mesh) else mesh.vertices
+        named = np.zeros(len(mesh.vertices), bool)
+        named[mesh.triangles.reshape(-1)] = True
+        used = mesh.vertices[named]
         points = np.empty((len(used), 3), np.float32)
         place.points_into(used, points)
         if len(points):

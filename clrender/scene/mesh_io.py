@@ -95,6 +95,8 @@ def checked_mesh(mesh: MeshData, label: str) -> MeshData:
         for start in range(0, 0 if array is None else len(array), 2**20):
             assert array is not None
             chunk = array[start : start + 2**20]
+            if chunk.min() >= -COORDINATE_LIMIT and chunk.max() <= COORDINATE_LIMIT:
+                continue
             bad = ~(np.abs(chunk) <= COORDINATE_LIMIT).all(axis=1)
             if bad.any():
                 row = int(np.argmax(bad))
@@ -103,7 +105,10 @@ def checked_mesh(mesh: MeshData, label: str) -> MeshData:
                 raise SceneError(f"{label}: {what} {start + row} is ({values}), but must be {limit}")
     if mesh.uvs is not None:
         for start in range(0, len(mesh.uvs), 2**20):
-            worst = np.abs(mesh.uvs[start : start + 2**20]).max(axis=(1, 2))
+            chunk = mesh.uvs[start : start + 2**20]
+            if chunk.min() >= -UV_LIMIT and chunk.max() <= UV_LIMIT:
+                continue
+            worst = np.abs(chunk).max(axis=(1, 2))
             bad = ~(worst <= UV_LIMIT)
             if bad.any():
                 row = int(np.argmax(bad))

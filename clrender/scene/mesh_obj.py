@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import BinaryIO, Final
 
@@ -57,6 +57,7 @@ class ObjFaces:
 
     records: ObjRecords
     label: str
+    _linear: dict[VertexColors, NDArray[np.float32]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def positions(self) -> NDArray[np.float64]:
@@ -84,11 +85,32 @@ class ObjFaces:
         return vertex, uv, normal
 
     @cached_property
+    def _normals(self) -> NDArray[np.float64]:
+        return np.concatenate(self.records.normals)
+
+    @cached_property
+    def _uv_table(self) -> NDArray[np.float32]:
+        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
+            return np.concatenate([np.empty((0, 2)), *self.records.uvs]).astype(np.float32)
+
+    def _shades(self, colors: VertexColors) -> NDArray[np.float32]:
+        """Linear colours of all vertices, kept for the other parts."""
+        if colors not in self._linear:
+            assert self.colors is not None
+            self._linear[colors] = linear_colors(self.colors, colors != "linear", self.label)
+        return self._linear[colors]
+
+    @cached_property
+    def _firsts(self) -> _Whole:
+        return np.cumsum(self.sizes) - self.sizes
+
+    @cached_property
     def with_normals(self) -> NDArray[np.bool_]:
         """Which faces have normals at all corners, (F,) bool."""
         held = np.concatenate(self.records.corner_normals) >= 0
-        first = np.cumsum(self.sizes) - self.sizes
-        return np.logical_and.reduceat(held, first)
+        if held.all() or not held.any():
+            return np.full(len(self.sizes), held[0])
+        return np.logical_and.reduceat(held, self._firsts)
 
     def mesh(
         self,
@@ -122,22 +144,19 @@ class ObjFaces:
         triangles, crossed = None, 0
         if (sizes > 3).any():
             triangles, crossed = triangulate(self.positions, corners, sizes, self.label)
-        shades = None
-        if colors is not None and self.colors is not None:
-            shades = linear_colors(self.colors, colors != "linear", self.label).take(corners, axis=0)
+        shades = None if colors is None or self.colors is None else self._shades(colors).take(corners, axis=0)
         vertices, normals = self.positions, None
+        if faces is not None:
+            used, corners = np.unique(corners, return_inverse=True)
+            vertices, corners = vertices[used], corners.reshape(-1)
         if (corner_normals >= 0).any():
             if (corner_normals < 0).any():
                 raise SceneError(f"{self.label} {_SOME_NORMALS}")
-            table = np.concatenate(self.records.normals)
-            vertices, normals, corners = _with_normals(vertices, table, corners, corner_normals)
+            vertices, normals, corners = _with_normals(vertices, self._normals, corners, corner_normals)
         elif smoothing is not None and smoothing.any():
             groups = _groups(smoothing if faces is None else smoothing[faces])
             vertices, corners = _split(vertices, corners, np.repeat(groups, sizes))
             normals = np.zeros_like(vertices)
-        if faces is not None:
-            used, corners = np.unique(corners, return_inverse=True)
-            vertices, normals = vertices[used], None if normals is None else normals[used]
 
         def by_triangle(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
             if values is None:
@@ -146,7 +165,7 @@ class ObjFaces:
 
         return MeshData(
             vertices,
-            (corners.reshape(-1, 3) if triangles is None else corners.reshape(-1)[triangles]).astype(np.uint32),
+            (corners.reshape(-1, 3) if triangles is None else corners[triangles]).astype(np.uint32),
             normals,
             "; ".join(each for each in (crossed_warning(crossed), warning) if each),
             by_triangle(uvs),
@@ -157,17 +176,16 @@ class ObjFaces:
         """What the corners of some faces name."""
         if faces is None:
             return self._corners
-        first = (np.cumsum(self.sizes) - self.sizes)[faces]
+        first = self._firsts[faces]
         at = np.repeat(first - (np.cumsum(sizes) - sizes), sizes) + np.arange(int(sizes.sum()))
         vertex, uv, normal = (each[at] for each in self._corners)
         return vertex, uv, normal
 
     def _uvs(self, index: _Whole) -> tuple[NDArray[np.float32] | None, str]:
         """Texture coordinates of corners, if any has them; and of how many there are none."""
-        if not self.records.uvs:
+        table = self._uv_table
+        if not len(table):
             return None, ""
-        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
-            table = np.concatenate(self.records.uvs).astype(np.float32)
         held = (index >= 0) & (index < len(table))
         if held.all():
             return table.take(index, axis=0), ""

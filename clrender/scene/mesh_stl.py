@@ -51,7 +51,7 @@ def read_stl(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     count = int.from_bytes(head[80:84], "little") if len(head) == _HEAD else -1
     warnings: list[str] = []
     # Some binary files begin with "solid", too: their length tells
-    if size == _HEAD + 50 * count or not head.lstrip()[:5].lower() == b"solid":
+    if size == _HEAD + 50 * count or head.lstrip()[:5].lower() != b"solid":
         points, normals = _binary(file, size, count, head, label, warnings)
     else:
         file.seek(0)
@@ -107,7 +107,7 @@ def _shared(points: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray
     """Vertices that differ in some bit, and the triangles that name them."""
     flat = np.ascontiguousarray(points.reshape(-1, 3))
     words = flat.view(np.uint32 if flat.dtype == np.float32 else np.uint64).astype(np.uint64)
-    # Sorted by a hash of the bits (of M. O'Neill's kind: products with odd constants), which is compared with them after
+    # Sorted by a hash of the bits, products with odd constants; afterwards the bits themselves are compared
     key = np.zeros(len(words), np.uint64)
     for column, odd in enumerate((0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)):
         mixed = (words[:, column] ^ key) * np.uint64(odd)

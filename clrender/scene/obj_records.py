@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.scene.mesh_data import TRIANGLE_LIMIT
 from clrender.scene.mesh_text import CONTINUATION, Block, line_blocks, parse_numbers, word_spans
+from clrender.scene.obj_bulk import Run, alike_corners, alike_vectors, runs
 from clrender.scene.obj_faces import Lines, bad_line, face_corners
 
 __all__ = ["ObjRecords", "Statement", "read_records"]
@@ -103,7 +104,9 @@ def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bo
     """
     found = ObjRecords()
     for block in line_blocks(file, label, obj=True):
-        _read_block(block, found, label, colors, statements)
+        for run in runs(block):
+            if not (run.kind and _add_alike(run, found, colors)):
+                _read_block(run.block, found, label, colors, statements)
         for kind, what in (("v", "vertices"), ("vt", "texture coordinates"), ("vn", "normals"), ("f", "faces")):
             if found.counts[kind] > TRIANGLE_LIMIT:
                 raise SceneError(f"{label} holds more than {TRIANGLE_LIMIT} {what}; at most that many are read")
@@ -116,6 +119,36 @@ def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bo
             held = f"only {found.counts[kind]} are in the file" if found.counts[kind] else "none is in the file"
             raise SceneError(f"{label}: line {line} has a face that names {what} {index + 1}, but {held}")
     return found
+
+
+def _add_alike(run: Run, found: ObjRecords, colors: bool | None) -> bool:
+    """Add lines that are all written alike; whether they are."""
+    if run.kind == "f":
+        corners = alike_corners(run)
+        if corners is None:
+            return False
+        indices, size = corners
+        for column, (kind, into) in enumerate(
+            zip(_INDEXED, (found.corners, found.corner_uvs, found.corner_normals), strict=True)
+        ):
+            index = indices[:, column] - 1
+            into.append(index)
+            largest = int(index.max())
+            if largest > found.largest[kind][0]:
+                found.largest[kind] = (largest, run.block.first_line + int(np.argmax(index)) // size)
+        found.counts["f"] += run.lines
+        found.sizes.append(np.full(run.lines, size))
+        return True
+    numbers = alike_vectors(run)
+    if numbers is None:
+        return False
+    size = {"v": 6 if colors or (colors is None and numbers.shape[1] >= 6) else 3, "vt": 2, "vn": 3}[run.kind]
+    if numbers.shape[1] < size:
+        return False
+    into = {"v": found.positions, "vt": found.uvs, "vn": found.normals}[run.kind]
+    into.append(numbers[:, :size])
+    found.counts[run.kind] += run.lines
+    return True
 
 
 def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None, statements: bool) -> None:

@@ -67,6 +67,8 @@ def read_facets(file: BinaryIO, label: str) -> tuple[_Floats, _Floats]:
 def _numbers(words: list[bytes]) -> _Floats | None:
     """Normal and corners of whole facets, (n, 4, 3); None where a word is wrong."""
     count = len(words) // len(_FACET)
+    if not count:
+        return np.empty((0, 4, 3))
     for place, word in enumerate(_FACET):
         if word != b"." and words[place :: len(_FACET)] != [word] * count:
             return None
