@@ -47,6 +47,8 @@ def convert(scene: str, output: Path, force: bool, allow_paths: tuple[Path, ...]
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
     export = exported(loaded, folder.name)
+    if export.files and folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file, where the folder for meshes and pictures would be; name another output")
     name = ascii(Path(scene).name)[1:-1]
     text = scene_text(export.description, output.suffix.lower(), f"{name}, as clrender {__version__} converts it")
     with _files_beside(export, output), atomic_write(output) as file:

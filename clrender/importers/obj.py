@@ -113,7 +113,7 @@ def _note_statements(records: ObjRecords, runs: _Runs, faces: ObjFaces, draft: D
     if len(listed) > 8:
         draft.note(f"{len(listed) - 8} more kinds of lines are not read")
     widths = {part.shape[1] for part in records.positions}
-    if len(widths) > 1:
+    if len(widths) > 1 or records.some_colored:
         draft.note("some vertices have colours and others have none: none is read")
     elif faces.colors is not None and not bool(((faces.colors >= 0.0) & (faces.colors <= 1.0)).all()):
         draft.note("colours of vertices are not all from 0 to 1: none is read")

@@ -69,6 +69,8 @@ class ObjRecords:
         Of vertices and normals: the largest index named, and the line that names it.
     statements : list of Statement
         All other lines, if they were asked for.
+    some_colored : bool
+        Whether colours stand behind some positions only, or behind more than were asked for.
     """
 
     positions: list[NDArray[np.float64]] = field(default_factory=list)
@@ -81,6 +83,7 @@ class ObjRecords:
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("v", "vt", "vn", "f"), 0))
     largest: dict[str, tuple[int, int]] = field(default_factory=lambda: dict.fromkeys(("v", "vt", "vn"), (-1, 0)))
     statements: list[Statement] = field(default_factory=list)
+    some_colored: bool = False
 
 
 def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bool = False) -> ObjRecords:
@@ -145,8 +148,7 @@ def _add_alike(run: Run, found: ObjRecords, colors: bool | None) -> bool:
     size = {"v": 6 if colors or (colors is None and numbers.shape[1] >= 6) else 3, "vt": 2, "vn": 3}[run.kind]
     if numbers.shape[1] < size:
         return False
-    into = {"v": found.positions, "vt": found.uvs, "vn": found.normals}[run.kind]
-    into.append(numbers[:, :size])
+    {"v": found.positions, "vt": found.uvs, "vn": found.normals}[run.kind].append(numbers[:, :size])
     found.counts[run.kind] += run.lines
     return True
 
@@ -200,6 +202,7 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
         some = lines("v")
         size = 6 if colors or (colors is None and bool((some.words >= 6).all())) else 3
         found.positions.append(_vectors(some, size, block, label))
+        found.some_colored |= size == 3 and bool((some.words >= 6).any())
         found.counts["v"] += len(some.words)
     for kind, into, size in (("vt", found.uvs, 2), ("vn", found.normals, 3)):
         if is_kind[kind].any():

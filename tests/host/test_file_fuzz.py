@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".ies", ".film"]
+ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".mtl", ".stl", ".ies", ".film"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""
@@ -33,3 +33,9 @@ def test_mutated_files(tmp_path: Path, ending: str) -> None:
 @pytest.mark.slow
 def test_five_thousand_mutated_files(tmp_path: Path) -> None:
     answers(tmp_path, 720, 2, ENDINGS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [".obj", ".mtl", ".ply", ".stl"])
+def test_ten_thousand_mutated_models(tmp_path: Path, ending: str) -> None:
+    answers(tmp_path, 10_000, 3, [ending])
