@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -82,8 +83,12 @@ def read(path: Path, files: AssetFiles) -> Draft:
     library, folder = _library(records.statements, files, draft)
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused below
         diagonal = float(np.linalg.norm(np.ptp(faces.positions, axis=0)))
-    pictures = MtlPictures(files, folder, draft.note, diagonal)
-    _add_shapes(draft, faces, runs, _materials(runs, library, pictures, draft))
+
+    def note(sentence: str) -> None:
+        draft.note(sentence.removeprefix(f"{files.source}: "))
+
+    pictures = MtlPictures(files, folder, note, diagonal)
+    _add_shapes(draft, faces, runs, _materials(runs, library, pictures, note))
     return draft
 
 
@@ -154,7 +159,7 @@ def _content(name: str, place: str, files: AssetFiles) -> bytes:
 
 
 def _materials(
-    runs: _Runs, library: dict[str, MtlMaterial], pictures: MtlPictures, draft: Draft
+    runs: _Runs, library: dict[str, MtlMaterial], pictures: MtlPictures, note: Callable[[str], None]
 ) -> dict[int, tuple[str | None, Converted]]:
     """Materials that faces have, by their numbers, each with its name."""
     found: dict[int, tuple[str | None, Converted]] = {}
@@ -164,14 +169,14 @@ def _materials(
         source = library.get(wanted)
         if source is None:
             if wanted:
-                draft.note(f"the material {quoted(wanted)} is in no library: grey is taken")
+                note(f"the material {quoted(wanted)} is in no library: grey is taken")
             found[number] = None, Converted({"type": "lambert", "reflectance": [GREY] * 3}, None)
             continue
         name = wanted[:200]
         while name in used:
             name = f"{name[:190]} {len(used)}"
         used.add(name)
-        found[number] = name, converted(source, pictures, draft.note)
+        found[number] = name, converted(source, pictures, note)
     return found
 
 

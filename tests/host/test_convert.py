@@ -151,7 +151,7 @@ def folder(tmp_path: Path) -> Path:
         [materials."a.b \\" c"]
         type = "principled"
         base_color = { texture = "A b.png", scale = [0.1, 0.2, 0.3] }
-        roughness = { texture = "sub/a_B.png", wrap = ["clamp", "mirror"], transform = { scale = 3, rotate_degrees = 20 } }
+        roughness = { texture = "sub/a_B.png", wrap = ["clamp", "mirror"], transform = { scale = 3 } }
         normal_map = { texture = "sub/\u00fc \u00e4.jpg" }
         [[shapes]]
         type = "mesh"
@@ -191,7 +191,11 @@ def test_everything_that_a_scene_may_name(folder: Path, tmp_path: Path, ending: 
     hashes, flat = scene.sha256(), flatten(scene, 8, 8).arrays_sha256
     shutil.rmtree(folder)  # nothing of it is needed any more
     again = clrender.load(output)
-    assert again.sha256() == hashes and flatten(again, 8, 8).arrays_sha256 == flat and again.title == 'Ein "Titel" \\ \u00fc'
+    assert (
+        again.sha256() == hashes
+        and flatten(again, 8, 8).arrays_sha256 == flat
+        and again.title == 'Ein "Titel" \\ \u00fc'
+    )
     names = [path.name for path in (tmp_path / "out" / "my scene-files").iterdir()]
     # Two meshes of one file: with colours, and without
     assert len(names) == len({name.lower() for name in names}) == 7

@@ -94,7 +94,10 @@ def test_stl_colours_and_normals_are_told(tmp_path: Path) -> None:
         (b"solid x\nendsolid x\n".ljust(90), "holds no facets"),
         (binary_stl(np.full_like(CUBE, np.inf), TRIANGLES[2:3]), "must be finite"),
         (ascii_stl(CUBE, TRIANGLES).replace("endloop", "endlop", 2).encode(), 'line 7 has "endlop" where endloop must'),
-        (ascii_stl(CUBE, TRIANGLES).replace("vertex 0.0", "vertex x", 1).encode(), 'line 4 has "x" where a number must'),
+        (
+            ascii_stl(CUBE, TRIANGLES).replace("vertex 0.0", "vertex x", 1).encode(),
+            'line 4 has "x" where a number must',
+        ),
         (ascii_stl(CUBE, TRIANGLES)[:-40].encode(), "the file ends within a facet"),
         (ascii_stl(CUBE, TRIANGLES * 0).replace("0.0", "1e999").encode(), 'has "1e999" where a number must stand'),
         (b"", "is empty"),
@@ -156,7 +159,12 @@ def test_ply_faces_without_their_lists(tmp_path: Path) -> None:
 
 def test_ply_names_what_it_leaves_out(tmp_path: Path) -> None:
     scene = ply(
-        tmp_path, "property uchar alpha\n", ["9"] * 4, "property uchar red\n", ["3 0 1 2 9"], "element edge 0\nproperty int a\n"
+        tmp_path,
+        "property uchar alpha\n",
+        ["9"] * 4,
+        "property uchar red\n",
+        ["3 0 1 2 9"],
+        "element edge 0\nproperty int a\n",
     )
     said = "\n".join(scene.notes)
     for expected in ('of its vertices "alpha" is not read', 'of its faces "red" is not read', 'element "edge" is not'):

@@ -183,7 +183,7 @@ def test_faces_without_texture_coordinates(tmp_path: Path) -> None:
     assert "have no texture coordinates" in said(scene) and flatten(scene, 8, 8).triangle_count == 1
 
 
-# --- what is said of the rest ------------------------------------------------------------------------------------------
+# --- what is said of the rest -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_notes(tmp_path: Path, obj: str, mtl: str | None, expected: str) -> None
     Image.new("L", (4, 4), 99).save(tmp_path / "g.png")
     scene = load(tmp_path, obj + SQUARE + FACE, mtl)
     assert expected in said(scene), said(scene)
-    assert all(note.startswith(f"{tmp_path}/m.obj: ") and "\n" not in note for note in scene.notes)
+    assert all(note.startswith(f"{tmp_path}/m.obj: ") and note.count(str(tmp_path)) == 1 for note in scene.notes)
 
 
 @pytest.mark.parametrize(
@@ -244,13 +244,17 @@ def meshes(scene: Scene) -> list[MeshData]:
 
 
 def test_a_shape_for_each_material_of_each_object(tmp_path: Path) -> None:
-    text = f"mtllib m.mtl\n{SQUARE}o one\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\ng x\nusemtl a\nf 2 3 4\no two\nf 4 3 2\n"
+    text = (
+        f"mtllib m.mtl\n{SQUARE}o one\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\ng x\nusemtl a\nf 2 3 4\no two\nf 4 3 2\n"
+    )
     scene = load(tmp_path, text, "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\nnewmtl c\nKd 0 0 1\n")
     assert sorted(scene.materials) == ["a", "b"]
     found = [(shape.material, len(mesh.triangles)) for shape, mesh in zip(scene.shapes, meshes(scene), strict=True)]
     assert sorted(found) == [("a", 1), ("a", 2), ("b", 1)]
     one = next(mesh for mesh in meshes(scene) if len(mesh.triangles) == 2)
-    np.testing.assert_array_equal(one.vertices[one.triangles][:, :, :2], [[[0, 0], [1, 0], [1, 1]], [[1, 0], [1, 1], [0, 1]]])
+    np.testing.assert_array_equal(
+        one.vertices[one.triangles][:, :, :2], [[[0, 0], [1, 0], [1, 1]], [[1, 0], [1, 1], [0, 1]]]
+    )
 
 
 def test_names_with_blanks_and_long_ones(tmp_path: Path) -> None:
@@ -283,7 +287,9 @@ def test_colours_of_vertices(tmp_path: Path) -> None:
     assert isinstance(shape, Mesh) and shape.vertex_colors == "linear"
     np.testing.assert_array_equal(meshes(scene)[0].colors, np.eye(3)[None])
     assert shape.material is not None and scene.materials[shape.material].reflectance == (1, 1, 1)  # type: ignore[union-attr]
-    assert "colours of vertices are not all from 0 to 1" in said(load(tmp_path, text.replace("1 0 0\nv 1", "2 0 0\nv 1")))
+    assert "colours of vertices are not all from 0 to 1" in said(
+        load(tmp_path, text.replace("1 0 0\nv 1", "2 0 0\nv 1"))
+    )
 
 
 def test_many_objects_become_one_shape_for_each_material(tmp_path: Path) -> None:
@@ -291,11 +297,13 @@ def test_many_objects_become_one_shape_for_each_material(tmp_path: Path) -> None
     assert len(scene.shapes) == 1 and "5000 parts of objects are too many" in said(scene)
 
 
-# --- the quick way and the other ---------------------------------------------------------------------------------------
+# --- the quick way and the other --------------------------------------------------------------------------------------
 
 
 def same(first: MeshData, second: MeshData) -> bool:
-    arrays = [(getattr(first, name), getattr(second, name)) for name in ("vertices", "triangles", "normals", "uvs", "colors")]
+    arrays = [
+        (getattr(first, name), getattr(second, name)) for name in ("vertices", "triangles", "normals", "uvs", "colors")
+    ]
     return all((a is None) == (b is None) and (a is None or a.tobytes() == b.tobytes()) for a, b in arrays)
 
 
@@ -305,8 +313,9 @@ def test_lines_written_alike_are_read_as_others_are(tmp_path: Path, corner: str,
     rng = np.random.default_rng(7)
     values = np.concatenate([rng.normal(size=1200), [-0.0, 0.0, 1e-7, -12345.678901, 0.1, 1 / 3]])
     rows = values.reshape(-1, 3)
-    lines = ["v %.6f %.9f %.2f" % tuple(row) for row in rows] + ["vt %.4f %.4f" % tuple(row[:2]) for row in rows]
-    lines += ["vn %.3f %.3f %.3f" % tuple(row) for row in rows]
+    lines = [f"v {x:.6f} {y:.9f} {z:.2f}" for x, y, z in rows.tolist()]
+    lines += [f"vt {x:.4f} {y:.4f}" for x, y, _ in rows.tolist()]
+    lines += [f"vn {x:.3f} {y:.3f} {z:.3f}" for x, y, z in rows.tolist()]
     faces = rng.integers(1, len(rows) + 1, (500, size, 3))
     lines += ["f " + " ".join(corner.format(*corners) for corners in face) for face in faces.tolist()]
     (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
@@ -316,7 +325,17 @@ def test_lines_written_alike_are_read_as_others_are(tmp_path: Path, corner: str,
 
 @pytest.mark.parametrize(
     "line",
-    ["f 1 2 0", "f 1 2 9999", "f 1 2", "f 1 2 3x", "v 1.0 2.0 .", "v 1.0 2.0 -.", "v 1.0 2.0", "v 1.0 2.0 3-.0", "v 1. 2. nan"],
+    [
+        "f 1 2 0",
+        "f 1 2 9999",
+        "f 1 2",
+        "f 1 2 3x",
+        "v 1.0 2.0 .",
+        "v 1.0 2.0 -.",
+        "v 1.0 2.0",
+        "v 1.0 2.0 3-.0",
+        "v 1. 2. nan",
+    ],
 )
 def test_a_wrong_line_among_many_alike(tmp_path: Path, line: str) -> None:
     text = "v 0.0 1.0 2.0\n" * 600 + "f 1 2 3\n" * 600

@@ -35,7 +35,7 @@ def test_image_of_a_converted_scene(tmp_path: Path, device: Device, name: str) -
 
 
 def test_highlight_of_a_black_surface_has_the_brightness_that_ks_says(tmp_path: Path, device: Device) -> None:
-    """Seen straight on under even light of 1, a smooth black surface shows its reflectance: Ks, or 0.08 Ks (illum 2)."""
+    """Straight on, under even light of 1, a smooth black surface shows its reflectance: Ks, or 0.08 Ks (illum 2)."""
     head = "mtllib m.mtl\nusemtl a\nv -50 -50 0\nv 50 -50 0\nv 0 90 0\nf 1 2 3\n"
     (tmp_path / "m.obj").write_text(head)
     for illum, expected in ((2, 0.08 * 0.6), (5, 0.6)):
