@@ -28,7 +28,6 @@ __all__ = ["read"]
 _SHAPE_LIMIT: Final = 4096
 """Most shapes; of more, those of one material become one."""
 _LIBRARY_LIMIT: Final = 2**26
-_KNOWN: Final = frozenset(("o", "g", "s", "usemtl", "mtllib"))
 _Whole = NDArray[np.int64]
 
 
@@ -106,12 +105,8 @@ def _runs(statements: list[Statement], count: int) -> _Runs:
 
 def _note_statements(records: ObjRecords, runs: _Runs, faces: ObjFaces, draft: Draft) -> None:
     """Say what is in the file that no shape is made of."""
-    others: dict[str, int] = {}
-    for each in records.statements:
-        if each.keyword not in _KNOWN:
-            others[each.keyword] = others.get(each.keyword, 0) + 1
     kinds = {"p": "points", "l": "lines", "curv": "curves", "curv2": "curves", "surf": "free-form surfaces"}
-    listed = list(others.items())
+    listed = [each for each in records.others.items() if each[0] != "g"]
     for keyword, count in listed[:8]:
         what = f", {kinds[keyword]}," if keyword in kinds else ""
         draft.note(f"{count} lines with {quoted(keyword)}{what} are not read")
@@ -120,7 +115,7 @@ def _note_statements(records: ObjRecords, runs: _Runs, faces: ObjFaces, draft: D
     widths = {part.shape[1] for part in records.positions}
     if len(widths) > 1 or records.some_colored:
         draft.note("some vertices have colours and others have none: none is read")
-    elif faces.colors is not None and not bool(((faces.colors >= 0.0) & (faces.colors <= 1.0)).all()):
+    elif faces.colors is not None and not _has_colors(faces):
         draft.note("colours of vertices are not all from 0 to 1: none is read")
 
 
@@ -182,39 +177,38 @@ def _materials(
 
 def _add_shapes(draft: Draft, faces: ObjFaces, runs: _Runs, materials: dict[int, tuple[str | None, Converted]]) -> None:
     """A shape for each material of each object; its faces with normals and those without are apart."""
-    keys = runs.materials * 2 + faces.with_normals
-    parts = len(np.unique(runs.objects * (2 * len(runs.names)) + keys))
-    if parts <= _SHAPE_LIMIT:
-        keys = keys + runs.objects * (2 * len(runs.names))
-    else:
+    of_object = 2 * len(runs.names)
+    keys = runs.objects * of_object + (runs.materials * 2 + faces.with_normals)
+    if bool((keys == keys[0]).all()):
+        _add_shape(draft, faces, runs, None, materials[int(runs.materials[0])])
+        return
+    parts = len(np.unique(keys))
+    if parts > _SHAPE_LIMIT:
         draft.note(f"{parts} parts of objects are too many: those of one material are one shape")
+        keys = keys % of_object
     order = np.argsort(keys, kind="stable")
     begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    colored = faces.colors is not None and bool(((faces.colors >= 0.0) & (faces.colors <= 1.0)).all())
     for some in np.split(order, begins[1:]):
-        name, material = materials[int(runs.materials[some[0]])]
-        _add_shape(draft, faces, runs, some, (name, material), colored)
+        _add_shape(draft, faces, runs, some, materials[int(runs.materials[some[0]])])
 
 
 def _add_shape(
-    draft: Draft,
-    faces: ObjFaces,
-    runs: _Runs,
-    some: _Whole,
-    of: tuple[str | None, Converted],
-    colored: bool,
+    draft: Draft, faces: ObjFaces, runs: _Runs, some: _Whole | None, of: tuple[str | None, Converted]
 ) -> None:
+    """Add a shape of some faces, or of all; none of two materials or objects."""
     name, (material, emission) = of
+    colored = _has_colors(faces)
     plain = not any(material.get(key) is not None for key in BASE_COLORS)
     if colored and plain:
         draft.note(f"colours of vertices are not read where the material {quoted(name or '')} has no colour")
     shaded = colored and not plain
-    mesh = faces.mesh(some if len(some) < len(faces.sizes) else None, "auto" if shaded else None, runs.smoothing)
+    mesh = faces.mesh(some, "auto" if shaded else None, runs.smoothing)
     if mesh.uvs is None and (_has_textures(material) or isinstance(emission, dict)):
         draft.note(f"faces of the material {quoted(name or '')} have no texture coordinates, and got (0, 0)")
         mesh = _with_blank_uvs(mesh)
     number = len(draft.description["shapes"])
-    file = f"{runs.object_names[int(runs.objects[some[0]])][:60]} {(name or '')[:60]} {number}".strip()
+    first = 0 if some is None else int(some[0])
+    file = f"{runs.object_names[int(runs.objects[first])][:60]} {(name or '')[:60]} {number}".strip()
     draft.meshes[file] = checked_mesh(mesh, faces.label)
     materials = draft.description["materials"]
     if name is None:
@@ -228,6 +222,12 @@ def _add_shape(
     if emission is not None:
         shape["emission"] = emission
     draft.description["shapes"].append(shape)
+
+
+def _has_colors(faces: ObjFaces) -> bool:
+    """Whether all vertices have colours that can be."""
+    colors = faces.colors
+    return colors is not None and float(colors.min()) >= 0.0 and float(colors.max()) <= 1.0
 
 
 def _has_textures(material: dict[str, Any]) -> bool:

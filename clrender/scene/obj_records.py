@@ -27,12 +27,16 @@ _INDEXED: Final = ("v", "vt", "vn")
 """What the corners of faces name, in this order."""
 _VECTORS: Final = {2: "pair of texture coordinates", 3: "position or normal", 6: "position with a colour"}
 """What so many numbers are, for messages."""
-_STATEMENT_LIMIT: Final = 2**22
-"""Most lines that are neither vertices nor faces."""
+_KEPT: Final = frozenset(("o", "s", "usemtl", "mtllib"))
+"""Keywords of statements that shapes are made of."""
+_STATEMENT_LIMIT: Final = 2**20
+"""Most of those that say something else than the last one of their kind."""
+_KIND_LIMIT: Final = 256
+"""Most other keywords that are counted."""
 
 
 class Statement(NamedTuple):
-    """A line that is no vertex and no face.
+    """A line that says something of the faces behind it, or names a library.
 
     Attributes
     ----------
@@ -68,7 +72,11 @@ class ObjRecords:
     largest : dict
         Of vertices and normals: the largest index named, and the line that names it.
     statements : list of Statement
-        All other lines, if they were asked for.
+        If they were asked for; those that repeat the last one of their kind are left out.
+    others : dict of str to int
+        How many lines begin with each other keyword.
+    latest : dict of str to str
+        What the last statement of each kind says.
     some_colored : bool
         Whether colours stand behind some positions only, or behind more than were asked for.
     """
@@ -83,6 +91,8 @@ class ObjRecords:
     counts: dict[str, int] = field(default_factory=lambda: dict.fromkeys(("v", "vt", "vn", "f"), 0))
     largest: dict[str, tuple[int, int]] = field(default_factory=lambda: dict.fromkeys(("v", "vt", "vn"), (-1, 0)))
     statements: list[Statement] = field(default_factory=list)
+    others: dict[str, int] = field(default_factory=dict)
+    latest: dict[str, str] = field(default_factory=dict)
     some_colored: bool = False
 
 
@@ -215,15 +225,22 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
 
 def _add_statements(block: Block, found: ObjRecords, keys: _Whole, places: _Whole, faces: _Whole, label: str) -> None:
     """Keep lines of a block that begin at these bytes, and have their keywords there."""
-    if len(found.statements) + len(keys) > _STATEMENT_LIMIT:
-        raise SceneError(f"{label} has more than {_STATEMENT_LIMIT} lines that are neither vertices nor faces")
+    if len(found.statements) > _STATEMENT_LIMIT:
+        raise SceneError(f"{label} changes object or material more than {_STATEMENT_LIMIT} times; split it")
     line, at = block.first_line, 0
     for key, place, count in zip(keys.tolist(), places.tolist(), faces.tolist(), strict=True):
         line += block.text.count(b"\n", at, place) + block.text.count(CONTINUATION, at, place)
         at = place
         text = block.text[key : block.text.index(b"\n", key)].replace(CONTINUATION, b" ").decode("utf-8", "replace")
         keyword, *rest = text.split(None, 1)
-        found.statements.append(Statement(keyword, rest[0].strip() if rest else "", count, line))
+        if keyword not in _KEPT:
+            if len(found.others) < _KIND_LIMIT or keyword in found.others:
+                found.others[keyword] = found.others.get(keyword, 0) + 1
+            continue
+        said = rest[0].strip() if rest else ""
+        if found.latest.get(keyword) != said:
+            found.latest[keyword] = said
+            found.statements.append(Statement(keyword, said, count, line))
 
 
 def _vectors(lines: Lines, size: int, block: Block, label: str) -> NDArray[np.float64]:
