@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from clrender.scene.mesh_data import MeshData
 
 __all__ = ["Draft"]
+
+_MOST_NOTES: Final = 100
 
 
 @dataclass
@@ -33,6 +35,8 @@ class Draft:
     notes: list[str] = field(default_factory=list)
 
     def note(self, sentence: str) -> None:
-        """Say something once."""
-        if sentence not in self.notes:
+        """Say something once; when it is too much, that there is more."""
+        if len(self.notes) == _MOST_NOTES:
+            sentence = f"there is more of that: only {_MOST_NOTES} lines are shown"
+        if len(self.notes) <= _MOST_NOTES and sentence not in self.notes:
             self.notes.append(sentence)

@@ -27,7 +27,10 @@ __all__ = ["read"]
 
 _SHAPE_LIMIT: Final = 4096
 """Most shapes; of more, those of one material become one."""
-_LIBRARY_LIMIT: Final = 2**26
+_LIBRARY_LIMIT: Final = 2**24
+_MOST_LIBRARIES: Final = 256
+_MISSING_SHOWN: Final = 17
+"""Of names of materials that are in no library, with the empty one."""
 _Whole = NDArray[np.int64]
 
 
@@ -87,6 +90,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
         draft.note(sentence.removeprefix(f"{files.source}: "))
 
     pictures = MtlPictures(files, folder, note, diagonal)
+    _forget_missing(runs, library, note)
     _add_shapes(draft, faces, runs, _materials(runs, library, pictures, note))
     return draft
 
@@ -127,6 +131,9 @@ def _library(statements: list[Statement], files: AssetFiles, draft: Draft) -> tu
     for statement in statements:
         if statement.keyword != "mtllib" or not statement.rest or statement.rest in tried:
             continue
+        if len(tried) == _MOST_LIBRARIES:
+            draft.note(f"line {statement.line} names one more material library: only {_MOST_LIBRARIES} are read")
+            break
         tried.add(statement.rest)
         # The name may have blanks; the standard means several names
         for names in ([statement.rest], statement.rest.split()):
@@ -153,6 +160,16 @@ def _content(name: str, place: str, files: AssetFiles) -> bytes:
         return file.read(size)
 
 
+def _forget_missing(runs: _Runs, library: dict[str, MtlMaterial], note: Callable[[str], None]) -> None:
+    """Take faces whose material is in no library for faces without one."""
+    missing = np.array([name not in library for name in runs.names])
+    for number in np.flatnonzero(missing)[1:_MISSING_SHOWN].tolist():
+        note(f"the material {quoted(runs.names[number])} is in no library: grey is taken")
+    if (more := int(missing.sum()) - _MISSING_SHOWN) > 0:
+        note(f"{more} more materials are in no library")
+    runs.materials[missing[runs.materials]] = 0
+
+
 def _materials(
     runs: _Runs, library: dict[str, MtlMaterial], pictures: MtlPictures, note: Callable[[str], None]
 ) -> dict[int, tuple[str | None, Converted]]:
@@ -163,8 +180,6 @@ def _materials(
         wanted = runs.names[number]
         source = library.get(wanted)
         if source is None:
-            if wanted:
-                note(f"the material {quoted(wanted)} is in no library: grey is taken")
             found[number] = None, Converted({"type": "lambert", "reflectance": [GREY] * 3}, None)
             continue
         name = wanted[:200]

@@ -147,8 +147,8 @@ class ObjFaces:
         shades = None if colors is None or self.colors is None else self._shades(colors).take(corners, axis=0)
         vertices, normals = self.positions, None
         if faces is not None:
-            used, corners = np.unique(corners, return_inverse=True)
-            vertices, corners = vertices[used], corners.reshape(-1)
+            used, corners = _used(corners)
+            vertices = vertices[used]
         if (corner_normals >= 0).any():
             if (corner_normals < 0).any():
                 raise SceneError(f"{self.label} {_SOME_NORMALS}")
@@ -195,6 +195,18 @@ class ObjFaces:
         uvs[~held] = 0.0
         missing = len(index) - int(np.count_nonzero(held))
         return uvs, f"{missing} corners of faces have no texture coordinates, and got (0, 0)"
+
+
+def _used(corners: _Whole) -> tuple[_Whole, _Whole]:
+    """Vertices that corners name, in order, and the places of the corners' vertices among these."""
+    low, span = int(corners.min()), int(np.ptp(corners)) + 1
+    if span > 8 * len(corners):
+        used, places = np.unique(corners, return_inverse=True)
+        return used, places.reshape(-1)
+    # Most objects have their vertices side by side: no need to sort
+    held = np.zeros(span, bool)
+    held[corners - low] = True
+    return np.flatnonzero(held) + low, (np.cumsum(held) - 1).take(corners - low)
 
 
 def _with_normals(

@@ -185,7 +185,10 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
     before = {kind: found.counts[kind] + np.cumsum(is_kind[kind]) for kind in (*_INDEXED, "f")}
     if statements:
         others = ~(is_kind["v"] | is_kind["vt"] | is_kind["vn"] | is_kind["f"])
-        _add_statements(block, found, keys[others], line_starts[filled[others]], before["f"][others], label)
+        places = line_starts[filled[others]]
+        breaks = np.flatnonzero((data == ord("\n")) | (data == ord(CONTINUATION)))
+        numbers = block.first_line + np.searchsorted(breaks, places)
+        _add_statements(block, found, keys[others], numbers, before["f"][others], label)
     blanked = data.copy()
     for keyword in is_kind:
         for letter in range(len(keyword)):
@@ -223,14 +226,11 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
         _add_faces(lines("f"), of_faces, block, found, label)
 
 
-def _add_statements(block: Block, found: ObjRecords, keys: _Whole, places: _Whole, faces: _Whole, label: str) -> None:
-    """Keep lines of a block that begin at these bytes, and have their keywords there."""
+def _add_statements(block: Block, found: ObjRecords, keys: _Whole, lines: _Whole, faces: _Whole, label: str) -> None:
+    """Keep lines of a block whose keywords begin at these bytes."""
     if len(found.statements) > _STATEMENT_LIMIT:
         raise SceneError(f"{label} changes object or material more than {_STATEMENT_LIMIT} times; split it")
-    line, at = block.first_line, 0
-    for key, place, count in zip(keys.tolist(), places.tolist(), faces.tolist(), strict=True):
-        line += block.text.count(b"\n", at, place) + block.text.count(CONTINUATION, at, place)
-        at = place
+    for key, line, count in zip(keys.tolist(), lines.tolist(), faces.tolist(), strict=True):
         text = block.text[key : block.text.index(b"\n", key)].replace(CONTINUATION, b" ").decode("utf-8", "replace")
         keyword, *rest = text.split(None, 1)
         if keyword not in _KEPT:
