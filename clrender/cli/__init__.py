@@ -31,6 +31,7 @@ COMMANDS: Final[dict[str, str]] = {
     "doctor": "Diagnose OpenCL on this machine: causes and cures.",
     "scenes": "List the built-in scenes.",
     "check": "Check a scene file without rendering it.",
+    "convert": "Write a scene of any format in clrender's own.",
     "schema": "Print the JSON Schema of scene files.",
     "tonemap": "Tone-map a linear image for display.",
     "compare": "Compare an image with a reference, or integrators with each other.",

@@ -60,6 +60,8 @@ def scene_files(name: str, scene: Scene) -> list[Path]:
     files = [shape.file for shape in scene.shapes if isinstance(shape, Mesh) and shape.file is not None]
     if scene.environment is not None and scene.environment.file is not None:
         files.append(scene.environment.file)
+    files += [texture.texture for _, texture in scene.texture_files()]
+    files += [light.file for _, light in scene.ies_lights()]
     return [
         Path(name),
         scene.base_folder / f"{name}.toml",

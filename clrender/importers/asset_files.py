@@ -6,7 +6,7 @@ import base64
 import binascii
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 from urllib.parse import unquote, unquote_to_bytes
 
 from clrender.errors import SceneError
@@ -42,9 +42,29 @@ class AssetFiles:
 
     def scene(self, path: Path, limit: int = _LIMIT) -> bytes:
         """The content of the scene file itself."""
-        file, size = open_scene_file(path, f"{self.source}: the scene file", limit)
+        file, size = self.open_scene(path, limit)
         with file:
             return file.read(size)
+
+    def open_scene(self, path: Path, limit: int = _LIMIT) -> tuple[BinaryIO, int]:
+        """The scene file itself, to be closed by who asks, and its size in bytes."""
+        return open_scene_file(path, f"{self.source}: the scene file", limit)
+
+    def open(self, name: str, place: str, limit: int = _LIMIT) -> tuple[BinaryIO, int]:
+        """A file by its plain name, in which nothing is escaped, and its size in bytes.
+
+        Parameters
+        ----------
+        name, place, limit
+            As of `read`.
+
+        Raises
+        ------
+        SceneError
+            As of `clrender.scene.named_files.open_named_file`.
+        """
+        label = f"{self.source}: {place}: {quoted(name)}"
+        return open_named_file(name, self.folder, self.allow_paths, label, limit)
 
     def read(self, uri: str, place: str, limit: int = _LIMIT) -> bytes:
         """What a URI names: a file beside the scene, or data that it holds itself.

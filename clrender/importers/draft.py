@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from clrender.scene.mesh_data import MeshData
 
 __all__ = ["Draft"]
+
+_MOST_NOTES: Final = 100
 
 
 @dataclass
@@ -37,7 +39,10 @@ class Draft:
     _said: set[str] = field(default_factory=set, repr=False)
 
     def note(self, sentence: str) -> None:
-        """Say something once."""
-        if sentence not in self._said:
-            self._said.add(sentence)
-            self.notes.append(sentence)
+        """Say something once; when it is too much, that there is more."""
+        if sentence in self._said or len(self.notes) > _MOST_NOTES:
+            return
+        self._said.add(sentence)
+        if len(self.notes) == _MOST_NOTES:
+            sentence = f"there is more of that: only {_MOST_NOTES} lines are shown"
+        self.notes.append(sentence)

@@ -15,6 +15,7 @@ from clrender.importers.draft import Draft
 from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.bounds import scene_bounds
 from clrender.scene.validation_errors import scene_error
+from clrender.scene.vertex_colors import VertexColors
 
 __all__ = ["completed"]
 
@@ -78,7 +79,9 @@ def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene) -
     wide = scene.image.width / scene.image.height
     half = math.radians(_VERTICAL_FOV) / 2.0
     half = min(half, math.atan(math.tan(half) * wide))
-    distance = _MARGIN * max(radius, 1e-6) / math.sin(half)
+    # Of a point, too, the camera stands so far away that double precision tells both apart
+    radius = max(radius, 1e-6 * max(1.0, float(np.abs(middle).max())))
+    distance = _MARGIN * radius / math.sin(half)
     toward = np.array(_FROM) / np.linalg.norm(_FROM)
     return {
         "position": tuple(float(x) for x in middle + distance * toward),

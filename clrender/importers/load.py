@@ -20,10 +20,11 @@ from clrender.scene.wording import quoted
 __all__ = ["SCENE_ENDINGS", "load"]
 
 _READERS: Final[Mapping[str, str]] = {
-    ".obj": "clrender.importers.mesh_files",
-    ".ply": "clrender.importers.mesh_files",
     ".gltf": "clrender.importers.gltf",
     ".glb": "clrender.importers.gltf",
+    ".obj": "clrender.importers.obj",
+    ".ply": "clrender.importers.ply",
+    ".stl": "clrender.importers.stl",
 }
 """Modules by the ending that they read. Each has ``read(path, files) -> Draft``, and is imported when it is needed."""
 _CHOOSING: Final = (".gltf", ".glb")

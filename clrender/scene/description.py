@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +51,7 @@ from clrender.scene.materials import (
 from clrender.scene.medium import Medium
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
+from clrender.scene.named_files import open_named_file
 from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.texels import StoredPicture, TexelStore
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
@@ -322,6 +325,31 @@ class Scene(Part):
         scene = self.model_copy()
         scene._encoded, scene._store = {**self._encoded, **pictures}, []
         return scene
+
+    @contextmanager
+    def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:
+        """A picture or lamp that the scene names, encoded as it is, and the ending of its format.
+
+        Parameters
+        ----------
+        name : str
+            As the scene has it.
+        where : str
+            Place of the name, for messages.
+
+        Raises
+        ------
+        SceneError
+            As of `clrender.scene.named_files.open_named_file`.
+        """
+        if name in self._encoded:
+            data, ending = self._encoded[name]
+            yield BytesIO(data), ending
+            return
+        label = f"{self._source}: {where}: {quoted(name)}"
+        file, _ = open_named_file(name, self._base_folder, self._allow_paths, label, 2**33)
+        with file:
+            yield file, Path(name).suffix.lower()
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.vertex_colors import VertexColors
 from clrender.scene.wording import quoted
 
-__all__ = ["FILE_LIMIT", "read_mesh"]
+__all__ = ["FILE_LIMIT", "checked_mesh", "read_mesh"]
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
@@ -49,7 +49,7 @@ def read_mesh(
     read = _reader(Path(name).suffix.lower())
     if read is None:
         allowed_file(name, base_folder, allow_paths, label)
-        raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply or .obj")
+        raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply, .obj or .stl")
     file, size = open_named_file(name, base_folder, allow_paths, label, FILE_LIMIT)
     with file:
         if size == 0:
@@ -63,7 +63,7 @@ def read_mesh(
     if colors is not None and mesh.colors is None:
         text = "has no colours of vertices (red, green, blue), which vertex_colors asks for"
         raise SceneError(f"{label} {text}; export the mesh with them, or leave vertex_colors out")
-    return _checked(mesh, label)
+    return checked_mesh(mesh, label)
 
 
 def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], MeshData] | None:
@@ -76,15 +76,27 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], 
         from clrender.scene.mesh_obj import read_obj
 
         return read_obj
+    if ending == ".stl":
+        from clrender.scene.mesh_stl import read_stl
+
+        return read_stl
     return None
 
 
-def _checked(mesh: MeshData, label: str) -> MeshData:
-    """The mesh, if all its numbers are finite and in range."""
+def checked_mesh(mesh: MeshData, label: str) -> MeshData:
+    """The mesh, if all its numbers are finite and in range.
+
+    Raises
+    ------
+    SceneError
+        It begins with `label`.
+    """
     for array, what in ((mesh.vertices, "vertex"), (mesh.normals, "normal")):
         for start in range(0, 0 if array is None else len(array), 2**20):
             assert array is not None
             chunk = array[start : start + 2**20]
+            if chunk.min() >= -COORDINATE_LIMIT and chunk.max() <= COORDINATE_LIMIT:
+                continue
             bad = ~(np.abs(chunk) <= COORDINATE_LIMIT).all(axis=1)
             if bad.any():
                 row = int(np.argmax(bad))
@@ -93,7 +105,10 @@ def _checked(mesh: MeshData, label: str) -> MeshData:
                 raise SceneError(f"{label}: {what} {start + row} is ({values}), but must be {limit}")
     if mesh.uvs is not None:
         for start in range(0, len(mesh.uvs), 2**20):
-            worst = np.abs(mesh.uvs[start : start + 2**20]).max(axis=(1, 2))
+            chunk = mesh.uvs[start : start + 2**20]
+            if chunk.min() >= -UV_LIMIT and chunk.max() <= UV_LIMIT:
+                continue
+            worst = np.abs(chunk).max(axis=(1, 2))
             bad = ~(worst <= UV_LIMIT)
             if bad.any():
                 row = int(np.argmax(bad))

@@ -5,7 +5,7 @@ Format: G. Turk, "The PLY Polygon File Format" (1994). All that is read streams 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import BinaryIO, Final
 
 import numpy as np
@@ -15,17 +15,24 @@ from clrender.errors import SceneError
 from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData, crossed_warning
 from clrender.scene.ply_ascii import AsciiRecords
 from clrender.scene.ply_binary import BinaryRecords
-from clrender.scene.ply_header import Element, read_header
+from clrender.scene.ply_header import Element, PlyHeader, Property, read_header
 from clrender.scene.ply_records import Lists
 from clrender.scene.polygons import triangulate
 from clrender.scene.vertex_colors import VertexColors, linear_colors
 
-__all__ = ["read_ply"]
+__all__ = ["READ_OF_FACES", "READ_OF_VERTICES", "has_colors", "read_ply"]
 
 _UVS: Final = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 """Names that programs give to texture coordinates."""
 _NORMAL: Final = ("nx", "ny", "nz")
 _COLOR: Final = ("red", "green", "blue")
+_CORNERS: Final = {"texcoord": 2, "texcoord_1": 2, "corner_colors": 3}
+"""Lists of numbers of the corners of a face, and how many each corner has. The first is MeshLab's; the others are ours:
+a second set of texture coordinates, and linear colours."""
+READ_OF_VERTICES: Final = frozenset(("x", "y", "z", *_NORMAL, *_COLOR, *(name for pair in _UVS for name in pair)))
+"""Properties of vertices that a mesh may be made of."""
+READ_OF_FACES: Final = frozenset(("vertex_indices", "vertex_index", *_CORNERS))
+"""Likewise of faces."""
 _LARGEST: Final = {"u1": 255.0, "u2": 65535.0, "f4": 1.0, "f8": 1.0}
 """What a colour of each type has at most."""
 
@@ -64,12 +71,15 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     ascii_file = header.encoding == "ascii"
     reader = AsciiRecords(file, header, label) if ascii_file else BinaryRecords(file, header, size, label)
     table = np.empty((0, 3), np.float32)
-    lists: Lists = np.empty(0, np.int64), np.empty(0, np.int64)
+    index = face.index_list
+    assert index is not None
+    wanted = [entry for entry in face.lists if _of_corners(entry, colors is not None)]
+    lists: list[Lists] = []
     for element in header.elements:
         if element is vertex:
             table = reader.columns(element, columns)
         elif element is face:
-            lists = reader.lists(element)
+            lists = reader.lists(element, [index, *wanted])
         else:
             reader.skip(element)
     reader.end()
@@ -80,7 +90,19 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
 
     shades = part(color)
     linear = None if shades is None or colors is None else _linear(shades, vertex, colors, label)
-    return _mesh(table, *lists, part(normal), part(uv), linear, label)
+    corners = {entry.name: found for entry, found in zip(wanted, lists[1:], strict=True)}
+    return _mesh(table, *lists[0], part(normal), part(uv), linear, corners, label)
+
+
+def has_colors(header: PlyHeader) -> bool:
+    """Whether its vertices, or the corners of its faces, have colours."""
+    vertex, face = header.element("vertex"), header.element("face")
+    names = set() if vertex is None else {entry.name for entry in vertex.properties}
+    return names >= set(_COLOR) or any(entry.name == "corner_colors" for entry in (face.lists if face else ()))
+
+
+def _of_corners(entry: Property, colors: bool) -> bool:
+    return entry.name in _CORNERS and entry.kind[0] == "f" and (colors or entry.name != "corner_colors")
 
 
 def _linear(colors: NDArray[np.floating], vertex: Element, encoding: VertexColors, label: str) -> NDArray[np.float32]:
@@ -98,6 +120,7 @@ def _mesh(
     normals: NDArray[np.floating] | None,
     uvs: NDArray[np.floating] | None,
     colors: NDArray[np.float32] | None,
+    of_corners: Mapping[str, Lists],
     label: str,
 ) -> MeshData:
     if (sizes < 3).any():
@@ -110,13 +133,41 @@ def _mesh(
         wrong = low if low < 0 else high
         raise SceneError(f"{label} has a face that names vertex {wrong}, but only 0 to {len(table) - 1} exist")
     vertices = np.ascontiguousarray(table[:, :3])
-    crossed = 0
+    places, crossed = None, 0
     if (sizes > 3).any():
-        triangles, crossed = triangulate(vertices, corners, sizes, label)
-        corners = corners[triangles]
+        places, crossed = triangulate(vertices, corners, sizes, label)
     normals = None if normals is None else np.ascontiguousarray(normals)
-    faces = corners.reshape(-1, 3).astype(np.uint32)
     with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
-        of_corners = None if uvs is None else uvs.astype(np.float32)[faces]
-    shades = None if colors is None else colors[faces]
-    return MeshData(vertices, faces, normals, crossed_warning(crossed), of_corners, colors=shades)
+        by_name = {"texcoord": None if uvs is None else uvs.astype(np.float32)[corners]}
+    by_name |= {"texcoord_1": None, "corner_colors": None if colors is None else colors[corners]}
+    warnings = [crossed_warning(crossed)]
+    for name, (entries, counts) in of_corners.items():
+        found, warning = _corner_table(name, entries, counts, sizes, label)
+        warnings.append(warning)
+        by_name[name] = by_name[name] if found is None else found
+    faces = corners.reshape(-1, 3) if places is None else corners[places]
+    first, second, shades = (
+        None if each is None else each.reshape(-1, 3, each.shape[1]) if places is None else each[places]
+        for each in by_name.values()
+    )
+    text = "; ".join(each for each in warnings if each)
+    return MeshData(vertices, faces.astype(np.uint32), normals, text, first, second, shades)
+
+
+def _corner_table(
+    name: str, entries: NDArray[np.floating], counts: NDArray[np.int64], sizes: NDArray[np.int64], label: str
+) -> tuple[NDArray[np.float32] | None, str]:
+    """Numbers of all corners, (C, 2 or 3), of lists that faces have; None where no face has them, and a warning."""
+    width = _CORNERS[name]
+    with np.errstate(over="ignore"):
+        values = entries.astype(np.float32)
+    held = counts == width * sizes
+    if not held.any():
+        return None, f"lists {name} of its faces have not {width} numbers for each corner, and are not read"
+    if name == "corner_colors" and not ((values >= 0.0) & (values <= 1.0)).all():
+        raise SceneError(f"{label} has colours of corners that are not from 0 to 1; export it again")
+    if held.all():
+        return values.reshape(-1, width), ""
+    table = np.zeros((int(sizes.sum()), width), np.float32)
+    table[np.repeat(held, sizes)] = values[np.repeat(held, counts)].reshape(-1, width)
+    return table, f"{int((~held).sum())} faces have no list {name} of {width} numbers for each corner, and got zeros"

@@ -5,24 +5,25 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 
-__all__ = ["Block", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
+__all__ = ["CONTINUATION", "Block", "decimal_values", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
 
 _READ: Final = 1 << 21
 _LINE_LIMIT: Final = 1 << 26
-_CONTINUATION: Final = b"\x0b"
+CONTINUATION: Final = b"\x0b"
 """Stands for the line break of a continued line: a blank to the parsers, and still a line when lines are counted."""
 
 # Form feeds and vertical tabs are blanks. Other control characters belong to no number: they become question marks.
 _PLAIN: Final = bytes(
     byte if byte >= 32 or byte in b"\t\n\r" else 32 if byte in b"\f\v" else ord("?") for byte in range(256)
 )
+Spans: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]
 _POWERS: Final = 10.0 ** np.arange(23)
 """Powers of ten that double precision holds exactly."""
 
@@ -44,12 +45,12 @@ class Block:
     def line_number(self, position: int) -> int:
         """Number, in the file, of the line that begins at a byte of the text."""
         before = self.text[:position]
-        return self.first_line + before.count(b"\n") + before.count(_CONTINUATION)
+        return self.first_line + before.count(b"\n") + before.count(CONTINUATION)
 
     def line(self, position: int) -> str:
         """The line that begins at a byte of the text, shortened, for a message."""
         line = self.text[position : position + 200].split(b"\n", 1)[0]
-        return line.replace(_CONTINUATION, b" ").decode("utf-8", errors="replace").strip()[:80]
+        return line.replace(CONTINUATION, b" ").decode("utf-8", errors="replace").strip()[:80]
 
 
 def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = False) -> Iterator[Block]:
@@ -82,13 +83,16 @@ def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = Fal
         if b"\0" in data:
             raise SceneError(f"{label} is no text file: it holds zero bytes; export it again as plain text")
         ended = len(data) == 0
-        text = held + data
+        text = held + data if held else data
         # A carriage return at the very end may be the first half of a line's end.
         held = b"\r" if text.endswith(b"\r") and not ended else b""
-        text = text[: len(text) - len(held)].translate(_PLAIN)
+        text = text[: len(text) - len(held)]
+        codes = np.frombuffer(text, np.uint8)
+        if np.count_nonzero(codes < 32) != np.count_nonzero(codes == ord("\n")):
+            text = text.translate(_PLAIN)
         if b"\r" in text:
             text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-        text = pending + text
+        text = pending + text if pending else text
         if ended and text and not text.endswith(b"\n"):
             text += b"\n"
         end = text.rfind(b"\n") + 1
@@ -99,7 +103,7 @@ def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = Fal
             raise SceneError(f"{label}: line {line + whole.count(10)} is longer than {_LINE_LIMIT} bytes")
         if whole:
             block = Block(_joined(whole) if obj else whole, line)
-            line += whole.count(b"\n")
+            line += int(np.count_nonzero(np.frombuffer(whole, np.uint8) == ord("\n")))
             yield block
         if ended:
             return
@@ -110,7 +114,8 @@ def _joined(text: bytes) -> bytes:
     if b"#" in text:
         # Comments go first: one that ends in a backslash, as a Windows path does, must not swallow the next line.
         text = re.sub(rb"#[^\n]*", b"", text)
-    text = text.replace(b"\\\n", b" " + _CONTINUATION)
+    if b"\\" in text:
+        text = text.replace(b"\\\n", b" " + CONTINUATION)
     return text if text.endswith(b"\n") else text + b"\n"  # a file may end in a line that goes on
 
 
@@ -150,13 +155,15 @@ def parse_whole(text: bytes) -> NDArray[np.int64] | None:
         return None
 
 
-def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
+def parse_numbers(text: bytes, spans: Spans | None = None) -> NDArray[np.float64] | None:
     """Decimal numbers parted by blanks, each correctly rounded.
 
     Parameters
     ----------
     text : bytes
         Blank at its end.
+    spans : two (words,) int64, optional
+        As of `word_spans`, if they are known.
 
     Returns
     -------
@@ -164,7 +171,7 @@ def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
         None when a word is not exactly one number.
     """
     data = np.frombuffer(text, np.uint8)
-    starts, ends = word_spans(data)
+    starts, ends = word_spans(data) if spans is None else spans
     values = _from_digits(text, data, starts, ends)
     if values is None:
         try:
@@ -187,19 +194,42 @@ def _from_digits(
     digits = parse_whole(text.replace(b".", b"") if len(dots) else text)
     if digits is None or len(digits) != len(starts):
         return None
-    values = digits.astype(np.float64)
-    if len(values) and np.abs(values).max() >= 2.0**53:
-        return None
+    decimals = np.zeros(len(starts), np.int64)
     if len(dots):
         words = np.searchsorted(starts, dots, side="right") - 1
-        decimals = ends[words] - dots - 1
         behind = data[dots + 1]
         sound = (behind <= 32) | ((behind >= ord("0")) & (behind <= ord("9")))
         two_in_one, alone = (words[1:] == words[:-1]).any(), (ends[words] - starts[words] == 1).any()
-        if not sound.all() or two_in_one or alone or decimals.max() >= len(_POWERS):
+        if not sound.all() or two_in_one or alone:
             return None
-        values[words] /= _POWERS[decimals]
-    negative_zeros = (digits == 0) & (data[starts] == ord("-"))
-    if negative_zeros.any():
-        values[negative_zeros] = -0.0
+        decimals[words] = ends[words] - dots - 1
+    return decimal_values(digits, decimals, data[starts] == ord("-"))
+
+
+def decimal_values(
+    digits: NDArray[np.int64], decimals: NDArray[np.int64], negative: NDArray[np.bool_]
+) -> NDArray[np.float64] | None:
+    """Numbers without exponents, correctly rounded.
+
+    Parameters
+    ----------
+    digits : (n,) int64
+        Without their dots, signs included.
+    decimals : (n,) int64
+        How many digits stand behind the dots, from 0.
+    negative : (n,) bool
+        Which have a minus sign, so that zeros keep theirs.
+
+    Returns
+    -------
+    (n,) float64, or None
+        None where a number has too many digits for that: see `parse_numbers`.
+    """
+    values = digits.astype(np.float64)
+    if len(values) and (max(values.max(), -values.min()) >= 2.0**53 or decimals.max() >= len(_POWERS)):
+        return None
+    values /= _POWERS.take(decimals)
+    zeros = digits == 0
+    if zeros.any():
+        values[zeros & negative] = -0.0
     return values

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
 import numpy as np
@@ -91,19 +91,26 @@ class AsciiRecords:
                     table[done : done + len(sizes), column] = numbers[places[name][0]]
         return table
 
-    def lists(self, element: Element) -> Lists:
-        """All entries of the list of vertex indices, and how many each record has."""
-        assert element.index_list is not None
-        return joined_lists(self._parts(element, element.index_list), self._label)
+    def lists(self, element: Element, wanted: Sequence[Property]) -> list[Lists]:
+        """Of each of these lists all entries, and how many each record has."""
+        return joined_lists(self._parts(element, wanted), self._label)
 
-    def _parts(self, element: Element, wanted: Property) -> Iterator[Lists]:
+    def _parts(self, element: Element, wanted: Sequence[Property]) -> Iterator[list[Lists]]:
         for done, numbers, sizes in self._records(element):
-            at, count = self._places(element, done, numbers, sizes)[wanted.name]
-            first = np.cumsum(count) - count
-            found = numbers[np.repeat(at - first, count) + np.arange(int(count.sum()))]
-            if not (np.abs(found) < 2.0**53).all() or (found != np.floor(found)).any():
-                raise SceneError(f"{self._label} has a face with an index that is no whole number")
-            yield found.astype(np.int64), count
+            places = self._places(element, done, numbers, sizes)
+            part: list[Lists] = []
+            for entry in wanted:
+                at, count = places[entry.name]
+                first = np.cumsum(count) - count
+                found = numbers[np.repeat(at - first, count) + np.arange(int(count.sum()))]
+                if entry.kind[0] == "f":
+                    with np.errstate(over="ignore"):
+                        part.append((found.astype(entry.kind), count))
+                    continue
+                if not (np.abs(found) < 2.0**53).all() or (found != np.floor(found)).any():
+                    raise SceneError(f"{self._label} has a face with an index that is no whole number")
+                part.append((found.astype(np.int64), count))
+            yield part
 
     def skip(self, element: Element) -> None:
         """Pass over an element."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, BinaryIO, Final
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.scene.ply_header import Element, PlyHeader, Property
-from clrender.scene.ply_records import Lists, joined_lists, property_table
+from clrender.scene.ply_records import Lists, joined_lists, property_table, widened
 from clrender.scene.wording import quoted
 
 __all__ = ["BinaryRecords"]
@@ -53,15 +53,14 @@ class BinaryRecords:
                     table[start : start + count, column] = rows[name]
         return table
 
-    def lists(self, element: Element) -> Lists:
-        """All entries of the list of vertex indices, and how many each record has."""
-        assert element.index_list is not None
-        return joined_lists(self._parts(element, element.index_list), self._label)
+    def lists(self, element: Element, wanted: Sequence[Property]) -> list[Lists]:
+        """Of each of these lists all entries, and how many each record has."""
+        return joined_lists(self._parts(element, wanted), self._label)
 
     def skip(self, element: Element) -> None:
         """Pass over an element."""
         if element.lists:
-            for _ in self._parts(element, element.lists[0]):
+            for _ in self._parts(element, element.lists[:1]):
                 pass
         else:
             for start in range(0, element.least_bytes, _CHUNK):
@@ -72,34 +71,35 @@ class BinaryRecords:
         if self._left:
             raise SceneError(f"{self._label} has not the length its header promises: {self._left} bytes are left over")
 
-    def _parts(self, element: Element, wanted: Property) -> Iterator[Lists]:
-        """Entries of one list, and how many each record has, of some records at a time."""
+    def _parts(self, element: Element, wanted: Sequence[Property]) -> Iterator[list[Lists]]:
+        """Entries of some lists, and how many each record has, of some records at a time."""
         done, data = 0, b""
         while done < element.count:
             data += self._read(min(_CHUNK, self._left))
             start = 0
             while done < element.count:
                 part, end = self._alike(element, wanted, data, start, element.count - done)
-                if len(part[1]) < _FEW and len(part[1]) < element.count - done:
+                if len(part[0][1]) < _FEW and len(part[0][1]) < element.count - done:
                     part, end = self._one_by_one(element, wanted, data, start, element.count - done)
-                if not len(part[1]):
+                if not len(part[0][1]):
                     break
                 yield part
-                done, start = done + len(part[1]), end
+                done, start = done + len(part[0][1]), end
             data = data[start:]
             if done < element.count:
                 # Room for the whole of the record that has only begun: its end is known as far as its counts are.
-                _, _, _, end = self._walk(element, wanted, data, 0)
+                _, _, end = self._walk(element, data, 0)
                 data += self._read(max(0, end - len(data)))
         self._file.seek(-len(data), os.SEEK_CUR)
         self._left += len(data)
 
-    def _walk(self, element: Element, wanted: Property, data: bytes, at: int) -> tuple[list[int], int, int, int]:
-        """One record: where its counts are, where the wanted list begins, entries of that, and the record's end.
+    def _walk(self, element: Element, data: bytes, at: int) -> tuple[list[int], list[int], int]:
+        """One record: where its counts are, how many entries its lists have, and the record's end.
 
         The end lies behind the data when the record is not whole, and then the rest means nothing.
         """
-        places, first, entries = [], 0, 0
+        places: list[int] = []
+        counts: list[int] = []
         for entry in element.properties:
             if not entry.count_kind:
                 at += entry.entry_bytes
@@ -107,19 +107,20 @@ class BinaryRecords:
             places.append(at)
             behind = at + entry.count_bytes
             if behind > len(data):
-                return places, 0, 0, behind
+                return places, counts, behind
             signed = entry.count_kind.startswith("i")
             count = int.from_bytes(data[at:behind], "little" if self._little else "big", signed=signed)
             if count < 0:
                 raise SceneError(f"{self._label} is damaged: a list of {quoted(element.name)} has {count} entries")
-            if entry is wanted:
-                first, entries = behind, count
+            counts.append(count)
             at = behind + count * entry.entry_bytes
-        return places, first, entries, at
+        return places, counts, at
 
-    def _alike(self, element: Element, wanted: Property, data: bytes, start: int, most: int) -> tuple[Lists, int]:
+    def _alike(
+        self, element: Element, wanted: Sequence[Property], data: bytes, start: int, most: int
+    ) -> tuple[list[Lists], int]:
         """Records from a byte on as long as their lists are as long as those of the first; and where they end."""
-        places, first, entries, end = self._walk(element, wanted, data, start)
+        places, counts, end = self._walk(element, data, start)
         size = end - start
         count = min(most, (len(data) - start) // size) if size and end <= len(data) else 0
         rows = np.frombuffer(data, np.uint8, count * size, start).reshape(count, size)
@@ -127,24 +128,40 @@ class BinaryRecords:
             field = rows[:, place - start : place - start + entry.count_bytes]
             other = (field != field[0]).any(axis=1)
             rows = rows[: int(np.argmax(other))] if other.any() else rows
-        found = rows[:, first - start : first - start + entries * wanted.entry_bytes]
-        numbers = np.ascontiguousarray(found).view(self._kind(wanted.kind)) if entries else np.empty(0)
-        return (numbers.reshape(-1).astype(np.int64), np.full(len(rows), entries)), start + len(rows) * size
+        found: list[Lists] = []
+        for entry in wanted:
+            kind = self._kind(entry.kind)
+            if not len(rows):
+                found.append((widened(np.empty(0, kind)), np.empty(0, np.int64)))
+                continue
+            number = element.lists.index(entry)
+            first = places[number] - start + entry.count_bytes
+            field = np.ascontiguousarray(rows[:, first : first + counts[number] * kind.itemsize])
+            numbers = field.view(kind) if counts[number] else np.empty(0, kind)
+            found.append((widened(numbers.reshape(-1)), np.full(len(rows), counts[number])))
+        return found, start + len(rows) * size
 
-    def _one_by_one(self, element: Element, wanted: Property, data: bytes, start: int, most: int) -> tuple[Lists, int]:
+    def _one_by_one(
+        self, element: Element, wanted: Sequence[Property], data: bytes, start: int, most: int
+    ) -> tuple[list[Lists], int]:
         """Records from a byte on, however long their lists are; and where they end."""
-        firsts: list[int] = []
-        counts: list[int] = []
+        firsts: list[list[int]] = []
+        counts: list[list[int]] = []
         while len(counts) < min(most, _WALK):
-            _, first, entries, end = self._walk(element, wanted, data, start)
+            places, lengths, end = self._walk(element, data, start)
             if end > len(data):
                 break
-            firsts.append(first)
-            counts.append(entries)
+            firsts.append(places)
+            counts.append(lengths)
             start = end
-        count, kind = np.array(counts, np.int64), self._kind(wanted.kind)
-        before = np.cumsum(count) - count
-        at = np.repeat(np.array(firsts, np.int64) - before * kind.itemsize, count)
-        at += np.arange(len(at)) * kind.itemsize
-        found = np.frombuffer(data, np.uint8)[at[:, None] + np.arange(kind.itemsize)]
-        return (np.ascontiguousarray(found).view(kind).reshape(-1).astype(np.int64), count), start
+        found: list[Lists] = []
+        for entry in wanted:
+            number, kind = element.lists.index(entry), self._kind(entry.kind)
+            count = np.array([lengths[number] for lengths in counts], np.int64)
+            begins = np.array([places[number] for places in firsts], np.int64) + entry.count_bytes
+            before = np.cumsum(count) - count
+            at = np.repeat(begins - before * kind.itemsize, count)
+            at += np.arange(len(at)) * kind.itemsize
+            field = np.frombuffer(data, np.uint8)[at[:, None] + np.arange(kind.itemsize)]
+            found.append((widened(np.ascontiguousarray(field).view(kind).reshape(-1)), count))
+        return found, start

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,9 @@ from clrender.errors import SceneError
 from clrender.scene.mesh_data import TRIANGLE_LIMIT
 from clrender.scene.ply_header import Element
 
-__all__ = ["Lists", "joined_lists", "property_table"]
+__all__ = ["Lists", "joined_lists", "property_table", "widened"]
 
-Lists: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]
+Lists: TypeAlias = tuple[NDArray[Any], NDArray[np.int64]]
 """Entries of the lists of some records, one list after the other, and how many entries each record has."""
 
 
@@ -25,13 +25,21 @@ def property_table(element: Element, names: list[str]) -> NDArray[np.floating]:
     return np.empty((element.count, len(names)), np.float32 if single else np.float64)
 
 
-def joined_lists(parts: Iterator[Lists], label: str) -> Lists:
-    """All entries and all counts, as long as they are not too many."""
-    entries, counts, total = [], [], 0
-    for some, count in parts:
-        entries.append(some)
-        counts.append(count)
-        total += len(some)
+def joined_lists(parts: Iterator[list[Lists]], label: str) -> list[Lists]:
+    """All entries and all counts of several lists, as long as the first one's entries are not too many."""
+    columns: list[list[Lists]] = []
+    total = 0
+    for some in parts:
+        columns.append(some)
+        total += len(some[0][0])
         if total > 3 * TRIANGLE_LIMIT:
             raise SceneError(f"{label} has faces of more than {3 * TRIANGLE_LIMIT} corners in all; split it")
-    return np.concatenate(entries), np.concatenate(counts)
+    return [
+        (np.concatenate([entries for entries, _ in column]), np.concatenate([counts for _, counts in column]))
+        for column in zip(*columns, strict=True)
+    ]
+
+
+def widened(entries: NDArray[Any]) -> NDArray[Any]:
+    """Entries of a list: whole numbers as int64, others as they are."""
+    return entries.astype(np.int64 if entries.dtype.kind in "iu" else entries.dtype.newbyteorder("="))

@@ -205,7 +205,7 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 
 
 class Mesh(Surface):
-    """Triangles from a file (.ply, .obj), or written inline as vertices and faces."""
+    """Triangles from a file (.ply, .obj, .stl), or written inline as vertices and faces."""
 
     type: Literal["mesh"]
     file: FileName | None = None

@@ -50,6 +50,19 @@ OBJ = (
     b"v .5 .5 1. 0 1 0\nvt 0 0\nvn 0 0 1\nvn 0 1 0\n"
     b"f 1//1 2//1 3//2\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -5//1 -4//1 \\\n-1//-1\nf 1//1 2//1 3//1 5//1 4//1\n"
 )
+MTL = (
+    b"# materials\nnewmtl red\nKa 1 1 1\nKd .8 0.1 .1\nKs .5 .5 .5\nNs 96.1\nNi 1.45\nd .9\nillum 2\n"
+    b"map_Kd -s 2 2 1 -o .5 0 -clamp on no picture.png\nbump -bm .5 no.png\nnewmtl glass\nillum 7\nTf .9 1 .9\nNi 1.5\n"
+    b"newmtl paint\nKd 1 .5 0\nPr .3\nPm 1\nPc .5\nPcr 0.1\nPs .2\naniso .5\nanisor .25\nKe 1 2 3\nTr .1\n"
+)
+USES = b"mtllib mutated.mtl\n" + OBJ.replace(b"f 1//1 2", b"usemtl red\ns 1\nf 1//1 2", 1).replace(
+    b"f -5", b"o other\nusemtl glass\nf -5"
+)
+STL = (
+    b"solid a b\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 1 1 2.5e-1\n endloop\n"
+    b"endfacet\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 1. 0 .0\nvertex -1 +1 0\nendloop\nendfacet\n"
+    b"endsolid a b\n"
+)
 
 
 IES = (
@@ -106,7 +119,13 @@ def originals(folder: Path, ending: str) -> list[bytes]:
         binary += b"".join(struct.pack(f"<B{len(f)}i", len(f), *f) for f in FACES)
         return [PLY % b"ascii" + text, PLY % b"binary_little_endian" + binary]
     if ending == ".obj":
-        return [OBJ, OBJ.replace(b"//", b" ").replace(b"/1/1", b"")]
+        return [OBJ, OBJ.replace(b"//", b" ").replace(b"/1/1", b""), USES]
+    if ending == ".mtl":
+        (folder / "model.obj").write_bytes(USES + b"usemtl paint\nf 1//1 2//1 5//1\n")
+        return [MTL]
+    if ending == ".stl":
+        facets = [struct.pack("<12fH", 0, 0, 1, *(float(i * j % 5) for j in range(9)), 0) for i in range(1, 4)]
+        return [STL, b"binary".ljust(80) + struct.pack("<I", 3) + b"".join(facets)]
     if ending == ".ies":
         one = IES[: IES.index(b"100 80.")].replace(b"5 3 1 2", b"5 1 1 2").replace(b"0 45 90\r\n", b"0\r\n")
         return [IES, one[one.index(b"TILT") :]]
@@ -205,8 +224,19 @@ def mended(data: bytes) -> bytes:
 
 
 def _mesh(path: Path) -> Any:
-    read_mesh(path.name, path.parent, (), "here")
-    return read_mesh(path.name, path.parent, (), "here", "auto")
+    """As a scene of its own, and as a scene names it."""
+    problem: ClrenderError | None = None
+    try:
+        load(path)
+    except ClrenderError as error:
+        problem = error
+    read_mesh(path.name, path.parent, (), "here", None if path.suffix == ".stl" else "auto")
+    if problem is not None:
+        raise problem
+
+
+def _library(path: Path) -> Any:
+    return load(path.with_name("model.obj"))
 
 
 def _image(path: Path) -> Any:
@@ -225,6 +255,8 @@ def _scene(path: Path) -> Any:
 READERS: dict[str, Callable[[Path], Any]] = {
     ".ply": _mesh,
     ".obj": _mesh,
+    ".stl": _mesh,
+    ".mtl": _library,
     ".ies": _lamp,
     ".film": Film.load,
     ".gltf": _scene,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".ies", ".film", ".gltf", ".glb"]
+ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".mtl", ".stl", ".ies", ".film", ".gltf", ".glb"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""
@@ -36,6 +36,6 @@ def test_five_thousand_mutated_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", [".gltf", ".glb"])
+@pytest.mark.parametrize("ending", [".obj", ".mtl", ".ply", ".stl", ".gltf", ".glb"])
 def test_ten_thousand_mutated_models(tmp_path: Path, ending: str) -> None:
-    answers(tmp_path, 5000, 3, [ending])
+    answers(tmp_path, 10_000, 3, [ending])

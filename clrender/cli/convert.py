@@ -1,0 +1,88 @@
+"""`clrender convert`: writes a scene of any format in our own, with its meshes and pictures beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from clrender.cli.options import allow_path_option
+from clrender.cli.outputs import check_distinct, scene_files
+from clrender.errors import UsageError
+from clrender.files import atomic_write, check_writable
+
+if TYPE_CHECKING:
+    from clrender.exporters import Export
+
+__all__ = ["convert"]
+
+_ENDINGS = (".toml", ".json")
+
+
+@click.command()
+@click.argument("scene")
+@click.argument("output", type=click.Path(path_type=Path))
+@click.option("--force", is_flag=True, help="Overwrite OUTPUT if it exists.")
+@allow_path_option
+def convert(scene: str, output: Path, force: bool, allow_paths: tuple[Path, ...]) -> None:
+    """Write SCENE, of any format that is read, to OUTPUT (.toml or .json), in clrender's own format.
+
+    Its meshes, pictures and lamps go into a folder beside it, named as OUTPUT with -files in the place of the ending.
+    The image is the same, bit for bit.
+    """
+    if output.suffix.lower() not in _ENDINGS:
+        raise UsageError(f"{output}: the ending {output.suffix!r} is not that of a scene file; name a .toml or .json.")
+    if output.exists() and not force and not output.is_dir():
+        raise UsageError(f"{output}: exists already; choose another name, or overwrite it with --force")
+    check_writable(output)
+    check_distinct([output], [Path(scene)])
+    from clrender.exporters import exported, scene_text
+    from clrender.importers import load
+    from clrender.version import __version__
+
+    loaded = load(scene, allow_paths=allow_paths)
+    check_distinct([output], scene_files(scene, loaded))
+    folder = output.with_name(f"{output.stem}-files")
+    export = exported(loaded, folder.name)
+    if export.files and folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder}: is a file, where the folder for meshes and pictures would be; name another output")
+    name = ascii(Path(scene).name)[1:-1]
+    text = scene_text(export.description, output.suffix.lower(), f"{name}, as clrender {__version__} converts it")
+    with _files_beside(export, output), atomic_write(output) as file:
+        file.write(text)
+    for note in loaded.notes:
+        click.echo(f"note: {note}", err=True)
+    beside = f", {len(export.files)} files in {folder}" if export.files else ""
+    click.echo(f"{output}: {len(loaded.shapes)} shapes{beside}, scene sha256 {loaded.sha256()}")
+
+
+@contextmanager
+def _files_beside(export: Export, output: Path) -> Iterator[None]:
+    """Write all files; what was not there before vanishes again if that, or the block, fails."""
+    made: list[Path] = []
+    try:
+        for name, write in export.files.items():
+            path = output.parent / name
+            if not path.parent.exists():
+                path.parent.mkdir()
+                made.append(path.parent)
+            if not path.exists():
+                made.append(path)
+            with atomic_write(path) as file:
+                write(file)
+        yield
+    except OSError as error:
+        _remove(made)
+        raise UsageError(f"{output.stem}-files: cannot be made ({error.strerror}); write elsewhere.") from None
+    except BaseException:
+        _remove(made)
+        raise
+
+
+def _remove(made: list[Path]) -> None:
+    for path in reversed(made):
+        with suppress(OSError):
+            path.rmdir() if path.is_dir() else path.unlink()

@@ -1,0 +1,172 @@
+"""A scene as the text of a scene file, and the files that this text names."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import IO, Any, Final, TypeAlias
+
+from clrender.errors import SceneError
+from clrender.exporters.mesh_ply import write_ply
+from clrender.scene import Mesh, Scene
+from clrender.scene.description import put_at
+from clrender.scene.load import SCENE_FILE_LIMIT
+from clrender.scene.wording import place, quoted
+
+__all__ = ["Export", "exported", "scene_text"]
+
+_Write: TypeAlias = Callable[[IO[bytes]], None]
+_TILT: Final = re.compile(r"\s*TILT\s*=(.*)", re.IGNORECASE)
+_HASHED: Final = re.compile(r"-[0-9a-f]{8}\Z")
+_ROW: Final = re.compile(r"\[\n((?:[ \t]*[-+.\w]+,\n)+)[ \t]*\]")
+"""A list of numbers, each on a line of its own, in TOML; no text has a line break there."""
+
+
+@dataclass
+class Export:
+    """A scene that needs no file but those written with it.
+
+    Attributes
+    ----------
+    description : dict
+        As a scene file says it.
+    files : dict of str to callable
+        Names beside the scene file, with ``/``; each writes its content into a binary file.
+    """
+
+    description: dict[str, Any]
+    files: dict[str, _Write] = field(default_factory=dict)
+    _digests: dict[str, str] = field(default_factory=dict)
+
+    def add(self, folder: str, stem: str, ending: str, digest: str, write: _Write) -> str:
+        """The name of a file for some content.
+
+        Parameters
+        ----------
+        folder : str
+        stem : str
+            From which its name is made: letters, digits, ``-`` and ``_`` of it.
+        ending : str
+        digest : str
+            Hash of the content, in hexadecimal: a part of the name, so that another content has another name, and a
+            scene file written before keeps what it names.
+        write : callable
+        """
+        plain = _HASHED.sub("", re.sub(r"[^A-Za-z0-9_-]+", "-", stem).strip("-").lower()[:60]) or "file"
+        name = f"{folder}/{plain}-{digest[:8]}{ending}"
+        if self._digests.setdefault(name, digest) != digest:
+            name = f"{folder}/{plain}-{digest}{ending}"
+        self.files.setdefault(name, write)
+        return name
+
+
+def exported(scene: Scene, folder: str) -> Export:
+    """A scene, and its meshes, pictures and lamps as files of a folder.
+
+    Parameters
+    ----------
+    scene : Scene
+    folder : str
+        Relative to the scene file that will be written.
+
+    Returns
+    -------
+    Export
+        Scenes read from it have the same hash. Encoded pictures are copied as they are.
+
+    Raises
+    ------
+    SceneError
+        A file cannot be read.
+    """
+    export = Export(scene.model_dump(mode="json", exclude_none=True, exclude_unset=True))
+    for index, shape in enumerate(scene.shapes):
+        if isinstance(shape, Mesh) and shape.file is not None:
+            mesh = scene.mesh(index)
+            name = export.add(folder, Path(shape.file).stem, ".ply", mesh.sha256(), partial(write_ply, mesh=mesh))
+            export.description["shapes"][index]["file"] = name
+    copied: dict[str, str] = {}
+    named = [(at, texture.texture) for at, texture in scene.texture_files()]
+    around = scene.environment
+    if around is not None and around.file is not None:
+        named.append((("lights", scene.lights.index(around), "file"), around.file))
+    for at, name in named:
+        if name not in copied:
+            copied[name] = _copied(export, scene, folder, name, place(at))
+        put_at(export.description, at, copied[name])
+    for index, light in scene.ies_lights():
+        at = ("lights", index, "file")
+        data = _lamp(scene, light.file, place(at))
+        digest = hashlib.sha256(data).hexdigest()
+        name = export.add(folder, Path(light.file).stem, ".ies", digest, partial(_write_bytes, data=data))
+        put_at(export.description, at, name)
+    return export
+
+
+def scene_text(description: dict[str, Any], ending: str, title: str) -> bytes:
+    """The content of a scene file.
+
+    Parameters
+    ----------
+    description : dict
+    ending : str
+        ``.toml`` or ``.json``.
+    title : str
+        One line that says what it is, where the format has comments.
+
+    Raises
+    ------
+    SceneError
+        It is larger than what is read.
+    """
+    if ending == ".json":
+        text = json.dumps(description, indent=1, ensure_ascii=False) + "\n"
+    else:
+        import tomli_w
+
+        text = f"# {title}\n{_ROW.sub(_in_a_row, tomli_w.dumps(description))}"
+    data = text.encode("utf-8")
+    if len(data) > SCENE_FILE_LIMIT:
+        raise SceneError(f"the scene file would have {len(data)} bytes, but at most {SCENE_FILE_LIMIT} are read")
+    return data
+
+
+def _in_a_row(found: re.Match[str]) -> str:
+    return f"[{', '.join(line.strip(' ,') for line in found[1].splitlines())}]".replace("\t", "")
+
+
+def _copied(export: Export, scene: Scene, folder: str, name: str, where: str) -> str:
+    """A picture, as it is."""
+    digest = hashlib.sha256()
+    with scene.opened(name, where) as (file, ending):
+        while block := file.read(2**20):
+            digest.update(block)
+
+    def write(into: IO[bytes]) -> None:
+        with scene.opened(name, where) as (file, _):
+            shutil.copyfileobj(file, into, 2**20)
+
+    return export.add(folder, Path(name).stem or name, ending, digest.hexdigest(), write)
+
+
+def _lamp(scene: Scene, name: str, where: str) -> bytes:
+    """An IES file; if it names a file of tilt factors, with those in it."""
+    with scene.opened(name, where) as (file, _):
+        data = file.read()
+    lines = data.decode("latin-1").replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    at, what = next(((i, found[1].strip()) for i, line in enumerate(lines) if (found := _TILT.match(line))), (0, ""))
+    if what.upper() in ("", "NONE", "INCLUDE"):
+        return data
+    with scene.opened(str(Path(name).parent / what), f"{where}: {quoted(name)}") as (file, _):
+        factors = file.read().decode("latin-1").replace("\x1a", "")
+    return "\r\n".join([*lines[:at], "TILT=INCLUDE", *factors.split(), *lines[at + 1 :]]).encode("latin-1")
+
+
+def _write_bytes(file: IO[bytes], data: bytes) -> None:
+    file.write(data)

@@ -1,0 +1,155 @@
+"""Pictures of material libraries: found, and told how our textures name them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.errors import SceneError
+from clrender.image.pictures import PICTURE_ENDINGS, open_picture
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.mtl_file import MtlPicture
+from clrender.scene.values import POWER_LIMIT
+from clrender.scene.wording import quoted
+
+__all__ = ["BUMP_SHARE", "MtlPictures"]
+
+BUMP_SHARE: Final = 0.01
+"""Heights of 1 with ``-bm 1``, as a share of the model's diagonal: the format has no unit for them."""
+_UV_LIMIT: Final = 1e6
+_CHANNELS: Final = {"r": "r", "g": "g", "b": "b", "m": "a", "l": "luminance"}
+_NOT_READ: Final = ("-blendu", "-blendv", "-cc", "-boost", "-texres", "-t", "-type")
+_AS_BY_DEFAULT: Final = {"-blendu": "on", "-blendv": "on", "-cc": "off"}
+
+
+class MtlPictures:
+    """Finds pictures, once each.
+
+    Parameters
+    ----------
+    files : AssetFiles
+    folder : str
+        Of the library, relative to the scene's; pictures are looked for there first.
+    note : callable
+        Takes a sentence for the user.
+    diagonal : float
+        Of the model, metres.
+    """
+
+    def __init__(self, files: AssetFiles, folder: str, note: Callable[[str], None], diagonal: float) -> None:
+        self._files, self._folder, self._note, self._diagonal = files, folder, note, diagonal
+        self._found: dict[str, str | None] = {}
+
+    def color(self, picture: MtlPicture | None, factor: tuple[float, float, float]) -> dict[str, Any] | None:
+        """A texture of colours times a factor; None where it cannot be had."""
+        table = self._table(picture)
+        if table is None or picture is None:
+            return None
+        if picture.word("-imfchan") in _CHANNELS:
+            table["channel"] = _CHANNELS[picture.word("-imfchan")]
+        gain = self._gain(picture)
+        return {**table, "scale": [min(gain * each, POWER_LIMIT) for each in factor]}
+
+    def share(self, picture: MtlPicture | None, factor: float, channel: str) -> dict[str, Any] | None:
+        """A texture of numbers, likewise; `channel` where the file does not say which."""
+        table = self._table(picture)
+        if table is None or picture is None:
+            return None
+        channel = _CHANNELS.get(picture.word("-imfchan"), channel)
+        return {**table, "channel": channel, "scale": [min(factor * self._gain(picture), POWER_LIMIT)] * 3}
+
+    def relief(self, picture: MtlPicture, normals: bool) -> tuple[str, dict[str, Any]] | None:
+        """A normal map or bump map, and the key of a material for it.
+
+        Parameters
+        ----------
+        picture : MtlPicture
+        normals : bool
+            Whether it is said to hold normals; else it does if it looks so.
+        """
+        table = self._table(picture)
+        if table is None:
+            return None
+        (strength,) = picture.numbers("-bm", (1.0,))
+        if not normals and self._holds_normals(table["texture"]):
+            self._note(f"{picture.place}: {quoted(picture.name)} holds normals, not heights: taken as a normal map")
+            normals = True
+        if normals:
+            return "normal_map", {**table, "scale": _bounded(strength, 100.0)}
+        scale = strength * BUMP_SHARE * self._diagonal
+        self._note(f"heights of bump maps have no unit: -bm 1 is {BUMP_SHARE:g} of the model's diagonal")
+        table["channel"] = _CHANNELS.get(picture.word("-imfchan"), "luminance")
+        return "bump_map", {**table, "scale": _bounded(scale, 1e6)}
+
+    def _gain(self, picture: MtlPicture) -> float:
+        base, gain = picture.numbers("-mm", (0.0, 1.0))
+        if base != 0.0:
+            self._note(f"{picture.place}: the base {base:g} of -mm is not added; only its factor is read")
+        return max(gain, 0.0)
+
+    def _table(self, picture: MtlPicture | None) -> dict[str, Any] | None:
+        """Name, wrap and transform of a texture."""
+        name = None if picture is None else self._name(picture)
+        if picture is None or name is None:
+            return None
+        for option in _NOT_READ:
+            if option in picture.options and picture.word(option) != _AS_BY_DEFAULT.get(option, None):
+                self._note(f"the option {option} of pictures is not read")
+        if picture.word("-imfchan") == "z":
+            self._note(f"{picture.place}: depth (-imfchan z) is not read; the picture's colours are")
+        table: dict[str, Any] = {"texture": name}
+        if picture.word("-clamp") == "on":
+            table["wrap"] = "clamp"
+        scale = [_bounded(x, _UV_LIMIT) for x in picture.numbers("-s", (1.0, 1.0, 1.0))[:2]]
+        offset = [_bounded(x, _UV_LIMIT) for x in picture.numbers("-o", (0.0, 0.0, 0.0))[:2]]
+        if scale != [1.0, 1.0] or offset != [0.0, 0.0]:
+            table["transform"] = {"scale": scale, "offset": offset}
+        return table
+
+    def _name(self, picture: MtlPicture) -> str | None:
+        """The name, relative to the scene's folder, of a file that can be opened; else says why there is none."""
+        if picture.name not in self._found:
+            self._found[picture.name] = self._search(picture)
+        return self._found[picture.name]
+
+    def _search(self, picture: MtlPicture) -> str | None:
+        plain = picture.name.replace("\\", "/")
+        first = str(Path(self._folder) / plain)
+        beside = str(Path(self._folder) / plain.rpartition("/")[2])
+        problem = ""
+        for name in dict.fromkeys((first, plain, str(Path(self._folder) / picture.name), beside)):
+            try:
+                self._files.open(name, picture.place)[0].close()
+            except SceneError as error:
+                problem = problem or str(error).removeprefix(f"{self._files.source}: ")
+                continue
+            if Path(name).suffix.lower() not in PICTURE_ENDINGS:
+                kinds = " ".join(PICTURE_ENDINGS)
+                self._note(f"{picture.place}: {quoted(picture.name)} is left out: pictures may be {kinds}")
+                return None
+            if name == beside and name not in (first, plain):
+                self._note(f"{picture.place}: {quoted(picture.name)} is not there: {quoted(name)} is taken")
+            return name
+        self._note(f"{problem}: left out")
+        return None
+
+    def _holds_normals(self, name: str) -> bool:
+        """Whether the colours of a picture are mostly those of normals: around (0.5, 0.5, 1), and no greys."""
+        file, _ = self._files.open(name, "a bump map")
+        with file:
+            try:
+                band = next(open_picture(file, Path(name).suffix.lower()).bands())
+            except Exception:
+                return False  # whoever reads it for good says what is wrong with it
+        if band.shape[2] != 4 or band.dtype not in (np.uint8, np.uint16):
+            return False
+        red, green, blue = (float(x) / np.iinfo(band.dtype).max for x in band[..., :3].mean((0, 1)))
+        return 0.35 < red < 0.65 and 0.35 < green < 0.65 and blue > 0.7
+
+
+def _bounded(value: float, limit: float) -> float:
+    return math.copysign(min(abs(value), limit), value)

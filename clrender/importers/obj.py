@@ -1,0 +1,253 @@
+"""OBJ files with their material libraries as scenes: a shape for each material of each object."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.importers.mtl_file import MtlMaterial, read_mtl
+from clrender.importers.mtl_materials import GREY, Converted, converted
+from clrender.importers.mtl_pictures import MtlPictures
+from clrender.scene.materials import BASE_COLORS
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_io import FILE_LIMIT, checked_mesh
+from clrender.scene.mesh_obj import ObjFaces
+from clrender.scene.obj_records import ObjRecords, Statement, read_records
+from clrender.scene.wording import quoted
+
+__all__ = ["read"]
+
+_SHAPE_LIMIT: Final = 4096
+"""Most shapes; of more, those of one material become one."""
+_LIBRARY_LIMIT: Final = 2**24
+_MOST_LIBRARIES: Final = 256
+_MISSING_SHOWN: Final = 17
+"""Of names of materials that are in no library, with the empty one."""
+_Whole = NDArray[np.int64]
+
+
+@dataclass
+class _Runs:
+    """What statements say of the faces that follow them.
+
+    Attributes
+    ----------
+    objects, materials : (F,) int64
+        Numbers in the lists of names; 0: none.
+    smoothing : (F,) int64
+        Numbers of smoothing groups; 0: none.
+    names : list of str
+        Of materials; the first one is no name.
+    object_names : list of str
+    """
+
+    objects: _Whole
+    materials: _Whole
+    smoothing: _Whole
+    names: list[str]
+    object_names: list[str]
+
+
+def read(path: Path, files: AssetFiles) -> Draft:
+    """The scene of an OBJ file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+
+    Raises
+    ------
+    SceneError
+        It is truncated or damaged, or its material library is.
+    """
+    draft = Draft()
+    file, size = files.open_scene(path, FILE_LIMIT)
+    label = files.source
+    with file:
+        if size == 0:
+            raise SceneError(f"{label} is empty; it must hold a mesh")
+        try:
+            records = read_records(file, label, None, statements=True)
+        except OSError as error:
+            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
+    faces = ObjFaces(records, label)
+    runs = _runs(records.statements, records.counts["f"])
+    _note_statements(records, runs, faces, draft)
+    library, folder = _library(records.statements, files, draft)
+    with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused below
+        diagonal = float(np.linalg.norm(np.ptp(faces.positions, axis=0)))
+
+    def note(sentence: str) -> None:
+        draft.note(sentence.removeprefix(f"{files.source}: "))
+
+    pictures = MtlPictures(files, folder, note, diagonal)
+    _forget_missing(runs, library, note)
+    _add_shapes(draft, faces, runs, _materials(runs, library, pictures, note))
+    return draft
+
+
+def _runs(statements: list[Statement], count: int) -> _Runs:
+    """Object, material and smoothing group of every face."""
+    tables: dict[str, dict[str, int]] = {"o": {"": 0}, "usemtl": {"": 0}, "s": {"0": 0, "off": 0, "": 0}}
+    found = {}
+    for keyword, numbers in tables.items():
+        own = [each for each in statements if each.keyword == keyword]
+        starts = np.array([0, *(each.faces for each in own)], np.int64)
+        values = [0, *(numbers.setdefault(each.rest, len(numbers)) for each in own)]
+        found[keyword] = np.repeat(np.array(values, np.int64), np.diff(starts, append=count))
+    return _Runs(found["o"], found["usemtl"], found["s"], list(tables["usemtl"]), list(tables["o"]))
+
+
+def _note_statements(records: ObjRecords, runs: _Runs, faces: ObjFaces, draft: Draft) -> None:
+    """Say what is in the file that no shape is made of."""
+    kinds = {"p": "points", "l": "lines", "curv": "curves", "curv2": "curves", "surf": "free-form surfaces"}
+    listed = [each for each in records.others.items() if each[0] != "g"]
+    for keyword, count in listed[:8]:
+        what = f", {kinds[keyword]}," if keyword in kinds else ""
+        draft.note(f"{count} lines with {quoted(keyword)}{what} are not read")
+    if len(listed) > 8:
+        draft.note(f"{len(listed) - 8} more kinds of lines are not read")
+    widths = {part.shape[1] for part in records.positions}
+    if len(widths) > 1 or records.some_colored:
+        draft.note("some vertices have colours and others have none: none is read")
+    elif faces.colors is not None and not _has_colors(faces):
+        draft.note("colours of vertices are not all from 0 to 1: none is read")
+
+
+def _library(statements: list[Statement], files: AssetFiles, draft: Draft) -> tuple[dict[str, MtlMaterial], str]:
+    """Materials of all libraries that can be read, and the folder of the first one."""
+    found: dict[str, MtlMaterial] = {}
+    folder = ""
+    tried: set[str] = set()
+    for statement in statements:
+        if statement.keyword != "mtllib" or not statement.rest or statement.rest in tried:
+            continue
+        if len(tried) == _MOST_LIBRARIES:
+            draft.note(f"line {statement.line} names one more material library: only {_MOST_LIBRARIES} are read")
+            break
+        tried.add(statement.rest)
+        # The name may have blanks; the standard means several names
+        for names in ([statement.rest], statement.rest.split()):
+            contents, problems = {}, []
+            for name in names:
+                try:
+                    contents[name] = _content(name.replace("\\", "/"), f"line {statement.line}", files)
+                except SceneError as error:
+                    problems.append(str(error).removeprefix(f"{files.source}: "))
+            if contents:
+                break
+        for problem in problems:
+            draft.note(f"{problem}: its materials are missing")
+        for name, data in contents.items():
+            if not found:
+                folder = str(Path(name.replace("\\", "/")).parent)
+            found = {**read_mtl(data, f"{files.source}: {quoted(name)}"), **found}
+    return found, "" if folder == "." else folder
+
+
+def _content(name: str, place: str, files: AssetFiles) -> bytes:
+    file, size = files.open(name, place, _LIBRARY_LIMIT)
+    with file:
+        return file.read(size)
+
+
+def _forget_missing(runs: _Runs, library: dict[str, MtlMaterial], note: Callable[[str], None]) -> None:
+    """Take faces whose material is in no library for faces without one."""
+    missing = np.array([name not in library for name in runs.names])
+    for number in np.flatnonzero(missing)[1:_MISSING_SHOWN].tolist():
+        note(f"the material {quoted(runs.names[number])} is in no library: grey is taken")
+    if (more := int(missing.sum()) - _MISSING_SHOWN) > 0:
+        note(f"{more} more materials are in no library")
+    runs.materials[missing[runs.materials]] = 0
+
+
+def _materials(
+    runs: _Runs, library: dict[str, MtlMaterial], pictures: MtlPictures, note: Callable[[str], None]
+) -> dict[int, tuple[str | None, Converted]]:
+    """Materials that faces have, by their numbers, each with its name."""
+    found: dict[int, tuple[str | None, Converted]] = {}
+    used: set[str] = set()
+    for number in np.unique(runs.materials).tolist():
+        wanted = runs.names[number]
+        source = library.get(wanted)
+        if source is None:
+            found[number] = None, Converted({"type": "lambert", "reflectance": [GREY] * 3}, None)
+            continue
+        name = wanted[:200]
+        while name in used:
+            name = f"{name[:190]} {len(used)}"
+        used.add(name)
+        found[number] = name, converted(source, pictures, note)
+    return found
+
+
+def _add_shapes(draft: Draft, faces: ObjFaces, runs: _Runs, materials: dict[int, tuple[str | None, Converted]]) -> None:
+    """A shape for each material of each object; its faces with normals and those without are apart."""
+    of_object = 2 * len(runs.names)
+    keys = runs.objects * of_object + (runs.materials * 2 + faces.with_normals)
+    if bool((keys == keys[0]).all()):
+        _add_shape(draft, faces, runs, None, materials[int(runs.materials[0])])
+        return
+    parts = len(np.unique(keys))
+    if parts > _SHAPE_LIMIT:
+        draft.note(f"{parts} parts of objects are too many: those of one material are one shape")
+        keys = keys % of_object
+    order = np.argsort(keys, kind="stable")
+    begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    for some in np.split(order, begins[1:]):
+        _add_shape(draft, faces, runs, some, materials[int(runs.materials[some[0]])])
+
+
+def _add_shape(
+    draft: Draft, faces: ObjFaces, runs: _Runs, some: _Whole | None, of: tuple[str | None, Converted]
+) -> None:
+    """Add a shape of some faces, or of all; none of two materials or objects."""
+    name, (material, emission) = of
+    colored = _has_colors(faces)
+    plain = not any(material.get(key) is not None for key in BASE_COLORS)
+    if colored and plain:
+        draft.note(f"colours of vertices are not read where the material {quoted(name or '')} has no colour")
+    shaded = colored and not plain
+    mesh = faces.mesh(some, "auto" if shaded else None, runs.smoothing)
+    if mesh.uvs is None and (_has_textures(material) or isinstance(emission, dict)):
+        draft.note(f"faces of the material {quoted(name or '')} have no texture coordinates, and got (0, 0)")
+        mesh = _with_blank_uvs(mesh)
+    number = len(draft.description["shapes"])
+    first = 0 if some is None else int(some[0])
+    file = f"{runs.object_names[int(runs.objects[first])][:60]} {(name or '')[:60]} {number}".strip()
+    draft.meshes[file] = checked_mesh(mesh, faces.label)
+    materials = draft.description["materials"]
+    if name is None:
+        # White, where colours of vertices say all
+        name = "no material" if not shaded else "no material, coloured"
+        material = {**material, "reflectance": [1.0 if shaded else GREY] * 3}
+    materials[name] = material
+    shape: dict[str, Any] = {"type": "mesh", "file": file, "material": name}
+    if shaded:
+        shape["vertex_colors"] = "linear"
+    if emission is not None:
+        shape["emission"] = emission
+    draft.description["shapes"].append(shape)
+
+
+def _has_colors(faces: ObjFaces) -> bool:
+    """Whether all vertices have colours that can be."""
+    colors = faces.colors
+    return colors is not None and float(colors.min()) >= 0.0 and float(colors.max()) <= 1.0
+
+
+def _has_textures(material: dict[str, Any]) -> bool:
+    return any(isinstance(value, dict) for value in material.values())
+
+
+def _with_blank_uvs(mesh: MeshData) -> MeshData:
+    return replace(mesh, uvs=np.zeros((len(mesh.triangles), 3, 2), np.float32))

@@ -1,0 +1,63 @@
+"""PLY files as scenes: one shape, in the colours of its vertices or grey."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.importers.mtl_materials import GREY
+from clrender.scene.mesh_io import FILE_LIMIT
+from clrender.scene.mesh_ply import READ_OF_FACES, READ_OF_VERTICES, has_colors
+from clrender.scene.ply_header import PlyHeader, read_header
+from clrender.scene.wording import quoted
+
+__all__ = ["read"]
+
+_LISTED: Final = 8
+
+
+def read(path: Path, files: AssetFiles) -> Draft:
+    """The scene of a PLY file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+
+    Raises
+    ------
+    SceneError
+        Its header is no sound one; the rest is read as meshes are that scenes name.
+    """
+    file, _ = files.open_scene(path, FILE_LIMIT)
+    with file:
+        header = read_header(file, files.source)
+    draft = Draft()
+    colored = has_colors(header)
+    name = "no material, coloured" if colored else "no material"
+    draft.description["materials"][name] = {"type": "lambert", "reflectance": [1.0 if colored else GREY] * 3}
+    shape: dict[str, Any] = {"type": "mesh", "file": path.name, "material": name}
+    if colored:
+        shape["vertex_colors"] = "auto"
+    draft.description["shapes"].append(shape)
+    for sentence in _left_out(header)[:_LISTED]:
+        draft.note(sentence)
+    return draft
+
+
+def _left_out(header: PlyHeader) -> list[str]:
+    """What is in the file that the mesh is not made of."""
+    found = []
+    for element in header.elements:
+        if element.name not in ("vertex", "face"):
+            found.append(f"the element {quoted(element.name)} is not read")
+            continue
+        known = READ_OF_VERTICES if element.name == "vertex" else READ_OF_FACES
+        kind = "vertices" if element.name == "vertex" else "faces"
+        names = [quoted(entry.name) for entry in element.properties if entry.name not in known]
+        if names:
+            shown = ", ".join(names[:_LISTED]) + (", …" if len(names) > _LISTED else "")
+            found.append(f"of its {kind} {shown} {'is' if len(names) == 1 else 'are'} not read")
+    return found
