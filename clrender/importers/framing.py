@@ -46,7 +46,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         raise scene_error(error, Scene, files.source) from None
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     scene = scene.with_meshes({(name, None): mesh for name, mesh in draft.meshes.items()})
-    scene = scene.with_encoded_textures(draft.pictures)
+    scene = scene.with_encoded_textures(draft.pictures).with_pictures(draft.environments)
     if framed:
         draft.note("there is no camera in it: it is framed from the front, a little from above")
         low, high = scene_bounds(scene)

@@ -20,6 +20,8 @@ __all__ = ["SCENE_ENDINGS", "load"]
 _READERS: Final[Mapping[str, str]] = {
     ".obj": "clrender.importers.mesh_files",
     ".ply": "clrender.importers.mesh_files",
+    ".xml": "clrender.importers.mitsuba",
+    ".pbrt": "clrender.importers.pbrt",
 }
 """Modules by the ending that they read. Each has ``read(path, files) -> Draft``, and is imported when it is needed."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
