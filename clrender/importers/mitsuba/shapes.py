@@ -189,8 +189,7 @@ class ShapeReader:
     def _disk(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         if self._is_textured(described):
             self._staging.note("textures of disks lie flat on them, and not around them as in Mitsuba")
-        disk = {"type": "disk", "normal": [0.0, 0.0, 1.0], "radius": 1.0}
-        self._staging.shape({**disk, **described, **_flipped(flip)}, matrix, plugin.line)
+        self._staging.disk({**described, **_flipped(flip)}, 1.0, 0.0, matrix, plugin.line)
 
     def _cube(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         if self._is_textured(described):

@@ -127,7 +127,7 @@ class ShapeReader:
         if parameters.number("innerradius", 0.0) > 0.0 or parameters.number("phimax", 360.0) < 360.0:
             self._staging.note("a part of a disk is read as the whole")
         height = parameters.number("height", 0.0)
-        return {"type": "disk", "center": [0.0, 0.0, height], "normal": [0.0, 0.0, 1.0], "radius": radius}
+        return {"type": "disk", "radius": radius, "height": height}
 
     def _cylinder(self, parameters: Parameters) -> dict[str, Any]:
         radius, low, high = (parameters.number(key, x) for key, x in (("radius", 1.0), ("zmin", -1.0), ("zmax", 1.0)))
@@ -212,6 +212,9 @@ def placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: in
         radius = described.pop("radius")
         described.pop("type")
         staging.sphere(described, radius, matrix @ own, line)
+    elif described["type"] == "disk":
+        described.pop("type")
+        staging.disk(described, described.pop("radius"), described.pop("height"), matrix, line)
     else:
         staging.shape(described, matrix, line)
 
@@ -222,7 +225,8 @@ def area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> floa
     if described["type"] == "sphere":
         return float(4.0 * np.pi * (described["radius"] * scale) ** 2)
     if described["type"] == "disk":
-        return float(np.pi * (described["radius"] * scale) ** 2)
+        across = float(np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])))
+        return float(np.pi * described["radius"] ** 2 * across)
     return float(np.linalg.norm(_face_areas(staging, described, matrix), axis=1).sum())
 
 
@@ -239,7 +243,7 @@ def other_side(staging: Staging, described: dict[str, Any], matrix: Matrix) -> t
     if described["type"] == "sphere":
         return None
     if described["type"] == "disk":
-        normal, size = matrix[:3, 2], float(described["radius"] * np.linalg.norm(matrix[:3, 0]))
+        normal, size = np.cross(matrix[:3, 0], matrix[:3, 1]), float(described["radius"] * np.linalg.norm(matrix[:3, 0]))
     else:
         areas = _face_areas(staging, described, matrix)
         normal = areas.sum(axis=0)

@@ -13,6 +13,7 @@ from clrender.scene.mesh_data import MeshData
 __all__ = [
     "cube_mesh",
     "cylinder_mesh",
+    "disk_mesh",
     "faced_by_normals",
     "flipped_v",
     "quads_mesh",
@@ -83,6 +84,17 @@ def cylinder_mesh(radius: float, low: float, high: float) -> MeshData:
     vertices[:, 2] = low + (high - low) * v.ravel()
     uvs = np.stack([u.ravel(), v.ravel()], axis=1)
     return faced_by_normals(quads_mesh(vertices, _grid(_AROUND, 1), uvs, normals))
+
+
+def disk_mesh(radius: float) -> MeshData:
+    """A disk about the origin across +z, for transforms that make an ellipse of it; the texture lies flat on it."""
+    phi = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+    rim = np.stack([np.cos(phi), np.sin(phi), np.zeros(_AROUND)], axis=1)
+    vertices = np.concatenate([np.zeros((1, 3)), rim])
+    first = np.arange(_AROUND)
+    triangles = np.stack([np.zeros(_AROUND, np.int64), 1 + first, 1 + (first + 1) % _AROUND], axis=1).astype(np.uint32)
+    uvs = ((vertices[:, :2] + 1.0) / 2.0).astype(np.float32)
+    return MeshData(radius * vertices, triangles, uvs=uvs[triangles])
 
 
 def without_normals(mesh: MeshData) -> MeshData:

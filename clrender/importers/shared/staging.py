@@ -6,11 +6,21 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
+import numpy as np
+
 from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
-from clrender.importers.shared.matrices import Matrix, is_affine, is_similarity, transform_key
-from clrender.importers.shared.meshes import sphere_mesh
+from clrender.importers.shared.matrices import (
+    Matrix,
+    handedness,
+    identity,
+    is_affine,
+    is_similarity,
+    transform_key,
+    translation,
+)
+from clrender.importers.shared.meshes import disk_mesh, sphere_mesh
 from clrender.importers.shared.spectra import Color
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.mesh_io import read_mesh
@@ -97,6 +107,24 @@ class Staging:
             return
         self.note("a sphere that a transform makes an ellipsoid is approximated by 16384 triangles")
         self.mesh(described, f"sphere of radius {radius!r}", lambda: sphere_mesh(radius), matrix, line)
+
+    def disk(self, described: dict[str, Any], radius: float, height: float, matrix: Matrix, line: int) -> None:
+        """Add a disk across +z, `height` along it; of triangles where the matrix makes an ellipse of it."""
+        if not is_affine(matrix) or is_similarity(matrix):
+            own = {"type": "disk", "center": [0.0, 0.0, height], "normal": [0.0, 0.0, 1.0], "radius": radius}
+            self.shape({**own, **described}, matrix, line)
+            return
+        across, along = matrix[:3, 0], matrix[:3, 1]
+        size = float(np.linalg.norm(across))
+        if abs(float(along @ along) - size * size) + abs(float(across @ along)) > 2e-6 * size * size:
+            self.note("a disk that a transform makes an ellipse is approximated by 128 triangles")
+            matrix = matrix @ translation(0.0, 0.0, height)
+            self.mesh(described, f"disk of radius {radius!r}", lambda: disk_mesh(radius), matrix, line)
+            return
+        normal = handedness(matrix) * np.cross(across, along)
+        center = matrix @ [0.0, 0.0, height, 1.0]
+        own = {"type": "disk", "center": [float(x) for x in center[:3]], "normal": [float(x) for x in normal]}
+        self.shape({**own, "radius": radius * size, **described}, identity(), line)
 
     def mesh(
         self, described: dict[str, Any], name: str, make: Callable[[], MeshData], matrix: Matrix, line: int
