@@ -77,7 +77,9 @@ def _compare(folders: list[Path]) -> bool:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="+", metavar="FIRST LAST")
-    parser.add_argument("--mitsuba", help="a Python that has Mitsuba; without it the images of an earlier run are taken")
+    parser.add_argument(
+        "--mitsuba", help="a Python that has Mitsuba; without it the images of an earlier run are taken"
+    )
     parser.add_argument("--folder", type=Path, default=Path("cross_check_files"))
     parser.add_argument("--in-mitsuba", action="store_true", help=argparse.SUPPRESS)
     asked = parser.parse_args()

@@ -110,7 +110,8 @@ def _mitsuba_shape(shape: dict[str, Any], number: int, folder: Path) -> str:
         return _element("shape", inside, type="ply")
     if kind == "box":
         half = np.array(shape["size"]) / 2.0
-        frame = _frame(*np.diag(half), shape["center"])
+        x, y, z = np.diag(half)
+        frame = _frame(x, y, z, shape["center"])
         return _element("shape", inside + _to_world(frame), type="cube")
     if kind == "disk":
         return _element("shape", inside + _to_world(_disk_frame(shape)), type="disk")
@@ -192,6 +193,9 @@ def _pbrt_material(described: dict[str, Any], name: str) -> list[str]:
 
 def _pbrt_shape(shape: dict[str, Any]) -> str:
     kind = shape["type"]
+    points: Any
+    uvs: Any
+    corners: Any
     if kind == "sphere":
         return f'Translate {_words(shape["center"])} Shape "sphere" "float radius" {shape["radius"]!r}'
     if kind == "disk":
@@ -207,7 +211,7 @@ def _pbrt_shape(shape: dict[str, Any]) -> str:
     else:
         o, u, v = (np.array(shape[key]) for key in ("origin", "edge_u", "edge_v"))
         points, uvs, corners = [o, o + u, o + u + v, o + v], ((0, 0), (1, 0), (1, 1), (0, 1)), [[0, 1, 2], [0, 2, 3]]
-    given = f'"point2 uv" [{_words(uvs)}]' if len(uvs) else ""
+    given = f'"point2 uv" [{_words(uvs)}]' if uvs else ""
     indices = " ".join(str(int(i)) for i in np.array(corners).ravel())
     return f'Shape "trianglemesh" "point3 P" [{_words(points)}] "integer indices" [{indices}] {given}'
 
@@ -233,7 +237,9 @@ def folded(pixels: Any, side: int) -> Any:
     u, v = np.broadcast_arrays(at[None, :], at[:, None])
     distance = 1.0 - (np.abs(u) + np.abs(v))
     radius = 1.0 - np.abs(distance)
-    turn = np.where(radius == 0.0, 1.0, (np.abs(v) - np.abs(u)) / np.where(radius == 0.0, 1.0, radius) + 1.0) * np.pi / 4.0
+    turn = (
+        np.where(radius == 0.0, 1.0, (np.abs(v) - np.abs(u)) / np.where(radius == 0.0, 1.0, radius) + 1.0) * np.pi / 4.0
+    )
     z = np.copysign(1.0 - radius * radius, distance)
     wide = radius * np.sqrt(2.0 - radius * radius)
     x, y = np.copysign(np.cos(turn), u) * wide, np.copysign(np.sin(turn), v) * wide

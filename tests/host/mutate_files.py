@@ -21,10 +21,13 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
+import rival_scenes
 
 from clrender.errors import ClrenderError
 from clrender.film import Film
+from clrender.flatten import flatten
 from clrender.image.files import read_image, read_provenance, write_image
+from clrender.importers import load
 from clrender.scene.ies import read_ies
 from clrender.scene.lamp_tables import lamp_table
 from clrender.scene.mesh_io import read_mesh
@@ -71,6 +74,10 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     if ending == ".ies":
         one = IES[: IES.index(b"100 80.")].replace(b"5 3 1 2", b"5 1 1 2").replace(b"0 45 90\r\n", b"0\r\n")
         return [IES, one[one.index(b"TILT") :]]
+    if ending in (".xml", ".pbrt"):
+        rival_scenes.write_parts(folder)
+        texts = [rival_scenes.PBRT] if ending == ".pbrt" else [rival_scenes.MITSUBA, rival_scenes.MITSUBA_06]
+        return [text.encode() for text in texts]
     if ending == ".film":
         film = Film(6, 5)
         film.save(path, {"seed": 1})
@@ -92,8 +99,12 @@ def originals(folder: Path, ending: str) -> list[bytes]:
 def mutated(data: bytes, rng: random.Random) -> bytes:
     """The file with some of its bytes changed, cut out, doubled or put in; headers more often than the rest."""
     new = bytearray(data)
+    words = b"scene version" in data or b"WorldBegin" in data  # it is all of one kind
     for _ in range(rng.randint(1, 4)):
-        reach = min(len(new), 500) if rng.random() < 0.6 else len(new)
+        if words and rng.random() < 0.8:
+            _exchange(new, rng)
+            continue
+        reach = min(len(new), 500) if rng.random() < 0.6 and not words else len(new)
         at = rng.randrange(reach + 1)
         match rng.randrange(7):
             case 0:
@@ -111,6 +122,15 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
             case _:
                 del new[rng.randrange(len(new) + 1) :]
     return mended(bytes(new)) if rng.random() < 0.5 else bytes(new)
+
+
+def _exchange(new: bytearray, rng: random.Random) -> None:
+    """Put a word, or number, in the place of another of the same text."""
+    values = rb'(?<=")[^"<>]*(?=")' if b"<scene" in new and rng.random() < 0.8 else rb"[\w.$-]+"
+    found = list(re.finditer(values, bytes(new)))
+    if found:
+        one, other = rng.choice(found), rng.choice(found)
+        new[one.start() : one.end()] = rng.choice([other[0], rng.choice(WORDS), b"1e9", b"-3", b"$spp"])
 
 
 def mended(data: bytes) -> bytes:
@@ -141,7 +161,20 @@ def _lamp(path: Path) -> Any:
     return lamp_table(read_ies(path.name, path.parent, (), "here"))
 
 
-READERS: dict[str, Callable[[Path], Any]] = {".ply": _mesh, ".obj": _mesh, ".ies": _lamp, ".film": Film.load}
+def _scene(path: Path) -> Any:
+    scene = load(path)
+    # Some of them: it takes ten times as long
+    return flatten(scene, 8, 8) if zlib.crc32(path.read_bytes()) % 8 == 0 else scene
+
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    ".ply": _mesh,
+    ".obj": _mesh,
+    ".ies": _lamp,
+    ".film": Film.load,
+    ".xml": _scene,
+    ".pbrt": _scene,
+}
 
 
 def _hangs(number: int, frame: FrameType | None) -> None:

@@ -102,7 +102,7 @@ class EmitterReader:
     def _envmap(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
         file = plugin.text("filename")
         if not file:
-            raise plugin.fault("the environment has no \"filename\"; give it")
+            raise plugin.fault('the environment has no "filename"; give it')
         plugin.ignore("mis_compensation", "cache", "gamma")
         scale = [plugin.number("scale", 1.0)] * 3
         name = self._staging.files.name(file, f"line {plugin.line}")
@@ -141,7 +141,7 @@ class EmitterReader:
         }
 
 
-_DATES: Final = frozenset("year month day hour minute second latitude longitude timezone".split())
+_DATES: Final = frozenset(["year", "month", "day", "hour", "minute", "second", "latitude", "longitude", "timezone"])
 
 
 def _floats(values: Any) -> list[float]:

@@ -17,8 +17,12 @@ from clrender.scene.wording import quoted, suggestion
 __all__ = ["BLACK", "MaterialReader"]
 
 BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
-_BECKMANN: Final = "microfacets of Beckmann's distribution are read as GGX of the same alpha, whose highlights reach further"
-_MULTIPLE: Final = "rough metals and glass return the light that Mitsuba loses between their facets: wide lobes are brighter"
+_BECKMANN: Final = (
+    "microfacets of Beckmann's distribution are read as GGX of the same alpha, whose highlights reach further"
+)
+_MULTIPLE: Final = (
+    "rough metals and glass return the light that Mitsuba loses between their facets: wide lobes are brighter"
+)
 _SOLID: Final = ("dielectric", "principled")
 
 
@@ -110,7 +114,7 @@ class MaterialReader:
         return {"type": "lambert", "reflectance": self._textures.color(plugin, name, 0.5), "two_sided": two_sided}
 
     def _rough_diffuse(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
-        self._staging.note("\"roughdiffuse\" is read as oren_nayar, whose formula is a newer one that loses no light")
+        self._staging.note('"roughdiffuse" is read as oren_nayar, whose formula is a newer one that loses no light')
         plugin.ignore("use_fast_approx")
         made = self._diffuse(plugin, two_sided)
         return {**made, "type": "oren_nayar", "roughness": self._textures.share(plugin, "alpha", 0.2)}
@@ -122,7 +126,9 @@ class MaterialReader:
             return plugin.number(name, 1.0)
         material = plugin.text(name, default).lower()
         if material not in DIELECTRICS:
-            raise plugin.fault(f"{quoted(name)} is {quoted(material)}, which is not known{suggestion(material, DIELECTRICS)}")
+            raise plugin.fault(
+                f"{quoted(name)} is {quoted(material)}, which is not known{suggestion(material, DIELECTRICS)}"
+            )
         return DIELECTRICS[material]
 
     def _alpha(self, plugin: Plugin, default_distribution: str = "beckmann") -> Any:
@@ -195,7 +201,9 @@ class MaterialReader:
             return made
         if max(tint) == min(tint):
             return self._dimmed(plugin, made, tint[0])
-        self._staging.note("the colour of a metal's specular_reflectance is put into its reflectance straight on (Schlick)")
+        self._staging.note(
+            "the colour of a metal's specular_reflectance is put into its reflectance straight on (Schlick)"
+        )
         straight = [((n - 1.0) ** 2 + x * x) / ((n + 1.0) ** 2 + x * x) for n, x in zip(eta, k, strict=True)]
         return {
             "type": "conductor",
@@ -218,7 +226,7 @@ class MaterialReader:
         base = self._textures.color(plugin, "diffuse_reflectance", 0.5)
         if plugin.flag("nonlinear", False):
             if isinstance(base, dict):
-                self._staging.note("\"nonlinear\" of a textured plastic is left out: its colours are less saturated")
+                self._staging.note('"nonlinear" of a textured plastic is left out: its colours are less saturated')
             else:
                 inner = internal_reflectance(ior)
                 base = [x * (1.0 - inner) / (1.0 - x * inner) for x in base]
@@ -236,7 +244,9 @@ class MaterialReader:
         }
 
     def _principled(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
-        self._staging.note("\"principled\" is Disney's there and glTF's here: alike, but not equal, in sheen, coat and tints")
+        self._staging.note(
+            "\"principled\" is Disney's there and glTF's here: alike, but not equal, in sheen, coat and tints"
+        )
         share = self._textures.share
         base = self._textures.color(plugin, "base_color", 0.5)
         made: dict[str, Any] = {
@@ -320,7 +330,9 @@ class MaterialReader:
     def _mixture(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
         """Of 0.6: any number, each with a weight."""
         inside = plugin.children_of("bsdf")
-        weights = [float(x) for x in plugin.text("weights").replace(",", " ").split() if x.replace(".", "", 1).isdigit()]
+        weights = [
+            float(x) for x in plugin.text("weights").replace(",", " ").split() if x.replace(".", "", 1).isdigit()
+        ]
         if len(inside) != 2 or len(weights) != 2 or sum(weights) > 1.0 + 1e-6:
             raise plugin.fault("a mixture of other than two BSDFs with weights up to 1 is not read; use blendbsdf")
         total = sum(weights)
@@ -332,7 +344,7 @@ class MaterialReader:
         for each in inside:
             name = self.name(each, two_sided)
             if name is None:
-                raise plugin.fault("a mixture with \"null\" is not read; use a mask instead")
+                raise plugin.fault('a mixture with "null" is not read; use a mask instead')
             if "opacity" in self._staging.draft.description["materials"][name]:
                 raise plugin.fault("a mask inside of a mixture is not read; put the mask around it")
             names.append(name)

@@ -29,7 +29,9 @@ _SPP_LIMIT: Final = 2**20
 _FILM_DIAGONAL: Final = math.hypot(36.0, 24.0)
 """Millimetres, of the film that focal lengths are meant for."""
 _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
-_PATHS: Final = frozenset("path volpath volpathmis prb prbvolpath bdpt ptracer mlt pssmlt erpt".split())
+_PATHS: Final = frozenset(
+    ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
+)
 _FILTERS: Final = {"box": "box", "gaussian": "gaussian", "mitchell": "mitchell"}
 _NEAR_FILTER: Final = {"tent": "gaussian", "catmullrom": "mitchell", "lanczos": "mitchell", "windowedsinc": "mitchell"}
 
@@ -117,7 +119,7 @@ class _Settings:
     def _angle(self, plugin: Plugin, width: int, height: int) -> float:
         axis = plugin.text("fov_axis", "x")
         if axis not in ("x", "y", "diagonal", "smaller", "larger"):
-            raise plugin.fault(f"\"fov_axis\" is {quoted(axis)}, but must be x, y, diagonal, smaller or larger")
+            raise plugin.fault(f'"fov_axis" is {quoted(axis)}, but must be x, y, diagonal, smaller or larger')
         degrees = plugin.number("fov", 0.0)
         if not plugin.has("fov"):
             text = plugin.text("focal_length", "50mm").removesuffix("mm").strip()
@@ -126,10 +128,10 @@ class _Settings:
             except ValueError:
                 focal = 0.0
             if not 0.0 < focal < math.inf:
-                raise plugin.fault(f"\"focal_length\" is {quoted(text)}, but must be such as 50mm")
+                raise plugin.fault(f'"focal_length" is {quoted(text)}, but must be such as 50mm')
             axis, degrees = "diagonal", math.degrees(2.0 * math.atan(_FILM_DIAGONAL / (2.0 * focal)))
         if not 0.0 < degrees < 180.0:
-            raise plugin.fault(f"\"fov\" is {degrees:g}, but must be above 0 and below 180 degrees")
+            raise plugin.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees')
         return vertical_angle(degrees, axis, width, height)
 
     def _film(self, sensor: Plugin) -> tuple[int, int]:
@@ -142,7 +144,9 @@ class _Settings:
                 self._staging.note("the crop of the film is left out: the whole image is rendered")
             self._filter(film)
         if not (1 <= width <= 65536 and 1 <= height <= 65536):
-            raise (films[0] if films else sensor).fault(f"the film's size is {width} x {height}, but must be 1 to 65536")
+            raise (films[0] if films else sensor).fault(
+                f"the film's size is {width} x {height}, but must be 1 to 65536"
+            )
         self._staging.draft.description["image"] = {"width": width, "height": height}
         return width, height
 
@@ -163,11 +167,11 @@ class _Settings:
         if plugin.type == "direct":
             self._render()["max_depth"] = 1
         elif plugin.type not in _PATHS:
-            self._staging.note(f"{plugin.label} is read as \"path\"")
+            self._staging.note(f'{plugin.label} is read as "path"')
         depth = plugin.whole("max_depth", -1)
         if depth == 0:
             self._staging.note("a max_depth of 0, which shows nothing, is read as 1")
         if depth >= 0:
             self._render()["max_depth"] = max(depth - 1, 0)
         if plugin.flag("hide_emitters", False):
-            self._staging.note("\"hide_emitters\" is left out: the camera sees lights")
+            self._staging.note('"hide_emitters" is left out: the camera sees lights')

@@ -34,7 +34,7 @@ from clrender.scene.wording import quoted
 __all__ = ["ShapeReader"]
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-"""From our sphere to Mitsuba's: u runs from 0 at +x, v from 0 at +z. It mirrors, which a sphere does not mind, for v does."""
+"""From our sphere to Mitsuba's: u runs from 0 at +x, v from 0 at +z. It mirrors: v runs the other way there."""
 _GROUP_DEPTH: Final = 16
 
 
@@ -144,7 +144,7 @@ class ShapeReader:
                 self._staging.note(f"{emitters[0].label} on a shape is not known and left out")
             else:
                 if emitters[0].type == "directionalarea":
-                    self._staging.note("\"directionalarea\" emitters are read as ones that shine to all sides")
+                    self._staging.note('"directionalarea" emitters are read as ones that shine to all sides')
                 described["emission"] = self._textures.emission(emitters[0])
                 emitters[0].ignore("sampling_weight")
                 self._tell_unused(emitters[0])
@@ -195,7 +195,9 @@ class ShapeReader:
         if self._is_textured(described):
             self._staging.mesh({**described, **_flipped(flip)}, "cube", cube_mesh, matrix, plugin.line)
             return
-        self._staging.shape({"type": "box", "size": [2.0, 2.0, 2.0], **described, **_flipped(flip)}, matrix, plugin.line)
+        self._staging.shape(
+            {"type": "box", "size": [2.0, 2.0, 2.0], **described, **_flipped(flip)}, matrix, plugin.line
+        )
 
     def _cylinder(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         start = plugin.vector("p0", (0.0, 0.0, 0.0))
@@ -216,11 +218,11 @@ class ShapeReader:
     def _file(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         file = plugin.text("filename")
         if not file:
-            raise plugin.fault(f"{plugin.label} has no \"filename\"; give it")
+            raise plugin.fault(f'{plugin.label} has no "filename"; give it')
         flat = plugin.flag("face_normals", False)
         turned = plugin.flag("flip_tex_coords", plugin.type == "obj")
         if plugin.has("max_smooth_angle"):
-            self._staging.note("\"max_smooth_angle\" is left out: such meshes are smooth as others are")
+            self._staging.note('"max_smooth_angle" is left out: such meshes are smooth as others are')
             plugin.ignore("max_smooth_angle")
         plugin.ignore("collapse", "shape_index")
 

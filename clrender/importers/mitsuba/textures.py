@@ -62,9 +62,8 @@ class TextureReader:
             return red * scale, green * scale, blue * scale
         if nested.type in ("d65", "uniform", "rgb", "srgb"):
             key = "scale" if nested.type == "d65" else "value" if nested.has("value") else "color"
-            color = self.light_of(nested.spectrum(key), 1.0)
+            return self.light_of(nested.spectrum(key), 1.0)
             # D65 is the white of Rec. 709
-            return color
         self._staging.note(f"{nested.label} is not known: white in its place")
         return 1.0, 1.0, 1.0
 
@@ -162,7 +161,7 @@ class TextureReader:
         plugin.ignore("accel", "format", "cache", "max_anisotropy")
         file = plugin.text("filename")
         if not file:
-            raise plugin.fault("the bitmap has no \"filename\"; give it")
+            raise plugin.fault('the bitmap has no "filename"; give it')
         made: dict[str, Any] = {"texture": self._staging.files.name(file, f"line {plugin.line}")}
         raw = plugin.flag("raw", False) or plugin.number("gamma", 0.0) == 1.0
         if file.lower().endswith((".png", ".jpg", ".jpeg", ".webp")):

@@ -18,10 +18,24 @@ from clrender.scene.wording import quoted, suggestion
 __all__ = ["scene_tree"]
 
 _KINDS: Final = frozenset(
-    "shape bsdf emitter texture sensor film rfilter sampler integrator medium phase volume subsurface".split()
+    [
+        "shape",
+        "bsdf",
+        "emitter",
+        "texture",
+        "sensor",
+        "film",
+        "rfilter",
+        "sampler",
+        "integrator",
+        "medium",
+        "phase",
+        "volume",
+        "subsurface",
+    ]
 )
 _OTHER_NAMES: Final = {"camera": "sensor", "luminaire": "emitter"}
-_LEFT_OUT: Final = frozenset("mode hide".split())
+_LEFT_OUT: Final = frozenset(["mode", "hide"])
 """Elements of other programs, without meaning for Mitsuba 0.6 in practice."""
 _INCLUDE_DEPTH: Final = 8
 _INCLUDES: Final = 256
@@ -60,7 +74,9 @@ class _Builder:
     def _fill(self, plugin: Plugin, element: Element, depth: int) -> None:
         values = ValueReader(plugin.source, self._note, self._text_file)
         for child in element.children:
-            child.attributes = {key: self._with_parameters(values, child, text) for key, text in child.attributes.items()}
+            child.attributes = {
+                key: self._with_parameters(values, child, text) for key, text in child.attributes.items()
+            }
             tag = _OTHER_NAMES.get(child.tag, child.tag)
             nested_spectrum = tag == "spectrum" and "type" in child.attributes
             if tag == "default":
@@ -87,7 +103,7 @@ class _Builder:
 
     def _plugin(self, parent: Plugin, tag: str, element: Element, values: ValueReader, depth: int) -> Plugin:
         if self.old and tag == "texture" and element.attributes.get("type") == "scale":
-            self._note("textures of type \"scale\" are read as what they scale")
+            self._note('textures of type "scale" are read as what they scale')
         name = self._renamed(element.attributes.get("name", ""))
         made = Plugin(
             tag,
@@ -150,7 +166,9 @@ class _Builder:
     def _put_steps_in(self, element: Element, values: ValueReader) -> None:
         """Parameters in what is inside of a value, such as the steps of a transform."""
         for child in element.children:
-            child.attributes = {key: self._with_parameters(values, child, text) for key, text in child.attributes.items()}
+            child.attributes = {
+                key: self._with_parameters(values, child, text) for key, text in child.attributes.items()
+            }
             self._put_steps_in(child, values)
 
     def _with_parameters(self, values: ValueReader, element: Element, text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -20,7 +21,21 @@ from clrender.scene.wording import quoted, suggestion
 __all__ = ["VALUE_TAGS", "ValueReader"]
 
 VALUE_TAGS: Final = frozenset(
-    "float integer boolean string point vector rgb srgb color spectrum blackbody transform animation".split()
+    [
+        "float",
+        "integer",
+        "boolean",
+        "string",
+        "point",
+        "vector",
+        "rgb",
+        "srgb",
+        "color",
+        "spectrum",
+        "blackbody",
+        "transform",
+        "animation",
+    ]
 )
 _STEPS: Final = ("translate", "rotate", "scale", "lookat", "matrix")
 _SEPARATOR: Final = re.compile(r"[\s,;]+")
@@ -139,7 +154,7 @@ class ValueReader:
         if not 1 <= len(pairs) <= _NUMBERS_LIMIT or any(len(pair) != 2 for pair in pairs):
             raise self.fault(element, f"{quoted(text)} is no spectrum; write it as 400:0.1, 500:0.2")
         waves, values = ([self._number(element, pair[at]) for pair in pairs] for at in (0, 1))
-        if any(later <= earlier for earlier, later in zip(waves, waves[1:], strict=False)):
+        if any(later <= earlier for earlier, later in itertools.pairwise(waves)):
             raise self.fault(element, "the wavelengths of the spectrum do not grow; sort them")
         return Spectrum(wavelengths=tuple(waves), values=tuple(values))
 

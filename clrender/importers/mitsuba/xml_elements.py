@@ -105,7 +105,9 @@ def parsed(data: bytes, source: str) -> Element:
         raise SceneError(f"{source}: line {line}: {sentence}") from None
     except expat.ExpatError as error:
         problem = ascii(expat.ErrorString(error.code))[1:-1]
-        raise SceneError(f"{source}: line {error.lineno}: is no sound XML ({problem}); mend or export it again") from None
+        raise SceneError(
+            f"{source}: line {error.lineno}: is no sound XML ({problem}); mend or export it again"
+        ) from None
     except (LookupError, ValueError):  # of an encoding that Python has not
         raise SceneError(f"{source}: line 1: is in an encoding that is not known; save it as UTF-8") from None
     assert tree.root is not None

@@ -16,9 +16,15 @@ from clrender.scene.wording import quoted
 __all__ = ["Camera", "Settings"]
 
 _SPP_LIMIT: Final = 2**20
-_FILTERS: Final = {"box": "box", "gaussian": "gaussian", "mitchell": "mitchell", "triangle": "gaussian", "sinc": "mitchell"}
+_FILTERS: Final = {
+    "box": "box",
+    "gaussian": "gaussian",
+    "mitchell": "mitchell",
+    "triangle": "gaussian",
+    "sinc": "mitchell",
+}
 _RADII: Final = {"box": 0.5, "gaussian": 1.5, "mitchell": 2.0}
-_PATHS: Final = frozenset("path volpath simplepath simplevolpath bdpt mlt lightpath".split())
+_PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "bdpt", "mlt", "lightpath"])
 
 
 @dataclass(frozen=True)
@@ -103,11 +109,11 @@ class Settings:
         """The greatest depth, which counts scattering events as ours does."""
         kind, parameters = directive.text(0, "type"), directive.parameters
         if kind not in _PATHS:
-            self._staging.note(f"the integrator {quoted(kind)} is read as \"path\"")
+            self._staging.note(f'the integrator {quoted(kind)} is read as "path"')
         self._render["max_depth"] = min(max(parameters.whole("maxdepth", 5), 0), 2**31 - 1)
         parameters.ignore("lightsampler", "samplelights", "samplebsdf", "usemis")
         if parameters.flag("regularize", False):
-            self._staging.note("\"regularize\" is left out: rough paths stay as they are")
+            self._staging.note('"regularize" is left out: rough paths stay as they are')
         self._tell_unused(parameters, "integrator")
 
     def pixel_filter(self, directive: Directive) -> None:
@@ -118,7 +124,9 @@ class Settings:
         parameters.ignore("yradius", "sigma", "B", "C", "tau")
         if kind != near or abs(radius - _RADII[near]) > 1e-6:
             wanted = f"{quoted(kind)} of radius {radius:g}"
-            self._staging.note(f"the pixel filter {wanted} is not known: {quoted(near)} of {_RADII[near]:g} in its place")
+            self._staging.note(
+                f"the pixel filter {wanted} is not known: {quoted(near)} of {_RADII[near]:g} in its place"
+            )
         self._render["filter"] = near
 
     def finish(self) -> None:
@@ -139,12 +147,14 @@ class Settings:
         # Without a window of its own the shorter side of the image goes from -1 to 1
         aspect = parameters.number("frameaspectratio", width / height)
         if abs(aspect - width / height) > 1e-6 * aspect:
-            self._staging.note("\"frameaspectratio\" is left out: pixels are square")
+            self._staging.note('"frameaspectratio" is left out: pixels are square')
         window = parameters.numbers("screenwindow")
         upward = 1.0 if width >= height else height / width
         if window is not None:
             if len(window) != 4 or not window[3] > window[2]:
-                raise parameters.fault("\"screenwindow\" must have four numbers: two along x, two along y, that grow", "screenwindow")
+                raise parameters.fault(
+                    '"screenwindow" must have four numbers: two along x, two along y, that grow', "screenwindow"
+                )
             upward = float(window[3] - window[2]) / 2.0
             if abs(window[3] + window[2]) > 1e-6 or abs(window[1] + window[0]) > 1e-6:
                 self._staging.note("a screen window off the middle is read as one around it")
@@ -158,7 +168,7 @@ class Settings:
         else:
             degrees = parameters.number("fov", 90.0)
             if not 0.0 < degrees < 180.0:
-                raise parameters.fault(f"\"fov\" is {degrees:g}, but must be above 0 and below 180 degrees", "fov")
+                raise parameters.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees', "fov")
             if window is None:
                 keys["vertical_fov"] = vertical_angle(degrees, "smaller", width, height)
             else:

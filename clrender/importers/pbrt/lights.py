@@ -53,7 +53,9 @@ class LightReader:
             return
         made = known[kind](parameters, matrix)
         for unknown in parameters.unused():
-            self._staging.note(f"{quoted(unknown)} of a light of type {quoted(kind)} is not understood and does nothing")
+            self._staging.note(
+                f"{quoted(unknown)} of a light of type {quoted(kind)} is not understood and does nothing"
+            )
         lights = self._staging.draft.description["lights"]
         if made["type"] == "environment" and any(light["type"] == "environment" for light in lights):
             raise parameters.fault("is a second infinite light, but a scene can have only one; remove one")
@@ -73,7 +75,7 @@ class LightReader:
         start, end = parameters.vector("from", (0.0, 0.0, 0.0)), parameters.vector("to", (0.0, 0.0, 1.0))
         cone, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
         if not 0.0 < cone < 180.0:
-            raise parameters.fault(f"\"coneangle\" is {cone:g}, but must be above 0 and below 180 degrees", "coneangle")
+            raise parameters.fault(f'"coneangle" is {cone:g}, but must be above 0 and below 180 degrees', "coneangle")
         edge, inner = math.cos(math.radians(cone)), math.cos(math.radians(max(cone - delta, 0.0)))
         power = parameters.number("power", -1.0)
         # Of a cone whose smooth step covers half of its fall-off (PBR 4ed, 12.2.2)
@@ -101,7 +103,10 @@ class LightReader:
             self._staging.note("the portal of an infinite light is left out, which only changes noise")
         file = parameters.text("filename")
         if not file:
-            return {"type": "environment", "radiance": self._color(parameters, "L", lux / math.pi if lux > 0.0 else 1.0)}
+            return {
+                "type": "environment",
+                "radiance": self._color(parameters, "L", lux / math.pi if lux > 0.0 else 1.0),
+            }
         line = parameters.values["filename"].line
         name = self._staging.files.name(file, f"line {line}")
         picture = unfolded_picture(self._staging.files, name, f"line {line}", matrix)

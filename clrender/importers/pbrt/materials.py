@@ -13,7 +13,9 @@ from clrender.scene.wording import quoted, suggestion
 
 __all__ = ["MaterialReader"]
 
-_MULTIPLE: Final = "rough metals and glass return the light that pbrt loses between their facets: wide lobes are brighter"
+_MULTIPLE: Final = (
+    "rough metals and glass return the light that pbrt loses between their facets: wide lobes are brighter"
+)
 
 
 class MaterialReader:
@@ -73,7 +75,9 @@ class MaterialReader:
             described = {"type": "lambert", "reflectance": [0.5] * 3}
         self._add_maps(described, parameters)
         for unknown in parameters.unused():
-            self._staging.note(f"{quoted(unknown)} of a material of type {quoted(kind)} is not understood and does nothing")
+            self._staging.note(
+                f"{quoted(unknown)} of a material of type {quoted(kind)} is not understood and does nothing"
+            )
         return self._staging.material(wanted or kind, described)
 
     def _add_maps(self, described: dict[str, Any], parameters: Parameters) -> None:
@@ -94,7 +98,7 @@ class MaterialReader:
         return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.5)}
 
     def _diffuse_transmission(self, parameters: Parameters) -> dict[str, Any]:
-        self._staging.note("\"diffusetransmission\" is read as a diffuse surface: it lets no light through")
+        self._staging.note('"diffusetransmission" is read as a diffuse surface: it lets no light through')
         parameters.ignore("transmittance", "scale")
         return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.25)}
 
@@ -109,7 +113,9 @@ class MaterialReader:
         base = self._textures.color(parameters, "reflectance", 0.5)
         inner = internal_reflectance(ior)
         if isinstance(base, dict):
-            self._staging.note("what a textured coateddiffuse reflects inside of its coat again is left out: it is lighter")
+            self._staging.note(
+                "what a textured coateddiffuse reflects inside of its coat again is left out: it is lighter"
+            )
         else:
             base = [x * (1.0 - inner) / (1.0 - x * inner) for x in base]
         self._layers(parameters)
@@ -137,7 +143,7 @@ class MaterialReader:
         return {"type": "conductor", **self._metal(parameters, ""), "roughness": self._roughness(parameters)}
 
     def _coated_conductor(self, parameters: Parameters) -> dict[str, Any]:
-        self._staging.note("\"coatedconductor\" is read as a conductor: without its coat")
+        self._staging.note('"coatedconductor" is read as a conductor: without its coat')
         self._textures.index(parameters, "interface.eta")
         self._textures.alpha(parameters, "interface.")
         self._layers(parameters)
@@ -154,5 +160,5 @@ class MaterialReader:
             raise parameters.fault(f"the mixture has {len(names)} materials, but must have two", "materials")
         parts = [self.named(name, parameters) for name in names]
         if None in parts:
-            raise parameters.fault("a mixture with \"interface\" is not read; use alpha instead", "materials")
+            raise parameters.fault('a mixture with "interface" is not read; use alpha instead', "materials")
         return {"type": "mix", "materials": parts, "weight": self._textures.share(parameters, "amount", 0.5)}

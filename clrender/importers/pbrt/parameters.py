@@ -81,7 +81,8 @@ class Parameters:
             raise self.fault(f"{quoted(name)} is of type {found.kind}, but must hold numbers", name)
         if len(found.values) % group:
             raise self.fault(f"{quoted(name)} has {len(found.values)} numbers, which are no multiple of {group}", name)
-        return found.values.reshape(-1, group) if group > 1 else found.values
+        values: NDArray[np.float64] = found.values
+        return values.reshape(-1, group) if group > 1 else values
 
     def indices(self, name: str, group: int, count: int) -> NDArray[np.int64] | None:
         """Whole numbers below `count`, in rows.

@@ -19,7 +19,7 @@ from clrender.importers.pbrt.shapes import ShapeReader, area_of, other_side, pla
 from clrender.importers.pbrt.state import TRANSFORMS, Graphics, moved
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
-from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.matrices import Matrix, inverse
 from clrender.importers.shared.staging import Staging
 from clrender.scene.wording import quoted, suggestion
 
@@ -28,7 +28,7 @@ __all__ = ["read"]
 _DEPTH: Final = 64
 _INCLUDE_DEPTH: Final = 8
 _MOST_G: Final = 0.99
-_WITHOUT_EFFECT: Final = frozenset("Accelerator Option".split())
+_WITHOUT_EFFECT: Final = frozenset(["Accelerator", "Option"])
 
 
 def read(path: Path, files: AssetFiles) -> Draft:
@@ -67,7 +67,10 @@ class _World:
         self.staging = Staging(files)
         self._textures = TextureReader(self.staging)
         self._materials = MaterialReader(self.staging, self._textures)
-        self._shapes, self._lights = ShapeReader(self.staging, self._textures), LightReader(self.staging, self._textures)
+        self._shapes, self._lights = (
+            ShapeReader(self.staging, self._textures),
+            LightReader(self.staging, self._textures),
+        )
         self._settings = Settings(self.staging)
         self._state = Graphics()
         self._stack: list[Graphics] = []
@@ -163,7 +166,9 @@ class _World:
     def _include(self, directive: Directive, depth: int) -> None:
         self._included += 1
         if depth >= _INCLUDE_DEPTH or self._included > 4096:
-            raise directive.fault(f"files include others more than {_INCLUDE_DEPTH} deep, or too many; put them together")
+            raise directive.fault(
+                f"files include others more than {_INCLUDE_DEPTH} deep, or too many; put them together"
+            )
         name = directive.text(0, "file")
         data = self.staging.files.read(name, f"line {directive.line}", FILE_LIMIT)
         source = f"{self.staging.files.source}: {PurePosixPath(ascii(name)[1:-1]).name}"
@@ -183,7 +188,7 @@ class _World:
     # --- what is seen
 
     def _camera(self, directive: Directive) -> None:
-        into_world = np.linalg.inv(self._state.matrix)
+        into_world = inverse(self._state.matrix)
         self._systems["camera"] = into_world
         self._settings.camera = Camera(directive, into_world)
         if self._state.outside and self._state.outside in self._media:
@@ -192,7 +197,7 @@ class _World:
     def _texture(self, directive: Directive) -> None:
         name, kind, made_of = (directive.text(i, what) for i, what in enumerate(("name", "kind", "type")))
         if kind not in ("spectrum", "float"):
-            raise directive.fault(f"a texture is of {quoted(kind)}, but must be of \"spectrum\" or \"float\"")
+            raise directive.fault(f'a texture is of {quoted(kind)}, but must be of "spectrum" or "float"')
         self._textures.define(name, kind, made_of, self._parameters(directive, "texture"))
 
     def _material(self, directive: Directive) -> None:
@@ -235,7 +240,7 @@ class _World:
 
     def _area_light(self, directive: Directive) -> None:
         if directive.text(0, "type") != "diffuse":
-            self.staging.note(f"an area light of type {quoted(directive.texts[0])} is read as \"diffuse\"")
+            self.staging.note(f'an area light of type {quoted(directive.texts[0])} is read as "diffuse"')
         self._state = replace(self._state, emission=self._parameters(directive, "light"))
 
     def _shape(self, directive: Directive) -> None:

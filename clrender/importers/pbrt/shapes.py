@@ -64,13 +64,15 @@ class ShapeReader:
             self._staging.note(f"a shape of type {quoted(kind)} is not known and left out")
             return []
         if kind == "loopsubdiv":
-            self._staging.note("\"loopsubdiv\" is read as the mesh that it would subdivide")
+            self._staging.note('"loopsubdiv" is read as the mesh that it would subdivide')
             parameters.ignore("levels")
         described = known[kind](parameters)
         described |= self._surface(parameters, state, interior)
         parameters.ignore("alpha")
         for unknown in parameters.unused():
-            self._staging.note(f"{quoted(unknown)} of a shape of type {quoted(kind)} is not understood and does nothing")
+            self._staging.note(
+                f"{quoted(unknown)} of a shape of type {quoted(kind)} is not understood and does nothing"
+            )
         if not {"material", "interior", "emission"} & set(described):
             return []
         if state.reversed:
@@ -143,7 +145,7 @@ class ShapeReader:
         corners = parameters.indices("indices", 3, len(places))
         if corners is None:
             if len(places) != 3:
-                raise parameters.fault("the mesh has no \"indices\", and not three points; give them")
+                raise parameters.fault('the mesh has no "indices", and not three points; give them')
             corners = np.array([[0, 1, 2]])
         triangles = corners.astype(np.uint32)
         of_corners = np.array([[0, 0], [1, 0], [1, 1]], np.float32)
@@ -159,7 +161,7 @@ class ShapeReader:
         corners = parameters.indices("indices", 4, len(places))
         if corners is None:
             if len(places) != 4:
-                raise parameters.fault("the patches have no \"indices\", and not four points; give them")
+                raise parameters.fault('the patches have no "indices", and not four points; give them')
             corners = np.array([[0, 1, 2, 3]])
         if uvs is None:
             kept = places[corners].reshape(-1, 3)
@@ -175,7 +177,7 @@ class ShapeReader:
         """Points, normals or None, and texture coordinates or None; as many of each."""
         places = parameters.numbers("P", 3)
         if places is None or not len(places):
-            raise parameters.fault("the mesh has no points \"P\"; give them")
+            raise parameters.fault('the mesh has no points "P"; give them')
         normals = parameters.numbers("N", 3)
         uvs = parameters.numbers("uv" if "uv" in parameters.values else "st", 2)
         for array, name in ((normals, "N"), (uvs, "uv")):
@@ -189,7 +191,7 @@ class ShapeReader:
     def _ply(self, parameters: Parameters) -> dict[str, Any]:
         file = parameters.text("filename")
         if not file:
-            raise parameters.fault("the plymesh has no \"filename\"; give it")
+            raise parameters.fault('the plymesh has no "filename"; give it')
         if parameters.get("displacement") is not None:
             self._staging.note("the displacement of a mesh is left out")
         parameters.ignore("displacement.edgelength", "edgelength")
@@ -243,7 +245,10 @@ def other_side(staging: Staging, described: dict[str, Any], matrix: Matrix) -> t
     if described["type"] == "sphere":
         return None
     if described["type"] == "disk":
-        normal, size = np.cross(matrix[:3, 0], matrix[:3, 1]), float(described["radius"] * np.linalg.norm(matrix[:3, 0]))
+        normal, size = (
+            np.cross(matrix[:3, 0], matrix[:3, 1]),
+            float(described["radius"] * np.linalg.norm(matrix[:3, 0])),
+        )
     else:
         areas = _face_areas(staging, described, matrix)
         normal = areas.sum(axis=0)

@@ -1,4 +1,4 @@
-"""What pbrt's directives change, and what shapes and lights see of it: the transform, the material, the emission, media."""
+"""What pbrt's directives change, for the shapes and lights behind them: the transform, the material, the emission."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ import numpy as np
 
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.tokens import Directive
-from clrender.importers.shared.matrices import Matrix, identity, is_affine, look_at, rotation, scaling, translation
+from clrender.importers.shared.matrices import (
+    Matrix,
+    identity,
+    inverse,
+    is_affine,
+    look_at,
+    rotation,
+    scaling,
+    translation,
+)
 
 __all__ = ["TRANSFORMS", "Graphics", "moved"]
 
@@ -43,7 +52,17 @@ class Graphics:
 
 
 TRANSFORMS: Final = frozenset(
-    "Identity Translate Scale Rotate LookAt Transform ConcatTransform CoordinateSystem CoordSysTransform".split()
+    [
+        "Identity",
+        "Translate",
+        "Scale",
+        "Rotate",
+        "LookAt",
+        "Transform",
+        "ConcatTransform",
+        "CoordinateSystem",
+        "CoordSysTransform",
+    ]
 )
 """Directives that change the transform."""
 
@@ -70,16 +89,15 @@ def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> 
     if name == "CoordSysTransform":
         wanted = directive.text(0, "name")
         if wanted not in systems:
-            raise directive.fault(f"the coordinate system {ascii(wanted[:60])} is not defined; define it before")
+            raise directive.fault(f"the coordinate system {wanted[:60]!a} is not defined; define it before")
         return replace(state, matrix=systems[wanted])
     if name == "Identity":
         return replace(state, matrix=identity())
-    if name == "Transform":
-        made = _by_columns(directive)
-    else:
-        made = state.matrix @ _step(directive)
+    made = _by_columns(directive) if name == "Transform" else state.matrix @ _step(directive)
     if not is_affine(made):
-        raise directive.fault(f"{name} makes a transform that is no affine one, or cannot be inverted; give other numbers")
+        raise directive.fault(
+            f"{name} makes a transform that is no affine one, or cannot be inverted; give other numbers"
+        )
     return replace(state, matrix=made)
 
 
@@ -99,7 +117,7 @@ def _step(directive: Directive) -> Matrix:
             return rotation(axis, degrees)
         if name == "LookAt":
             numbers = directive.floats(9)
-            return np.linalg.inv(look_at(numbers[:3], numbers[3:6], numbers[6:]))
+            return inverse(look_at(numbers[:3], numbers[3:6], numbers[6:]))
     except (ValueError, np.linalg.LinAlgError) as error:
         raise directive.fault(f"{error}; give other numbers") from None
     return _by_columns(directive)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, Final
 
 from clrender.importers.pbrt.parameters import Parameter, Parameters
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
-from clrender.importers.shared.spectra import Color, blackbody_color, light_color, luminance, reflectance_color, value_at
+from clrender.importers.shared.spectra import (
+    Color,
+    blackbody_color,
+    light_color,
+    luminance,
+    reflectance_color,
+    value_at,
+)
 from clrender.importers.shared.staging import Staging
 from clrender.scene.wording import quoted, suggestion
 
@@ -48,7 +56,9 @@ class TextureReader:
                 raise parameters.fault(f"the temperature is {kelvin:g}; it must be 1 to 1000000 kelvin", name)
             return _of_unit_luminance(blackbody_color(kelvin))
         if found.kind != "spectrum":
-            raise parameters.fault(f"{quoted(name)} is of type {found.kind}, but must be rgb, blackbody or spectrum", name)
+            raise parameters.fault(
+                f"{quoted(name)} is of type {found.kind}, but must be rgb, blackbody or spectrum", name
+            )
         if isinstance(found.values, list) and found.values[:1] in (["stdillum-D65"], ["illum-D65"]):
             return 1.0, 1.0, 1.0
         waves, values = self._spectrum(parameters, name, found)
@@ -77,7 +87,7 @@ class TextureReader:
         if len(numbers) < 2 or len(numbers) % 2:
             raise parameters.fault(f"{quoted(name)} is no spectrum; give wavelengths, each with its value", name)
         waves, values = ([float(x) for x in numbers[first::2]] for first in (0, 1))
-        if any(not later > earlier for earlier, later in zip(waves, waves[1:], strict=False)):
+        if any(not later > earlier for earlier, later in itertools.pairwise(waves)):
             raise parameters.fault(f"the wavelengths of {quoted(name)} do not grow; sort them", name)
         return waves, values
 
@@ -89,7 +99,7 @@ class TextureReader:
             return self._rgb(parameters, name, found)
         if found is not None and found.kind in ("float", "texture"):
             return (self._one(parameters, name, 1.0),) * 3
-        if found is None or isinstance(found.values, list) and found.values and "." not in found.values[0]:
+        if found is None or (isinstance(found.values, list) and found.values and "." not in found.values[0]):
             named = found.values[0] if found is not None else default
             symbol = named.removeprefix("metal-").rsplit("-", 1)[0]
             if symbol not in CONDUCTORS or not named.startswith("metal-"):
@@ -187,13 +197,17 @@ class TextureReader:
         """
         self._textures[(kind, name)] = self._made(kind, made_of, parameters)
         for unknown in parameters.unused():
-            self._staging.note(f"{quoted(unknown)} of a texture of type {quoted(made_of)} is not understood and does nothing")
+            self._staging.note(
+                f"{quoted(unknown)} of a texture of type {quoted(made_of)} is not understood and does nothing"
+            )
 
     def _named(self, parameters: Parameters, name: str, kind: str) -> Any:
         wanted = parameters.text(name)
         if (kind, wanted) not in self._textures:
             known = [each for of_kind, each in self._textures if of_kind == kind]
-            raise parameters.fault(f"the {kind} texture {quoted(wanted)} is not defined{suggestion(wanted, known)}", name)
+            raise parameters.fault(
+                f"the {kind} texture {quoted(wanted)} is not defined{suggestion(wanted, known)}", name
+            )
         return self._textures[(kind, wanted)]
 
     def _value(self, parameters: Parameters, name: str, kind: str, default: float) -> Any:
@@ -220,7 +234,9 @@ class TextureReader:
             first, second = self._value(parameters, "tex1", kind, 0.0), self._value(parameters, "tex2", kind, 1.0)
             if all(isinstance(each, list) for each in (amount, first, second)):
                 return [a + (b - a) * t for a, b, t in zip(first, second, amount, strict=True)]
-        self._staging.note(f"a texture of type {quoted(made_of)} is not known, or not of such parts: grey of 0.5 in its place")
+        self._staging.note(
+            f"a texture of type {quoted(made_of)} is not known, or not of such parts: grey of 0.5 in its place"
+        )
         parameters.ignore(*parameters.values)
         return [0.5, 0.5, 0.5]
 
@@ -239,11 +255,11 @@ class TextureReader:
     def _imagemap(self, kind: str, parameters: Parameters) -> Any:
         file = parameters.text("filename")
         if not file:
-            raise parameters.fault("the imagemap has no \"filename\"; give it")
+            raise parameters.fault('the imagemap has no "filename"; give it')
         line = parameters.values["filename"].line
         wrap = parameters.text("wrap", "repeat")
         if wrap not in _WRAPS:
-            raise parameters.fault(f"\"wrap\" is {quoted(wrap)}, which is not known{suggestion(wrap, _WRAPS)}", "wrap")
+            raise parameters.fault(f'"wrap" is {quoted(wrap)}, which is not known{suggestion(wrap, _WRAPS)}', "wrap")
         if wrap == "black":
             self._staging.note("pictures that are black beyond their edges go on as their edges do")
         made: dict[str, Any] = {"texture": self._staging.files.name(file, f"line {line}"), "wrap": _WRAPS[wrap]}
@@ -254,7 +270,7 @@ class TextureReader:
             if encoding.startswith("gamma"):
                 self._staging.note("pictures encoded by a gamma are read as sRGB")
         if parameters.flag("invert", False):
-            self._staging.note("\"invert\" of a picture is left out")
+            self._staging.note('"invert" of a picture is left out')
         parameters.ignore("encoding", "maxanisotropy")
         factor = parameters.number("scale", 1.0)
         if factor != 1.0:

@@ -23,8 +23,23 @@ _COUNT: Final = 2**22
 """Most values of a list that are no plain numbers."""
 _TOKEN: Final = re.compile(r'[\s]+|#[^\n]*|"(?:[^"\\\n]|\\.)*"|[\[\]]|[^\s"#\[\]]+')
 _NUMBERS_ONLY: Final = re.compile(r"[-+0-9.eE\s]*\Z")
-_NUMERIC: Final = frozenset("float integer point point2 point3 vector vector2 vector3 normal normal3 rgb blackbody".split())
-_TEXTUAL: Final = frozenset("string texture bool spectrum".split())
+_NUMERIC: Final = frozenset(
+    [
+        "float",
+        "integer",
+        "point",
+        "point2",
+        "point3",
+        "vector",
+        "vector2",
+        "vector3",
+        "normal",
+        "normal3",
+        "rgb",
+        "blackbody",
+    ]
+)
+_TEXTUAL: Final = frozenset(["string", "texture", "bool", "spectrum"])
 _TYPES: Final = _NUMERIC | _TEXTUAL
 _ESCAPES: Final = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f"}
 
@@ -163,7 +178,7 @@ def _parameter(text: _Text) -> tuple[str, Parameter]:
     declared, line = text.take() or "", text.line
     words = _unquoted(declared).split()
     if len(words) != 2 or words[0] not in _TYPES:
-        raise text.fault(f"{quoted(declared[1:-1])} is no type and name of a parameter, such as \"float radius\"")
+        raise text.fault(f'{quoted(declared[1:-1])} is no type and name of a parameter, such as "float radius"')
     kind, name = words
     tokens, numbers = _list(text)
     values: Any

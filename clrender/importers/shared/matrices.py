@@ -12,6 +12,7 @@ __all__ = [
     "Matrix",
     "handedness",
     "identity",
+    "inverse",
     "is_affine",
     "is_identity",
     "is_similarity",
@@ -88,6 +89,11 @@ def look_at(origin: Any, target: Any, up: Any) -> Matrix:
     made = np.eye(4)
     made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = across, np.cross(forward, across), forward, origin
     return made
+
+
+def inverse(matrix: Matrix) -> Matrix:
+    """The map back; the matrix can be inverted."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def is_affine(matrix: Matrix) -> bool:

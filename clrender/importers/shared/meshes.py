@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,9 @@ def cube_mesh() -> MeshData:
     return quads_mesh(vertices, np.arange(24).reshape(6, 4), np.array(_CUBE_UVS * 6, np.float64))
 
 
-def quads_mesh(vertices: _Floats, quads: NDArray[np.int64], uvs: _Floats | None, normals: _Floats | None = None) -> MeshData:
+def quads_mesh(
+    vertices: _Floats, quads: NDArray[np.int64], uvs: _Floats | None, normals: _Floats | None = None
+) -> MeshData:
     """Quadrilaterals as two triangles each.
 
     Parameters
@@ -117,7 +119,7 @@ def _face_normals(mesh: MeshData) -> _Floats:
 
 
 def faced_by_normals(mesh: MeshData) -> MeshData:
-    """The same, its triangles turned round where they face away from their vertices' normals; those decide on its front."""
+    """The same, its triangles turned round where they face away from their vertices' normals."""
     if mesh.normals is None:
         return mesh
     toward = np.asarray(mesh.normals, np.float64)[mesh.triangles].sum(axis=1)
@@ -126,15 +128,20 @@ def faced_by_normals(mesh: MeshData) -> MeshData:
     if not wrong.any():
         return mesh
 
-    def turned(corners: NDArray[np.generic] | None) -> NDArray[np.generic] | None:
+    def turned(corners: Any) -> Any:
         if corners is None:
             return None
         new = corners.copy()
         new[wrong] = new[wrong][:, ::-1]
         return new
 
-    arrays = {name: turned(getattr(mesh, name)) for name in ("triangles", "uvs", "uvs_1", "colors")}
-    return dataclasses.replace(mesh, **arrays)
+    return dataclasses.replace(
+        mesh,
+        triangles=turned(mesh.triangles),
+        uvs=turned(mesh.uvs),
+        uvs_1=turned(mesh.uvs_1),
+        colors=turned(mesh.colors),
+    )
 
 
 def smoothed(mesh: MeshData) -> MeshData:

@@ -98,7 +98,7 @@ def _sampled(wavelengths: Sequence[float], values: Sequence[float]) -> _Floats:
         return np.where(np.abs(at - given[0]) <= _STEP / 2.0, shares[0], 0.0)
     fine = np.linspace(at[0] - _STEP / 2.0, at[-1] + _STEP / 2.0, 10 * len(at) + 1)
     middle = (fine[1:] + fine[:-1]) / 2.0
-    return np.interp(middle, given, shares, left=0.0, right=0.0).reshape(len(at), 10).mean(axis=1)
+    return np.asarray(np.interp(middle, given, shares, left=0.0, right=0.0).reshape(len(at), 10).mean(axis=1))
 
 
 def _color(xyz: _Floats) -> Color:

@@ -167,7 +167,7 @@ class Staging:
         if all(0.0 <= x <= 1.0 for x in color):
             return list(color)
         self.note(f"{of} goes beyond 0 to 1, which no surface does: clipped")
-        return [min(max(x, 0.0), 1.0) if x == x else 0.0 for x in color]
+        return [min(max(x, 0.0), 1.0) if math.isfinite(x) else 0.0 for x in color]
 
     def share(self, value: float, of: str) -> float:
         """A number as a share: held between 0 and 1, and said so."""
