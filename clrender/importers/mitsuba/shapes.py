@@ -13,9 +13,9 @@ from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import (
     Matrix,
+    frame_along,
     handedness,
     identity,
-    look_at,
     scaling,
     translation,
 )
@@ -206,10 +206,8 @@ class ShapeReader:
         size = float(np.linalg.norm(end - start))
         if not (radius > 0.0 and size > 0.0):
             raise plugin.fault("the cylinder has no radius or no length; give it both")
-        along = (end - start) / size
-        across = np.eye(3)[int(np.abs(along).argmin())]
         self._staging.note("cylinders are approximated by 256 triangles")
-        matrix = matrix @ look_at(start, end, across) @ scaling(radius, radius, size)
+        matrix = matrix @ frame_along(start, end - start) @ scaling(radius, radius, size)
         inside_out = flip != (handedness(matrix) < 0.0)
         self._staging.mesh(
             {**described, **_flipped(inside_out)}, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Matrix",
+    "frame_along",
     "handedness",
     "identity",
     "inverse",
@@ -88,6 +89,22 @@ def look_at(origin: Any, target: Any, up: Any) -> Matrix:
     forward, across = forward / sizes[0], across / sizes[1]
     made = np.eye(4)
     made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = across, np.cross(forward, across), forward, origin
+    return made
+
+
+def frame_along(origin: Any, direction: Any) -> Matrix:
+    """To a place, with +z along a direction of any length above 0; the identity for +z at the origin.
+
+    Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1) 2017, as Mitsuba has it.
+    """
+    x, y, z = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+    sign = math.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    made = np.eye(4)
+    made[:3, 0] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    made[:3, 1] = b, sign + y * y * a, -y
+    made[:3, 2], made[:3, 3] = (x, y, z), origin
     return made
 
 
