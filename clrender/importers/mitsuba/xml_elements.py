@@ -80,7 +80,11 @@ class _Tree:
 
     def _text(self, text: str) -> None:
         if text.strip():
-            raise self._refuse(f"has the text {quoted(text.strip())} between elements; give values as attributes")
+            # The parser has it whole and stands behind it
+            leading = len(text) - len(text.lstrip())
+            line = self.parser.CurrentLineNumber - text.count("\n") + text[:leading].count("\n")
+            sentence = f"has the text {quoted(text.strip())} between elements; give values as attributes"
+            raise _Refused(line, sentence)
 
 
 def parsed(data: bytes, source: str) -> Element:

@@ -28,6 +28,9 @@ __all__ = ["read"]
 _DEPTH: Final = 64
 _INCLUDE_DEPTH: Final = 8
 _MOST_G: Final = 0.99
+_BARE: Final = frozenset(
+    ["WorldBegin", "AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectEnd", "ReverseOrientation"]
+)
 _WITHOUT_EFFECT: Final = frozenset(["Accelerator", "Option"])
 
 
@@ -114,6 +117,8 @@ class _World:
         }
         for directive in directives(data, source):
             name = directive.name
+            if name in _BARE and (directive.texts or directive.numbers):
+                raise directive.fault(f"{name} takes nothing; remove what stands behind it")
             if name in TRANSFORMS:
                 self._state = moved(self._state, directive, self._systems)
             elif name in known:

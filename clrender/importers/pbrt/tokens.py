@@ -221,7 +221,9 @@ def directives(data: bytes, source: str) -> Iterator[Directive]:
         parameters = Parameters(source, line)
         while (token := text.peek()) is not None:
             if token[0] == '"':
-                if len(_unquoted(token).split()) == 2 and _unquoted(token).split()[0] in _TYPES and texts:
+                words = _unquoted(token).split()
+                # Names of media may have two words, too
+                if len(words) == 2 and texts and (name != "MediumInterface" or words[0] in _TYPES):
                     key, parameter = _parameter(text)
                     parameters.values[key] = parameter
                 else:
