@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-__all__ = ["as_pbrt_has_it", "folded", "mitsuba_xml", "pbrt_text"]
+__all__ = ["as_pbrt_has_it", "mitsuba_xml", "pbrt_text"]
 
 _BOX_QUADS: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
@@ -175,9 +175,6 @@ def _pbrt_material(described: dict[str, Any], name: str) -> list[str]:
     elif kind == "conductor":
         eta, k = _words(described["eta"]), _words(described["k"])
         rest = f'"string type" "conductor" "rgb eta" [{eta}] "rgb k" [{k}] {rough}'
-    elif kind == "mirror":
-        # pbrt has none; a metal of this reflectance straight on (see `as_pbrt_has_it`)
-        rest = f'"string type" "conductor" "rgb reflectance" [{_words(described["reflectance"])}]'
     elif isinstance(described["reflectance"], dict):
         texture = described["reflectance"]
         between = "point" if texture.get("filter") == "nearest" else "bilinear"
@@ -216,54 +213,40 @@ def _pbrt_shape(shape: dict[str, Any]) -> str:
     return f'Shape "trianglemesh" "point3 P" [{_words(points)}] "integer indices" [{indices}] {given}'
 
 
-def _pbrt_light(light: dict[str, Any], folder: Path) -> str:
+def _pbrt_light(light: dict[str, Any]) -> str:
     kind = light["type"]
     if kind == "point":
         return f'LightSource "point" "point3 from" [{_words(light["position"])}] "rgb I" [{_words(light["intensity"])}]'
     if kind == "directional":
         where = f'"point3 from" [0 0 0] "point3 to" [{_words(light["direction"])}]'
         return f'LightSource "distant" {where} "rgb L" [{_words(light["irradiance"])}]'
-    if "file" not in light:
+    if "radiance" in light:
         return f'LightSource "infinite" "rgb L" [{_words(light["radiance"])}]'
-    from clrender.image.files import read_image, write_image
-
-    write_image(folder / "square.exr", folded(read_image(folder / light["file"]), 2048))
-    return 'LightSource "infinite" "string filename" "square.exr"'
-
-
-def folded(pixels: Any, side: int) -> Any:
-    """A picture in latitude and longitude on pbrt's square, by its nearest pixels."""
-    at = (np.arange(side) + 0.5) / side * 2.0 - 1.0
-    u, v = np.broadcast_arrays(at[None, :], at[:, None])
-    distance = 1.0 - (np.abs(u) + np.abs(v))
-    radius = 1.0 - np.abs(distance)
-    turn = (
-        np.where(radius == 0.0, 1.0, (np.abs(v) - np.abs(u)) / np.where(radius == 0.0, 1.0, radius) + 1.0) * np.pi / 4.0
-    )
-    z = np.copysign(1.0 - radius * radius, distance)
-    wide = radius * np.sqrt(2.0 - radius * radius)
-    x, y = np.copysign(np.cos(turn), u) * wide, np.copysign(np.sin(turn), v) * wide
-    height, width = pixels.shape[:2]
-    column = ((np.arctan2(x, z) / (2.0 * np.pi) + 0.5) * width).astype(int) % width
-    row = np.clip((np.arccos(np.clip(y, -1.0, 1.0)) / np.pi * height).astype(int), 0, height - 1)
-    return np.ascontiguousarray(pixels[row, column], np.float32)
+    raise ValueError("pbrt has other pictures of environments: `as_pbrt_has_it` replaces them")
 
 
 def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
-    """The scene with metals in the place of mirrors, which pbrt has not."""
+    """The scene without what pbrt has not: metals for mirrors, and an even environment for a picture in latitude and longitude."""  # noqa: E501
     materials = {}
     for name, described in scene["materials"].items():
         if described["type"] == "mirror":
             k = [2.0 * (min(x, 0.9999) / (1.0 - min(x, 0.9999))) ** 0.5 for x in described["reflectance"]]
             described = {"type": "conductor", "eta": [1.0] * 3, "k": k, "roughness": 0.0}
         materials[name] = described
-    return {**scene, "materials": materials}
+    even = {"type": "environment", "radiance": [0.5, 0.6, 0.7]}
+    return {**scene, "materials": materials, "lights": [even if "file" in each else each for each in scene["lights"]]}
 
 
-def pbrt_text(scene: dict[str, Any], folder: Path, side: int, spp: int) -> str:
+def pbrt_text(scene: dict[str, Any], side: int, spp: int) -> str:
     """A scene as pbrt-v4 reads it.
 
-    Parameters as of `mitsuba_xml`. A picture of the environment is written beside it.
+    Parameters
+    ----------
+    scene : dict
+        As a scene file of ours, and of `as_pbrt_has_it`.
+    side : int
+        Of the image, pixels.
+    spp : int
     """
     camera = scene["camera"]
     view = [camera[key] for key in ("position", "target")] + [camera.get("up", (0.0, 1.0, 0.0))]
@@ -282,5 +265,5 @@ def pbrt_text(scene: dict[str, Any], folder: Path, side: int, spp: int) -> str:
     for shape in scene["shapes"]:
         light = f'AreaLightSource "diffuse" "rgb L" [{_words(shape["emission"])}]' if "emission" in shape else ""
         lines += ["AttributeBegin", light, f'NamedMaterial "{shape["material"]}"', _pbrt_shape(shape), "AttributeEnd"]
-    lines += [_pbrt_light(light, folder) for light in scene["lights"]]
+    lines += [_pbrt_light(light) for light in scene["lights"]]
     return "\n".join(lines) + "\n"

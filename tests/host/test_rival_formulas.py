@@ -110,7 +110,9 @@ def test_power_of_pbrts_lights(tmp_path: Path) -> None:
 
 
 def test_power_of_pbrts_area_lights_is_that_of_both_sides(tmp_path: Path) -> None:
-    light = 'AreaLightSource "diffuse" "float power" 100 "bool twosided" true\nScale 2 2 2\nShape "disk" "float radius" 3'
+    light = (
+        'AreaLightSource "diffuse" "float power" 100 "bool twosided" true\nScale 2 2 2\nShape "disk" "float radius" 3'
+    )
     shapes = pbrt(tmp_path, light).shapes
     assert len(shapes) == 2 and [shape.flip_normals for shape in shapes] == [False, True]
     for shape in shapes:
@@ -197,7 +199,9 @@ def test_roughness_is_squared_or_not(tmp_path: Path, remap: str, alpha: float) -
     """Ours squared is alpha; Mitsuba gives alpha; pbrt's root is alpha unless it is not remapped."""
     metal = f'Material "conductor" "float roughness" 0.09 "bool remaproughness" {remap}\n'
     assert dump(pbrt(tmp_path, metal + BALL).materials["conductor"])["roughness"] ** 2 == pytest.approx(alpha)
-    bsdf = '<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="0.09"/></bsdf>'
+    bsdf = (
+        '<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="0.09"/></bsdf>'
+    )
     scene = mitsuba(tmp_path, f'<shape type="sphere">{bsdf}</shape>')
     assert dump(scene.materials["roughconductor"])["roughness"] ** 2 == pytest.approx(0.09)
 
@@ -244,8 +248,10 @@ def test_names_of_media_and_metals(tmp_path: Path) -> None:
 # --- cameras and settings
 
 
-SENSOR = '<sensor type="{}"><film type="hdrfilm"><integer name="width" value="200"/><integer name="height" value="100"/>\
+SENSOR = (
+    '<sensor type="{}"><film type="hdrfilm"><integer name="width" value="200"/><integer name="height" value="100"/>\
 <rfilter type="box"/></film>{}</sensor>'
+)
 
 
 @pytest.mark.parametrize(
@@ -346,14 +352,20 @@ def test_instances_are_written_out(tmp_path: Path) -> None:
 
 def test_pictures_stand_on_their_heads_in_mitsuba_3(tmp_path: Path) -> None:
     rival_scenes.write_parts(tmp_path)
-    steps = '<transform name="to_uv"><scale x="2" y="3"/><rotate z="1" angle="25"/><translate x="0.2" y="0.1"/></transform>'
-    picture = f'<texture name="reflectance" type="bitmap"><string name="filename" value="picture.png"/>{steps}</texture>'
+    steps = (
+        '<transform name="to_uv"><scale x="2" y="3"/><rotate z="1" angle="25"/><translate x="0.2" y="0.1"/></transform>'
+    )
+    picture = (
+        f'<texture name="reflectance" type="bitmap"><string name="filename" value="picture.png"/>{steps}</texture>'
+    )
     scene = mitsuba(tmp_path, f'<shape type="sphere"><bsdf type="diffuse">{picture}</bsdf></shape>')
     transform = scene.materials["diffuse"].reflectance.transform  # type: ignore[union-attr]
     turn, rng = math.radians(transform.rotate_degrees), np.random.default_rng(1)
     for u, v in rng.uniform(-1.0, 2.0, (20, 2)):
         x, y = u * transform.scale[0], v * transform.scale[1]
-        ours = (math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y) + np.array(transform.offset)
+        ours = (math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y) + np.array(
+            transform.offset
+        )
         a = math.radians(25.0)
         theirs = (math.cos(a) * 2 * u - math.sin(a) * 3 * v + 0.2, math.sin(a) * 2 * u + math.cos(a) * 3 * v + 0.1)
         assert ours == pytest.approx((theirs[0], 1.0 - theirs[1]))
@@ -426,6 +438,8 @@ def test_included_files(tmp_path: Path) -> None:
     inside = '<default name="name" value="grey"/><include filename="part.xml"/><alias id="grey" as="other"/>'
     scene = mitsuba(tmp_path, inside + '<shape type="sphere"><ref id="other"/></shape>')
     assert scene.shapes[0].material == "grey"
-    (tmp_path / "part.pbrt").write_text('Translate 5 0 0\nMakeNamedMaterial "m" "string type" "diffuse"', encoding="utf-8")
+    (tmp_path / "part.pbrt").write_text(
+        'Translate 5 0 0\nMakeNamedMaterial "m" "string type" "diffuse"', encoding="utf-8"
+    )
     kept = pbrt(tmp_path, f'Include "part.pbrt" NamedMaterial "m" {BALL}')
     assert kept.shapes[0].material == "m" and np.array(kept.shapes[0].transform.matrix)[0][3] == 5.0

@@ -167,7 +167,7 @@ def test_a_fault_in_an_included_file_names_it(tmp_path: Path) -> None:
 
 
 def test_lines_are_counted_through_lists_and_comments(tmp_path: Path) -> None:
-    text = "WorldBegin # one\n# two\nShape \"trianglemesh\" \"point3 P\" [ 0 0 0\n1 0 0 # four\n0 1 0 ]\n\nShape \"sphere\" x"
+    text = 'WorldBegin # one\n# two\nShape "trianglemesh" "point3 P" [ 0 0 0\n1 0 0 # four\n0 1 0 ]\n\nShape "sphere" x'
     assert re.search(r"line 7: ", refusal(tmp_path / "scene.pbrt", text))
 
 

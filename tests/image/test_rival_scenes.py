@@ -89,7 +89,9 @@ def test_lights_of_pbrt_shine_from_their_fronts(
 
 def test_pictures_stand_upright_or_on_their_heads(device: Device, tmp_path: Path) -> None:
     """The first row of a picture is at v = 0 in Mitsuba 3, and at v = 1 in 0.6 and pbrt."""
-    Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)).save(tmp_path / "p.png")
+    Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)).save(
+        tmp_path / "p.png"
+    )
     sensor = SENSOR.replace('x="0.01" y="0.01"', 'x="1" y="1"')
     picture = '<texture name="radiance" type="bitmap"><string name="filename" value="p.png"/>\
 <string name="filter_type" value="nearest"/></texture>'
@@ -101,7 +103,9 @@ def test_pictures_stand_upright_or_on_their_heads(device: Device, tmp_path: Path
         np.testing.assert_allclose(image[1, 6], (1, 1, 1) if version == "3.0.0" else (0, 1, 0), atol=1e-5)
     # Seen along -z in a left-handed world, +x is to the left
     world = f'AreaLightSource "diffuse" "string filename" "p.png"\n{QUAD}'
-    image = rendered(device, tmp_path / "a.pbrt", BEFORE.replace("0.01", "1").replace(' "float iso" 200', "") + world, spp=1)
+    image = rendered(
+        device, tmp_path / "a.pbrt", BEFORE.replace("0.01", "1").replace(' "float iso" 200', "") + world, spp=1
+    )
     np.testing.assert_allclose(image[1, 6], (1, 0, 0), atol=1e-5)  # u = 0, v = 1
 
 
@@ -124,7 +128,9 @@ def test_the_square_environment_of_pbrt_has_z_in_its_middle(device: Device, tmp_
     u, v = np.meshgrid(*[(np.arange(64) + 0.5) / 32.0 - 1.0] * 2)
     square[np.abs(u) + np.abs(v) < 1.0] = 2.0  # the half at +z
     write_image(tmp_path / "square.exr", square)
-    world = 'LightSource "infinite" "string filename" "square.exr"\nMaterial "diffuse" "rgb reflectance" [1 1 1]\n' + QUAD
+    world = (
+        'LightSource "infinite" "string filename" "square.exr"\nMaterial "diffuse" "rgb reflectance" [1 1 1]\n' + QUAD
+    )
     image = rendered(device, tmp_path / "a.pbrt", BEFORE.replace(' "float iso" 200', "") + world, spp=64)
     assert float(image.mean()) == pytest.approx(2.0, abs=0.03)
 
@@ -145,7 +151,12 @@ def tiles_apart(image: _Floats, reference: _Floats) -> _Floats:
     height, width = (side // 16 * 16 for side in image.shape[:2])
 
     def blocks(x: _Floats) -> _Floats:
-        return x[:height, :width].reshape(16, height // 16, 16, width // 16, 3).transpose(0, 2, 4, 1, 3).reshape(16, 16, 3, -1)
+        return (
+            x[:height, :width]
+            .reshape(16, height // 16, 16, width // 16, 3)
+            .transpose(0, 2, 4, 1, 3)
+            .reshape(16, 16, 3, -1)
+        )
 
     difference, mean = blocks(image - reference), blocks(reference).mean(-1)
     error = np.sqrt(difference.var(-1, ddof=1) / difference.shape[-1] + (mean * 2.0**-13) ** 2)
@@ -197,7 +208,9 @@ def test_the_cornell_box_in_three_formats(device: Device, tmp_path: Path) -> Non
     (tmp_path / "v06.xml").write_text(both, encoding="utf-8")
     files = [tmp_path / "v06.xml", CORNELL / "mitsuba" / "scene_v3.xml", CORNELL / "pbrt" / "scene-v4.pbrt"]
     same = {"device": device.info.index, "size": (64, 64), "spp": 32, "max_depth": 8, "filter": "box"}
-    images = [clrender.render(clrender.load(path), **same, seed=i).linear.astype(np.float64) for i, path in enumerate(files)]
+    images = [
+        clrender.render(clrender.load(path), **same, seed=i).linear.astype(np.float64) for i, path in enumerate(files)
+    ]
     for image in images[1:]:
         assert float(image.mean()) == pytest.approx(float(images[0].mean()), rel=0.01)
         assert np.abs(tiles_apart(image, images[0])).max() < 6.0  # 16 pixels a tile: Student's t, 768 of them

@@ -123,7 +123,10 @@ class MaterialReader:
         """An index of refraction: a number or a name."""
         value = plugin.values.get(name)
         if value is not None and value.kind != "string":
-            return plugin.number(name, 1.0)
+            index = plugin.number(name, 1.0)
+            if not 1e-3 <= index <= 1000.0:
+                raise plugin.fault(f"{quoted(name)} is {index:g}; an index of refraction must be 0.001 to 1000")
+            return index
         material = plugin.text(name, default).lower()
         if material not in DIELECTRICS:
             raise plugin.fault(

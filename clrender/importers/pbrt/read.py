@@ -29,7 +29,15 @@ _DEPTH: Final = 64
 _INCLUDE_DEPTH: Final = 8
 _MOST_G: Final = 0.99
 _BARE: Final = frozenset(
-    ["WorldBegin", "AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectEnd", "ReverseOrientation"]
+    [
+        "WorldBegin",
+        "AttributeBegin",
+        "AttributeEnd",
+        "TransformBegin",
+        "TransformEnd",
+        "ObjectEnd",
+        "ReverseOrientation",
+    ]
 )
 _WITHOUT_EFFECT: Final = frozenset(["Accelerator", "Option"])
 
