@@ -51,11 +51,13 @@ MITSUBA = """<?xml version="1.0" encoding="utf-8"?>
     <ref id="frosted"/></shape>
   <shape type="sphere"><float name="radius" value="0.4"/><transform name="to_world"><scale x="$wide" y="1" z="2"/>
     <translate x="1.2" y="0.6"/></transform><bsdf type="null"/><ref name="interior" id="smoke"/></shape>
-  <shape type="disk"><transform name="to_world"><scale value="0.2"/><translate y="2"/></transform><ref id="bumpy"/></shape>
+  <shape type="disk"><transform name="to_world"><scale value="0.2"/><translate y="2"/></transform>
+    <ref id="bumpy"/></shape>
   <shape type="cylinder"><point name="p0" x="-2" y="0" z="0"/><point name="p1" x="-2" y="1" z="0"/>
     <float name="radius" value="0.2"/><ref id="paint"/></shape>
   <shape type="ply"><string name="filename" value="part.ply"/><ref id="leaf"/></shape>
-  <shape type="shapegroup" id="group"><shape type="obj"><string name="filename" value="part.obj"/><ref id="gold"/></shape>
+  <shape type="shapegroup" id="group">
+    <shape type="obj"><string name="filename" value="part.obj"/><ref id="gold"/></shape>
   </shape>
   <shape type="instance"><ref id="group"/><transform name="to_world"><translate z="-1"/></transform></shape>
   <shape type="rectangle"><transform name="to_world"><scale value="0.3"/><rotate x="1" angle="90"/><translate y="3"/>

@@ -76,8 +76,8 @@ def test_a_black_body_shines_by_plancks_law() -> None:
 def test_uniform_spectra_of_lights_and_surfaces_differ(tmp_path: Path) -> None:
     scene = mitsuba(
         tmp_path,
-        f'<shape type="sphere"><bsdf type="diffuse"><spectrum name="reflectance" value="0.3"/></bsdf></shape>'
-        f'<emitter type="constant"><spectrum name="radiance" value="1"/></emitter>',
+        '<shape type="sphere"><bsdf type="diffuse"><spectrum name="reflectance" value="0.3"/></bsdf></shape>'
+        '<emitter type="constant"><spectrum name="radiance" value="1"/></emitter>',
     )
     assert scene.environment is not None and scene.environment.radiance is not None
     assert scene.environment.radiance == pytest.approx((1.2048, 0.9483, 0.9090), abs=5e-4)
@@ -228,7 +228,8 @@ def test_light_under_a_coat_is_reflected_again_and_again(tmp_path: Path) -> None
     expected = 0.4 * (1.0 - inner) / (1.0 - 0.4 * inner)
     plain = pbrt(tmp_path, 'Material "coateddiffuse" "rgb reflectance" [0.4 0.4 0.4]\n' + BALL)
     assert dump(plain.materials["coateddiffuse"])["base_color"][0] == pytest.approx(expected)
-    body = '<rgb name="diffuse_reflectance" value="0.4"/><float name="int_ior" value="1.5"/><float name="ext_ior" value="1"/>'
+    body = '<rgb name="diffuse_reflectance" value="0.4"/><float name="int_ior" value="1.5"/>'
+    body += '<float name="ext_ior" value="1"/>'
     for nonlinear, base in (("true", expected), ("false", 0.4)):
         option = f'<boolean name="nonlinear" value="{nonlinear}"/>'
         scene = mitsuba(tmp_path, f'<shape type="sphere"><bsdf type="plastic">{body}{option}</bsdf></shape>')
@@ -339,13 +340,14 @@ def test_rotations() -> None:
 
 
 def test_instances_are_written_out(tmp_path: Path) -> None:
-    group = f'<shape type="shapegroup" id="g"><shape type="cube"><transform name="to_world"><scale value="2"/></transform>{GREY}\
-</shape></shape>'
+    cube = f'<shape type="cube"><transform name="to_world"><scale value="2"/></transform>{GREY}</shape>'
+    group = f'<shape type="shapegroup" id="g">{cube}</shape>'
     use = '<shape type="instance"><ref id="g"/><transform name="to_world"><translate x="{}"/></transform></shape>'
     scene = mitsuba(tmp_path, use.format(5) + group + use.format(7))  # also before it is defined
     places = [np.array(shape.transform.matrix)[0] for shape in scene.shapes]
     assert [list(row) for row in places] == [[2.0, 0.0, 0.0, 5.0], [2.0, 0.0, 0.0, 7.0]]
-    world = f'ObjectBegin "o"\nScale 2 2 2\n{BALL}ObjectEnd\nTranslate 5 0 0 ObjectInstance "o" Translate 2 0 0 ObjectInstance "o"'
+    use = 'ObjectInstance "o"\n'
+    world = f'ObjectBegin "o"\nScale 2 2 2\n{BALL}ObjectEnd\nTranslate 5 0 0 {use} Translate 2 0 0 {use}'
     spheres = pbrt(tmp_path, world).shapes
     assert [np.array(shape.transform.matrix)[0][3] for shape in spheres] == [5.0, 7.0]
 
@@ -363,12 +365,11 @@ def test_pictures_stand_on_their_heads_in_mitsuba_3(tmp_path: Path) -> None:
     turn, rng = math.radians(transform.rotate_degrees), np.random.default_rng(1)
     for u, v in rng.uniform(-1.0, 2.0, (20, 2)):
         x, y = u * transform.scale[0], v * transform.scale[1]
-        ours = (math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y) + np.array(
-            transform.offset
-        )
+        turned = [math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y]
+        ours = np.add(turned, transform.offset)
         a = math.radians(25.0)
         theirs = (math.cos(a) * 2 * u - math.sin(a) * 3 * v + 0.2, math.sin(a) * 2 * u + math.cos(a) * 3 * v + 0.1)
-        assert ours == pytest.approx((theirs[0], 1.0 - theirs[1]))
+        assert ours == pytest.approx([theirs[0], 1.0 - theirs[1]])
 
 
 def test_the_square_of_pbrts_environments_keeps_areas() -> None:

@@ -1,4 +1,4 @@
-"""Scenes of Mitsuba and pbrt as images: against formulas, against each other, and against references of other renderers.
+"""Scenes of Mitsuba and pbrt as images: against formulas, each other, and references of other renderers.
 
 The references are in a folder of assets beside the repository, or where ``CLRENDER_ASSETS`` says; tests that need them
 are skipped without it.
@@ -28,8 +28,8 @@ CORNELL: Final = ASSETS / "bitterli" / "cornell-box"
 with_assets: Final = pytest.mark.skipif(not CORNELL.is_dir(), reason="the folder of assets is not here")
 
 SENSOR = '<sensor type="orthographic"><transform name="to_world"><scale x="0.01" y="0.01"/><lookat origin="0,0,4" \
-target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/>\
-<rfilter type="box"/></film></sensor>'
+target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm"><integer name="width" value="8"/>\
+<integer name="height" value="8"/><rfilter type="box"/></film></sensor>'
 BEFORE = 'LookAt 0 0 4  0 0 0  0 1 0\nCamera "orthographic" "float screenwindow" [-0.01 0.01 -0.01 0.01]\n\
 Film "rgb" "integer xresolution" 8 "integer yresolution" 8 "float iso" 200\nPixelFilter "box"\n\
 Integrator "path" "integer maxdepth" 1\nWorldBegin\n'
@@ -51,7 +51,8 @@ def test_a_point_light_over_a_plane(device: Device, tmp_path: Path) -> None:
     depth = '<integrator type="path"><integer name="max_depth" value="2"/></integrator>'
     image = rendered(device, tmp_path / "a.xml", f'<scene version="3.0.0">{depth}{SENSOR}{shape}{light}</scene>', spp=4)
     np.testing.assert_allclose(image, expected, rtol=1e-4)
-    world = f'LightSource "point" "point3 from" [0 0 3] "rgb I" [5 5 5]\nMaterial "diffuse" "rgb reflectance" [0.6 0.6 0.6]\n{QUAD}'
+    world = 'LightSource "point" "point3 from" [0 0 3] "rgb I" [5 5 5]\n'
+    world += f'Material "diffuse" "rgb reflectance" [0.6 0.6 0.6]\n{QUAD}'
     image = rendered(device, tmp_path / "a.pbrt", BEFORE + world, spp=4)
     np.testing.assert_allclose(image, 2.0 * expected, rtol=1e-4)
 
@@ -110,7 +111,7 @@ def test_pictures_stand_upright_or_on_their_heads(device: Device, tmp_path: Path
 
 
 def test_turned_environments(device: Device, tmp_path: Path) -> None:
-    """A map with a bright half, turned so that its top, the half at +y, comes to +z: that lights a plane that faces +z."""
+    """A map whose half at +y is bright, turned so that this comes to +z: it lights a plane that faces +z."""
     sky = np.zeros((32, 64, 3), np.float32)
     sky[:16] = 2.0
     write_image(tmp_path / "sky.exr", sky)
@@ -207,7 +208,7 @@ def test_the_cornell_box_in_three_formats(device: Device, tmp_path: Path) -> Non
     both = both.replace('<rgb name="reflectance"', '<bsdf type="diffuse"><rgb name="reflectance"')
     (tmp_path / "v06.xml").write_text(both, encoding="utf-8")
     files = [tmp_path / "v06.xml", CORNELL / "mitsuba" / "scene_v3.xml", CORNELL / "pbrt" / "scene-v4.pbrt"]
-    same = {"device": device.info.index, "size": (64, 64), "spp": 32, "max_depth": 8, "filter": "box"}
+    same: dict[str, Any] = {"device": device.info.index, "size": (64, 64), "spp": 32, "max_depth": 8, "filter": "box"}
     images = [
         clrender.render(clrender.load(path), **same, seed=i).linear.astype(np.float64) for i, path in enumerate(files)
     ]
