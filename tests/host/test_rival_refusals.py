@@ -56,6 +56,8 @@ def refusal(path: Path, text: str | bytes) -> str:
         ('<bsdf type="twosided" id="a"><ref id="a"/></bsdf>\n<shape type="ply"><ref id="a"/></shape>', 2, "themselves"),
         ('<shape type="shapegroup" id="a"><shape type="instance"><ref id="a"/></shape></shape>\n\
 <shape type="instance"><ref id="a"/></shape>', 2, "contain themselves"),
+        ('<texture type="scale" id="a"><ref id="a"/></texture>\n<shape type="sphere"><bsdf type="diffuse">\
+<ref name="reflectance" id="a"/></bsdf></shape>', 2, "contains itself"),
         ('<shape type="ply"/>', 2, 'has no "filename"'),
         ('<shape type="serialized"/>', 2, "convert the file to .ply"),
         ('<shape type="ply"><string name="filename" value="none.ply"/></shape>', 2, "none.ply"),
@@ -69,7 +71,7 @@ def refusal(path: Path, text: str | bytes) -> str:
         ('<sensor type="perspective"><string name="fov_axis" value="z"/></sensor>', 2, "fov_axis"),
         ('<sensor type="perspective"><film type="f"><integer name="width" value="0"/></film></sensor>', 2, "65536"),
         ('<emitter type="constant"/>\n<emitter type="constant"/>', 3, "second environment"),
-        ("<a>" * 80 + "</a>" * 80, 2, "nested more than 64 deep"),
+        ("<a>" * 80 + "</a>" * 80, 2, "nested more than 32 deep"),
     ],
 )  # fmt: skip
 def test_faults_of_mitsubas_files(tmp_path: Path, inside: str, line: int, words: str) -> None:

@@ -29,13 +29,14 @@ from clrender.importers.shared.meshes import (
 )
 from clrender.importers.shared.staging import Staging
 from clrender.scene.mesh_data import MeshData
+from clrender.scene.values import SHAPE_LIMIT
 from clrender.scene.wording import quoted
 
 __all__ = ["ShapeReader"]
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """From our sphere to Mitsuba's: u runs from 0 at +x, v from 0 at +z. It mirrors: v runs the other way there."""
-_GROUP_DEPTH: Final = 16
+_GROUP_DEPTH: Final = 4
 
 
 class ShapeReader:
@@ -61,6 +62,7 @@ class ShapeReader:
     ) -> None:
         self._staging, self._textures, self._materials, self._media = staging, textures, materials, media
         self._old = old
+        self._count = 0
 
     def read(self, plugin: Plugin, place: Matrix | None = None, depth: int = 0) -> None:
         """Add a shape, or all that a group holds.
@@ -78,6 +80,11 @@ class ShapeReader:
         SceneError
             It cannot be read, or is nested too deep.
         """
+        self._count += 1
+        if self._count > SHAPE_LIMIT:
+            raise plugin.fault(
+                f"more than {SHAPE_LIMIT} shapes are written out, which is the most; use fewer instances"
+            )
         place = identity() if place is None else place
         if plugin.type == "instance":
             self._instance(plugin, place, depth)

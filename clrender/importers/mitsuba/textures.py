@@ -127,6 +127,9 @@ class TextureReader:
         light : bool
             Whether its colours are those of light.
         """
+        if plugin.busy:
+            raise plugin.fault("the texture contains itself; give it another one")
+        plugin.busy = True
         made: Any
         if plugin.type == "bitmap":
             made = self._bitmap(plugin, number)
@@ -144,6 +147,7 @@ class TextureReader:
             self._staging.note(f"{plugin.label} is not known: grey of 0.5 in its place")
             plugin.ignore(*plugin.values)
             made = [0.5, 0.5, 0.5]
+        plugin.busy = False
         for name in plugin.unused():
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
         return made

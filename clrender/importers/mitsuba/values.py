@@ -150,7 +150,11 @@ class ValueReader:
                 if len(numbers) == 3:
                     return Spectrum(color=(numbers[0], numbers[1], numbers[2]))
                 return Spectrum(values=(numbers[0],))
-            pairs = [part.split(":") for part in re.split(r"[,;\s]+", re.sub(r"\s*:\s*", ":", text)) if part]
+            pairs = [
+                part.split(":")
+                for part in _SEPARATOR.split(" ".join(text.split()).replace(" :", ":").replace(": ", ":"))
+                if part
+            ]
         if not 1 <= len(pairs) <= _NUMBERS_LIMIT or any(len(pair) != 2 for pair in pairs):
             raise self.fault(element, f"{quoted(text)} is no spectrum; write it as 400:0.1, 500:0.2")
         waves, values = ([self._number(element, pair[at]) for pair in pairs] for at in (0, 1))

@@ -13,7 +13,7 @@ __all__ = ["FILE_LIMIT", "Element", "parsed"]
 
 FILE_LIMIT: Final = 2**26
 """Largest XML file, bytes: meshes have files of their own."""
-_DEPTH: Final = 64
+_DEPTH: Final = 32
 _COUNT: Final = 2**20
 """Most elements of a file."""
 

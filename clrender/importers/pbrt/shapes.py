@@ -168,7 +168,9 @@ class ShapeReader:
             normals = None if normals is None else normals[corners].reshape(-1, 3)
             uvs = np.tile(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), (len(corners), 1))
             places, corners = kept, np.arange(len(kept)).reshape(-1, 4)
-        self._staging.note("bilinear patches are read as two triangles each")
+        a, b, c, d = (places[corners[:, i]] for i in range(4))
+        if not np.allclose(a + d, b + c, rtol=0.0, atol=1e-6 * float(np.abs(places).max())):
+            self._staging.note("bilinear patches that are no parallelograms are read as two triangles each")
         parameters.ignore("emissionfilename")
         mesh = quads_mesh(places, corners[:, [0, 1, 3, 2]], uvs, normals)
         return self._mesh("patches", faced_by_normals(mesh))
