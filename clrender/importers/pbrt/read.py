@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
@@ -15,7 +15,8 @@ from clrender.importers.pbrt.film import Camera, Settings
 from clrender.importers.pbrt.lights import LightReader
 from clrender.importers.pbrt.materials import MaterialReader
 from clrender.importers.pbrt.parameters import Parameters
-from clrender.importers.pbrt.shapes import ShapeReader, area_of, other_side, placed
+from clrender.importers.pbrt.placing import Part, Placer
+from clrender.importers.pbrt.shapes import ShapeReader
 from clrender.importers.pbrt.state import TRANSFORMS, Graphics, moved
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
@@ -61,16 +62,6 @@ def read(path: Path, files: AssetFiles) -> Draft:
     return world.staging.draft
 
 
-@dataclass
-class _Part:
-    """A shape, wherever it will stand."""
-
-    described: dict[str, Any]
-    emission: Parameters | None
-    matrix: Matrix
-    line: int
-
-
 class _World:
     """Carries out directives."""
 
@@ -82,13 +73,14 @@ class _World:
             ShapeReader(self.staging, self._textures),
             LightReader(self.staging, self._textures),
         )
+        self._placer = Placer(self.staging, self._textures)
         self._settings = Settings(self.staging)
         self._state = Graphics()
         self._stack: list[Graphics] = []
         self._systems: dict[str, Matrix] = {}
         self._media: dict[str, str] = {}
-        self._objects: dict[str, list[_Part]] = {}
-        self._object: list[_Part] | None = None
+        self._objects: dict[str, list[Part]] = {}
+        self._object: list[Part] | None = None
         self._in_world = False
         self._included = 0
 
@@ -151,7 +143,7 @@ class _World:
         self._in_world = True
         self._state = replace(self._state, matrix=np.eye(4))
         self._systems["world"] = np.eye(4)
-        self._shapes.brightness = self._lights.brightness = self._settings.brightness()
+        self._placer.brightness = self._lights.brightness = self._settings.brightness()
 
     def _begin(self, directive: Directive) -> None:
         if len(self._stack) >= _DEPTH:
@@ -264,44 +256,13 @@ class _World:
         state = self._state
         kind = directive.text(0, "type")
         for described in self._shapes.read(kind, parameters, state, interior):
-            part = _Part(described, state.emission, state.matrix, directive.line)
+            part = Part(described, state.emission, state.matrix, directive.line)
             if self._object is not None:
                 if part.emission is not None:
                     self.staging.note("lights inside of objects do not shine, as in pbrt")
                 self._object.append(replace(part, emission=None))
             else:
-                self._put(part, part.matrix)
-
-    def _put(self, part: _Part, matrix: Matrix) -> None:
-        """Add a shape, with the light that it sends out."""
-        described = dict(part.described)
-        if part.emission is None:
-            placed(self.staging, described, matrix, part.line)
-            return
-        parameters = part.emission
-        two_sided, power = parameters.flag("twosided", False), parameters.number("power", -1.0)
-        factor = parameters.number("scale", 1.0) * self._shapes.brightness
-        if power > 0.0:
-            area = area_of(self.staging, described, matrix)
-            factor *= power / max((2.0 if two_sided else 1.0) * area * np.pi, 1e-30)
-        color = [max(float(x * factor), 0.0) for x in self._textures.light(parameters, "L")]
-        described["emission"] = self._shining(parameters, color)
-        for unknown in parameters.unused():
-            self.staging.note(f"{quoted(unknown)} of an area light is not understood and does nothing")
-        placed(self.staging, described, matrix, part.line)
-        if two_sided:
-            back = other_side(self.staging, described, matrix)
-            if back is None:
-                self.staging.note("a light with two sides that is not flat shines from its front only")
-            else:
-                placed(self.staging, *back, part.line)
-
-    def _shining(self, parameters: Parameters, color: list[float]) -> Any:
-        file = parameters.text("filename")
-        if not file:
-            return color
-        name = self.staging.files.name(file, f"line {parameters.line}")
-        return {"texture": name, "scale": color}
+                self._placer.put(part, part.matrix)
 
     # --- objects
 
@@ -324,4 +285,4 @@ class _World:
             known = suggestion(name, self._objects)
             raise directive.fault(f"the object {quoted(name)} is not defined before, or this is inside of one{known}")
         for part in self._objects[name]:
-            self._put(replace(part, line=directive.line), self._state.matrix @ part.matrix)
+            self._placer.put(replace(part, line=directive.line), self._state.matrix @ part.matrix)

@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.matrices import Matrix, translation
 from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh
 from clrender.importers.shared.staging import Staging
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.wording import quoted
 
-__all__ = ["ShapeReader", "area_of", "other_side", "placed"]
+__all__ = ["ShapeReader"]
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """From our sphere to pbrt's: u runs from 0 at +x, v from 0 at -z."""
-_APART: Final = 1e-5
-"""Of the size of a two-sided light, between its two sides."""
 
 
 class ShapeReader:
@@ -37,8 +34,6 @@ class ShapeReader:
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
         self._count = 0
-        self.brightness = 1.0
-        """Of the film: factor of all light."""
 
     def read(self, kind: str, parameters: Parameters, state: Graphics, interior: str | None) -> list[dict[str, Any]]:
         """A shape as descriptions without a transform; several for a light with two sides, none for what is left out.
@@ -206,61 +201,3 @@ class ShapeReader:
         name = f"{kind} {self._count}"
         self._staging.draft.meshes[name] = mesh
         return {"type": "mesh", "file": name}
-
-
-def placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: int) -> None:
-    """Add a description of `ShapeReader` at its place."""
-    described = dict(described)
-    own = described.pop("own", None)
-    if described["type"] == "sphere":
-        radius = described.pop("radius")
-        described.pop("type")
-        staging.sphere(described, radius, matrix @ own, line)
-    elif described["type"] == "disk":
-        described.pop("type")
-        staging.disk(described, described.pop("radius"), described.pop("height"), matrix, line)
-    else:
-        staging.shape(described, matrix, line)
-
-
-def area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> float:
-    """Area of a shape in the world, square metres."""
-    scale = abs(float(np.linalg.det(matrix[:3, :3]))) ** (1.0 / 3.0)
-    if described["type"] == "sphere":
-        return float(4.0 * np.pi * (described["radius"] * scale) ** 2)
-    if described["type"] == "disk":
-        across = float(np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])))
-        return float(np.pi * described["radius"] ** 2 * across)
-    return float(np.linalg.norm(_face_areas(staging, described, matrix), axis=1).sum())
-
-
-def _face_areas(staging: Staging, described: dict[str, Any], matrix: Matrix) -> NDArray[np.float64]:
-    """Vector areas of a mesh's triangles in the world."""
-    mesh = staging.draft.meshes[described["file"]]
-    vertices = np.asarray(mesh.vertices, np.float64) @ matrix[:3, :3].T
-    a, b, c = (vertices[mesh.triangles[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a) / 2.0)
-
-
-def other_side(staging: Staging, described: dict[str, Any], matrix: Matrix) -> tuple[dict[str, Any], Matrix] | None:
-    """The back of a flat light that shines to both sides, a little behind its front; None for what is not flat."""
-    if described["type"] == "sphere":
-        return None
-    if described["type"] == "disk":
-        normal, size = (
-            np.cross(matrix[:3, 0], matrix[:3, 1]),
-            float(described["radius"] * np.linalg.norm(matrix[:3, 0])),
-        )
-    else:
-        areas = _face_areas(staging, described, matrix)
-        normal = areas.sum(axis=0)
-        total = float(np.linalg.norm(areas, axis=1).sum())
-        if float(np.linalg.norm(normal)) < 0.999 * total:
-            return None
-        size = total**0.5
-    if not float(np.linalg.norm(normal)) > 0.0:
-        return None
-    sign = -1.0 if described.get("flip_normals", False) != (float(np.linalg.det(matrix[:3, :3])) < 0.0) else 1.0
-    x, y, z = -sign * _APART * size * normal / np.linalg.norm(normal)
-    back = {**described, "flip_normals": not described.get("flip_normals", False)}
-    return back, translation(x, y, z) @ matrix
