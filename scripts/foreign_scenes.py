@@ -232,6 +232,9 @@ def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
         if described["type"] == "mirror":
             k = [2.0 * (min(x, 0.9999) / (1.0 - min(x, 0.9999))) ** 0.5 for x in described["reflectance"]]
             described = {"type": "conductor", "eta": [1.0] * 3, "k": k, "roughness": 0.0}
+        if "normal_map" in described:  # always linear between texels
+            normals = {key: value for key, value in described["normal_map"].items() if key != "filter"}
+            described = {**described, "normal_map": normals}
         materials[name] = described
     even = {"type": "environment", "radiance": [0.5, 0.6, 0.7]}
     return {**scene, "materials": materials, "lights": [even if "file" in each else each for each in scene["lights"]]}
