@@ -398,13 +398,13 @@ def test_meshes_that_shapes_become() -> None:
 
 
 def test_meshes_without_normals_are_smooth_by_angles() -> None:
-    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 1]], float)
     mesh = smoothed(MeshData(vertices, np.array([[0, 1, 2], [0, 3, 1]], np.uint32)))
     assert mesh.normals is not None
     normals = mesh.normals / np.linalg.norm(mesh.normals, axis=1, keepdims=True)
-    # Of Mitsuba 3.9
-    half = math.sqrt(0.5)
-    assert normals == pytest.approx(np.array([[0, half, half], [0, half, half], [0, 0, 1], [0, 1, 0]]))
+    # At the origin the first triangle has 90 degrees and faces +z, the second 45 and +y; at the next corner 45 and 90
+    long, short = 2.0 / math.sqrt(5.0), 1.0 / math.sqrt(5.0)
+    assert normals == pytest.approx(np.array([[0, short, long], [0, long, short], [0, 0, 1], [0, 1, 0]]))
 
 
 # --- all of it

@@ -90,6 +90,7 @@ ENTITIES = """<?xml version="1.0"?>
     [
         (ENTITIES, "line 2: has a document type or entities"),
         ('<scene version="3.0.0"><string name="x" value="&x;"/></scene>', "undefined entity"),
+        ('<!DOCTYPE scene>\n<scene version="3.0.0"/>', "line 1: has a document type"),
         ("<World/>", "line 1: begins with <World>"),
         ('<scene version="new"/>', 'line 1: the version is "new"'),
         (b"\xff\xfe\x00", "is no sound XML"),
@@ -171,6 +172,7 @@ def test_a_fault_in_an_included_file_names_it(tmp_path: Path) -> None:
 def test_lines_are_counted_through_lists_and_comments(tmp_path: Path) -> None:
     text = 'WorldBegin # one\n# two\nShape "trianglemesh" "point3 P" [ 0 0 0\n1 0 0 # four\n0 1 0 ]\n\nShape "sphere" x'
     assert re.search(r"line 7: ", refusal(tmp_path / "scene.pbrt", text))
+    assert re.search(r"line 7: ", refusal(tmp_path / "scene.pbrt", text.replace(" # four", "")))
 
 
 def test_what_the_scene_names_may_be_allowed(tmp_path: Path) -> None:
