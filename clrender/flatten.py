@@ -306,12 +306,14 @@ def _padded(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:
-    """As kernels/camera/camera.h reads it; right-handed, image right = forward x up."""
+    """As kernels/camera/camera.h reads it; right-handed, image right = forward x up unless it is mirrored."""
     view = _difference(camera.target, camera.position)
     forward = _scaled(view, 1.0 / length(view))
     right = cross(forward, _scaled(camera.up, 1.0 / length(camera.up)))
     right = _scaled(right, 1.0 / length(right))
     upward = cross(right, forward)
+    if camera.mirrored:
+        right = _scaled(right, -1.0)
     row = np.zeros(1, dtype=layout.dtype("Camera"))
     row["kind"] = getattr(layout, f"CAMERA_{camera.type.upper()}")
     row["origin"][0, :3], row["world"][0, :3] = _difference(camera.position, origin), origin

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.mesh_data import MeshData
 
 __all__ = ["Draft"]
@@ -25,6 +26,8 @@ class Draft:
         By that name.
     pictures : dict of str to (bytes, str)
         Encoded pictures by that name, each with the ending that its format has, such as ``.png``.
+    environments : dict of str to EnvironmentPicture
+        By the name that the light of the environment has for its file.
     notes : list of str
         What was not understood and what was done instead; a sentence each, without the file's name.
     wants_light : bool
@@ -34,6 +37,7 @@ class Draft:
     description: dict[str, Any] = field(default_factory=lambda: {"materials": {}, "shapes": [], "lights": []})
     meshes: dict[str, MeshData] = field(default_factory=dict)
     pictures: dict[str, tuple[bytes, str]] = field(default_factory=dict)
+    environments: dict[str, EnvironmentPicture] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
     _said: set[str] = field(default_factory=set, repr=False)

@@ -51,7 +51,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for shape in scene.shapes if isinstance(shape, Mesh) and shape.file in draft.meshes}
     scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
-    scene = scene.with_encoded_textures(draft.pictures)
+    scene = scene.with_encoded_textures(draft.pictures).with_pictures(draft.environments)
     if framed:
         draft.note("there is no camera in it: it is framed from the front, a little from above")
         low, high = scene_bounds(scene)

@@ -25,6 +25,8 @@ _READERS: Final[Mapping[str, str]] = {
     ".obj": "clrender.importers.obj",
     ".ply": "clrender.importers.ply",
     ".stl": "clrender.importers.stl",
+    ".xml": "clrender.importers.mitsuba",
+    ".pbrt": "clrender.importers.pbrt",
 }
 """Modules by the ending that they read. Each has ``read(path, files) -> Draft``, and is imported when it is needed."""
 _CHOOSING: Final = (".gltf", ".glb")

@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, Strict, model_validator
 
 from clrender.exposure import PHOTOGRAPHIC
-from clrender.scene.values import COORDINATE_LIMIT, Finite, Length, Part, Vector, cross, fault, length
+from clrender.scene.values import COORDINATE_LIMIT, Finite, Flag, Length, Part, Vector, cross, fault, length
 
 __all__ = ["Camera"]
 
@@ -20,6 +20,7 @@ _OF_CAMERAS: Final[Mapping[str, tuple[str, ...]]] = {
     "focus_distance": ("perspective", "orthographic"),
     "blades": ("perspective", "orthographic"),
     "blade_rotation_degrees": ("perspective", "orthographic"),
+    "mirrored": ("perspective", "orthographic"),
 }
 """Types of camera that have these keys; all have the others."""
 
@@ -50,6 +51,9 @@ class Camera(Part):
     )
     blade_rotation_degrees: Annotated[Finite, Field(ge=-360.0, le=360.0)] = Field(
         0.0, description="of the first corner, from image right to image up"
+    )
+    mirrored: Flag = Field(
+        False, description="exchanges left and right of the image, as cameras of left-handed worlds do"
     )
     f_stop: _FStop | None = Field(
         None,

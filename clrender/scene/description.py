@@ -555,6 +555,8 @@ class Scene(Part):
         content = self.model_dump(mode="json", exclude=left_out)
         for key in PHOTOGRAPHIC:
             content.get("camera", {}).pop(key, None)
+        if not self.camera.mirrored:  # a key that is younger than hashes in films
+            content.get("camera", {}).pop("mirrored", None)
         for index, shape in enumerate(self.shapes):
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()

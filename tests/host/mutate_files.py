@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
+import rival_scenes
 from gltf_files import Model
 
 from clrender.errors import ClrenderError
@@ -131,6 +132,10 @@ def originals(folder: Path, ending: str) -> list[bytes]:
         return [IES, one[one.index(b"TILT") :]]
     if ending in (".gltf", ".glb"):
         return [glTF().glb() if ending == ".glb" else glTF().gltf()]
+    if ending in (".xml", ".pbrt"):
+        rival_scenes.write_parts(folder)
+        texts = [rival_scenes.PBRT] if ending == ".pbrt" else [rival_scenes.MITSUBA, rival_scenes.MITSUBA_06]
+        return [text.encode() for text in texts]
     if ending == ".film":
         film = Film(6, 5)
         film.save(path, {"seed": 1})
@@ -188,8 +193,12 @@ def mutated(data: bytes, rng: random.Random, ending: str = "") -> bytes:
     if ending in (".gltf", ".glb") and rng.random() < 0.8:
         return changed_model(rng, ending)
     new = bytearray(data)
+    words = b"scene version" in data or b"WorldBegin" in data  # it is all of one kind
     for _ in range(rng.randint(1, 4)):
-        reach = min(len(new), 500) if rng.random() < 0.6 else len(new)
+        if words and rng.random() < 0.8:
+            _exchange(new, rng)
+            continue
+        reach = min(len(new), 500) if rng.random() < 0.6 and not words else len(new)
         at = rng.randrange(reach + 1)
         match rng.randrange(7):
             case 0:
@@ -207,6 +216,15 @@ def mutated(data: bytes, rng: random.Random, ending: str = "") -> bytes:
             case _:
                 del new[rng.randrange(len(new) + 1) :]
     return mended(bytes(new)) if rng.random() < 0.5 else bytes(new)
+
+
+def _exchange(new: bytearray, rng: random.Random) -> None:
+    """Put a word, or number, in the place of another of the same text."""
+    values = rb'(?<=")[^"<>]*(?=")' if b"<scene" in new and rng.random() < 0.8 else rb"[\w.$-]+"
+    found = list(re.finditer(values, bytes(new)))
+    if found:
+        one, other = rng.choice(found), rng.choice(found)
+        new[one.start() : one.end()] = rng.choice([other[0], rng.choice(WORDS), b"1e9", b"-3", b"$spp"])
 
 
 def mended(data: bytes) -> bytes:
@@ -249,7 +267,11 @@ def _lamp(path: Path) -> Any:
 
 
 def _scene(path: Path) -> Any:
-    return flatten(load(path, time_at=0.5), 8, 8)
+    if path.suffix in (".gltf", ".glb"):
+        return flatten(load(path, time_at=0.5), 8, 8)
+    scene = load(path)
+    # Some of them: it takes ten times as long
+    return flatten(scene, 8, 8) if zlib.crc32(path.read_bytes()) % 8 == 0 else scene
 
 
 READERS: dict[str, Callable[[Path], Any]] = {
@@ -261,6 +283,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     ".film": Film.load,
     ".gltf": _scene,
     ".glb": _scene,
+    ".xml": _scene,
+    ".pbrt": _scene,
 }
 
 

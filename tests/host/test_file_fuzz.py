@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".mtl", ".stl", ".ies", ".film", ".gltf", ".glb"]
+ENDINGS = [".npy", ".exr", ".png", ".hdr", ".ply", ".obj", ".mtl", ".stl", ".ies", ".film", ".gltf", ".glb", ".xml", ".pbrt"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""
@@ -28,6 +28,12 @@ def answers(folder: Path, count: int, seed: int, endings: list[str]) -> None:
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_mutated_files(tmp_path: Path, ending: str) -> None:
     answers(tmp_path, 60, 1, [ending])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [".xml", ".pbrt"])
+def test_ten_thousand_mutated_scenes(tmp_path: Path, ending: str) -> None:
+    answers(tmp_path, 10000, 3, [ending])
 
 
 @pytest.mark.slow

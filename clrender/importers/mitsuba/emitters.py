@@ -1,0 +1,148 @@
+"""Mitsuba's emitters that are no shapes, as our lights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.importers.mitsuba.plugins import Plugin
+from clrender.importers.mitsuba.textures import TextureReader
+from clrender.importers.shared.matrices import Matrix, handedness
+from clrender.importers.shared.sky_maps import turn_about_y, turned_picture
+from clrender.importers.shared.spectra import Color
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted
+
+__all__ = ["EmitterReader"]
+
+_SKY_NANOMETRES: Final = 106.75
+"""What the sky model's radiance in RGB is divided by in Mitsuba, and not in clrender."""
+
+
+class EmitterReader:
+    """Makes lights.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    """
+
+    def __init__(self, staging: Staging, textures: TextureReader) -> None:
+        self._staging, self._textures = staging, textures
+
+    def read(self, plugin: Plugin) -> None:
+        """Add a light.
+
+        Raises
+        ------
+        SceneError
+            It is a second environment.
+        """
+        known: dict[str, Callable[[Plugin, Matrix], dict[str, Any] | None]] = {
+            "point": self._point,
+            "spot": self._spot,
+            "directional": self._directional,
+            "constant": self._constant,
+            "envmap": self._envmap,
+            "sunsky": self._sky,
+            "sky": self._sky,
+            "sun": self._sky,
+        }
+        if plugin.type not in known:
+            self._staging.note(f"{plugin.label} is not known and left out")
+            return
+        plugin.ignore("sampling_weight", "bounding_sphere_radius")
+        made = known[plugin.type](plugin, plugin.matrix())
+        for name in plugin.unused():
+            self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
+        if made is None:
+            return
+        lights = self._staging.draft.description["lights"]
+        around = ("environment", "sun_sky")
+        if made["type"] in around and any(light["type"] in around for light in lights):
+            raise plugin.fault("is a second environment, but a scene can have only one; remove one")
+        lights.append(made)
+
+    def _point(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
+        place = matrix @ [*plugin.vector("position", (0.0, 0.0, 0.0)), 1.0]
+        intensity = list(self._textures.light(plugin, "intensity", 1.0))
+        return {"type": "point", "position": _floats(place[:3]), "intensity": intensity}
+
+    def _spot(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
+        cutoff = plugin.number("cutoff_angle", 20.0)
+        beam = plugin.number("beam_width", cutoff * 0.75)
+        if not 0.0 < cutoff < 180.0 or not 0.0 <= beam <= cutoff:
+            raise plugin.fault(f"the cone's angles are {beam:g} and {cutoff:g}; they must grow, up to 180 degrees")
+        if plugin.child("texture") is not None:
+            self._staging.note("the texture of a spot is left out")
+        edge, inner = math.cos(math.radians(cutoff)), math.cos(math.radians(beam))
+        if beam < 0.999 * cutoff:
+            self._staging.note("spots fall off by a smooth step in the cosine, and not linearly with the angle")
+        return {
+            "type": "spot",
+            "position": _floats(matrix[:3, 3]),
+            "direction": _floats(matrix[:3, 2]),
+            "intensity": list(self._textures.light(plugin, "intensity", 1.0)),
+            "cone_degrees": 2.0 * cutoff,
+            "blend": min(max((inner - edge) / (1.0 - edge), 0.0), 1.0),
+        }
+
+    def _directional(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
+        direction = matrix[:3, :3] @ plugin.vector("direction", (0.0, 0.0, 1.0))
+        irradiance = list(self._textures.light(plugin, "irradiance", 1.0))
+        return {"type": "directional", "direction": _floats(direction), "irradiance": irradiance}
+
+    def _constant(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
+        return {"type": "environment", "radiance": list(self._textures.light(plugin, "radiance", 1.0))}
+
+    def _envmap(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
+        file = plugin.text("filename")
+        if not file:
+            raise plugin.fault('the environment has no "filename"; give it')
+        plugin.ignore("mis_compensation", "cache", "gamma")
+        scale = [plugin.number("scale", 1.0)] * 3
+        name = self._staging.files.name(file, f"line {plugin.line}")
+        turn = turn_about_y(matrix)
+        if turn is not None:
+            return {"type": "environment", "file": name, "scale": scale, **({"rotate_degrees": turn} if turn else {})}
+        picture = turned_picture(self._staging.files, name, f"line {plugin.line}", matrix)
+        self._staging.draft.environments[f"{file} (turned)"] = picture
+        return {"type": "environment", "file": f"{file} (turned)", "scale": scale}
+
+    def _sky(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
+        """Upward is z there, and y here."""
+        up = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        if up[1] < 1.0 - 1e-6 or handedness(matrix) < 0.0:
+            self._staging.note(f"{plugin.label} whose sky is not above +y is left out; turn its to_world")
+            return None
+        towards = plugin.vector("sun_direction", (0.0, 0.0, 0.0))
+        if not towards.any():
+            self._staging.note(f"{plugin.label} without sun_direction has its sun at 45 degrees")
+            towards = np.array([0.0, 1.0, 1.0])
+            plugin.ignore(*(name for name in plugin.values if name in _DATES))
+        sun = matrix[:3, :3] @ towards
+        if sun[1] < 0.0:
+            self._staging.note(f"{plugin.label} with its sun below the horizon is left out")
+            return None
+        albedo: Color | list[float] = self._textures.color(plugin, "albedo", 0.3)
+        self._staging.note("the sun of a sunsky has Mitsuba's spectral radiance, 5 to 9 % less than in its RGB mode")
+        return {
+            "type": "sun_sky",
+            "sun_direction": _floats(sun),
+            "turbidity": min(max(plugin.number("turbidity", 3.0), 1.0), 10.0),
+            "ground_albedo": albedo if isinstance(albedo, list) else [0.3] * 3,
+            "ground": False,
+            "sky_scale": 0.0 if plugin.type == "sun" else plugin.number("sky_scale", 1.0) / _SKY_NANOMETRES,
+            "sun_scale": 0.0 if plugin.type == "sky" else plugin.number("sun_scale", 1.0) / _SKY_NANOMETRES,
+        }
+
+
+_DATES: Final = frozenset(["year", "month", "day", "hour", "minute", "second", "latitude", "longitude", "timezone"])
+
+
+def _floats(values: Any) -> list[float]:
+    return [float(x) for x in values]

@@ -1,0 +1,169 @@
+"""Mitsuba's BSDFs as our materials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from clrender.importers.mitsuba.plugins import Plugin
+from clrender.importers.mitsuba.surfaces import SurfaceReader
+from clrender.importers.mitsuba.textures import TextureReader
+from clrender.importers.shared.staging import Staging
+from clrender.scene.materials import MIX_DEPTH
+from clrender.scene.wording import quoted
+
+__all__ = ["MaterialReader"]
+
+
+class MaterialReader:
+    """Makes materials of BSDFs, each once.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    old : bool
+        Whether the file is one of 0.6, whose defaults differ.
+    """
+
+    def __init__(self, staging: Staging, textures: TextureReader, old: bool) -> None:
+        self._staging, self._textures = staging, textures
+        self._surfaces = SurfaceReader(staging, textures, old)
+        self._made: dict[tuple[int, bool], str | None] = {}
+        self._kept: list[Plugin] = []
+        self._depth = 0
+
+    def name(self, plugin: Plugin, two_sided: bool = False) -> str | None:
+        """The name of the material; None for a surface that is not seen.
+
+        Raises
+        ------
+        SceneError
+            BSDFs contain each other, or are nested too deep.
+        """
+        key = (id(plugin), two_sided)
+        if key not in self._made:
+            self._kept.append(plugin)  # so that nothing else gets its identity
+            described = self._guarded(plugin, two_sided)
+            name = None if described is None else self._staging.material(plugin.id or plugin.type, described)
+            self._made[key] = name
+        return self._made[key]
+
+    def _guarded(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
+        """The description of a material, unless it contains itself."""
+        if self._depth >= MIX_DEPTH or plugin.busy:
+            raise plugin.fault(f"BSDFs are nested more than {MIX_DEPTH} deep, or contain themselves; use fewer")
+        plugin.busy, self._depth = True, self._depth + 1
+        described = self._described(plugin, two_sided)
+        plugin.busy, self._depth = False, self._depth - 1
+        for unknown in plugin.unused():
+            self._staging.note(f"{quoted(unknown)} of {plugin.label} is not understood and does nothing")
+        return described
+
+    def _described(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
+        surfaces = self._surfaces
+        made: dict[str, Callable[[Plugin, bool], dict[str, Any] | None]] = {
+            "diffuse": surfaces.diffuse,
+            "roughdiffuse": surfaces.rough_diffuse,
+            "dielectric": surfaces.dielectric,
+            "thindielectric": surfaces.dielectric,
+            "roughdielectric": surfaces.dielectric,
+            "conductor": surfaces.conductor,
+            "roughconductor": surfaces.conductor,
+            "plastic": surfaces.plastic,
+            "roughplastic": surfaces.plastic,
+            "principled": surfaces.principled,
+            "principledthin": surfaces.principled,
+            "twosided": self._twosided,
+            "mask": self._mask,
+            "bumpmap": self._bumpy,
+            "bump": self._bumpy,
+            "normalmap": self._bumpy,
+            "blendbsdf": self._blend,
+            "mixturebsdf": self._mixture,
+        }
+        if plugin.type == "null":
+            return None
+        if plugin.type in made:
+            return made[plugin.type](plugin, two_sided)
+        self._staging.note(f"{plugin.label} is not known: a diffuse grey of 0.5 in its place")
+        plugin.ignore(*plugin.values, *(child.name for child in plugin.children))
+        plugin.children_of(*(child.kind for child in plugin.children))
+        return {"type": "lambert", "reflectance": [0.5, 0.5, 0.5], "two_sided": two_sided}
+
+    def _nested(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
+        """The description of the one BSDF inside; None where it is not seen."""
+        inside = plugin.children_of("bsdf")
+        if len(inside) != 1:
+            raise plugin.fault(f"{plugin.label} has {len(inside)} BSDFs inside, but must have one")
+        return self._guarded(inside[0], two_sided)
+
+    # --- those that hold others
+
+    def _twosided(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
+        inside = plugin.children_of("bsdf")
+        if not 1 <= len(inside) <= 2:
+            raise plugin.fault(f"{plugin.label} has {len(inside)} BSDFs inside, but must have one or two")
+        if len(inside) == 2 and inside[0] is not inside[1]:
+            self._staging.note("of two-sided surfaces with two BSDFs both sides have the first one")
+        return self._guarded(inside[0], True)
+
+    def _mask(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
+        opacity = self._textures.share(plugin, "opacity", 0.5)
+        made = self._nested(plugin, two_sided)
+        if made is None or opacity == 1.0:
+            return made
+        solid = made["type"] == "dielectric" or made.get("transmission", 0.0) != 0.0
+        if solid and not made.get("thin"):
+            self._staging.note("the opacity of glass with an inside is left out")
+            return made
+        return {**made, "opacity": opacity}
+
+    def _bumpy(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
+        made = self._nested(plugin, two_sided)
+        plugin.ignore("use_shadowing_function", "flip_invalid_normals")
+        scale = plugin.number("scale", 1.0)
+        pictures = plugin.children_of("texture")
+        if made is None or not pictures:
+            return made
+        for each in pictures:
+            plugin.ignore(each.name)
+        picture = self._textures.picture(pictures[0])
+        if picture is None or made["type"] == "mix":
+            if picture is not None:
+                self._staging.note("normal and bump maps of mixtures are left out; put them inside")
+            return made
+        if plugin.type == "normalmap":
+            picture.pop("channel", None)
+            return {**made, "normal_map": picture}
+        picture.pop("filter", None)
+        return {**made, "bump_map": {**picture, "scale": scale}}
+
+    def _blend(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        inside = plugin.children_of("bsdf")
+        if len(inside) != 2:
+            raise plugin.fault(f"{plugin.label} has {len(inside)} BSDFs inside, but must have two")
+        return self._mix(plugin, inside, self._textures.share(plugin, "weight", 0.5), two_sided)
+
+    def _mixture(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Of 0.6: any number, each with a weight."""
+        inside = plugin.children_of("bsdf")
+        weights = [
+            float(x) for x in plugin.text("weights").replace(",", " ").split() if x.replace(".", "", 1).isdigit()
+        ]
+        if len(inside) != 2 or len(weights) != 2 or sum(weights) > 1.0 + 1e-6:
+            raise plugin.fault("a mixture of other than two BSDFs with weights up to 1 is not read; use blendbsdf")
+        total = sum(weights)
+        made = self._mix(plugin, inside, weights[1] / max(total, 1e-9), two_sided)
+        return made if total > 1.0 - 1e-6 else self._surfaces.dimmed(plugin, made, total)
+
+    def _mix(self, plugin: Plugin, inside: list[Plugin], weight: Any, two_sided: bool) -> dict[str, Any]:
+        names = []
+        for each in inside:
+            name = self.name(each, two_sided)
+            if name is None:
+                raise plugin.fault('a mixture with "null" is not read; use a mask instead')
+            if "opacity" in self._staging.draft.description["materials"][name]:
+                raise plugin.fault("a mask inside of a mixture is not read; put the mask around it")
+            names.append(name)
+        return {"type": "mix", "materials": names, "weight": weight}

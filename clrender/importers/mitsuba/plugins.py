@@ -1,0 +1,173 @@
+"""What Mitsuba's XML describes: objects with a type, values by name, and objects inside of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.errors import SceneError
+from clrender.importers.shared.matrices import Matrix, identity
+from clrender.importers.shared.spectra import Color
+from clrender.scene.wording import quoted
+
+__all__ = ["Plugin", "Spectrum", "Value"]
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """A colour, still to be told whether of light or of a surface.
+
+    Attributes
+    ----------
+    color : three floats, or None
+        Linear Rec. 709, where the file says one.
+    wavelengths, values : tuples of floats
+        Else nanometres, and what is linear between them. A single value at no wavelength is the same everywhere.
+    """
+
+    color: Color | None = None
+    wavelengths: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value that an object has by name.
+
+    Attributes
+    ----------
+    kind : str
+        ``float integer boolean string vector transform spectrum``.
+    value : float, int, bool, str, (3,) float64, (4, 4) float64 or Spectrum
+    line : int
+    """
+
+    kind: str
+    value: Any
+    line: int
+
+
+_EMPTY: Final = ""
+
+
+@dataclass
+class Plugin:
+    """An object of the scene.
+
+    Attributes
+    ----------
+    kind : str
+        Its element: ``shape bsdf emitter texture sensor film rfilter sampler integrator medium phase volume spectrum``.
+    type : str
+    name : str
+        By which the object around it knows it; may be empty.
+    id : str
+        By which references do; may be empty.
+    source : str
+        File for messages.
+    line : int
+    values : dict of str to Value
+    children : list of Plugin
+    """
+
+    kind: str
+    type: str
+    name: str
+    id: str
+    source: str
+    line: int
+    values: dict[str, Value] = field(default_factory=dict)
+    children: list[Plugin] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+    busy: bool = False
+
+    @property
+    def label(self) -> str:
+        """What notes call it."""
+        return f"the {self.kind} of type {quoted(self.type)}"
+
+    def fault(self, sentence: str, line: int | None = None) -> SceneError:
+        """An error about it."""
+        return SceneError(f"{self.source}: line {line or self.line}: {sentence}")
+
+    def has(self, *names: str) -> bool:
+        """Whether it has a value of any of these names, or such an object inside."""
+        return any(name in self.values or any(child.name == name for child in self.children) for name in names)
+
+    def ignore(self, *names: str) -> None:
+        """Of no meaning here, and none is lost by it."""
+        self.used.update(names)
+
+    def unused(self) -> Iterator[str]:
+        """Names of values, and kinds of objects inside, that nobody asked for."""
+        yield from (name for name in self.values if name not in self.used)
+        for child in self.children:
+            if child.name not in self.used and f"<{child.kind}>" not in self.used:
+                yield child.name or child.kind
+
+    def children_of(self, *kinds: str) -> list[Plugin]:
+        """The objects of these kinds inside."""
+        self.used.update(f"<{kind}>" for kind in kinds)
+        return [child for child in self.children if child.kind in kinds]
+
+    def child(self, *names: str) -> Plugin | None:
+        """The object inside of one of these names."""
+        self.used.update(names)
+        return next((child for child in self.children if child.name in names), None)
+
+    def _get(self, name: str, kinds: tuple[str, ...], wanted: str) -> Any:
+        self.used.add(name)
+        found = self.values.get(name)
+        if found is None:
+            return None
+        if found.kind not in kinds:
+            raise self.fault(f"{quoted(name)} is given as <{found.kind}>, but must be {wanted}", found.line)
+        return found.value
+
+    def number(self, name: str, default: float) -> float:
+        """A number; of a grey spectrum that of it, too."""
+        value = self._get(name, ("float", "integer", "spectrum"), "a number")
+        if isinstance(value, Spectrum):
+            if value.color is not None:
+                return sum(value.color) / 3.0
+            return sum(value.values) / len(value.values)
+        return default if value is None else float(value)
+
+    def whole(self, name: str, default: int) -> int:
+        """A whole number."""
+        value = self._get(name, ("integer", "float"), "a whole number")
+        if value is None:
+            return default
+        if value != int(value):
+            raise self.fault(f"{quoted(name)} is {value:g}, but must be a whole number")
+        return int(value)
+
+    def flag(self, name: str, default: bool) -> bool:
+        """True or false."""
+        value = self._get(name, ("boolean",), "true or false")
+        return default if value is None else bool(value)
+
+    def text(self, name: str, default: str = _EMPTY) -> str:
+        """A text."""
+        value = self._get(name, ("string",), "a text")
+        return default if value is None else str(value)
+
+    def vector(self, name: str, default: tuple[float, float, float]) -> Any:
+        """Three numbers, (3,) float64."""
+        value = self._get(name, ("vector",), "a point or vector")
+        return np.array(default, np.float64) if value is None else value
+
+    def matrix(self, name: str = "to_world") -> Matrix:
+        """A transform; the identity where there is none."""
+        value = self._get(name, ("transform",), "a transform")
+        return identity() if value is None else value
+
+    def spectrum(self, name: str) -> Spectrum | None:
+        """A colour; a number is grey."""
+        value = self._get(name, ("spectrum", "float", "integer"), "a colour or a number")
+        if isinstance(value, float | int):
+            return Spectrum(color=(float(value),) * 3)
+        return value if isinstance(value, Spectrum) else None

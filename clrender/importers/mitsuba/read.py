@@ -1,0 +1,177 @@
+"""Reads a scene of Mitsuba's into a draft."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.importers.mitsuba.emitters import EmitterReader
+from clrender.importers.mitsuba.materials import MaterialReader
+from clrender.importers.mitsuba.media import MediumReader
+from clrender.importers.mitsuba.plugins import Plugin
+from clrender.importers.mitsuba.shapes import ShapeReader
+from clrender.importers.mitsuba.textures import TextureReader
+from clrender.importers.mitsuba.tree import scene_tree
+from clrender.importers.mitsuba.xml_elements import FILE_LIMIT
+from clrender.importers.shared.cameras import camera_keys, vertical_angle
+from clrender.importers.shared.matrices import is_affine
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted
+
+__all__ = ["read"]
+
+_SPP_LIMIT: Final = 2**20
+_FILM_DIAGONAL: Final = math.hypot(36.0, 24.0)
+"""Millimetres, of the film that focal lengths are meant for."""
+_CAMERAS: Final = ("perspective", "thinlens", "orthographic")
+_PATHS: Final = frozenset(
+    ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
+)
+_FILTERS: Final = {"box": "box", "gaussian": "gaussian", "mitchell": "mitchell"}
+_NEAR_FILTER: Final = {"tent": "gaussian", "catmullrom": "mitchell", "lanczos": "mitchell", "windowedsinc": "mitchell"}
+
+
+def read(path: Path, files: AssetFiles) -> Draft:
+    """The scene of an XML file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+
+    Raises
+    ------
+    SceneError
+        It is no sound scene, with its line.
+    """
+    staging = Staging(files)
+    scene, old = scene_tree(files.scene(path, FILE_LIMIT), files, staging.note)
+    textures = TextureReader(staging, old)
+    materials = MaterialReader(staging, textures, old)
+    media = MediumReader(staging, textures)
+    shapes, emitters = ShapeReader(staging, textures, materials, media, old), EmitterReader(staging, textures)
+    for plugin in scene.children:
+        if plugin.kind == "shape":
+            shapes.read(plugin)
+        elif plugin.kind == "emitter":
+            emitters.read(plugin)
+    _Settings(staging, media).read(scene)
+    return staging.draft
+
+
+class _Settings:
+    """Camera, size of the image, and defaults of the render."""
+
+    def __init__(self, staging: Staging, media: MediumReader) -> None:
+        self._staging, self._media = staging, media
+
+    def read(self, scene: Plugin) -> None:
+        sensors, integrators = scene.children_of("sensor"), scene.children_of("integrator")
+        if len(sensors) > 1:
+            self._staging.note(f"of {len(sensors)} sensors only the first one is read")
+        if sensors:
+            self._sensor(sensors[0])
+        if integrators:
+            self._integrator(integrators[0])
+
+    def _tell_unused(self, plugin: Plugin) -> None:
+        for name in plugin.unused():
+            self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
+
+    def _render(self) -> dict[str, Any]:
+        made: dict[str, Any] = self._staging.draft.description.setdefault("render", {})
+        return made
+
+    def _sensor(self, plugin: Plugin) -> None:
+        width, height = self._film(plugin)
+        for sampler in plugin.children_of("sampler"):
+            if sampler.has("sample_count"):
+                self._render()["spp"] = min(max(sampler.whole("sample_count", 4), 1), _SPP_LIMIT)
+        if plugin.type not in _CAMERAS:
+            self._staging.note(f"{plugin.label} is not known: another camera in its place")
+            return
+        matrix = plugin.matrix()
+        if not is_affine(matrix):
+            raise plugin.fault("the camera's to_world is no affine transform that can be inverted; give it another")
+        plugin.ignore("near_clip", "far_clip", "srf", "shutter_open", "shutter_close")
+        distance = plugin.number("focus_distance", 1.0) if plugin.has("focus_distance") else None
+        camera = camera_keys(matrix, rightward=False, distance=distance if plugin.type == "thinlens" else None)
+        if plugin.type == "orthographic":
+            # The image is 2 wide before the transform
+            size = 2.0 * float(np.linalg.norm(matrix[:3, 1])) * height / width
+            camera |= {"type": "orthographic", "height": size}
+        else:
+            camera["vertical_fov"] = self._angle(plugin, width, height)
+        if plugin.type == "thinlens":
+            camera["aperture_radius"] = plugin.number("aperture_radius", 0.1)
+            camera["focus_distance"] = distance if distance is not None else 1.0
+        medium = plugin.child("medium") or next(iter(plugin.children_of("medium")), None)
+        if medium is not None and (name := self._media.name(medium)) is not None:
+            self._staging.draft.description["fog"] = name
+        self._staging.draft.description["camera"] = camera
+        self._tell_unused(plugin)
+
+    def _angle(self, plugin: Plugin, width: int, height: int) -> float:
+        axis = plugin.text("fov_axis", "x")
+        if axis not in ("x", "y", "diagonal", "smaller", "larger"):
+            raise plugin.fault(f'"fov_axis" is {quoted(axis)}, but must be x, y, diagonal, smaller or larger')
+        degrees = plugin.number("fov", 0.0)
+        if not plugin.has("fov"):
+            text = plugin.text("focal_length", "50mm").removesuffix("mm").strip()
+            try:
+                focal = float(text)
+            except ValueError:
+                focal = 0.0
+            if not 0.0 < focal < math.inf:
+                raise plugin.fault(f'"focal_length" is {quoted(text)}, but must be such as 50mm')
+            axis, degrees = "diagonal", math.degrees(2.0 * math.atan(_FILM_DIAGONAL / (2.0 * focal)))
+        if not 0.0 < degrees < 180.0:
+            raise plugin.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees')
+        return vertical_angle(degrees, axis, width, height)
+
+    def _film(self, sensor: Plugin) -> tuple[int, int]:
+        films = sensor.children_of("film")
+        width, height = 768, 576
+        if films:
+            film = films[0]
+            width, height = film.whole("width", 768), film.whole("height", 576)
+            if film.has("crop_width", "crop_height", "crop_offset_x", "crop_offset_y"):
+                self._staging.note("the crop of the film is left out: the whole image is rendered")
+            self._filter(film)
+        if not (1 <= width <= 65536 and 1 <= height <= 65536):
+            raise (films[0] if films else sensor).fault(
+                f"the film's size is {width} x {height}, but must be 1 to 65536"
+            )
+        self._staging.draft.description["image"] = {"width": width, "height": height}
+        return width, height
+
+    def _filter(self, film: Plugin) -> None:
+        kinds = film.children_of("rfilter")
+        kind = kinds[0].type if kinds else "gaussian"
+        if kind in _FILTERS:
+            self._render()["filter"] = _FILTERS[kind]
+        else:
+            near = _NEAR_FILTER.get(kind, "box")
+            self._staging.note(f"the pixel filter {quoted(kind)} is not known: {quoted(near)} in its place")
+            self._render()["filter"] = near
+
+    def _integrator(self, plugin: Plugin) -> None:
+        inner = plugin.children_of("integrator")
+        if inner and plugin.type not in _PATHS:
+            plugin = inner[0]  # what it shows beside the image has options of its own here
+        if plugin.type == "direct":
+            self._render()["max_depth"] = 1
+        elif plugin.type not in _PATHS:
+            self._staging.note(f'{plugin.label} is read as "path"')
+        depth = plugin.whole("max_depth", -1)
+        if depth == 0:
+            self._staging.note("a max_depth of 0, which shows nothing, is read as 1")
+        if depth >= 0:
+            self._render()["max_depth"] = max(depth - 1, 0)
+        if plugin.flag("hide_emitters", False):
+            self._staging.note('"hide_emitters" is left out: the camera sees lights')

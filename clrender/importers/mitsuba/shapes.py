@@ -1,0 +1,264 @@
+"""Mitsuba's shapes as ours, at their places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.importers.mitsuba.materials import MaterialReader
+from clrender.importers.mitsuba.media import MediumReader
+from clrender.importers.mitsuba.plugins import Plugin
+from clrender.importers.mitsuba.textures import TextureReader
+from clrender.importers.shared.matrices import (
+    Matrix,
+    frame_along,
+    handedness,
+    identity,
+    scaling,
+    translation,
+)
+from clrender.importers.shared.meshes import (
+    cube_mesh,
+    cylinder_mesh,
+    faced_by_normals,
+    flipped_v,
+    smoothed,
+    without_normals,
+)
+from clrender.importers.shared.staging import Staging
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.values import SHAPE_LIMIT
+from clrender.scene.wording import quoted
+
+__all__ = ["ShapeReader"]
+
+_POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""From our sphere to Mitsuba's: u runs from 0 at +x, v from 0 at +z. It mirrors: v runs the other way there."""
+_GROUP_DEPTH: Final = 4
+
+
+class ShapeReader:
+    """Makes shapes.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    materials : MaterialReader
+    media : MediumReader
+    old : bool
+        Whether the file is one of 0.6.
+    """
+
+    def __init__(
+        self,
+        staging: Staging,
+        textures: TextureReader,
+        materials: MaterialReader,
+        media: MediumReader,
+        old: bool,
+    ) -> None:
+        self._staging, self._textures, self._materials, self._media = staging, textures, materials, media
+        self._old = old
+        self._count = 0
+
+    def read(self, plugin: Plugin, place: Matrix | None = None, depth: int = 0) -> None:
+        """Add a shape, or all that a group holds.
+
+        Parameters
+        ----------
+        plugin : Plugin
+        place : (4, 4) float64, optional
+            Of the instance that it is part of.
+        depth : int
+            How many instances are around it.
+
+        Raises
+        ------
+        SceneError
+            It cannot be read, or is nested too deep.
+        """
+        self._count += 1
+        if self._count > SHAPE_LIMIT:
+            raise plugin.fault(
+                f"more than {SHAPE_LIMIT} shapes are written out, which is the most; use fewer instances"
+            )
+        place = identity() if place is None else place
+        if plugin.type == "instance":
+            self._instance(plugin, place, depth)
+        elif plugin.type == "merge":
+            if depth >= _GROUP_DEPTH:
+                raise plugin.fault(f"shapes are nested more than {_GROUP_DEPTH} deep, or contain themselves")
+            for child in plugin.children_of("shape"):
+                self.read(child, place, depth + 1)
+        elif plugin.type == "shapegroup":
+            pass  # it is only seen where an instance of it is
+        else:
+            self._one(plugin, place)
+
+    def _instance(self, plugin: Plugin, place: Matrix, depth: int) -> None:
+        if depth >= _GROUP_DEPTH:
+            raise plugin.fault(f"instances are nested more than {_GROUP_DEPTH} deep, or contain themselves")
+        groups = plugin.children_of("shape")
+        matrix = place @ plugin.matrix()
+        for group in groups:
+            for child in group.children_of("shape"):
+                self.read(child, matrix, depth + 1)
+        self._tell_unused(plugin)
+
+    def _one(self, plugin: Plugin, place: Matrix) -> None:
+        known: dict[str, Callable[[Plugin, dict[str, Any], Matrix, bool], None]] = {
+            "sphere": self._sphere,
+            "rectangle": self._rectangle,
+            "cube": self._cube,
+            "disk": self._disk,
+            "cylinder": self._cylinder,
+            "obj": self._file,
+            "ply": self._file,
+        }
+        if plugin.type == "serialized":
+            raise plugin.fault("meshes in .serialized files are not read; convert the file to .ply and name that")
+        if plugin.type not in known:
+            self._staging.note(f"{plugin.label} is not known and left out")
+            return
+        matrix = place @ plugin.matrix()
+        flip = plugin.flag("flip_normals", False)
+        described = self._surface(plugin)
+        if described is not None:
+            known[plugin.type](plugin, described, matrix, flip)
+        self._tell_unused(plugin)
+
+    def _tell_unused(self, plugin: Plugin) -> None:
+        for name in plugin.unused():
+            self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
+
+    def _surface(self, plugin: Plugin) -> dict[str, Any] | None:
+        """Material, emission and interior; None where nothing of it is seen."""
+        described: dict[str, Any] = {}
+        bsdfs, emitters = plugin.children_of("bsdf"), plugin.children_of("emitter")
+        seen = True
+        if bsdfs:
+            name = self._materials.name(bsdfs[0])
+            seen = name is not None
+            if name is not None:
+                described["material"] = name
+        else:
+            described["material"] = self._default()
+        if emitters:
+            if emitters[0].type not in ("area", "directionalarea"):
+                self._staging.note(f"{emitters[0].label} on a shape is not known and left out")
+            else:
+                if emitters[0].type == "directionalarea":
+                    self._staging.note('"directionalarea" emitters are read as ones that shine to all sides')
+                described["emission"] = self._textures.emission(emitters[0])
+                emitters[0].ignore("sampling_weight")
+                self._tell_unused(emitters[0])
+        interior = plugin.child("interior")
+        plugin.child("exterior")  # what is outside follows from the shapes here
+        if interior is not None and self._may_be_filled(described.get("material")):
+            medium = self._media.name(interior)
+            if medium is not None:
+                described["interior"] = medium
+        if not seen and "interior" not in described and "emission" not in described:
+            return None
+        return described
+
+    def _default(self) -> str:
+        """Shapes without a BSDF are a diffuse grey."""
+        return self._staging.material("default", {"type": "lambert", "reflectance": [0.5] * 3, "two_sided": False})
+
+    def _may_be_filled(self, material: str | None) -> bool:
+        if material is None:
+            return True
+        described = self._staging.draft.description["materials"][material]
+        solid = described["type"] == "dielectric" or described.get("transmission", 0.0) != 0.0
+        if not solid or described.get("thin"):
+            self._staging.note("a medium inside of what lets no light in is left out")
+            return False
+        return True
+
+    # --- kinds
+
+    def _sphere(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
+        x, y, z = plugin.vector("center", (0.0, 0.0, 0.0))
+        matrix = matrix @ translation(x, y, z)
+        # A mirror turns Mitsuba's sphere inside out
+        inside_out = flip != (handedness(matrix) < 0.0)
+        described = {**described, "flip_normals": True} if inside_out else described
+        self._staging.sphere(described, plugin.number("radius", 1.0), matrix @ _POLES, plugin.line)
+
+    def _rectangle(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
+        quad = {"type": "quad", "origin": [-1.0, -1.0, 0.0], "edge_u": [2.0, 0.0, 0.0], "edge_v": [0.0, 2.0, 0.0]}
+        self._staging.shape({**quad, **described, **_flipped(flip)}, matrix, plugin.line)
+
+    def _disk(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
+        if self._is_textured(described):
+            self._staging.note("textures of disks lie flat on them, and not around them as in Mitsuba")
+        self._staging.disk({**described, **_flipped(flip)}, 1.0, 0.0, matrix, plugin.line)
+
+    def _cube(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
+        if self._is_textured(described):
+            self._staging.mesh({**described, **_flipped(flip)}, "cube", cube_mesh, matrix, plugin.line)
+            return
+        self._staging.shape(
+            {"type": "box", "size": [2.0, 2.0, 2.0], **described, **_flipped(flip)}, matrix, plugin.line
+        )
+
+    def _cylinder(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
+        start = plugin.vector("p0", (0.0, 0.0, 0.0))
+        end = plugin.vector("p1", (0.0, 0.0, 1.0))
+        radius = plugin.number("radius", 1.0)
+        size = float(np.linalg.norm(end - start))
+        if not (radius > 0.0 and size > 0.0):
+            raise plugin.fault("the cylinder has no radius or no length; give it both")
+        self._staging.note("cylinders are approximated by 256 triangles")
+        matrix = matrix @ frame_along(start, end - start) @ scaling(radius, radius, size)
+        inside_out = flip != (handedness(matrix) < 0.0)
+        self._staging.mesh(
+            {**described, **_flipped(inside_out)}, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line
+        )
+
+    def _file(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
+        file = plugin.text("filename")
+        if not file:
+            raise plugin.fault(f'{plugin.label} has no "filename"; give it')
+        flat = plugin.flag("face_normals", False)
+        turned = plugin.flag("flip_tex_coords", plugin.type == "obj")
+        if plugin.has("max_smooth_angle"):
+            self._staging.note('"max_smooth_angle" is left out: such meshes are smooth as others are')
+            plugin.ignore("max_smooth_angle")
+        plugin.ignore("collapse", "shape_index")
+
+        def adapted(mesh: MeshData) -> MeshData:
+            if turned != self._old:  # in 0.6 pictures stand upright by the file's own numbers
+                mesh = flipped_v(mesh)
+            if flat:
+                return without_normals(mesh)
+            return faced_by_normals(mesh) if mesh.normals is not None else smoothed(mesh)
+
+        kind = f"{plugin.type}{', flat' if flat else ''}{', turned' if turned else ''}"
+        name, had_normals = self._staging.mesh_of_file(file, kind, plugin.line, adapted)
+        # The winding decides where the file has no normals, and a mirror turns it round
+        by_winding = flat or not had_normals
+        inside_out = flip != (by_winding and handedness(matrix) < 0.0)
+        self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
+
+    def _is_textured(self, described: dict[str, Any]) -> bool:
+        """Whether anything on it depends on the place."""
+        name = described.get("material")
+        parts = [name] if name else []
+        if isinstance(described.get("emission"), dict):
+            return True
+        materials = self._staging.draft.description["materials"]
+        while parts:
+            material = materials[parts.pop()]
+            if any(isinstance(value, dict) for value in material.values()):
+                return True
+            parts += material.get("materials", [])
+        return False
+
+
+def _flipped(flip: bool) -> dict[str, Any]:
+    return {"flip_normals": True} if flip else {}

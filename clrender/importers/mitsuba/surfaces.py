@@ -1,0 +1,216 @@
+"""Mitsuba's BSDFs that hold no others, as our materials."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from clrender.importers.mitsuba.plugins import Plugin
+from clrender.importers.mitsuba.textures import TextureReader
+from clrender.importers.shared.fresnel import internal_reflectance
+from clrender.importers.shared.metals import CONDUCTORS, DIELECTRICS
+from clrender.importers.shared.spectra import Color, light_color
+from clrender.importers.shared.staging import Staging, roughness_of
+from clrender.scene.wording import quoted, suggestion
+
+__all__ = ["SurfaceReader"]
+
+_BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
+_BECKMANN: Final = (
+    "microfacets of Beckmann's distribution are read as GGX of the same alpha, whose highlights reach further"
+)
+_MULTIPLE: Final = (
+    "rough metals and glass return the light that Mitsuba loses between their facets: wide lobes are brighter"
+)
+
+
+class SurfaceReader:
+    """Describes materials.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    old : bool
+        Whether the file is one of 0.6, whose defaults differ.
+    """
+
+    def __init__(self, staging: Staging, textures: TextureReader, old: bool) -> None:
+        self._staging, self._textures, self._old = staging, textures, old
+
+    def diffuse(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Ideal diffuse reflection."""
+        name = "diffuse_reflectance" if plugin.has("diffuse_reflectance") else "reflectance"
+        return {"type": "lambert", "reflectance": self._textures.color(plugin, name, 0.5), "two_sided": two_sided}
+
+    def rough_diffuse(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Diffuse reflection of a rough surface."""
+        self._staging.note('"roughdiffuse" is read as oren_nayar, whose formula is a newer one that loses no light')
+        plugin.ignore("use_fast_approx")
+        made = self.diffuse(plugin, two_sided)
+        return {**made, "type": "oren_nayar", "roughness": self._textures.share(plugin, "alpha", 0.2)}
+
+    def _index(self, plugin: Plugin, name: str, default: str) -> float:
+        """An index of refraction: a number or a name."""
+        value = plugin.values.get(name)
+        if value is not None and value.kind != "string":
+            index = plugin.number(name, 1.0)
+            if not 1e-3 <= index <= 1000.0:
+                raise plugin.fault(f"{quoted(name)} is {index:g}; an index of refraction must be 0.001 to 1000")
+            return index
+        material = plugin.text(name, default).lower()
+        if material not in DIELECTRICS:
+            raise plugin.fault(
+                f"{quoted(name)} is {quoted(material)}, which is not known{suggestion(material, DIELECTRICS)}"
+            )
+        return DIELECTRICS[material]
+
+    def _alpha(self, plugin: Plugin, default_distribution: str = "beckmann") -> Any:
+        """Our roughness; for a texture of alpha that of 0.1."""
+        if plugin.text("distribution", default_distribution) != "ggx":
+            self._staging.note(_BECKMANN)
+        plugin.ignore("sample_visible")
+        if any(plugin.child(name) is not None for name in ("alpha", "alpha_u", "alpha_v")):
+            self._staging.note("textures of alpha are left out: alpha is 0.1 there")
+            return roughness_of(0.1)
+        alpha = plugin.number("alpha", 0.1)
+        if plugin.has("alpha_u", "alpha_v"):
+            u, v = plugin.number("alpha_u", 0.1), plugin.number("alpha_v", 0.1)
+            alpha = max(u * v, 0.0) ** 0.5
+            if u != v:
+                self._staging.note("alpha along u and along v is read as one: the root of their product")
+        if alpha > 0.1:
+            self._staging.note(_MULTIPLE)
+        return roughness_of(alpha)
+
+    def dielectric(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Smooth, rough or thin glass."""
+        made = {
+            "type": "dielectric",
+            "ior": self._index(plugin, "int_ior", "bk7"),
+            "exterior_ior": self._index(plugin, "ext_ior", "air"),
+        }
+        for name in ("specular_reflectance", "specular_transmittance"):
+            if self._textures.color(plugin, name, 1.0, texture=False) != [1.0] * 3:
+                self._staging.note(f"{quoted(name)} of dielectrics is left out: they lose no light")
+        if plugin.type == "thindielectric":
+            made["thin"] = True
+        elif plugin.type == "roughdielectric":
+            made["roughness"] = self._alpha(plugin)
+        return made
+
+    def _metal(self, plugin: Plugin) -> tuple[Color, Color]:
+        """Complex index of refraction, relative to what is outside."""
+        name = plugin.text("material", "Cu" if self._old else "none")
+        if not plugin.has("eta") and name not in CONDUCTORS:
+            raise plugin.fault(f"the metal {quoted(name)} is not known{suggestion(name, CONDUCTORS)}; give eta and k")
+        eta, k = CONDUCTORS.get(name, CONDUCTORS["none"])
+        if plugin.has("eta", "k"):
+            eta, k = self._index_color(plugin, "eta", 0.0), self._index_color(plugin, "k", 1.0)
+        outside = 1.0
+        if plugin.has("ext_eta"):
+            outside = self._index(plugin, "ext_eta", "air")
+        least, most = 1e-3, 1000.0
+        eta = tuple(min(max(x / outside, least), most) for x in eta)  # type: ignore[assignment]
+        k = tuple(min(max(x / outside, 0.0), most) for x in k)  # type: ignore[assignment]
+        return eta, k
+
+    def _index_color(self, plugin: Plugin, name: str, default: float) -> Color:
+        spectrum = plugin.spectrum(name)
+        if spectrum is not None and spectrum.wavelengths:
+            return light_color(spectrum.wavelengths, spectrum.values)  # as Mitsuba does
+        return self._textures.surface_of(spectrum, default)
+
+    def conductor(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Smooth or rough metal."""
+        eta, k = self._metal(plugin)
+        roughness = self._alpha(plugin) if plugin.type == "roughconductor" else 0.0
+        made: dict[str, Any] = {"type": "conductor", "roughness": roughness, "two_sided": two_sided}
+        plain = max(eta) <= 1e-3 and set(k) == {1.0}  # "none": reflects everything
+        tint = self._textures.color(plugin, "specular_reflectance", 1.0, texture=plain)
+        if plain and roughness == 0.0:
+            return {"type": "mirror", "reflectance": tint, "two_sided": two_sided}
+        if plain:
+            return {**made, "f0": tint}
+        made |= {"eta": list(eta), "k": list(k)}
+        if tint == [1.0] * 3:
+            return made
+        if max(tint) == min(tint):
+            return self.dimmed(plugin, made, tint[0])
+        self._staging.note(
+            "the colour of a metal's specular_reflectance is put into its reflectance straight on (Schlick)"
+        )
+        straight = [((n - 1.0) ** 2 + x * x) / ((n + 1.0) ** 2 + x * x) for n, x in zip(eta, k, strict=True)]
+        return {
+            "type": "conductor",
+            "roughness": roughness,
+            "two_sided": two_sided,
+            "f0": [a * b for a, b in zip(straight, tint, strict=True)],
+        }
+
+    def dimmed(self, plugin: Plugin, whole: dict[str, Any], share: float) -> dict[str, Any]:
+        """Exactly a share of what a material reflects: a mixture with black."""
+        name = self._staging.material(f"{plugin.id or plugin.type}, undimmed", whole)
+        black = self._staging.material("black", dict(_BLACK))
+        return {"type": "mix", "materials": [name, black], "weight": 1.0 - share}
+
+    def plastic(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """A diffuse surface under a smooth or rough boundary."""
+        inside, outside = self._index(plugin, "int_ior", "polypropylene"), self._index(plugin, "ext_ior", "air")
+        ior = inside / outside
+        base = self._textures.color(plugin, "diffuse_reflectance", 0.5)
+        if plugin.flag("nonlinear", False):
+            if isinstance(base, dict):
+                self._staging.note('"nonlinear" of a textured plastic is left out: its colours are less saturated')
+            else:
+                inner = internal_reflectance(ior)
+                base = [x * (1.0 - inner) / (1.0 - x * inner) for x in base]
+        specular = self._textures.color(plugin, "specular_reflectance", 1.0, texture=False)
+        roughness = self._alpha(plugin) if plugin.type == "roughplastic" else 0.0
+        if not ior >= 1.0:
+            self._staging.note("plastic thinner than what is around it is read as of index 1")
+        return {
+            "type": "principled",
+            "base_color": base,
+            "roughness": roughness,
+            "ior": min(max(ior, 1.0), 1000.0),
+            "specular_color": specular,
+            "two_sided": two_sided,
+        }
+
+    def principled(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Disney's material as glTF's."""
+        self._staging.note(
+            "\"principled\" is Disney's there and glTF's here: alike, but not equal, in sheen, coat and tints"
+        )
+        share = self._textures.share
+        base = self._textures.color(plugin, "base_color", 0.5)
+        made: dict[str, Any] = {
+            "type": "principled",
+            "base_color": base,
+            "roughness": share(plugin, "roughness", 0.5),
+            "metallic": share(plugin, "metallic", 0.0),
+            "anisotropy": share(plugin, "anisotropic", 0.0),
+            "two_sided": two_sided,
+        }
+        root = (0.08 * self._staging.share(plugin.number("specular", 0.5), "specular")) ** 0.5
+        made["ior"] = plugin.number("eta", (1.0 + root) / (1.0 - root))
+        transmission = share(plugin, "spec_trans", 0.0)
+        if transmission != 0.0:
+            made["transmission"] = transmission
+            made["thin"] = plugin.type == "principledthin"
+            # What is clear has two sides
+            made.pop("two_sided")
+        coat = share(plugin, "clearcoat", 0.0)
+        if coat != 0.0:
+            # Disney's coat has a quarter of the strength, and alpha from 0.1 to 0.001
+            made["coat"] = coat if isinstance(coat, dict) else 0.25 * coat
+            gloss = self._staging.share(plugin.number("clearcoat_gloss", 0.0), "clearcoat_gloss")
+            made["coat_roughness"] = roughness_of(0.1 + (0.001 - 0.1) * gloss)
+        sheen = share(plugin, "sheen", 0.0)
+        if sheen != 0.0 and not isinstance(sheen, dict):
+            tint = self._staging.share(plugin.number("sheen_tint", 0.0), "sheen_tint")
+            color = base if isinstance(base, list) else [1.0] * 3
+            most = max(*color, 1e-6)
+            made["sheen_color"] = [sheen * ((1.0 - tint) + tint * x / most) for x in color]
+        plugin.ignore("clearcoat_gloss", "sheen_tint", "diffuse_reflectance_sampling_rate")
+        return made

@@ -1,0 +1,216 @@
+"""Mitsuba's colours and textures as ours."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.importers.mitsuba.plugins import Plugin, Spectrum
+from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.spectra import Color, blackbody_color, light_color, reflectance_color
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted, suggestion
+
+__all__ = ["TextureReader"]
+
+_WRAPS: Final = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
+_FILTERS: Final = {"bilinear": "linear", "nearest": "nearest", "trilinear": "linear", "ewa": "linear"}
+
+
+class TextureReader:
+    """Reads colours, or textures in their place.
+
+    Parameters
+    ----------
+    staging : Staging
+    old : bool
+        Whether the file is one of 0.6, whose pictures stand upright.
+    """
+
+    def __init__(self, staging: Staging, old: bool) -> None:
+        self._staging, self._old = staging, old
+
+    def light(self, plugin: Plugin, name: str, default: float) -> Color:
+        """The colour of a light."""
+        nested = plugin.child(name)
+        if nested is not None and nested.kind == "spectrum":
+            return self._nested_light(nested)
+        if nested is not None:
+            self._staging.note(f"a texture as {quoted(name)} of {plugin.label} is left out: it shines with {default:g}")
+            return (default,) * 3
+        return self.light_of(plugin.spectrum(name), default)
+
+    def light_of(self, spectrum: Spectrum | None, default: float) -> Color:
+        """The colour of a light whose spectrum that is."""
+        if spectrum is None:
+            return (default,) * 3
+        if spectrum.color is not None:
+            return spectrum.color
+        if not spectrum.wavelengths:
+            # The same power at all wavelengths, which is reddish beside D65
+            return light_color([300.0, 900.0], [spectrum.values[0]] * 2)
+        return light_color(spectrum.wavelengths, spectrum.values)
+
+    def _nested_light(self, nested: Plugin) -> Color:
+        if nested.type == "blackbody":
+            kelvin, scale = nested.number("temperature", 5000.0), nested.number("scale", 1.0)
+            if not 1.0 <= kelvin <= 1e6:
+                raise nested.fault(f"the temperature is {kelvin:g}; it must be 1 to 1000000 kelvin")
+            red, green, blue = blackbody_color(kelvin)
+            return red * scale, green * scale, blue * scale
+        if nested.type in ("d65", "uniform", "rgb", "srgb"):
+            key = "scale" if nested.type == "d65" else "value" if nested.has("value") else "color"
+            return self.light_of(nested.spectrum(key), 1.0)
+            # D65 is the white of Rec. 709
+        self._staging.note(f"{nested.label} is not known: white in its place")
+        return 1.0, 1.0, 1.0
+
+    def color(self, plugin: Plugin, name: str, default: float, texture: bool = True) -> Any:
+        """A reflectance: a colour, or a texture of ours where one may be.
+
+        Parameters
+        ----------
+        plugin : Plugin
+        name : str
+        default : float
+        texture : bool
+            Whether one may be.
+        """
+        nested = plugin.child(name)
+        if nested is not None and nested.kind == "texture" and texture:
+            return self.texture(nested)
+        if nested is not None:
+            if nested.type in ("uniform", "rgb", "srgb"):
+                found = nested.spectrum("value" if nested.has("value") else "color")
+                return self._staging.reflectance(self.surface_of(found, default), f"{quoted(name)} of {plugin.label}")
+            sentence = f"{nested.label} cannot be {quoted(name)} of {plugin.label}: {default:g} in its place"
+            self._staging.note(sentence)
+            return [default] * 3
+        color = self.surface_of(plugin.spectrum(name), default)
+        return self._staging.reflectance(color, f"{quoted(name)} of {plugin.label}")
+
+    def surface_of(self, spectrum: Spectrum | None, default: float) -> Color:
+        """The colour of a surface whose spectrum that is."""
+        if spectrum is None:
+            return (default,) * 3
+        if spectrum.color is not None:
+            return spectrum.color
+        if not spectrum.wavelengths:
+            return (spectrum.values[0],) * 3
+        return reflectance_color(spectrum.wavelengths, spectrum.values)
+
+    def share(self, plugin: Plugin, name: str, default: float) -> Any:
+        """A number between 0 and 1, or a texture of ours."""
+        nested = plugin.child(name)
+        if nested is not None and nested.kind == "texture":
+            found = self.texture(nested, number=True)
+            return sum(found) / 3.0 if isinstance(found, list) else found
+        return self._staging.share(plugin.number(name, default), f"{quoted(name)} of {plugin.label}")
+
+    def emission(self, plugin: Plugin) -> Any:
+        """What an area light shines with: a colour, or a texture."""
+        nested = plugin.child("radiance")
+        if nested is not None and nested.kind == "texture":
+            return self.texture(nested, light=True)
+        return list(self.light(plugin, "radiance", 1.0))
+
+    def texture(self, plugin: Plugin, number: bool = False, light: bool = False) -> Any:
+        """A texture as ours, or a colour in its place.
+
+        Parameters
+        ----------
+        plugin : Plugin
+        number : bool
+            Whether it stands for a number, whose pictures are linear unless they say otherwise.
+        light : bool
+            Whether its colours are those of light.
+        """
+        if plugin.busy:
+            raise plugin.fault("the texture contains itself; give it another one")
+        plugin.busy = True
+        made: Any
+        if plugin.type == "bitmap":
+            made = self._bitmap(plugin, number)
+        elif plugin.type in ("checkerboard", "checker"):
+            colors = [self.light_of(plugin.spectrum(f"color{i}"), default) for i, default in ((0, 0.4), (1, 0.2))]
+            if not light:
+                colors = [tuple(self._staging.reflectance(each, plugin.label)) for each in colors]  # type: ignore[misc]
+            made = {"checker": [list(color) for color in colors], **self._transform(plugin, False)}
+        elif plugin.type == "scale" and plugin.children_of("texture"):
+            made = self.texture(plugin.children_of("texture")[0], number, light)
+            factor = plugin.number("scale", 1.0) if plugin.has("scale") else plugin.number("value", 1.0)
+            if isinstance(made, dict) and "texture" in made:
+                made["scale"] = factor
+        else:
+            self._staging.note(f"{plugin.label} is not known: grey of 0.5 in its place")
+            plugin.ignore(*plugin.values)
+            made = [0.5, 0.5, 0.5]
+        plugin.busy = False
+        for name in plugin.unused():
+            self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
+        return made
+
+    def picture(self, plugin: Plugin) -> dict[str, Any] | None:
+        """A bitmap as a normal or bump map takes it; None where it is something else."""
+        if plugin.type != "bitmap":
+            self._staging.note(f"{plugin.label} cannot be a map of normals or heights: it is left out")
+            return None
+        made = self._bitmap(plugin, True)
+        made.pop("color_space", None)
+        return made
+
+    def _bitmap(self, plugin: Plugin, number: bool) -> dict[str, Any]:
+        plugin.ignore("accel", "format", "cache", "max_anisotropy")
+        file = plugin.text("filename")
+        if not file:
+            raise plugin.fault('the bitmap has no "filename"; give it')
+        made: dict[str, Any] = {"texture": self._staging.files.name(file, f"line {plugin.line}")}
+        raw = plugin.flag("raw", False) or plugin.number("gamma", 0.0) == 1.0
+        if file.lower().endswith((".png", ".jpg", ".jpeg", ".webp")):
+            made["color_space"] = "linear" if raw else "srgb"
+        wrap = plugin.text("wrap_mode", "repeat")
+        made["wrap"] = self._chosen(plugin, wrap, _WRAPS, "wrap_mode")
+        made["filter"] = self._chosen(plugin, plugin.text("filter_type", "bilinear"), _FILTERS, "filter_type")
+        if number:
+            made["channel"] = "luminance"
+        return {**made, **self._transform(plugin, not self._old)}
+
+    def _chosen(self, plugin: Plugin, value: str, known: dict[str, str], name: str) -> str:
+        if value not in known:
+            raise plugin.fault(f"{quoted(name)} is {quoted(value)}, which is not known{suggestion(value, known)}")
+        return known[value]
+
+    def _transform(self, plugin: Plugin, upside_down: bool) -> dict[str, Any]:
+        """Our transform of texture coordinates.
+
+        Mitsuba 3 has v = 0 at the upper edge of a picture, we (and 0.6) at the lower one: its v is 1 - v of ours.
+        """
+        if self._old:
+            scale = [plugin.number(f"{axis}scale", 1.0) for axis in "uv"]
+            offset = [plugin.number(f"{axis}offset", 0.0) for axis in "uv"]
+            plane = np.array([[scale[0], 0.0, offset[0]], [0.0, scale[1], offset[1]]])
+        else:
+            matrix: Matrix = plugin.matrix("to_uv")
+            # The third column of a matrix of a plane may be the shift, or the fourth
+            plane = np.array([[matrix[i, 0], matrix[i, 1], matrix[i, 3] + matrix[i, 2]] for i in (0, 1)])
+        if upside_down:
+            plane[1] = -plane[1]
+            plane[1, 2] += 1.0
+        return self._as_steps(plugin, plane)
+
+    def _as_steps(self, plugin: Plugin, plane: Any) -> dict[str, Any]:
+        """Scale, then rotation, then shift; or what comes nearest."""
+        first, second = plane[:, 0], plane[:, 1]
+        along, turn = float(np.hypot(*first)), math.atan2(float(first[1]), float(first[0]))
+        across = float(-math.sin(turn) * second[0] + math.cos(turn) * second[1])
+        skew = float(math.cos(turn) * second[0] + math.sin(turn) * second[1])
+        if abs(skew) > 1e-6 * max(along, abs(across)):
+            self._staging.note(f"the transform of {plugin.label} is skewed, which is not known here: without the skew")
+        if abs(turn) > 3.0:  # half a turn is a scale, and so reads better
+            along, across, turn = -along, -across, 0.0 if abs(abs(turn) - math.pi) < 1e-9 else turn - math.pi
+        shift = [float(plane[0, 2]), float(plane[1, 2])]
+        if (along, across, turn, shift) == (1.0, 1.0, 0.0, [0.0, 0.0]):
+            return {}
+        return {"transform": {"scale": [along, across], "rotate_degrees": math.degrees(turn), "offset": shift}}

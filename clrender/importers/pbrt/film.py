@@ -1,0 +1,178 @@
+"""pbrt's camera, film, sampler and integrator as ours."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+from clrender.importers.pbrt.parameters import Parameters
+from clrender.importers.pbrt.tokens import Directive
+from clrender.importers.shared.cameras import camera_keys, vertical_angle
+from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted
+
+__all__ = ["Camera", "Settings"]
+
+_SPP_LIMIT: Final = 2**20
+_FILTERS: Final = {
+    "box": "box",
+    "gaussian": "gaussian",
+    "mitchell": "mitchell",
+    "triangle": "gaussian",
+    "sinc": "mitchell",
+}
+_RADII: Final = {"box": 0.5, "gaussian": 1.5, "mitchell": 2.0}
+_PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "bdpt", "mlt", "lightpath"])
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What the file says of it.
+
+    Attributes
+    ----------
+    directive : Directive
+    matrix : (4, 4) float64
+        Into the world.
+    """
+
+    directive: Directive
+    matrix: Matrix
+
+
+class Settings:
+    """Collects what comes before the world.
+
+    Parameters
+    ----------
+    staging : Staging
+
+    Attributes
+    ----------
+    camera : Camera or None
+    """
+
+    def __init__(self, staging: Staging) -> None:
+        self._staging = staging
+        self.camera: Camera | None = None
+        self._film: Directive | None = None
+        self._size = (1280, 720)
+        self._render: dict[str, Any] = {"spp": 16, "max_depth": 5, "filter": "gaussian"}
+
+    def _tell_unused(self, parameters: Parameters, what: str) -> None:
+        for unknown in parameters.unused():
+            self._staging.note(f"{quoted(unknown)} of the {what} is not understood and does nothing")
+
+    def film(self, directive: Directive) -> None:
+        """Its size; its exposure is asked for when the world begins."""
+        parameters = directive.parameters
+        width, height = parameters.whole("xresolution", 1280), parameters.whole("yresolution", 720)
+        if not (1 <= width <= 65536 and 1 <= height <= 65536):
+            raise directive.fault(f"the film's size is {width} x {height}, but must be 1 to 65536")
+        self._size, self._film = (width, height), directive
+        parameters.ignore("filename", "savefp16", "diagonal", "maxcomponentvalue", "iso", "sensor", "whitebalance")
+        if parameters.get("cropwindow") is not None or parameters.get("pixelbounds") is not None:
+            self._staging.note("the crop of the film is left out: the whole image is rendered")
+        self._tell_unused(parameters, "film")
+
+    def brightness(self) -> float:
+        """The imaging ratio: the time that the shutter is open times the speed over 100 (PBR 4ed, 5.4.2)."""
+        ratio = 1.0
+        if self._film is not None:
+            parameters = self._film.parameters
+            ratio *= parameters.number("iso", 100.0) / 100.0
+            sensor = parameters.text("sensor", "cie1931")
+            if sensor != "cie1931" or parameters.number("whitebalance", 0.0) != 0.0:
+                self._staging.note("the sensor of the film is read as cie1931, without a white balance")
+        if self.camera is not None:
+            parameters = self.camera.directive.parameters
+            seconds = parameters.number("shutterclose", 1.0) - parameters.number("shutteropen", 0.0)
+            if seconds > 0.0:
+                ratio *= seconds
+        if ratio != 1.0:
+            self._staging.note(f"the exposure of the film, {ratio:g}, is a factor of all lights here")
+        return max(ratio, 0.0)
+
+    def sampler(self, directive: Directive) -> None:
+        """Samples per pixel."""
+        parameters = directive.parameters
+        if directive.texts[:1] == ("stratified",):
+            spp = parameters.whole("xsamples", 4) * parameters.whole("ysamples", 4)
+        else:
+            spp = parameters.whole("pixelsamples", 16)
+        self._render["spp"] = min(max(spp, 1), _SPP_LIMIT)
+        parameters.ignore("seed", "randomization", "jitter")
+
+    def integrator(self, directive: Directive) -> None:
+        """The greatest depth, which counts scattering events as ours does."""
+        kind, parameters = directive.text(0, "type"), directive.parameters
+        if kind not in _PATHS:
+            self._staging.note(f'the integrator {quoted(kind)} is read as "path"')
+        self._render["max_depth"] = min(max(parameters.whole("maxdepth", 5), 0), 2**31 - 1)
+        parameters.ignore("lightsampler", "samplelights", "samplebsdf", "usemis")
+        if parameters.flag("regularize", False):
+            self._staging.note('"regularize" is left out: rough paths stay as they are')
+        self._tell_unused(parameters, "integrator")
+
+    def pixel_filter(self, directive: Directive) -> None:
+        """The nearest of ours."""
+        kind, parameters = directive.text(0, "type"), directive.parameters
+        near = _FILTERS.get(kind, "gaussian")
+        radius = parameters.number("xradius", _RADII[near])
+        parameters.ignore("yradius", "sigma", "B", "C", "tau")
+        if kind != near or abs(radius - _RADII[near]) > 1e-6:
+            wanted = f"{quoted(kind)} of radius {radius:g}"
+            self._staging.note(
+                f"the pixel filter {wanted} is not known: {quoted(near)} of {_RADII[near]:g} in its place"
+            )
+        self._render["filter"] = near
+
+    def finish(self) -> None:
+        """Write all of it into the draft."""
+        description = self._staging.draft.description
+        description["render"] = self._render
+        description["image"] = {"width": self._size[0], "height": self._size[1]}
+        if self.camera is not None:
+            self._write_camera(self.camera)
+
+    def _write_camera(self, camera: Camera) -> None:
+        parameters, (width, height) = camera.directive.parameters, self._size
+        kind = camera.directive.text(0, "type")
+        parameters.ignore("shutteropen", "shutterclose")
+        if kind not in ("perspective", "orthographic"):
+            self._staging.note(f"a camera of type {quoted(kind)} is not known: another one in its place")
+            return
+        # Without a window of its own the shorter side of the image goes from -1 to 1
+        aspect = parameters.number("frameaspectratio", width / height)
+        if abs(aspect - width / height) > 1e-6 * aspect:
+            self._staging.note('"frameaspectratio" is left out: pixels are square')
+        window = parameters.numbers("screenwindow")
+        upward = 1.0 if width >= height else height / width
+        if window is not None:
+            if len(window) != 4 or not window[3] > window[2]:
+                raise parameters.fault(
+                    '"screenwindow" must have four numbers: two along x, two along y, that grow', "screenwindow"
+                )
+            upward = float(window[3] - window[2]) / 2.0
+            if abs(window[3] + window[2]) > 1e-6 or abs(window[1] + window[0]) > 1e-6:
+                self._staging.note("a screen window off the middle is read as one around it")
+        lens = parameters.number("lensradius", 0.0)
+        distance = parameters.number("focaldistance", 1e6)
+        keys = camera_keys(camera.matrix, rightward=True)
+        if lens > 0.0:
+            keys |= {"aperture_radius": lens, "focus_distance": distance}
+        if kind == "orthographic":
+            keys |= {"type": "orthographic", "height": 2.0 * upward}
+        else:
+            degrees = parameters.number("fov", 90.0)
+            if not 0.0 < degrees < 180.0:
+                raise parameters.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees', "fov")
+            if window is None:
+                keys["vertical_fov"] = vertical_angle(degrees, "smaller", width, height)
+            else:
+                half = math.tan(math.radians(degrees) / 2.0) * upward
+                keys["vertical_fov"] = math.degrees(2.0 * math.atan(half))
+        self._staging.draft.description["camera"] = keys
+        self._tell_unused(parameters, "camera")

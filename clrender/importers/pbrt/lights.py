@@ -1,0 +1,127 @@
+"""pbrt's lights as ours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from clrender.importers.pbrt.parameters import Parameters
+from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.sky_maps import unfolded_picture
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted
+
+__all__ = ["LightReader"]
+
+
+class LightReader:
+    """Makes lights.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    """
+
+    def __init__(self, staging: Staging, textures: TextureReader) -> None:
+        self._staging, self._textures = staging, textures
+        self.brightness = 1.0
+        """Of the film: factor of all light."""
+
+    def read(self, kind: str, parameters: Parameters, matrix: Matrix) -> None:
+        """Add a light.
+
+        Parameters
+        ----------
+        kind : str
+        parameters : Parameters
+        matrix : (4, 4) float64
+            From the light's coordinates into the world.
+        """
+        known: dict[str, Callable[[Parameters, Matrix], dict[str, Any]]] = {
+            "point": self._point,
+            "spot": self._spot,
+            "distant": self._distant,
+            "infinite": self._infinite,
+        }
+        if kind not in known:
+            self._staging.note(f"a light of type {quoted(kind)} is not known and left out")
+            return
+        made = known[kind](parameters, matrix)
+        for unknown in parameters.unused():
+            self._staging.note(
+                f"{quoted(unknown)} of a light of type {quoted(kind)} is not understood and does nothing"
+            )
+        lights = self._staging.draft.description["lights"]
+        if made["type"] == "environment" and any(light["type"] == "environment" for light in lights):
+            raise parameters.fault("is a second infinite light, but a scene can have only one; remove one")
+        lights.append(made)
+
+    def _color(self, parameters: Parameters, name: str, factor: float) -> list[float]:
+        scale = parameters.number("scale", 1.0) * factor * self.brightness
+        return [max(x * scale, 0.0) for x in self._textures.light(parameters, name)]
+
+    def _point(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
+        power = parameters.number("power", -1.0)
+        place = matrix @ [*parameters.vector("from", (0.0, 0.0, 0.0)), 1.0]
+        intensity = self._color(parameters, "I", power / (4.0 * math.pi) if power > 0.0 else 1.0)
+        return {"type": "point", "position": [float(x) for x in place[:3]], "intensity": intensity}
+
+    def _spot(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
+        start, end = parameters.vector("from", (0.0, 0.0, 0.0)), parameters.vector("to", (0.0, 0.0, 1.0))
+        cone, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
+        if not 0.0 < cone < 180.0:
+            raise parameters.fault(f'"coneangle" is {cone:g}, but must be above 0 and below 180 degrees', "coneangle")
+        edge, inner = math.cos(math.radians(cone)), math.cos(math.radians(max(cone - delta, 0.0)))
+        power = parameters.number("power", -1.0)
+        # Of a cone whose smooth step covers half of its fall-off (PBR 4ed, 12.2.2)
+        flux = 2.0 * math.pi * ((1.0 - inner) + (inner - edge) / 2.0)
+        return {
+            "type": "spot",
+            "position": [float(x) for x in (matrix @ [*start, 1.0])[:3]],
+            "direction": [float(x) for x in matrix[:3, :3] @ (end - start)],
+            "intensity": self._color(parameters, "I", power / flux if power > 0.0 else 1.0),
+            "cone_degrees": 2.0 * cone,
+            "blend": min(max((inner - edge) / (1.0 - edge), 0.0), 1.0),
+        }
+
+    def _distant(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
+        start, end = parameters.vector("from", (0.0, 0.0, 0.0)), parameters.vector("to", (0.0, 0.0, 1.0))
+        lux = parameters.number("illuminance", -1.0)
+        irradiance = self._color(parameters, "L", lux if lux > 0.0 else 1.0)
+        # pbrt's light shines from `from` towards `to`
+        direction = [float(x) for x in matrix[:3, :3] @ (end - start)]
+        return {"type": "directional", "direction": direction, "irradiance": irradiance}
+
+    def _infinite(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
+        lux = parameters.number("illuminance", -1.0)
+        if parameters.get("portal") is not None:
+            self._staging.note("the portal of an infinite light is left out, which only changes noise")
+        file = parameters.text("filename")
+        if not file:
+            return {
+                "type": "environment",
+                "radiance": self._color(parameters, "L", lux / math.pi if lux > 0.0 else 1.0),
+            }
+        line = parameters.values["filename"].line
+        name = self._staging.files.name(file, f"line {line}")
+        picture = unfolded_picture(self._staging.files, name, f"line {line}", matrix)
+        factor = 1.0
+        if lux > 0.0:
+            factor = lux / max(_illuminance(picture.pixels), 1e-30)
+        scale = self._color(parameters, "L", factor)
+        self._staging.draft.environments[f"{file} (unfolded)"] = picture
+        return {"type": "environment", "file": f"{file} (unfolded)", "scale": scale}
+
+
+def _illuminance(pixels: Any) -> float:
+    """Irradiance of the upper half of a picture, as luminance, on a floor below it."""
+    height = len(pixels)
+    theta = (np.arange(height) + 0.5) / height * np.pi
+    weight = np.maximum(np.cos(theta), 0.0) * np.sin(theta) * (np.pi / height) ** 2
+    bright = pixels.astype(np.float64) @ [0.212671, 0.715160, 0.072169]
+    return float((bright.sum(axis=1) * weight).sum())

@@ -1,0 +1,164 @@
+"""pbrt's materials as ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from clrender.importers.pbrt.parameters import Parameters
+from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.fresnel import internal_reflectance
+from clrender.importers.shared.staging import Staging, roughness_of
+from clrender.scene.wording import quoted, suggestion
+
+__all__ = ["MaterialReader"]
+
+_MULTIPLE: Final = (
+    "rough metals and glass return the light that pbrt loses between their facets: wide lobes are brighter"
+)
+
+
+class MaterialReader:
+    """Makes materials, and knows them by pbrt's names.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    """
+
+    def __init__(self, staging: Staging, textures: TextureReader) -> None:
+        self._staging, self._textures = staging, textures
+        self._named: dict[str, str | None] = {}
+
+    def named(self, name: str, parameters: Parameters) -> str | None:
+        """The material of that name."""
+        if name not in self._named:
+            raise parameters.fault(f"the material {quoted(name)} is not defined{suggestion(name, self._named)}")
+        return self._named[name]
+
+    def define(self, name: str, parameters: Parameters) -> None:
+        """Remember a material of the file under its name."""
+        self._named[name] = self.made(parameters.text("type", "diffuse"), parameters, name)
+
+    def made(self, kind: str, parameters: Parameters, wanted: str = "") -> str | None:
+        """The name of a new material; None for a surface that is not seen.
+
+        Parameters
+        ----------
+        kind : str
+        parameters : Parameters
+        wanted : str
+            The name, if it is free.
+        """
+        known: dict[str, Callable[[Parameters], dict[str, Any]]] = {
+            "diffuse": self._diffuse,
+            "coateddiffuse": self._coated_diffuse,
+            "conductor": self._conductor,
+            "coatedconductor": self._coated_conductor,
+            "dielectric": self._dielectric,
+            "thindielectric": self._dielectric,
+            "diffusetransmission": self._diffuse_transmission,
+            "mix": self._mix,
+        }
+        parameters.ignore("type")
+        if kind in ("interface", "", "none"):
+            return None
+        if kind in known:
+            described = known[kind](parameters)
+            if kind == "thindielectric":
+                described["thin"] = True
+                described.pop("roughness", None)
+        else:
+            self._staging.note(f"a material of type {quoted(kind)} is not known: a diffuse grey of 0.5 in its place")
+            parameters.ignore(*parameters.values)
+            described = {"type": "lambert", "reflectance": [0.5] * 3}
+        self._add_maps(described, parameters)
+        for unknown in parameters.unused():
+            self._staging.note(
+                f"{quoted(unknown)} of a material of type {quoted(kind)} is not understood and does nothing"
+            )
+        return self._staging.material(wanted or kind, described)
+
+    def _add_maps(self, described: dict[str, Any], parameters: Parameters) -> None:
+        normals = parameters.text("normalmap")
+        heights = self._textures.share(parameters, "displacement", 0.0) if parameters.get("displacement") else 0.0
+        if described["type"] == "mix":
+            return
+        if normals:
+            described["normal_map"] = {"texture": self._staging.files.name(normals, f"line {parameters.line}")}
+        if isinstance(heights, dict) and "texture" in heights:
+            kept = {key: heights[key] for key in ("texture", "wrap", "channel", "transform") if key in heights}
+            scale = heights.get("scale", [1.0])
+            described["bump_map"] = {**kept, "scale": scale[0]}
+        elif isinstance(heights, dict):
+            self._staging.note("a displacement that is no picture is left out")
+
+    def _diffuse(self, parameters: Parameters) -> dict[str, Any]:
+        return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.5)}
+
+    def _diffuse_transmission(self, parameters: Parameters) -> dict[str, Any]:
+        self._staging.note('"diffusetransmission" is read as a diffuse surface: it lets no light through')
+        parameters.ignore("transmittance", "scale")
+        return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.25)}
+
+    def _roughness(self, parameters: Parameters, prefix: str = "", default: float = 0.0) -> float:
+        alpha = self._textures.alpha(parameters, prefix, default)
+        if alpha > 0.1:
+            self._staging.note(_MULTIPLE)
+        return roughness_of(alpha)
+
+    def _coated_diffuse(self, parameters: Parameters) -> dict[str, Any]:
+        ior = max(self._textures.index(parameters), 1.0)
+        base = self._textures.color(parameters, "reflectance", 0.5)
+        inner = internal_reflectance(ior)
+        if isinstance(base, dict):
+            self._staging.note(
+                "what a textured coateddiffuse reflects inside of its coat again is left out: it is lighter"
+            )
+        else:
+            base = [x * (1.0 - inner) / (1.0 - x * inner) for x in base]
+        self._layers(parameters)
+        roughness = roughness_of(self._textures.alpha(parameters))
+        return {"type": "principled", "base_color": base, "roughness": roughness, "ior": ior}
+
+    def _layers(self, parameters: Parameters) -> None:
+        if any(self._textures.coefficients(parameters, "albedo", (0.0, 0.0, 0.0))):
+            self._staging.note("media inside of coats are left out")
+        parameters.ignore("thickness", "interface.thickness", "g", "maxdepth", "nsamples")
+
+    def _metal(self, parameters: Parameters, prefix: str) -> dict[str, Any]:
+        if parameters.get(f"{prefix}reflectance") is not None or parameters.get("reflectance") is not None:
+            name = f"{prefix}reflectance" if f"{prefix}reflectance" in parameters.values else "reflectance"
+            color = self._textures.color(parameters, name, 0.5)
+            if isinstance(color, dict):
+                return {"f0": color}
+            color = [min(x, 0.9999) for x in color]
+            return {"eta": [1.0] * 3, "k": [2.0 * (x / (1.0 - x)) ** 0.5 for x in color]}
+        eta = self._textures.metal(parameters, f"{prefix}eta", "metal-Cu-eta")
+        k = self._textures.metal(parameters, f"{prefix}k", "metal-Cu-k")
+        return {"eta": [min(max(x, 1e-3), 1000.0) for x in eta], "k": [min(max(x, 0.0), 1000.0) for x in k]}
+
+    def _conductor(self, parameters: Parameters) -> dict[str, Any]:
+        return {"type": "conductor", **self._metal(parameters, ""), "roughness": self._roughness(parameters)}
+
+    def _coated_conductor(self, parameters: Parameters) -> dict[str, Any]:
+        self._staging.note('"coatedconductor" is read as a conductor: without its coat')
+        self._textures.index(parameters, "interface.eta")
+        self._textures.alpha(parameters, "interface.")
+        self._layers(parameters)
+        roughness = self._roughness(parameters, "conductor.")
+        return {"type": "conductor", **self._metal(parameters, "conductor."), "roughness": roughness}
+
+    def _dielectric(self, parameters: Parameters) -> dict[str, Any]:
+        ior = min(max(self._textures.index(parameters), 1e-3), 1000.0)
+        return {"type": "dielectric", "ior": ior, "roughness": self._roughness(parameters)}
+
+    def _mix(self, parameters: Parameters) -> dict[str, Any]:
+        names = parameters.texts("materials")
+        if len(names) != 2:
+            raise parameters.fault(f"the mixture has {len(names)} materials, but must have two", "materials")
+        parts = [self.named(name, parameters) for name in names]
+        if None in parts:
+            raise parameters.fault('a mixture with "interface" is not read; use alpha instead', "materials")
+        return {"type": "mix", "materials": parts, "weight": self._textures.share(parameters, "amount", 0.5)}

@@ -1,0 +1,151 @@
+"""Puts pbrt's shapes at their places, with the light that they send out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.importers.pbrt.parameters import Parameters
+from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.matrices import Matrix, translation
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted
+
+__all__ = ["Part", "Placer"]
+
+_APART: Final = 1e-5
+"""Of the size of a two-sided light, between its two sides."""
+
+
+@dataclass
+class Part:
+    """A shape, wherever it will stand.
+
+    Attributes
+    ----------
+    described : dict
+        As `clrender.importers.pbrt.shapes.ShapeReader.read` makes them.
+    emission : Parameters or None
+        Of its area light.
+    matrix : (4, 4) float64
+    line : int
+    """
+
+    described: dict[str, Any]
+    emission: Parameters | None
+    matrix: Matrix
+    line: int
+
+
+class Placer:
+    """Adds parts to a draft.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    """
+
+    def __init__(self, staging: Staging, textures: TextureReader) -> None:
+        self._staging, self._textures = staging, textures
+        self.brightness = 1.0
+        """Of the film: factor of all light."""
+
+    def put(self, part: Part, matrix: Matrix) -> None:
+        """Add a shape, with the light that it sends out.
+
+        Parameters
+        ----------
+        part : Part
+        matrix : (4, 4) float64
+            Its place; that of the part itself does not count.
+        """
+        described = dict(part.described)
+        if part.emission is None:
+            _placed(self._staging, described, matrix, part.line)
+            return
+        parameters = part.emission
+        two_sided, power = parameters.flag("twosided", False), parameters.number("power", -1.0)
+        factor = parameters.number("scale", 1.0) * self.brightness
+        if power > 0.0:
+            area = _area_of(self._staging, described, matrix)
+            factor *= power / max((2.0 if two_sided else 1.0) * area * np.pi, 1e-30)
+        color = [max(float(x * factor), 0.0) for x in self._textures.light(parameters, "L")]
+        described["emission"] = self._shining(parameters, color)
+        for unknown in parameters.unused():
+            self._staging.note(f"{quoted(unknown)} of an area light is not understood and does nothing")
+        _placed(self._staging, described, matrix, part.line)
+        if two_sided:
+            back = _other_side(self._staging, described, matrix)
+            if back is None:
+                self._staging.note("a light with two sides that is not flat shines from its front only")
+            else:
+                _placed(self._staging, *back, part.line)
+
+    def _shining(self, parameters: Parameters, color: list[float]) -> Any:
+        file = parameters.text("filename")
+        if not file:
+            return color
+        name = self._staging.files.name(file, f"line {parameters.line}")
+        return {"texture": name, "scale": color}
+
+
+def _placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: int) -> None:
+    """Add a description of `ShapeReader` at its place."""
+    described = dict(described)
+    own = described.pop("own", None)
+    if described["type"] == "sphere":
+        radius = described.pop("radius")
+        described.pop("type")
+        staging.sphere(described, radius, matrix @ own, line)
+    elif described["type"] == "disk":
+        described.pop("type")
+        staging.disk(described, described.pop("radius"), described.pop("height"), matrix, line)
+    else:
+        staging.shape(described, matrix, line)
+
+
+def _area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> float:
+    """Area of a shape in the world, square metres."""
+    scale = abs(float(np.linalg.det(matrix[:3, :3]))) ** (1.0 / 3.0)
+    if described["type"] == "sphere":
+        return float(4.0 * np.pi * (described["radius"] * scale) ** 2)
+    if described["type"] == "disk":
+        across = float(np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])))
+        return float(np.pi * described["radius"] ** 2 * across)
+    return float(np.linalg.norm(_face_areas(staging, described, matrix), axis=1).sum())
+
+
+def _face_areas(staging: Staging, described: dict[str, Any], matrix: Matrix) -> NDArray[np.float64]:
+    """Vector areas of a mesh's triangles in the world."""
+    mesh = staging.draft.meshes[described["file"]]
+    vertices = np.asarray(mesh.vertices, np.float64) @ matrix[:3, :3].T
+    a, b, c = (vertices[mesh.triangles[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a) / 2.0)
+
+
+def _other_side(staging: Staging, described: dict[str, Any], matrix: Matrix) -> tuple[dict[str, Any], Matrix] | None:
+    """The back of a flat light that shines to both sides, a little behind its front; None for what is not flat."""
+    if described["type"] == "sphere":
+        return None
+    if described["type"] == "disk":
+        normal, size = (
+            np.cross(matrix[:3, 0], matrix[:3, 1]),
+            float(described["radius"] * np.linalg.norm(matrix[:3, 0])),
+        )
+    else:
+        areas = _face_areas(staging, described, matrix)
+        normal = areas.sum(axis=0)
+        total = float(np.linalg.norm(areas, axis=1).sum())
+        if float(np.linalg.norm(normal)) < 0.999 * total:
+            return None
+        size = total**0.5
+    if not float(np.linalg.norm(normal)) > 0.0:
+        return None
+    sign = -1.0 if described.get("flip_normals", False) != (float(np.linalg.det(matrix[:3, :3])) < 0.0) else 1.0
+    x, y, z = -sign * _APART * size * normal / np.linalg.norm(normal)
+    back = {**described, "flip_normals": not described.get("flip_normals", False)}
+    return back, translation(x, y, z) @ matrix

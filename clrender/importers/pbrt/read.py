@@ -1,0 +1,288 @@
+"""Reads a scene of pbrt-v4 into a draft: carries out its directives one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.importers.pbrt.film import Camera, Settings
+from clrender.importers.pbrt.lights import LightReader
+from clrender.importers.pbrt.materials import MaterialReader
+from clrender.importers.pbrt.parameters import Parameters
+from clrender.importers.pbrt.placing import Part, Placer
+from clrender.importers.pbrt.shapes import ShapeReader
+from clrender.importers.pbrt.state import TRANSFORMS, Graphics, moved
+from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
+from clrender.importers.shared.matrices import Matrix, inverse
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted, suggestion
+
+__all__ = ["read"]
+
+_DEPTH: Final = 64
+_INCLUDE_DEPTH: Final = 8
+_MOST_G: Final = 0.99
+_BARE: Final = frozenset(
+    [
+        "WorldBegin",
+        "AttributeBegin",
+        "AttributeEnd",
+        "TransformBegin",
+        "TransformEnd",
+        "ObjectEnd",
+        "ReverseOrientation",
+    ]
+)
+_WITHOUT_EFFECT: Final = frozenset(["Accelerator", "Option"])
+
+
+def read(path: Path, files: AssetFiles) -> Draft:
+    """The scene of a pbrt file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+
+    Raises
+    ------
+    SceneError
+        It is no sound scene, with its line.
+    """
+    world = _World(files)
+    world.run(files.scene(path, FILE_LIMIT), files.source, 0)
+    world.finish()
+    return world.staging.draft
+
+
+class _World:
+    """Carries out directives."""
+
+    def __init__(self, files: AssetFiles) -> None:
+        self.staging = Staging(files)
+        self._textures = TextureReader(self.staging)
+        self._materials = MaterialReader(self.staging, self._textures)
+        self._shapes, self._lights = (
+            ShapeReader(self.staging, self._textures),
+            LightReader(self.staging, self._textures),
+        )
+        self._placer = Placer(self.staging, self._textures)
+        self._settings = Settings(self.staging)
+        self._state = Graphics()
+        self._stack: list[Graphics] = []
+        self._systems: dict[str, Matrix] = {}
+        self._media: dict[str, str] = {}
+        self._objects: dict[str, list[Part]] = {}
+        self._object: list[Part] | None = None
+        self._in_world = False
+        self._included = 0
+
+    def run(self, data: bytes, source: str, depth: int) -> None:
+        """Carry out all of a file."""
+        known: dict[str, Callable[[Directive], None]] = {
+            "WorldBegin": self._world_begin,
+            "AttributeBegin": self._begin,
+            "AttributeEnd": self._end,
+            "TransformBegin": self._begin,
+            "TransformEnd": self._end,
+            "ReverseOrientation": self._reverse,
+            "Attribute": self._attribute,
+            "Camera": self._camera,
+            "Film": self._settings.film,
+            "Sampler": self._settings.sampler,
+            "Integrator": self._settings.integrator,
+            "PixelFilter": self._settings.pixel_filter,
+            "ColorSpace": self._color_space,
+            "Texture": self._texture,
+            "Material": self._material,
+            "MakeNamedMaterial": self._make_named_material,
+            "NamedMaterial": self._named_material,
+            "MakeNamedMedium": self._medium,
+            "MediumInterface": self._medium_interface,
+            "LightSource": self._light,
+            "AreaLightSource": self._area_light,
+            "Shape": self._shape,
+            "ObjectBegin": self._object_begin,
+            "ObjectEnd": self._object_end,
+            "ObjectInstance": self._instance,
+            "ActiveTransform": self._active,
+            "TransformTimes": self._active,
+        }
+        for directive in directives(data, source):
+            name = directive.name
+            if name in _BARE and (directive.texts or directive.numbers):
+                raise directive.fault(f"{name} takes nothing; remove what stands behind it")
+            if name in TRANSFORMS:
+                self._state = moved(self._state, directive, self._systems)
+            elif name in known:
+                known[name](directive)
+            elif name in ("Include", "Import"):
+                self._include(directive, depth)
+            elif name not in _WITHOUT_EFFECT:
+                names = [*known, *TRANSFORMS, "Include", "Import"]
+                raise directive.fault(f"{quoted(name)} is no directive of pbrt-v4{suggestion(name, names)}")
+
+    def finish(self) -> None:
+        """After the last directive."""
+        if self._stack:
+            self.staging.note("blocks of attributes are left open at the end of the file")
+        self._settings.finish()
+
+    # --- structure
+
+    def _world_begin(self, directive: Directive) -> None:
+        if self._in_world:
+            raise directive.fault("WorldBegin stands here a second time; remove it")
+        self._in_world = True
+        self._state = replace(self._state, matrix=np.eye(4))
+        self._systems["world"] = np.eye(4)
+        self._placer.brightness = self._lights.brightness = self._settings.brightness()
+
+    def _begin(self, directive: Directive) -> None:
+        if len(self._stack) >= _DEPTH:
+            raise directive.fault(f"blocks are nested more than {_DEPTH} deep; close some")
+        self._stack.append(self._state)
+
+    def _end(self, directive: Directive) -> None:
+        if not self._stack:
+            raise directive.fault(f"{directive.name} ends a block that did not begin; remove it")
+        self._state = self._stack.pop()
+
+    def _reverse(self, directive: Directive) -> None:
+        self._state = replace(self._state, reversed=not self._state.reversed)
+
+    def _attribute(self, directive: Directive) -> None:
+        what = directive.text(0, "target")
+        own: dict[str, Any] = {**(self._state.defaults.get(what, {})), **directive.parameters.values}
+        self._state = replace(self._state, defaults={**self._state.defaults, what: own})
+
+    def _parameters(self, directive: Directive, what: str) -> Parameters:
+        """Those of a directive, and what ``Attribute`` says where it says nothing."""
+        values = {**self._state.defaults.get(what, {}), **directive.parameters.values}
+        return replace(directive.parameters, values=values)
+
+    def _include(self, directive: Directive, depth: int) -> None:
+        self._included += 1
+        if depth >= _INCLUDE_DEPTH or self._included > 4096:
+            raise directive.fault(
+                f"files include others more than {_INCLUDE_DEPTH} deep, or too many; put them together"
+            )
+        name = directive.text(0, "file")
+        data = self.staging.files.read(name, f"line {directive.line}", FILE_LIMIT)
+        source = f"{self.staging.files.source}: {PurePosixPath(ascii(name)[1:-1]).name}"
+        before = self._state, list(self._stack)
+        self.run(data, source, depth + 1)
+        if directive.name == "Import":
+            self._state, self._stack = before
+
+    def _active(self, directive: Directive) -> None:
+        if directive.name == "ActiveTransform" and directive.texts != ("All",):
+            self.staging.note("moving transforms are read as one: without motion blur")
+
+    def _color_space(self, directive: Directive) -> None:
+        if directive.text(0, "name") != "srgb":
+            self.staging.note(f"colours of the colour space {quoted(directive.texts[0])} are read as those of srgb")
+
+    # --- what is seen
+
+    def _camera(self, directive: Directive) -> None:
+        into_world = inverse(self._state.matrix)
+        self._systems["camera"] = into_world
+        self._settings.camera = Camera(directive, into_world)
+        if self._state.outside and self._state.outside in self._media:
+            self.staging.draft.description["fog"] = self._media[self._state.outside]
+
+    def _texture(self, directive: Directive) -> None:
+        name, kind, made_of = (directive.text(i, what) for i, what in enumerate(("name", "kind", "type")))
+        if kind not in ("spectrum", "float"):
+            raise directive.fault(f'a texture is of {quoted(kind)}, but must be of "spectrum" or "float"')
+        self._textures.define(name, kind, made_of, self._parameters(directive, "texture"))
+
+    def _material(self, directive: Directive) -> None:
+        name = self._materials.made(directive.text(0, "type"), self._parameters(directive, "material"))
+        self._state = replace(self._state, material=name)
+
+    def _make_named_material(self, directive: Directive) -> None:
+        self._materials.define(directive.text(0, "name"), self._parameters(directive, "material"))
+
+    def _named_material(self, directive: Directive) -> None:
+        name = self._materials.named(directive.text(0, "name"), directive.parameters)
+        self._state = replace(self._state, material=name)
+
+    def _medium(self, directive: Directive) -> None:
+        name, parameters = directive.text(0, "name"), self._parameters(directive, "medium")
+        kind = parameters.text("type", "homogeneous")
+        if kind != "homogeneous" or parameters.get("preset") is not None:
+            self.staging.note(f"a medium of type {quoted(kind)}, or a named one, is not known and left out")
+            return
+        scale = parameters.number("scale", 1.0)
+        absorption = self._textures.coefficients(parameters, "sigma_a", (0.0011, 0.0024, 0.014))
+        scattering = self._textures.coefficients(parameters, "sigma_s", (2.55, 3.21, 3.77))
+        made = {
+            "absorption": [max(x * scale, 0.0) for x in absorption],
+            "scattering": [max(x * scale, 0.0) for x in scattering],
+            "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
+        }
+        for unknown in parameters.unused():
+            self.staging.note(f"{quoted(unknown)} of a medium is not understood and does nothing")
+        self.staging.draft.description.setdefault("media", {})[name[:200]] = made
+        self._media[name] = name[:200]
+
+    def _medium_interface(self, directive: Directive) -> None:
+        inside = directive.text(0, "name")
+        outside = directive.texts[1] if len(directive.texts) > 1 else inside
+        self._state = replace(self._state, inside=inside, outside=outside)
+
+    def _light(self, directive: Directive) -> None:
+        self._lights.read(directive.text(0, "type"), self._parameters(directive, "light"), self._state.matrix)
+
+    def _area_light(self, directive: Directive) -> None:
+        if directive.text(0, "type") != "diffuse":
+            self.staging.note(f'an area light of type {quoted(directive.texts[0])} is read as "diffuse"')
+        self._state = replace(self._state, emission=self._parameters(directive, "light"))
+
+    def _shape(self, directive: Directive) -> None:
+        if not self._in_world:
+            raise directive.fault("a shape stands before WorldBegin; put it behind")
+        interior = self._media.get(self._state.inside) if self._state.inside != self._state.outside else None
+        parameters = self._parameters(directive, "shape")
+        state = self._state
+        kind = directive.text(0, "type")
+        for described in self._shapes.read(kind, parameters, state, interior):
+            part = Part(described, state.emission, state.matrix, directive.line)
+            if self._object is not None:
+                if part.emission is not None:
+                    self.staging.note("lights inside of objects do not shine, as in pbrt")
+                self._object.append(replace(part, emission=None))
+            else:
+                self._placer.put(part, part.matrix)
+
+    # --- objects
+
+    def _object_begin(self, directive: Directive) -> None:
+        if self._object is not None:
+            raise directive.fault("an object begins inside of another; end that first")
+        self._begin(directive)
+        name = directive.text(0, "name")
+        self._object = self._objects[name] = []
+
+    def _object_end(self, directive: Directive) -> None:
+        if self._object is None:
+            raise directive.fault("ObjectEnd ends an object that did not begin; remove it")
+        self._object = None
+        self._end(directive)
+
+    def _instance(self, directive: Directive) -> None:
+        name = directive.text(0, "name")
+        if name not in self._objects or self._object is not None:
+            known = suggestion(name, self._objects)
+            raise directive.fault(f"the object {quoted(name)} is not defined before, or this is inside of one{known}")
+        for part in self._objects[name]:
+            self._placer.put(replace(part, line=directive.line), self._state.matrix @ part.matrix)

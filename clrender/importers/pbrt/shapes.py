@@ -1,0 +1,203 @@
+"""pbrt's shapes as ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.importers.pbrt.parameters import Parameters
+from clrender.importers.pbrt.state import Graphics
+from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh
+from clrender.importers.shared.staging import Staging
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.wording import quoted
+
+__all__ = ["ShapeReader"]
+
+_POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""From our sphere to pbrt's: u runs from 0 at +x, v from 0 at -z."""
+
+
+class ShapeReader:
+    """Makes shapes.
+
+    Parameters
+    ----------
+    staging : Staging
+    textures : TextureReader
+    """
+
+    def __init__(self, staging: Staging, textures: TextureReader) -> None:
+        self._staging, self._textures = staging, textures
+        self._count = 0
+
+    def read(self, kind: str, parameters: Parameters, state: Graphics, interior: str | None) -> list[dict[str, Any]]:
+        """A shape as descriptions without a transform; several for a light with two sides, none for what is left out.
+
+        Parameters
+        ----------
+        kind : str
+        parameters : Parameters
+        state : Graphics
+        interior : str or None
+            Name of the medium in it.
+        """
+        known: dict[str, Callable[[Parameters], dict[str, Any]]] = {
+            "sphere": self._sphere,
+            "disk": self._disk,
+            "cylinder": self._cylinder,
+            "trianglemesh": self._triangles,
+            "bilinearmesh": self._patches,
+            "plymesh": self._ply,
+            "loopsubdiv": self._triangles,
+        }
+        if kind not in known:
+            self._staging.note(f"a shape of type {quoted(kind)} is not known and left out")
+            return []
+        if kind == "loopsubdiv":
+            self._staging.note('"loopsubdiv" is read as the mesh that it would subdivide')
+            parameters.ignore("levels")
+        described = known[kind](parameters)
+        described |= self._surface(parameters, state, interior)
+        parameters.ignore("alpha")
+        for unknown in parameters.unused():
+            self._staging.note(
+                f"{quoted(unknown)} of a shape of type {quoted(kind)} is not understood and does nothing"
+            )
+        if not {"material", "interior", "emission"} & set(described):
+            return []
+        if state.reversed:
+            described["flip_normals"] = True
+        return [described]
+
+    def _surface(self, parameters: Parameters, state: Graphics, interior: str | None) -> dict[str, Any]:
+        made: dict[str, Any] = {}
+        material = state.material
+        if material == "":
+            material = self._staging.material("default", {"type": "lambert", "reflectance": [0.5] * 3})
+        if material is not None:
+            made["material"] = self._with_alpha(material, parameters)
+            described = self._staging.draft.description["materials"][material]
+            filled = described["type"] == "dielectric" and not described.get("thin")
+        if interior is not None and (material is None or filled):
+            made["interior"] = interior
+        elif interior is not None:
+            self._staging.note("a medium inside of what lets no light in is left out")
+        return made
+
+    def _with_alpha(self, material: str, parameters: Parameters) -> str:
+        """The material, with holes where the shape has some."""
+        if parameters.get("alpha") is None:
+            return material
+        alpha = self._textures.share(parameters, "alpha", 1.0)
+        described = self._staging.draft.description["materials"][material]
+        if alpha == 1.0:
+            return material
+        if described["type"] == "dielectric" and not described.get("thin"):
+            self._staging.note("the alpha of glass with an inside is left out")
+            return material
+        return self._staging.material(f"{material}, with holes", {**described, "opacity": alpha})
+
+    # --- kinds
+
+    def _sphere(self, parameters: Parameters) -> dict[str, Any]:
+        radius = parameters.number("radius", 1.0)
+        if not radius > 0.0:
+            raise parameters.fault(f"the sphere's radius is {radius:g}; it must be above 0", "radius")
+        cut = (
+            parameters.number("zmin", -radius) > -radius
+            or parameters.number("zmax", radius) < radius
+            or parameters.number("phimax", 360.0) < 360.0
+        )
+        if cut:
+            self._staging.note("a part of a sphere is read as the whole")
+        return {"type": "sphere", "radius": radius, "own": _POLES}
+
+    def _disk(self, parameters: Parameters) -> dict[str, Any]:
+        radius = parameters.number("radius", 1.0)
+        if not radius > 0.0:
+            raise parameters.fault(f"the disk's radius is {radius:g}; it must be above 0", "radius")
+        if parameters.number("innerradius", 0.0) > 0.0 or parameters.number("phimax", 360.0) < 360.0:
+            self._staging.note("a part of a disk is read as the whole")
+        height = parameters.number("height", 0.0)
+        return {"type": "disk", "radius": radius, "height": height}
+
+    def _cylinder(self, parameters: Parameters) -> dict[str, Any]:
+        radius, low, high = (parameters.number(key, x) for key, x in (("radius", 1.0), ("zmin", -1.0), ("zmax", 1.0)))
+        if parameters.number("phimax", 360.0) < 360.0:
+            self._staging.note("a part of a cylinder is read as the whole")
+        if not (radius > 0.0 and high != low):
+            raise parameters.fault("the cylinder has no radius or no length; give it both")
+        self._staging.note("cylinders are approximated by 256 triangles")
+        return self._mesh("cylinder", cylinder_mesh(radius, min(low, high), max(low, high)))
+
+    def _triangles(self, parameters: Parameters) -> dict[str, Any]:
+        places, normals, uvs = self._vertices(parameters)
+        corners = parameters.indices("indices", 3, len(places))
+        if corners is None:
+            if len(places) != 3:
+                raise parameters.fault('the mesh has no "indices", and not three points; give them')
+            corners = np.array([[0, 1, 2]])
+        triangles = corners.astype(np.uint32)
+        of_corners = np.array([[0, 0], [1, 0], [1, 1]], np.float32)
+        if uvs is not None:
+            given = uvs.astype(np.float32)[triangles]
+        else:
+            given = np.broadcast_to(of_corners, (len(triangles), 3, 2)).copy()
+        parameters.ignore("S", "faceIndices")
+        return self._mesh("mesh", faced_by_normals(MeshData(places, triangles, normals=normals, uvs=given)))
+
+    def _patches(self, parameters: Parameters) -> dict[str, Any]:
+        places, normals, uvs = self._vertices(parameters)
+        corners = parameters.indices("indices", 4, len(places))
+        if corners is None:
+            if len(places) != 4:
+                raise parameters.fault('the patches have no "indices", and not four points; give them')
+            corners = np.array([[0, 1, 2, 3]])
+        if uvs is None:
+            kept = places[corners].reshape(-1, 3)
+            normals = None if normals is None else normals[corners].reshape(-1, 3)
+            uvs = np.tile(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), (len(corners), 1))
+            places, corners = kept, np.arange(len(kept)).reshape(-1, 4)
+        a, b, c, d = (places[corners[:, i]] for i in range(4))
+        if not np.allclose(a + d, b + c, rtol=0.0, atol=1e-6 * float(np.abs(places).max())):
+            self._staging.note("bilinear patches that are no parallelograms are read as two triangles each")
+        parameters.ignore("emissionfilename")
+        mesh = quads_mesh(places, corners[:, [0, 1, 3, 2]], uvs, normals)
+        return self._mesh("patches", faced_by_normals(mesh))
+
+    def _vertices(self, parameters: Parameters) -> tuple[NDArray[np.float64], Any, Any]:
+        """Points, normals or None, and texture coordinates or None; as many of each."""
+        places = parameters.numbers("P", 3)
+        if places is None or not len(places):
+            raise parameters.fault('the mesh has no points "P"; give them')
+        normals = parameters.numbers("N", 3)
+        uvs = parameters.numbers("uv" if "uv" in parameters.values else "st", 2)
+        for array, name in ((normals, "N"), (uvs, "uv")):
+            if array is not None and len(array) != len(places):
+                raise parameters.fault(f"there are {len(places)} points, but {len(array)} of {quoted(name)}", name)
+        for array, name, most in ((places, "P", 1e12), (normals, "N", 1e12), (uvs, "uv", 1e6)):
+            if array is not None and not (np.abs(array) <= most).all():
+                raise parameters.fault(f"a number of {quoted(name)} is larger than {most:g}, which is the most", name)
+        return places, normals, uvs
+
+    def _ply(self, parameters: Parameters) -> dict[str, Any]:
+        file = parameters.text("filename")
+        if not file:
+            raise parameters.fault('the plymesh has no "filename"; give it')
+        if parameters.get("displacement") is not None:
+            self._staging.note("the displacement of a mesh is left out")
+        parameters.ignore("displacement.edgelength", "edgelength")
+        line = parameters.values["filename"].line
+        name, _ = self._staging.mesh_of_file(file, "ply", line, faced_by_normals)
+        return {"type": "mesh", "file": name}
+
+    def _mesh(self, kind: str, mesh: MeshData) -> dict[str, Any]:
+        self._count += 1
+        name = f"{kind} {self._count}"
+        self._staging.draft.meshes[name] = mesh
+        return {"type": "mesh", "file": name}

@@ -1,0 +1,123 @@
+"""What pbrt's directives change, for the shapes and lights behind them: the transform, the material, the emission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.importers.pbrt.parameters import Parameters
+from clrender.importers.pbrt.tokens import Directive
+from clrender.importers.shared.matrices import (
+    Matrix,
+    identity,
+    inverse,
+    is_affine,
+    look_at,
+    rotation,
+    scaling,
+    translation,
+)
+
+__all__ = ["TRANSFORMS", "Graphics", "moved"]
+
+
+@dataclass(frozen=True)
+class Graphics:
+    """The state of one moment.
+
+    Attributes
+    ----------
+    matrix : (4, 4) float64
+        From the coordinates of what comes into the world's (into the camera's before ``WorldBegin``).
+    material : str or None
+        Name of the current one; None for ``interface``.
+    emission : Parameters or None
+        Of the current area light.
+    inside, outside : str
+        Names of media; empty for none.
+    reversed : bool
+    defaults : mapping of str to Parameters
+        Of ``Attribute``, by what they are for.
+    """
+
+    matrix: Matrix = field(default_factory=identity)
+    material: str | None = ""
+    emission: Parameters | None = None
+    inside: str = ""
+    outside: str = ""
+    reversed: bool = False
+    defaults: Any = field(default_factory=dict)
+
+
+TRANSFORMS: Final = frozenset(
+    [
+        "Identity",
+        "Translate",
+        "Scale",
+        "Rotate",
+        "LookAt",
+        "Transform",
+        "ConcatTransform",
+        "CoordinateSystem",
+        "CoordSysTransform",
+    ]
+)
+"""Directives that change the transform."""
+
+
+def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> Graphics:
+    """The state after one of `TRANSFORMS`.
+
+    Parameters
+    ----------
+    state : Graphics
+    directive : Directive
+    systems : dict of str to (4, 4) float64
+        Named coordinate systems; one may be added.
+
+    Raises
+    ------
+    SceneError
+        It has not the numbers that it needs, or makes a transform that cannot be inverted.
+    """
+    name = directive.name
+    if name == "CoordinateSystem":
+        systems[directive.text(0, "name")] = state.matrix
+        return state
+    if name == "CoordSysTransform":
+        wanted = directive.text(0, "name")
+        if wanted not in systems:
+            raise directive.fault(f"the coordinate system {wanted[:60]!a} is not defined; define it before")
+        return replace(state, matrix=systems[wanted])
+    if name == "Identity":
+        return replace(state, matrix=identity())
+    made = _by_columns(directive) if name == "Transform" else state.matrix @ _step(directive)
+    if not is_affine(made):
+        raise directive.fault(
+            f"{name} makes a transform that is no affine one, or cannot be inverted; give other numbers"
+        )
+    return replace(state, matrix=made)
+
+
+def _by_columns(directive: Directive) -> Matrix:
+    return np.array(directive.floats(16), np.float64).reshape(4, 4).T
+
+
+def _step(directive: Directive) -> Matrix:
+    name = directive.name
+    try:
+        if name == "Translate":
+            return translation(*directive.floats(3))
+        if name == "Scale":
+            return scaling(*directive.floats(3))
+        if name == "Rotate":
+            degrees, *axis = directive.floats(4)
+            return rotation(axis, degrees)
+        if name == "LookAt":
+            numbers = directive.floats(9)
+            return inverse(look_at(numbers[:3], numbers[3:6], numbers[6:]))
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise directive.fault(f"{error}; give other numbers") from None
+    return _by_columns(directive)

@@ -1,0 +1,296 @@
+"""pbrt's spectra and textures as our colours and textures."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, Final
+
+from clrender.importers.pbrt.parameters import Parameter, Parameters
+from clrender.importers.shared.metals import CONDUCTORS, GLASSES
+from clrender.importers.shared.spectra import (
+    Color,
+    blackbody_color,
+    light_color,
+    luminance,
+    reflectance_color,
+    value_at,
+)
+from clrender.importers.shared.staging import Staging
+from clrender.scene.wording import quoted, suggestion
+
+__all__ = ["TextureReader"]
+
+_WRAPS: Final = {"repeat": "repeat", "clamp": "clamp", "black": "clamp", "octahedralsphere": "clamp"}
+_TEXT_LIMIT: Final = 2**20
+_SODIUM: Final = 587.6
+"""Nanometres at which a dispersive index is taken."""
+
+
+class TextureReader:
+    """Reads spectra, and textures by their names.
+
+    Parameters
+    ----------
+    staging : Staging
+    """
+
+    def __init__(self, staging: Staging) -> None:
+        self._staging = staging
+        self._textures: dict[tuple[str, str], Any] = {}
+
+    # --- spectra
+
+    def light(self, parameters: Parameters, name: str) -> Color:
+        """The colour of a light; white where none is given.
+
+        pbrt scales the spectra of lights to a luminance of 1, but for colours, whose white has it.
+        """
+        found = parameters.get(name)
+        if found is None:
+            return 1.0, 1.0, 1.0
+        if found.kind == "rgb":
+            return self._rgb(parameters, name, found)
+        if found.kind == "blackbody":
+            kelvin = parameters.number(name, 6500.0)
+            if not 1.0 <= kelvin <= 1e6:
+                raise parameters.fault(f"the temperature is {kelvin:g}; it must be 1 to 1000000 kelvin", name)
+            return _of_unit_luminance(blackbody_color(kelvin))
+        if found.kind != "spectrum":
+            raise parameters.fault(
+                f"{quoted(name)} is of type {found.kind}, but must be rgb, blackbody or spectrum", name
+            )
+        if isinstance(found.values, list) and found.values[:1] in (["stdillum-D65"], ["illum-D65"]):
+            return 1.0, 1.0, 1.0
+        waves, values = self._spectrum(parameters, name, found)
+        return _of_unit_luminance(light_color(waves, values))
+
+    def _rgb(self, parameters: Parameters, name: str, found: Parameter) -> Color:
+        if isinstance(found.values, list) or len(found.values) != 3:
+            raise parameters.fault(f"{quoted(name)} must have three numbers", name)
+        red, green, blue = (float(x) for x in found.values)
+        return red, green, blue
+
+    def _spectrum(self, parameters: Parameters, name: str, found: Parameter) -> tuple[list[float], list[float]]:
+        """Wavelengths and values, of the file itself or of another."""
+        numbers = found.values
+        if isinstance(numbers, list):
+            file = numbers[0] if numbers else ""
+            if "." not in file:
+                self._staging.note(f"the spectrum {quoted(file)} is not known: white, or 1, in its place")
+                return [300.0, 900.0], [1.0, 1.0]
+            text = self._staging.files.read(file, f"line {found.line}", _TEXT_LIMIT).decode("utf-8", "replace")
+            words = [word for line in text.splitlines() for word in line.partition("#")[0].split()]
+            try:
+                numbers = [float(word) for word in words]
+            except ValueError:
+                raise parameters.fault(f"{quoted(file)} holds other things than numbers", name) from None
+        if len(numbers) < 2 or len(numbers) % 2:
+            raise parameters.fault(f"{quoted(name)} is no spectrum; give wavelengths, each with its value", name)
+        waves, values = ([float(x) for x in numbers[first::2]] for first in (0, 1))
+        if any(not later > earlier for earlier, later in itertools.pairwise(waves)):
+            raise parameters.fault(f"the wavelengths of {quoted(name)} do not grow; sort them", name)
+        return waves, values
+
+    def metal(self, parameters: Parameters, name: str, default: str) -> Color:
+        """Real or imaginary part of the index of a metal."""
+        found = parameters.get(name)
+        part = 0 if name.endswith("eta") else 1
+        if found is not None and found.kind == "rgb":
+            return self._rgb(parameters, name, found)
+        if found is not None and found.kind in ("float", "texture"):
+            return (self._one(parameters, name, 1.0),) * 3
+        if found is None or (isinstance(found.values, list) and found.values and "." not in found.values[0]):
+            named = found.values[0] if found is not None else default
+            symbol = named.removeprefix("metal-").rsplit("-", 1)[0]
+            if symbol not in CONDUCTORS or not named.startswith("metal-"):
+                known = [f"metal-{each}-eta" for each in CONDUCTORS]
+                raise parameters.fault(f"the metal {quoted(named)} is not known{suggestion(named, known)}", name)
+            return CONDUCTORS[symbol][part]
+        return reflectance_color(*self._spectrum(parameters, name, found))
+
+    def index(self, parameters: Parameters, name: str = "eta") -> float:
+        """Index of refraction of a dielectric, at one wavelength."""
+        found = parameters.get(name)
+        if found is None:
+            return 1.5
+        if found.kind == "spectrum":
+            self._staging.note("dispersion is left out: an index of refraction is that at 588 nm")
+            if isinstance(found.values, list) and found.values and found.values[0] in GLASSES:
+                return GLASSES[found.values[0]]
+            return value_at(*self._spectrum(parameters, name, found), _SODIUM)
+        return self._one(parameters, name, 1.5)
+
+    def _one(self, parameters: Parameters, name: str, default: float) -> float:
+        found = parameters.get(name)
+        if found is not None and found.kind == "texture":
+            value = self._named(parameters, name, "float")
+            if isinstance(value, list):
+                return float(sum(value)) / 3.0
+            self._staging.note(f"a texture as {quoted(name)} is left out: {default:g} in its place")
+            return default
+        return parameters.number(name, default)
+
+    # --- reflectances and numbers, or textures
+
+    def color(self, parameters: Parameters, name: str, default: float) -> Any:
+        """A reflectance: a colour, or a texture of ours."""
+        found = parameters.get(name)
+        if found is None:
+            return [default] * 3
+        if found.kind == "texture":
+            return self._named(parameters, name, "spectrum")
+        if found.kind == "rgb":
+            color = self._rgb(parameters, name, found)
+        elif found.kind == "float":
+            color = (parameters.number(name, default),) * 3
+        elif found.kind == "spectrum":
+            color = reflectance_color(*self._spectrum(parameters, name, found))
+        else:
+            raise parameters.fault(f"{quoted(name)} is of type {found.kind}, but must be a colour", name)
+        return self._staging.reflectance(color, f"{quoted(name)} of a material")
+
+    def coefficients(self, parameters: Parameters, name: str, default: Color) -> Color:
+        """Coefficients of a medium."""
+        found = parameters.get(name)
+        if found is None:
+            return default
+        if found.kind == "rgb":
+            return self._rgb(parameters, name, found)
+        if found.kind == "spectrum":
+            return reflectance_color(*self._spectrum(parameters, name, found))
+        return (parameters.number(name, 0.0),) * 3
+
+    def share(self, parameters: Parameters, name: str, default: float) -> Any:
+        """A number between 0 and 1, or a texture of ours."""
+        found = parameters.get(name)
+        if found is not None and found.kind == "texture":
+            value = self._named(parameters, name, "float")
+            if isinstance(value, list):
+                return sum(value) / 3.0
+            return {**value, "channel": "r"} if "texture" in value else value
+        return self._staging.share(parameters.number(name, default), quoted(name))
+
+    def alpha(self, parameters: Parameters, prefix: str = "", default: float = 0.0) -> float:
+        """Width of a microfacet distribution: the root of the roughness, unless that is not to be remapped."""
+        remapped = parameters.flag("remaproughness", True)
+        both = self._one(parameters, f"{prefix}roughness", default)
+        u, v = (self._one(parameters, f"{prefix}{axis}roughness", both) for axis in "uv")
+        if u != v:
+            self._staging.note("roughness along u and along v is read as one: the root of their product")
+        u, v = max(u, 0.0), max(v, 0.0)
+        product = float((u * v) ** 0.5) if u != v else u
+        return product**0.5 if remapped else product
+
+    # --- textures
+
+    def define(self, name: str, kind: str, made_of: str, parameters: Parameters) -> None:
+        """Remember a texture of the file.
+
+        Parameters
+        ----------
+        name : str
+        kind : str
+            ``spectrum`` or ``float``.
+        made_of : str
+            ``imagemap`` and so on.
+        parameters : Parameters
+        """
+        self._textures[(kind, name)] = self._made(kind, made_of, parameters)
+        for unknown in parameters.unused():
+            self._staging.note(
+                f"{quoted(unknown)} of a texture of type {quoted(made_of)} is not understood and does nothing"
+            )
+
+    def _named(self, parameters: Parameters, name: str, kind: str) -> Any:
+        wanted = parameters.text(name)
+        if (kind, wanted) not in self._textures:
+            known = [each for of_kind, each in self._textures if of_kind == kind]
+            raise parameters.fault(
+                f"the {kind} texture {quoted(wanted)} is not defined{suggestion(wanted, known)}", name
+            )
+        return self._textures[(kind, wanted)]
+
+    def _value(self, parameters: Parameters, name: str, kind: str, default: float) -> Any:
+        found = parameters.get(name)
+        if found is not None and found.kind == "texture":
+            return self._named(parameters, name, kind)
+        if kind == "float":
+            return [parameters.number(name, default)] * 3
+        return self.color(parameters, name, default)
+
+    def _made(self, kind: str, made_of: str, parameters: Parameters) -> Any:
+        if made_of == "imagemap":
+            return self._imagemap(kind, parameters)
+        if made_of == "constant":
+            return self._value(parameters, "value", kind, 1.0)
+        if made_of == "checkerboard":
+            colors = [self._value(parameters, f"tex{i}", kind, 2.0 - i) for i in (1, 2)]
+            if all(isinstance(color, list) for color in colors) and parameters.whole("dimension", 2) == 2:
+                return {"checker": colors, "size": 1.0, **self._mapping(parameters)}
+        elif made_of == "scale":
+            return self._scaled(kind, parameters)
+        elif made_of == "mix":
+            amount = self._value(parameters, "amount", "float", 0.5)
+            first, second = self._value(parameters, "tex1", kind, 0.0), self._value(parameters, "tex2", kind, 1.0)
+            if all(isinstance(each, list) for each in (amount, first, second)):
+                return [a + (b - a) * t for a, b, t in zip(first, second, amount, strict=True)]
+        self._staging.note(
+            f"a texture of type {quoted(made_of)} is not known, or not of such parts: grey of 0.5 in its place"
+        )
+        parameters.ignore(*parameters.values)
+        return [0.5, 0.5, 0.5]
+
+    def _scaled(self, kind: str, parameters: Parameters) -> Any:
+        whole, factor = self._value(parameters, "tex", kind, 1.0), self._value(parameters, "scale", "float", 1.0)
+        if isinstance(factor, dict) and isinstance(whole, list):
+            whole, factor = factor, whole
+        if isinstance(factor, list) and isinstance(whole, list):
+            return [a * b for a, b in zip(whole, factor, strict=True)]
+        if isinstance(factor, list) and "texture" in whole:
+            before = whole.get("scale", [1.0] * 3)
+            return {**whole, "scale": [max(a * b, 0.0) for a, b in zip(before, factor, strict=True)]}
+        self._staging.note("a product of two textures, or of a checkerboard, is read as the first one")
+        return whole
+
+    def _imagemap(self, kind: str, parameters: Parameters) -> Any:
+        file = parameters.text("filename")
+        if not file:
+            raise parameters.fault('the imagemap has no "filename"; give it')
+        line = parameters.values["filename"].line
+        wrap = parameters.text("wrap", "repeat")
+        if wrap not in _WRAPS:
+            raise parameters.fault(f'"wrap" is {quoted(wrap)}, which is not known{suggestion(wrap, _WRAPS)}', "wrap")
+        if wrap == "black":
+            self._staging.note("pictures that are black beyond their edges go on as their edges do")
+        made: dict[str, Any] = {"texture": self._staging.files.name(file, f"line {line}"), "wrap": _WRAPS[wrap]}
+        made["filter"] = "nearest" if parameters.text("filter", "bilinear") == "point" else "linear"
+        if file.lower().endswith((".png", ".jpg", ".jpeg", ".webp")):
+            encoding = parameters.text("encoding", "sRGB")
+            made["color_space"] = "linear" if encoding == "linear" else "srgb"
+            if encoding.startswith("gamma"):
+                self._staging.note("pictures encoded by a gamma are read as sRGB")
+        if parameters.flag("invert", False):
+            self._staging.note('"invert" of a picture is left out')
+        parameters.ignore("encoding", "maxanisotropy")
+        factor = parameters.number("scale", 1.0)
+        if factor != 1.0:
+            made["scale"] = [max(factor, 0.0)] * 3
+        if kind == "float":
+            made["channel"] = "luminance"
+        return {**made, **self._mapping(parameters)}
+
+    def _mapping(self, parameters: Parameters) -> dict[str, Any]:
+        if parameters.text("mapping", "uv") != "uv":
+            self._staging.note("textures that are mapped otherwise than by uv are mapped by uv")
+            parameters.ignore("v1", "v2")
+        scale = [parameters.number(f"{axis}scale", 1.0) for axis in "uv"]
+        offset = [parameters.number(f"{axis}delta", 0.0) for axis in "uv"]
+        return {} if (scale, offset) == ([1.0] * 2, [0.0] * 2) else {"transform": {"scale": scale, "offset": offset}}
+
+
+def _of_unit_luminance(color: Color) -> Color:
+    size = luminance(color)
+    if not size > 0.0:
+        return 0.0, 0.0, 0.0
+    red, green, blue = (x / size for x in color)
+    return red, green, blue

@@ -1,0 +1,64 @@
+"""Our camera from another renderer's: a matrix into the world, an angle and whose angle it is."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.importers.shared.matrices import Matrix, handedness
+
+__all__ = ["camera_keys", "vertical_angle"]
+
+_LEAST: Final = 1e-3
+
+
+def vertical_angle(degrees: float, axis: str, width: int, height: int) -> float:
+    """The angle from the lower to the upper edge of an image.
+
+    Parameters
+    ----------
+    degrees : float
+        Between the two edges, or corners, that the axis names.
+    axis : {"x", "y", "diagonal", "smaller", "larger"}
+    width, height : int
+        Pixels.
+    """
+    across = {
+        "x": width,
+        "y": height,
+        "diagonal": math.hypot(width, height),
+        "smaller": min(width, height),
+        "larger": max(width, height),
+    }[axis]
+    return math.degrees(2.0 * math.atan(math.tan(math.radians(degrees) / 2.0) * height / across))
+
+
+def camera_keys(matrix: Matrix, rightward: bool, distance: float | None = None) -> dict[str, Any]:
+    """Where a camera stands that looks along its own +z, with +y up.
+
+    Parameters
+    ----------
+    matrix : (4, 4) float64
+        From the camera into the world; affine.
+    rightward : bool
+        Whether its +x is the image's right, as in pbrt, or its left, as in Mitsuba.
+    distance : float, optional
+        Of the plane of focus, along the view.
+    """
+    position, forward, up = matrix[:3, 3], matrix[:3, 2], matrix[:3, 1]
+    forward = forward / np.linalg.norm(forward)
+    far = distance or 1.0
+    target = position + far * forward
+    if not (target - position).any():  # so far from the origin that a step of this length is rounded away
+        target = position + forward * max(1.0, float(np.abs(position).max()) * _LEAST)
+    keys: dict[str, Any] = {
+        "position": [float(x) for x in position],
+        "target": [float(x) for x in target],
+        "up": [float(x) for x in up / np.linalg.norm(up)],
+    }
+    # Our right is forward x up, z x y, which is -x of a right-handed camera
+    if (handedness(matrix) > 0.0) == rightward:
+        keys["mirrored"] = True
+    return keys

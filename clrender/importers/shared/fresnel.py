@@ -1,0 +1,33 @@
+"""Mean reflectance of smooth boundaries between clear media."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["external_reflectance", "internal_reflectance"]
+
+_POINTS = 4096
+
+
+def external_reflectance(ior: float) -> float:
+    """Share of diffuse light that a smooth boundary reflects, met from outside.
+
+    Parameters
+    ----------
+    ior : float
+        Of what is behind it, over that outside; at least 1.
+
+    Notes
+    -----
+    The integral over the cosine's square, from 0 to 1, of Fresnel's formula, by the midpoint rule.
+    """
+    cosine = np.sqrt((np.arange(_POINTS) + 0.5) / _POINTS)
+    inner = np.sqrt(1.0 - (1.0 - cosine * cosine) / (ior * ior))
+    s = (cosine - ior * inner) / (cosine + ior * inner)
+    p = (ior * cosine - inner) / (ior * cosine + inner)
+    return float((s * s + p * p).mean() / 2.0)
+
+
+def internal_reflectance(ior: float) -> float:
+    """The same from inside: 1 - (1 - external) / ior^2."""
+    return 1.0 - (1.0 - external_reflectance(max(ior, 1.0))) / max(ior, 1.0) ** 2

@@ -1,0 +1,149 @@
+"""Affine maps as 4x4 matrices of float64 that act on columns: what transforms in other scene files are made of."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "Matrix",
+    "frame_along",
+    "handedness",
+    "identity",
+    "inverse",
+    "is_affine",
+    "is_identity",
+    "is_similarity",
+    "look_at",
+    "rotation",
+    "scaling",
+    "transform_key",
+    "translation",
+]
+
+Matrix: TypeAlias = NDArray[np.float64]
+"""(4, 4) float64."""
+_EVEN: Final = 1e-6
+
+
+def identity() -> Matrix:
+    """The map that changes nothing."""
+    return np.eye(4)
+
+
+def translation(x: float, y: float, z: float) -> Matrix:
+    """A shift."""
+    made = np.eye(4)
+    made[:3, 3] = x, y, z
+    return made
+
+
+def scaling(x: float, y: float, z: float) -> Matrix:
+    """A factor for each axis."""
+    return np.diag([x, y, z, 1.0])
+
+
+def rotation(axis: Any, degrees: float) -> Matrix:
+    """By the right-hand rule about an axis of any length above 0 (Rodrigues' formula).
+
+    Raises
+    ------
+    ValueError
+        The axis has no direction.
+    """
+    direction = np.asarray(axis, np.float64)
+    size = float(np.linalg.norm(direction))
+    if not 0.0 < size < math.inf:
+        raise ValueError("the axis of the rotation has no direction")
+    x, y, z = direction / size
+    angle = math.radians(math.fmod(degrees, 360.0))
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    made = np.eye(4)
+    made[:3, :3] += math.sin(angle) * across + (1.0 - math.cos(angle)) * (across @ across)
+    return made
+
+
+def look_at(origin: Any, target: Any, up: Any) -> Matrix:
+    """From a camera that looks along its own +z, with +y up, into the world: its +x is up x forward.
+
+    In a right-handed world that is the left of what a viewer sees.
+
+    Parameters
+    ----------
+    origin, target, up : three numbers each
+
+    Raises
+    ------
+    ValueError
+        There is no such view.
+    """
+    origin, target, up = (np.asarray(each, np.float64) for each in (origin, target, up))
+    forward = target - origin
+    across = np.cross(up, forward)
+    sizes = float(np.linalg.norm(forward)), float(np.linalg.norm(across))
+    if not (0.0 < sizes[0] < math.inf and 0.0 < sizes[1] < math.inf):
+        raise ValueError("the camera looks at its own place, or along its upward direction")
+    forward, across = forward / sizes[0], across / sizes[1]
+    made = np.eye(4)
+    made[:3, 0], made[:3, 1], made[:3, 2], made[:3, 3] = across, np.cross(forward, across), forward, origin
+    return made
+
+
+def frame_along(origin: Any, direction: Any) -> Matrix:
+    """To a place, with +z along a direction of any length above 0; the identity for +z at the origin.
+
+    Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1) 2017, as Mitsuba has it.
+    """
+    x, y, z = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+    sign = math.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    made = np.eye(4)
+    made[:3, 0] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    made[:3, 1] = b, sign + y * y * a, -y
+    made[:3, 2], made[:3, 3] = (x, y, z), origin
+    return made
+
+
+def inverse(matrix: Matrix) -> Matrix:
+    """The map back; the matrix can be inverted."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
+
+
+def is_affine(matrix: Matrix) -> bool:
+    """Whether it is finite, has the last row 0 0 0 1, and flattens nothing."""
+    if not np.isfinite(matrix).all() or not np.allclose(matrix[3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=1e-6):
+        return False
+    rows = matrix[:3, :3]
+    sizes = np.sqrt((rows * rows).sum(axis=1))
+    with np.errstate(over="ignore", invalid="ignore"):
+        volume = abs(float(np.dot(rows[0], np.cross(rows[1], rows[2]))))
+        return bool(volume > 1e-12 * float(sizes.prod()) and math.isfinite(volume))
+
+
+def handedness(matrix: Matrix) -> float:
+    """1, or -1 for a map that mirrors."""
+    rows = matrix[:3, :3]
+    return -1.0 if float(np.dot(rows[0], np.cross(rows[1], rows[2]))) < 0.0 else 1.0
+
+
+def is_similarity(matrix: Matrix) -> bool:
+    """Whether it scales all directions alike."""
+    gram = matrix[:3, :3].T @ matrix[:3, :3]
+    return bool(np.abs(gram - gram[0, 0] * np.eye(3)).max() <= _EVEN * gram[0, 0])
+
+
+def is_identity(matrix: Matrix) -> bool:
+    """Whether it changes nothing at all."""
+    return bool((matrix == np.eye(4)).all())
+
+
+def transform_key(matrix: Matrix) -> dict[str, Any]:
+    """The key of a shape that carries it there: none for the identity."""
+    if is_identity(matrix):
+        return {}
+    rows = [[float(x) for x in row] for row in matrix[:3]]
+    return {"transform": {"matrix": [*rows, [0.0, 0.0, 0.0, 1.0]]}}

@@ -1,0 +1,176 @@
+"""Meshes that shapes of other renderers become, and meshes of files as these renderers take them."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.scene.mesh_data import MeshData
+
+__all__ = [
+    "cube_mesh",
+    "cylinder_mesh",
+    "disk_mesh",
+    "faced_by_normals",
+    "flipped_v",
+    "quads_mesh",
+    "smoothed",
+    "sphere_mesh",
+    "without_normals",
+]
+
+_Floats: TypeAlias = NDArray[np.float64]
+_CUBE: Final = (
+    ((1, -1, -1), (1, -1, 1), (-1, -1, 1), (-1, -1, -1)),
+    ((1, 1, -1), (-1, 1, -1), (-1, 1, 1), (1, 1, 1)),
+    ((1, -1, -1), (1, 1, -1), (1, 1, 1), (1, -1, 1)),
+    ((1, -1, 1), (1, 1, 1), (-1, 1, 1), (-1, -1, 1)),
+    ((-1, -1, 1), (-1, 1, 1), (-1, 1, -1), (-1, -1, -1)),
+    ((1, 1, -1), (1, -1, -1), (-1, -1, -1), (-1, 1, -1)),
+)
+"""Corners of each face of Mitsuba's cube, outward, beginning at (0, 1) of the texture."""
+_CUBE_UVS: Final = ((0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0))
+_AROUND: Final = 128
+_ALONG: Final = 64
+
+
+def cube_mesh() -> MeshData:
+    """From -1 to 1 along each axis; each face shows the texture once, as Mitsuba's does."""
+    vertices = np.array(_CUBE, np.float64).reshape(-1, 3)
+    return quads_mesh(vertices, np.arange(24).reshape(6, 4), np.array(_CUBE_UVS * 6, np.float64))
+
+
+def quads_mesh(
+    vertices: _Floats, quads: NDArray[np.int64], uvs: _Floats | None, normals: _Floats | None = None
+) -> MeshData:
+    """Quadrilaterals as two triangles each.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+    quads : (Q, 4) integers
+        Corners one after the other, anticlockwise from the front.
+    uvs : (V, 2) float64 or None
+    normals : (V, 3) float64 or None
+    """
+    triangles = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.uint32)
+    corners = None if uvs is None else uvs.astype(np.float32)[triangles]
+    return MeshData(vertices, triangles, normals=normals, uvs=corners)
+
+
+def _grid(across: int, along: int) -> NDArray[np.int64]:
+    """Quads between (across + 1) columns and (along + 1) rows of vertices, row by row."""
+    column, row = np.meshgrid(np.arange(across), np.arange(along))
+    first = (row * (across + 1) + column).ravel()
+    return np.stack([first, first + 1, first + across + 2, first + across + 1], axis=1)
+
+
+def sphere_mesh(radius: float) -> MeshData:
+    """A sphere about the origin, for transforms that make an ellipsoid of it: u is the longitude about +z, v runs from +z to -z."""  # noqa: E501
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, _ALONG + 1))
+    phi, theta = 2.0 * np.pi * u.ravel(), np.pi * v.ravel()
+    normals = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
+    uvs = np.stack([u.ravel(), v.ravel()], axis=1)
+    return faced_by_normals(quads_mesh(radius * normals, _grid(_AROUND, _ALONG), uvs, normals))
+
+
+def cylinder_mesh(radius: float, low: float, high: float) -> MeshData:
+    """A tube about +z without ends: u goes around, v from `low` to `high`; the front is outside."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, 2))
+    phi = 2.0 * np.pi * u.ravel()
+    normals = np.stack([np.cos(phi), np.sin(phi), np.zeros(phi.size)], axis=1)
+    vertices = radius * normals
+    vertices[:, 2] = low + (high - low) * v.ravel()
+    uvs = np.stack([u.ravel(), v.ravel()], axis=1)
+    return faced_by_normals(quads_mesh(vertices, _grid(_AROUND, 1), uvs, normals))
+
+
+def disk_mesh(radius: float) -> MeshData:
+    """A disk about the origin across +z, for transforms that make an ellipse of it; the texture lies flat on it."""
+    phi = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+    rim = np.stack([np.cos(phi), np.sin(phi), np.zeros(_AROUND)], axis=1)
+    vertices = np.concatenate([np.zeros((1, 3)), rim])
+    first = np.arange(_AROUND)
+    triangles = np.stack([np.zeros(_AROUND, np.int64), 1 + first, 1 + (first + 1) % _AROUND], axis=1).astype(np.uint32)
+    uvs = ((vertices[:, :2] + 1.0) / 2.0).astype(np.float32)
+    return MeshData(radius * vertices, triangles, uvs=uvs[triangles])
+
+
+def without_normals(mesh: MeshData) -> MeshData:
+    """The same, flat."""
+    return dataclasses.replace(mesh, normals=None)
+
+
+def flipped_v(mesh: MeshData) -> MeshData:
+    """The same, with 1 - v for v."""
+    if mesh.uvs is None:
+        return mesh
+    uvs = mesh.uvs.copy()
+    uvs[..., 1] = np.float32(1.0) - uvs[..., 1]
+    return dataclasses.replace(mesh, uvs=uvs)
+
+
+def _face_normals(mesh: MeshData) -> _Floats:
+    a, b, c = (np.asarray(mesh.vertices, np.float64)[mesh.triangles[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a), np.float64)
+
+
+def faced_by_normals(mesh: MeshData) -> MeshData:
+    """The same, its triangles turned round where they face away from their vertices' normals."""
+    if mesh.normals is None:
+        return mesh
+    toward = np.asarray(mesh.normals, np.float64)[mesh.triangles].sum(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        wrong = (_face_normals(mesh) * toward).sum(axis=1) < 0.0
+    if not wrong.any():
+        return mesh
+
+    def turned(corners: Any) -> Any:
+        if corners is None:
+            return None
+        new = corners.copy()
+        new[wrong] = new[wrong][:, ::-1]
+        return new
+
+    return dataclasses.replace(
+        mesh,
+        triangles=turned(mesh.triangles),
+        uvs=turned(mesh.uvs),
+        uvs_1=turned(mesh.uvs_1),
+        colors=turned(mesh.colors),
+    )
+
+
+def smoothed(mesh: MeshData) -> MeshData:
+    """The same with normals of its vertices, as Mitsuba gives them to a mesh without: the mean of the triangles around, by their angles.
+
+    Vertices count as one only where their texture coordinates are the same. (Thürmer and Wüthrich, "Computing Vertex
+    Normals from Polygonal Facets", JGT 3(1) 1998.)
+    """  # noqa: E501
+    mesh = _split_at_seams(mesh)
+    corners = [np.asarray(mesh.vertices, np.float64)[mesh.triangles[:, i]] for i in range(3)]
+    faces = _face_normals(mesh)
+    sizes = np.linalg.norm(faces, axis=1)
+    sound = sizes > 0.0
+    units = np.where(sound[:, None], faces / np.where(sound, sizes, 1.0)[:, None], 0.0)
+    normals = np.zeros((len(mesh.vertices), 3))
+    for i in range(3):
+        to, fro = corners[(i + 1) % 3] - corners[i], corners[(i + 2) % 3] - corners[i]
+        angles = np.arctan2(np.linalg.norm(np.cross(to, fro), axis=1), (to * fro).sum(axis=1))
+        np.add.at(normals, mesh.triangles[:, i], units * angles[:, None])
+    return dataclasses.replace(mesh, normals=normals)
+
+
+def _split_at_seams(mesh: MeshData) -> MeshData:
+    if mesh.uvs is None:
+        return mesh
+    keys = np.concatenate(
+        [mesh.triangles.reshape(-1, 1).astype(np.float64), mesh.uvs.reshape(-1, 2).astype(np.float64)], axis=1
+    )
+    _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    kept = mesh.triangles.reshape(-1)[first]
+    triangles = which.reshape(-1, 3).astype(np.uint32)
+    return dataclasses.replace(mesh, vertices=mesh.vertices[kept], triangles=triangles)

@@ -1,0 +1,120 @@
+"""Pictures of environments of other renderers in our latitude and longitude: turned, or unfolded from a square."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.shared.matrices import Matrix
+from clrender.scene.environment import EnvironmentPicture
+
+__all__ = ["turn_about_y", "turned_picture", "unfolded_picture"]
+
+_EVEN: Final = 1e-5
+_LARGEST: Final = 4096
+"""Rows of a picture that is made."""
+
+
+def turn_about_y(matrix: Matrix) -> float | None:
+    """Degrees by which a matrix turns about +y; None where it does something else, too (scale does not count)."""
+    linear = matrix[:3, :3] / np.linalg.norm(matrix[:3, 1])
+    angle = math.atan2(float(linear[0, 2]), float(linear[0, 0]))
+    expected = [[math.cos(angle), 0.0, math.sin(angle)], [0.0, 1.0, 0.0], [-math.sin(angle), 0.0, math.cos(angle)]]
+    if np.abs(linear - expected).max() > _EVEN:
+        return None
+    return math.degrees(angle) if abs(angle) > 1e-7 else 0.0
+
+
+def _directions(height: int) -> NDArray[np.float64]:
+    """Of the pixels of one of our pictures, (height, 2 height, 3)."""
+    theta = (np.arange(height) + 0.5) / height * np.pi
+    phi = ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 2.0 * np.pi
+    made = np.empty((height, 2 * height, 3))
+    made[..., 0] = np.sin(theta)[:, None] * np.sin(phi)
+    made[..., 1] = np.cos(theta)[:, None]
+    made[..., 2] = np.sin(theta)[:, None] * np.cos(phi)
+    return made
+
+
+def _looked_up(pixels: NDArray[np.float32], x: Any, y: Any, around: bool) -> NDArray[np.float32]:
+    """Bilinear; x and y in pixels from the centre of the first."""
+    height, width = pixels.shape[:2]
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    total = np.zeros((*x.shape, 3), np.float64)
+    for down in (0, 1):
+        for right in (0, 1):
+            weight = (1.0 - np.abs(x - left - right)) * (1.0 - np.abs(y - top - down))
+            column = (left + right) % width if around else np.clip(left + right, 0, width - 1)
+            total += weight[..., None] * pixels[np.clip(top + down, 0, height - 1), column]
+    return total.astype(np.float32)
+
+
+def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> EnvironmentPicture:
+    """A picture in latitude and longitude, turned or mirrored by a matrix.
+
+    Parameters
+    ----------
+    files : AssetFiles
+    name : str
+    place : str
+        For messages.
+    matrix : (4, 4) float64
+        From the picture's own directions into the world.
+    """
+    pixels = _read(files, name, place)
+    height, width = pixels.shape[:2]
+    rows = min(height, _LARGEST)
+    made = np.empty((rows, 2 * rows, 3), np.float32)
+    back = np.linalg.inv(matrix[:3, :3])
+    directions = _directions(rows)
+    for row in range(rows):
+        own = directions[row] @ back.T
+        own /= np.linalg.norm(own, axis=1, keepdims=True)
+        theta = np.arccos(np.clip(own[:, 1], -1.0, 1.0))
+        phi = np.arctan2(own[:, 0], own[:, 2])
+        x, y = (phi / (2.0 * np.pi) + 0.5) * width - 0.5, theta / np.pi * height - 0.5
+        made[row] = _looked_up(pixels, x, y, True)
+    return EnvironmentPicture.checked(made, f"{files.source}: {place}")
+
+
+def unfolded_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> EnvironmentPicture:
+    """A square picture of the sphere by the equal-area map of Clarberg (JGT 13(1), 2008), as pbrt-v4 has them.
+
+    Parameters as of `turned_picture`.
+    """
+    pixels = _read(files, name, place)
+    side = len(pixels)
+    rows = max(min(side, _LARGEST), 16)
+    made = np.empty((rows, 2 * rows, 3), np.float32)
+    back = np.linalg.inv(matrix[:3, :3])
+    directions = _directions(rows)
+    for row in range(rows):
+        own = directions[row] @ back.T
+        own /= np.linalg.norm(own, axis=1, keepdims=True)
+        u, v = square_place(own)
+        made[row] = _looked_up(pixels, u * side - 0.5, v * side - 0.5, False)
+    return EnvironmentPicture.checked(made, f"{files.source}: {place}")
+
+
+def square_place(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where unit vectors lie on the square, each coordinate 0 to 1: +z is in its middle, -z at its corners."""
+    x, y, z = np.abs(directions).T
+    radius = np.sqrt(np.maximum(1.0 - z, 0.0))
+    larger, smaller = np.maximum(x, y), np.minimum(x, y)
+    ratio = np.divide(smaller, larger, out=np.zeros_like(larger), where=larger > 0.0)
+    phi = np.arctan(ratio) * 2.0 / np.pi
+    phi = np.where(x < y, 1.0 - phi, phi)
+    v = phi * radius
+    u = radius - v
+    below = directions[:, 2] < 0.0
+    u, v = np.where(below, 1.0 - v, u), np.where(below, 1.0 - u, v)
+    u, v = np.copysign(u, directions[:, 0]), np.copysign(v, directions[:, 1])
+    return (u + 1.0) / 2.0, (v + 1.0) / 2.0
+
+
+def _read(files: AssetFiles, name: str, place: str) -> NDArray[np.float32]:
+    return EnvironmentPicture.read(name, files.folder, files.allow_paths, f"{files.source}: {place}").pixels

@@ -1,0 +1,174 @@
+"""Collects what a reader finds, in the terms of our own scene files: materials, shapes with matrices, meshes, notes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.errors import SceneError
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.importers.shared.matrices import (
+    Matrix,
+    handedness,
+    identity,
+    is_affine,
+    is_similarity,
+    transform_key,
+    translation,
+)
+from clrender.importers.shared.meshes import disk_mesh, sphere_mesh
+from clrender.importers.shared.spectra import Color
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_io import read_mesh
+from clrender.scene.values import SHAPE_LIMIT
+
+__all__ = ["Staging", "roughness_of"]
+
+_NAME_LIMIT: Final = 160
+
+
+def roughness_of(alpha: float) -> float:
+    """Our roughness of a microfacet distribution's width alpha, which is the square of it."""
+    return math.sqrt(min(max(alpha, 0.0), 1.0))
+
+
+class Staging:
+    """A draft under construction.
+
+    Parameters
+    ----------
+    files : AssetFiles
+
+    Attributes
+    ----------
+    draft : Draft
+    files : AssetFiles
+    """
+
+    def __init__(self, files: AssetFiles) -> None:
+        self.draft = Draft()
+        self.files = files
+        self._read: dict[tuple[str, str], tuple[str, bool]] = {}
+
+    def note(self, sentence: str) -> None:
+        """Say once what was done instead of something."""
+        self.draft.note(sentence)
+
+    def fault(self, line: int, sentence: str, source: str | None = None) -> SceneError:
+        """An error that names the file and the line.
+
+        Parameters
+        ----------
+        line : int
+            From 1.
+        sentence : str
+        source : str, optional
+            Of an included file.
+        """
+        return SceneError(f"{source or self.files.source}: line {line}: {sentence}")
+
+    def material(self, wanted: str, described: dict[str, Any]) -> str:
+        """Add a material; its name, which is the one wanted if that is free."""
+        materials = self.draft.description["materials"]
+        wanted = wanted[:_NAME_LIMIT] or described["type"]
+        name, number = wanted, 2
+        while name in materials:
+            if materials[name] == described:
+                return name
+            name, number = f"{wanted} {number}", number + 1
+        materials[name] = described
+        return name
+
+    def shape(self, described: dict[str, Any], matrix: Matrix, line: int) -> None:
+        """Add a shape, carried to its place.
+
+        Raises
+        ------
+        SceneError
+            There are too many, or the matrix flattens it.
+        """
+        shapes = self.draft.description["shapes"]
+        if len(shapes) >= SHAPE_LIMIT:
+            raise self.fault(line, f"makes more than {SHAPE_LIMIT} shapes, which is the most; use fewer instances")
+        if not is_affine(matrix):
+            raise self.fault(line, "the shape's transform is no affine one that can be inverted; give it another")
+        shapes.append({**described, **transform_key(matrix)})
+
+    def sphere(self, described: dict[str, Any], radius: float, matrix: Matrix, line: int) -> None:
+        """Add a sphere about the origin; of triangles where the matrix makes an ellipsoid of it."""
+        if not radius > 0.0:
+            raise self.fault(line, f"the sphere's radius is {radius:g}; it must be above 0")
+        if not is_affine(matrix) or is_similarity(matrix):
+            self.shape({"type": "sphere", "radius": radius, **described}, matrix, line)
+            return
+        self.note("a sphere that a transform makes an ellipsoid is approximated by 16384 triangles")
+        self.mesh(described, f"sphere of radius {radius!r}", lambda: sphere_mesh(radius), matrix, line)
+
+    def disk(self, described: dict[str, Any], radius: float, height: float, matrix: Matrix, line: int) -> None:
+        """Add a disk across +z, `height` along it; of triangles where the matrix makes an ellipse of it."""
+        if not is_affine(matrix) or is_similarity(matrix):
+            own = {"type": "disk", "center": [0.0, 0.0, height], "normal": [0.0, 0.0, 1.0], "radius": radius}
+            self.shape({**own, **described}, matrix, line)
+            return
+        across, along = matrix[:3, 0], matrix[:3, 1]
+        size = float(np.linalg.norm(across))
+        if abs(float(along @ along) - size * size) + abs(float(across @ along)) > 2e-6 * size * size:
+            self.note("a disk that a transform makes an ellipse is approximated by 128 triangles")
+            matrix = matrix @ translation(0.0, 0.0, height)
+            self.mesh(described, f"disk of radius {radius!r}", lambda: disk_mesh(radius), matrix, line)
+            return
+        normal = handedness(matrix) * np.cross(across, along)
+        center = matrix @ [0.0, 0.0, height, 1.0]
+        own = {"type": "disk", "center": [float(x) for x in center[:3]], "normal": [float(x) for x in normal]}
+        self.shape({**own, "radius": radius * size, **described}, identity(), line)
+
+    def mesh(
+        self, described: dict[str, Any], name: str, make: Callable[[], MeshData], matrix: Matrix, line: int
+    ) -> None:
+        """Add a mesh that is made when the first shape wants it."""
+        if name not in self.draft.meshes:
+            self.draft.meshes[name] = make()
+        self.shape({"type": "mesh", "file": name, **described}, matrix, line)
+
+    def mesh_of_file(self, uri: str, kind: str, line: int, adapt: Callable[[MeshData], MeshData]) -> tuple[str, bool]:
+        """Read a mesh file, once for each way to take it.
+
+        Parameters
+        ----------
+        uri : str
+        kind : str
+            What tells ways to take it apart.
+        line : int
+        adapt : callable
+            What this way does with the mesh.
+
+        Returns
+        -------
+        name : str
+            Among the draft's meshes.
+        had_normals : bool
+            Whether the file has normals of vertices.
+        """
+        key = (uri, kind)
+        if key not in self._read:
+            place = f"line {line}"
+            name = self.files.name(uri, place)
+            mesh = read_mesh(name, self.files.folder, self.files.allow_paths, f"{self.files.source}: {place}")
+            self._read[key] = (f"{uri} ({kind})", mesh.normals is not None)
+            self.draft.meshes[f"{uri} ({kind})"] = adapt(mesh)
+        return self._read[key]
+
+    def reflectance(self, color: Color, of: str) -> list[float]:
+        """A colour as a share of light: held between 0 and 1, and said so."""
+        if all(0.0 <= x <= 1.0 for x in color):
+            return list(color)
+        self.note(f"{of} goes beyond 0 to 1, which no surface does: clipped")
+        return [min(max(x, 0.0), 1.0) if math.isfinite(x) else 0.0 for x in color]
+
+    def share(self, value: float, of: str) -> float:
+        """A number as a share: held between 0 and 1, and said so."""
+        return self.reflectance((value, value, value), of)[0]

@@ -1,0 +1,446 @@
+"""What Mitsuba and pbrt define otherwise than we do, against the formula of each conversion."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rival_scenes
+
+from clrender.flatten import flatten
+from clrender.importers import load
+from clrender.importers.shared.fresnel import external_reflectance, internal_reflectance
+from clrender.importers.shared.matrices import rotation
+from clrender.importers.shared.meshes import cube_mesh, cylinder_mesh, smoothed, sphere_mesh
+from clrender.importers.shared.sky_maps import square_place
+from clrender.importers.shared.spectra import blackbody_color, light_color, luminance, reflectance_color
+from clrender.scene import Scene
+from clrender.scene.mesh_data import MeshData
+
+GREY = '<bsdf type="diffuse"/>'
+AREA = '<emitter type="area"><rgb name="radiance" value="2"/></emitter>'
+
+
+def mitsuba(folder: Path, inside: str, version: str = "3.0.0") -> Scene:
+    """The scene of an XML file."""
+    path = folder / "scene.xml"
+    path.write_text(f'<scene version="{version}">\n{inside}\n</scene>', encoding="utf-8")
+    return load(path)
+
+
+def pbrt(folder: Path, world: str, before: str = 'Camera "perspective"') -> Scene:
+    """The scene of a pbrt file."""
+    path = folder / "scene.pbrt"
+    path.write_text(f"{before}\nWorldBegin\n{world}\n", encoding="utf-8")
+    return load(path)
+
+
+def dump(part: Any) -> dict[str, Any]:
+    """What is not left at its default."""
+    found: dict[str, Any] = part.model_dump(exclude_unset=True)
+    return found
+
+
+BALL = 'Shape "sphere"\n'
+
+
+# --- colours
+
+
+def test_spectra_of_light_have_the_luminance_of_their_integral() -> None:
+    assert luminance(light_color([300.0, 900.0], [1.0, 1.0])) == pytest.approx(1.0, abs=1e-4)
+    # The equal-energy white of CIE 1931, x = y = 1/3, in Rec. 709
+    assert light_color([300.0, 900.0], [1.0, 1.0]) == pytest.approx((1.2048, 0.9483, 0.9090), abs=5e-4)
+    # A line at 555 nm is as bright as the sum of the observer's function says: 5 / 106.857
+    assert luminance(light_color([555.0], [1.0])) > 5.0 / 106.857  # clipped: no colour of Rec. 709 is so pure
+
+
+def test_reflectances_are_seen_in_daylight() -> None:
+    assert reflectance_color([300.0, 900.0], [0.3, 0.3]) == pytest.approx((0.3, 0.3, 0.3), abs=1e-4)
+    # Of Mitsuba 3.9 in RGB mode
+    found = reflectance_color([400.0, 500.0, 600.0, 700.0], [0.1, 0.5, 0.9, 0.2])
+    assert found == pytest.approx((0.833826, 0.689122, 0.265243), abs=2e-3)
+
+
+def test_a_black_body_shines_by_plancks_law() -> None:
+    red, green, blue = blackbody_color(3000.0)
+    assert red > green > blue > 0.0
+    # Wien's approximation, good to 1 % there: the ratio of luminances is that near 555 nm
+    wien = math.exp(-0.014387768775 / 570e-9 * (1.0 / 3000.0 - 1.0 / 2500.0))
+    assert luminance(blackbody_color(3000.0)) / luminance(blackbody_color(2500.0)) == pytest.approx(wien, rel=0.05)
+
+
+def test_uniform_spectra_of_lights_and_surfaces_differ(tmp_path: Path) -> None:
+    scene = mitsuba(
+        tmp_path,
+        '<shape type="sphere"><bsdf type="diffuse"><spectrum name="reflectance" value="0.3"/></bsdf></shape>'
+        '<emitter type="constant"><spectrum name="radiance" value="1"/></emitter>',
+    )
+    assert scene.environment is not None and scene.environment.radiance is not None
+    assert scene.environment.radiance == pytest.approx((1.2048, 0.9483, 0.9090), abs=5e-4)
+    assert dump(scene.materials["diffuse"])["reflectance"] == pytest.approx((0.3, 0.3, 0.3))
+
+
+def test_spectra_of_pbrts_lights_have_unit_luminance(tmp_path: Path) -> None:
+    lights = 'LightSource "point" "blackbody I" 3000 "float scale" 4\nLightSource "point" "rgb I" [1 2 3]'
+    hot, plain = (dump(light) for light in pbrt(tmp_path, BALL + lights).lights)
+    assert luminance(hot["intensity"]) == pytest.approx(4.0, rel=1e-6)
+    assert hot["intensity"][0] > hot["intensity"][2]
+    assert plain["intensity"] == (1.0, 2.0, 3.0)
+
+
+# --- lights
+
+
+def test_power_of_pbrts_lights(tmp_path: Path) -> None:
+    lights = 'LightSource "point" "float power" 100\nLightSource "distant" "float illuminance" 3\n'
+    lights += 'LightSource "spot" "float power" 100 "float coneangle" 40 "float conedeltaangle" 10\n'
+    lights += 'LightSource "infinite" "float illuminance" 3'
+    point, distant, spot, infinite = (dump(light) for light in pbrt(tmp_path, BALL + lights).lights)
+    assert point["intensity"][1] == pytest.approx(100.0 / (4.0 * math.pi))
+    assert distant["irradiance"][1] == pytest.approx(3.0)
+    assert infinite["radiance"][1] == pytest.approx(3.0 / math.pi)
+    edge = math.cos(math.radians(40.0))
+    flux = 2.0 * math.pi * (1.0 - edge) * (1.0 - spot["blend"] / 2.0) * spot["intensity"][1]  # docs/scenes.md
+    assert flux == pytest.approx(100.0)
+    assert edge + spot["blend"] * (1.0 - edge) == pytest.approx(math.cos(math.radians(30.0)))
+
+
+def test_power_of_pbrts_area_lights_is_that_of_both_sides(tmp_path: Path) -> None:
+    light = (
+        'AreaLightSource "diffuse" "float power" 100 "bool twosided" true\nScale 2 2 2\nShape "disk" "float radius" 3'
+    )
+    shapes = pbrt(tmp_path, light).shapes
+    assert len(shapes) == 2 and [shape.flip_normals for shape in shapes] == [False, True]
+    for shape in shapes:
+        assert dump(shape)["emission"][0] == pytest.approx(100.0 / (2.0 * math.pi * math.pi * 36.0))
+    # The second one stands behind the first
+    assert shapes[1].transform.matrix is not None and -1e-3 < shapes[1].transform.matrix[2][3] < 0.0
+
+
+def test_the_imaging_ratio_of_the_film_is_a_factor_of_light(tmp_path: Path) -> None:
+    before = 'Camera "perspective" "float shutterclose" 0.5\nFilm "rgb" "float iso" 300'
+    world = 'LightSource "point" "rgb I" [2 2 2]\nAreaLightSource "diffuse" "rgb L" [4 4 4]\n' + BALL
+    scene = pbrt(tmp_path, world, before)
+    assert dump(scene.lights[0])["intensity"][0] == pytest.approx(3.0)
+    assert dump(scene.shapes[0])["emission"][0] == pytest.approx(6.0)
+    assert any("exposure of the film, 1.5" in note for note in scene.notes)
+
+
+def front(scene: Scene, index: int) -> Any:
+    """Mean normal of a flat shape's front, in the world."""
+    flat = flatten(scene, 8, 8)
+    arrays = flat.arrays
+    of_it = arrays["triangles"][arrays["primitive_shape"][: len(arrays["triangles"])] == index]
+    a, b, c = (arrays["vertices"][of_it[:, i]].astype(float) for i in range(3))
+    total = np.cross(b - a, c - a).sum(axis=0)
+    return total / np.linalg.norm(total)
+
+
+@pytest.mark.parametrize(
+    ("steps", "flip", "expected"),
+    [
+        ("", "false", (0, 0, 1)),
+        ("", "true", (0, 0, -1)),
+        ('<scale z="-1"/>', "false", (0, 0, -1)),
+        ('<scale x="-1"/>', "false", (0, 0, 1)),
+        ('<rotate x="1" angle="90"/>', "false", (0, -1, 0)),
+    ],
+)
+def test_fronts_of_mitsubas_rectangles(tmp_path: Path, steps: str, flip: str, expected: Any) -> None:
+    inside = f'<transform name="to_world">{steps}</transform><boolean name="flip_normals" value="{flip}"/>'
+    scene = mitsuba(tmp_path, f'<shape type="rectangle">{inside}{GREY}{AREA}</shape>')
+    assert front(scene, 0) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(("mirrored", "expected"), [("1", (0, 0, 1)), ("-1", (0, 0, -1))])
+def test_the_winding_of_a_mesh_without_normals_decides_and_a_mirror_turns_it(
+    tmp_path: Path, mirrored: str, expected: Any
+) -> None:
+    rival_scenes.write_parts(tmp_path)
+    name, flat = '<string name="filename" value="part.ply"/>', '<boolean name="face_normals" value="true"/>'
+    steps = f'<transform name="to_world"><scale x="{mirrored}"/></transform>'
+    scene = mitsuba(tmp_path, f'<shape type="ply">{name}{flat}{steps}{AREA}</shape>')
+    assert front(scene, 0) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("before", "normals", "expected"),
+    [
+        ("", "", (0, 0, 1)),
+        ("Scale -1 1 1", "", (0, 0, 1)),
+        ("Scale 1 1 -1", "", (0, 0, -1)),
+        ("ReverseOrientation", "", (0, 0, -1)),
+        ("", '"normal N" [0 0 -1 0 0 -1 0 0 -1]', (0, 0, -1)),
+        ("ReverseOrientation", '"normal N" [0 0 -1 0 0 -1 0 0 -1]', (0, 0, 1)),
+    ],
+)
+def test_fronts_of_pbrts_triangles(tmp_path: Path, before: str, normals: str, expected: Any) -> None:
+    world = f'{before}\nAreaLightSource "diffuse"\nShape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] {normals}'
+    assert front(pbrt(tmp_path, world), 0) == pytest.approx(expected, abs=1e-6)
+
+
+# --- materials
+
+
+def test_surfaces_of_mitsuba_have_one_side_and_those_of_pbrt_two(tmp_path: Path) -> None:
+    shapes = f'<shape type="sphere">{GREY}</shape><shape type="sphere"><bsdf type="twosided">{GREY}</bsdf></shape>'
+    scene = mitsuba(tmp_path, shapes)
+    sides = [scene.materials[shape.material or ""].two_sided for shape in scene.shapes]  # type: ignore[union-attr]
+    assert sides == [False, True]
+    assert pbrt(tmp_path, 'Material "diffuse"\n' + BALL).materials["diffuse"].two_sided  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(("remap", "alpha"), [("true", 0.3), ("false", 0.09)])
+def test_roughness_is_squared_or_not(tmp_path: Path, remap: str, alpha: float) -> None:
+    """Ours squared is alpha; Mitsuba gives alpha; pbrt's root is alpha unless it is not remapped."""
+    metal = f'Material "conductor" "float roughness" 0.09 "bool remaproughness" {remap}\n'
+    assert dump(pbrt(tmp_path, metal + BALL).materials["conductor"])["roughness"] ** 2 == pytest.approx(alpha)
+    bsdf = (
+        '<bsdf type="roughconductor"><string name="distribution" value="ggx"/><float name="alpha" value="0.09"/></bsdf>'
+    )
+    scene = mitsuba(tmp_path, f'<shape type="sphere">{bsdf}</shape>')
+    assert dump(scene.materials["roughconductor"])["roughness"] ** 2 == pytest.approx(0.09)
+
+
+def test_a_grey_specular_reflectance_is_a_share_of_the_light(tmp_path: Path) -> None:
+    bsdf = '<bsdf type="conductor"><rgb name="eta" value="0.2"/><rgb name="k" value="3"/>{}</bsdf>'
+    dim = bsdf.format('<rgb name="specular_reflectance" value="0.3"/>')
+    scene = mitsuba(tmp_path, f'<shape type="sphere">{dim}</shape>')
+    mixture = dump(scene.materials[scene.shapes[0].material or ""])
+    assert mixture["type"] == "mix" and mixture["weight"] == pytest.approx(0.7)
+    whole, black = (dump(scene.materials[name]) for name in mixture["materials"])
+    assert whole["type"] == "conductor" and whole["eta"] == (0.2,) * 3 and black["reflectance"] == (0.0,) * 3
+
+
+def test_mean_reflectance_of_a_boundary() -> None:
+    # Known values for an index of 1.5: 0.0918 from outside and 0.5963 from inside (Judd 1942)
+    assert external_reflectance(1.5) == pytest.approx(0.0918, abs=1e-4)
+    assert internal_reflectance(1.5) == pytest.approx(0.5964, abs=2e-4)
+    assert external_reflectance(1.0) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_light_under_a_coat_is_reflected_again_and_again(tmp_path: Path) -> None:
+    inner = internal_reflectance(1.5)
+    expected = 0.4 * (1.0 - inner) / (1.0 - 0.4 * inner)
+    plain = pbrt(tmp_path, 'Material "coateddiffuse" "rgb reflectance" [0.4 0.4 0.4]\n' + BALL)
+    assert dump(plain.materials["coateddiffuse"])["base_color"][0] == pytest.approx(expected)
+    body = '<rgb name="diffuse_reflectance" value="0.4"/><float name="int_ior" value="1.5"/>'
+    body += '<float name="ext_ior" value="1"/>'
+    for nonlinear, base in (("true", expected), ("false", 0.4)):
+        option = f'<boolean name="nonlinear" value="{nonlinear}"/>'
+        scene = mitsuba(tmp_path, f'<shape type="sphere"><bsdf type="plastic">{body}{option}</bsdf></shape>')
+        assert dump(scene.materials["plastic"])["base_color"][0] == pytest.approx(base)
+
+
+def test_names_of_media_and_metals(tmp_path: Path) -> None:
+    scene = mitsuba(tmp_path, '<shape type="sphere"><bsdf type="dielectric"/></shape>')
+    assert dump(scene.materials["dielectric"])["ior"] == 1.5046
+    assert dump(scene.materials["dielectric"])["exterior_ior"] == 1.000277
+    old = mitsuba(tmp_path, '<shape type="sphere"><bsdf type="conductor"/></shape>', "0.6.0")
+    assert dump(old.materials["conductor"])["eta"] == (0.201, 0.9237, 1.1022)  # copper
+    new = mitsuba(tmp_path, '<shape type="sphere"><bsdf type="conductor"/></shape>')
+    assert dump(new.materials["conductor"])["type"] == "mirror"  # "none"
+
+
+# --- cameras and settings
+
+
+SENSOR = (
+    '<sensor type="{}"><film type="hdrfilm"><integer name="width" value="200"/><integer name="height" value="100"/>\
+<rfilter type="box"/></film>{}</sensor>'
+)
+
+
+@pytest.mark.parametrize(
+    ("given", "across"),
+    [
+        ('<float name="fov" value="60"/>', 200.0),
+        ('<float name="fov" value="60"/><string name="fov_axis" value="y"/>', 100.0),
+        ('<float name="fov" value="60"/><string name="fov_axis" value="smaller"/>', 100.0),
+        ('<float name="fov" value="60"/><string name="fov_axis" value="diagonal"/>', math.hypot(200.0, 100.0)),
+    ],
+)
+def test_the_angle_is_across_what_the_axis_says(tmp_path: Path, given: str, across: float) -> None:
+    scene = mitsuba(tmp_path, SENSOR.format("perspective", given) + f'<shape type="sphere">{GREY}</shape>')
+    half = math.tan(math.radians(scene.camera.vertical_fov) / 2.0)
+    assert half * across / 100.0 == pytest.approx(math.tan(math.radians(30.0)))
+
+
+def test_a_focal_length_is_for_film_of_36_by_24(tmp_path: Path) -> None:
+    scene = mitsuba(tmp_path, SENSOR.format("perspective", "") + f'<shape type="sphere">{GREY}</shape>')
+    half = math.tan(math.radians(scene.camera.vertical_fov) / 2.0) * math.hypot(200.0, 100.0) / 100.0
+    assert half == pytest.approx(math.hypot(36.0, 24.0) / (2.0 * 50.0))
+
+
+@pytest.mark.parametrize(("size", "across"), [((200, 100), 100.0), ((100, 200), 100.0)])
+def test_pbrts_angle_is_across_the_shorter_side(tmp_path: Path, size: tuple[int, int], across: float) -> None:
+    before = f'Film "rgb" "integer xresolution" {size[0]} "integer yresolution" {size[1]}\n'
+    scene = pbrt(tmp_path, BALL, before + 'Camera "perspective" "float fov" 60')
+    half = math.tan(math.radians(scene.camera.vertical_fov) / 2.0)
+    assert half * across / size[1] == pytest.approx(math.tan(math.radians(30.0)))
+
+
+def test_parallel_cameras(tmp_path: Path) -> None:
+    steps = '<transform name="to_world"><scale x="3" y="3"/></transform>'
+    scene = mitsuba(tmp_path, SENSOR.format("orthographic", steps) + f'<shape type="sphere">{GREY}</shape>')
+    assert scene.camera.height == pytest.approx(2.0 * 3.0 / 2.0)  # 2 wide before the scale
+    before = 'Film "rgb" "integer xresolution" 200 "integer yresolution" 100\nCamera "orthographic"'
+    assert pbrt(tmp_path, BALL, before).camera.height == pytest.approx(2.0)  # the shorter side from -1 to 1
+
+
+@pytest.mark.parametrize(("before", "mirrored"), [("", True), ("Scale -1 1 1\n", False)])
+def test_pbrts_world_is_left_handed(tmp_path: Path, before: str, mirrored: bool) -> None:
+    """Seen along +z with +y up, its +x is to the right; ours is to the left."""
+    scene = pbrt(tmp_path, BALL, before + 'LookAt 1 2 3  1 2 4  0 1 0\nCamera "perspective"')
+    assert scene.camera.mirrored is mirrored
+    assert scene.camera.position == pytest.approx((1.0, 2.0, 3.0))
+    view = np.subtract(scene.camera.target, scene.camera.position)
+    assert view / np.linalg.norm(view) == pytest.approx((0.0, 0.0, 1.0))
+    row = flatten(scene, 20, 10).camera[0]
+    assert np.sign(row["right"][0]) == (1.0 if mirrored else -1.0)
+
+
+@pytest.mark.parametrize(("theirs", "ours"), [(-1, None), (1, 0), (2, 1), (8, 7)])
+def test_mitsubas_depth_counts_segments(tmp_path: Path, theirs: int, ours: int | None) -> None:
+    depth = f'<integrator type="path"><integer name="max_depth" value="{theirs}"/></integrator>'
+    assert mitsuba(tmp_path, depth + f'<shape type="sphere">{GREY}</shape>').render.max_depth == ours
+
+
+def test_pbrts_depth_counts_scattering_as_ours_does(tmp_path: Path) -> None:
+    scene = pbrt(tmp_path, BALL, 'Camera "perspective"\nIntegrator "path" "integer maxdepth" 7\nSampler "sobol"')
+    assert (scene.render.max_depth, scene.render.spp, scene.image.width, scene.image.height) == (7, 16, 1280, 720)
+
+
+# --- places and textures
+
+
+def test_steps_of_a_transform_follow_each_other(tmp_path: Path) -> None:
+    steps = '<translate x="1" y="2" z="3"/><scale value="2"/><rotate z="1" angle="90"/>'
+    scene = mitsuba(tmp_path, f'<shape type="cube"><transform name="to_world">{steps}</transform>{GREY}</shape>')
+    matrix = np.array(scene.shapes[0].transform.matrix)
+    assert matrix @ [1.0, 1.0, 1.0, 1.0] == pytest.approx([-6.0, 4.0, 8.0, 1.0])
+
+
+def test_pbrts_transforms_go_the_other_way(tmp_path: Path) -> None:
+    world = "Rotate 90 0 0 1 Scale 2 2 2 Translate 1 2 3\n" + BALL
+    matrix = np.array(pbrt(tmp_path, world).shapes[0].transform.matrix)
+    assert (matrix @ [0.0, 0.0, 0.0, 1.0]) == pytest.approx([-4.0, 2.0, 6.0, 1.0])
+    columns = "Transform [1 0 0 0  0 1 0 0  0 0 1 0  5 6 7 1]\n"
+    assert np.array(pbrt(tmp_path, columns + BALL).shapes[0].transform.matrix)[:3, 3] == pytest.approx([5.0, 6.0, 7.0])
+
+
+def test_rotations() -> None:
+    assert rotation((0.0, 0.0, 5.0), 90.0)[:3, :3] @ [1.0, 0.0, 0.0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
+    whole = rotation((1.0, 2.0, 3.0), 77.0)
+    assert whole @ whole.T == pytest.approx(np.eye(4), abs=1e-14)
+
+
+def test_instances_are_written_out(tmp_path: Path) -> None:
+    cube = f'<shape type="cube"><transform name="to_world"><scale value="2"/></transform>{GREY}</shape>'
+    group = f'<shape type="shapegroup" id="g">{cube}</shape>'
+    use = '<shape type="instance"><ref id="g"/><transform name="to_world"><translate x="{}"/></transform></shape>'
+    scene = mitsuba(tmp_path, use.format(5) + group + use.format(7))  # also before it is defined
+    places = [np.array(shape.transform.matrix)[0] for shape in scene.shapes]
+    assert [list(row) for row in places] == [[2.0, 0.0, 0.0, 5.0], [2.0, 0.0, 0.0, 7.0]]
+    use = 'ObjectInstance "o"\n'
+    world = f'ObjectBegin "o"\nScale 2 2 2\n{BALL}ObjectEnd\nTranslate 5 0 0 {use} Translate 2 0 0 {use}'
+    spheres = pbrt(tmp_path, world).shapes
+    assert [np.array(shape.transform.matrix)[0][3] for shape in spheres] == [5.0, 7.0]
+
+
+def test_pictures_stand_on_their_heads_in_mitsuba_3(tmp_path: Path) -> None:
+    rival_scenes.write_parts(tmp_path)
+    steps = (
+        '<transform name="to_uv"><scale x="2" y="3"/><rotate z="1" angle="25"/><translate x="0.2" y="0.1"/></transform>'
+    )
+    picture = (
+        f'<texture name="reflectance" type="bitmap"><string name="filename" value="picture.png"/>{steps}</texture>'
+    )
+    scene = mitsuba(tmp_path, f'<shape type="sphere"><bsdf type="diffuse">{picture}</bsdf></shape>')
+    transform = scene.materials["diffuse"].reflectance.transform  # type: ignore[union-attr]
+    turn, rng = math.radians(transform.rotate_degrees), np.random.default_rng(1)
+    for u, v in rng.uniform(-1.0, 2.0, (20, 2)):
+        x, y = u * transform.scale[0], v * transform.scale[1]
+        turned = [math.cos(turn) * x - math.sin(turn) * y, math.sin(turn) * x + math.cos(turn) * y]
+        ours = np.add(turned, transform.offset)
+        a = math.radians(25.0)
+        theirs = (math.cos(a) * 2 * u - math.sin(a) * 3 * v + 0.2, math.sin(a) * 2 * u + math.cos(a) * 3 * v + 0.1)
+        assert ours == pytest.approx([theirs[0], 1.0 - theirs[1]])
+
+
+def test_the_square_of_pbrts_environments_keeps_areas() -> None:
+    rng = np.random.default_rng(2)
+    directions = rng.normal(size=(200000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    u, v = square_place(directions)
+    counts, _, _ = np.histogram2d(u, v, bins=8, range=[[0.0, 1.0], [0.0, 1.0]])
+    expected = 200000 / 64
+    # 63 degrees of freedom: 120 is exceeded with a probability of 2e-5
+    assert ((counts - expected) ** 2 / expected).sum() < 120.0
+    corners = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    assert np.stack(square_place(corners), axis=1) == pytest.approx(
+        np.array([[0.5, 0.5], [1.0, 0.5], [0.5, 1.0], [0.5, 0.0]])
+    )
+
+
+def test_meshes_that_shapes_become() -> None:
+    for mesh in (cube_mesh(), sphere_mesh(2.0)):
+        a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
+        outward = (np.cross(b - a, c - a) * (a + b + c)).sum(axis=1)
+        assert (outward >= -1e-12).all()
+    tube = cylinder_mesh(2.0, -1.0, 3.0)
+    assert tube.vertices[:, 2].min() == -1.0 and tube.vertices[:, 2].max() == 3.0
+    assert np.hypot(tube.vertices[:, 0], tube.vertices[:, 1]) == pytest.approx(2.0)
+
+
+def test_meshes_without_normals_are_smooth_by_angles() -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 1]], float)
+    mesh = smoothed(MeshData(vertices, np.array([[0, 1, 2], [0, 3, 1]], np.uint32)))
+    assert mesh.normals is not None
+    normals = mesh.normals / np.linalg.norm(mesh.normals, axis=1, keepdims=True)
+    # At the origin the first triangle has 90 degrees and faces +z, the second 45 and +y; at the next corner 45 and 90
+    long, short = 2.0 / math.sqrt(5.0), 1.0 / math.sqrt(5.0)
+    assert normals == pytest.approx(np.array([[0, short, long], [0, long, short], [0, 0, 1], [0, 1, 0]]))
+
+
+# --- all of it
+
+
+def test_all_that_is_known_is_read_without_a_word_of_what_is_not(tmp_path: Path) -> None:
+    rival_scenes.write_parts(tmp_path)
+    for name, text in (
+        ("a.xml", rival_scenes.MITSUBA),
+        ("b.xml", rival_scenes.MITSUBA_06),
+        ("c.pbrt", rival_scenes.PBRT),
+    ):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        scene = load(tmp_path / name)
+        flatten(scene, 8, 8)
+        assert not [note for note in scene.notes if "not understood" in note or "not known" in note]
+
+
+def test_what_is_not_understood_is_said_once(tmp_path: Path) -> None:
+    odd = '<bsdf type="diffuse"><float name="fuzz" value="1"/></bsdf>'
+    scene = mitsuba(tmp_path, f'<shape type="sphere">{odd}</shape><shape type="sphere">{odd}</shape>')
+    assert [note.partition(": ")[2] for note in scene.notes if "fuzz" in note] == [
+        '"fuzz" of the bsdf of type "diffuse" is not understood and does nothing'
+    ]
+    ball = 'Material "diffuse" "float fuzz" 1\n' + BALL
+    assert len([note for note in pbrt(tmp_path, ball + ball).notes if "fuzz" in note]) == 1
+
+
+def test_included_files(tmp_path: Path) -> None:
+    part = '<scene version="3.0.0"><bsdf type="diffuse" id="$name"/></scene>'
+    (tmp_path / "part.xml").write_text(part, encoding="utf-8")
+    inside = '<default name="name" value="grey"/><include filename="part.xml"/><alias id="grey" as="other"/>'
+    scene = mitsuba(tmp_path, inside + '<shape type="sphere"><ref id="other"/></shape>')
+    assert scene.shapes[0].material == "grey"
+    (tmp_path / "part.pbrt").write_text(
+        'Translate 5 0 0\nMakeNamedMaterial "m" "string type" "diffuse"', encoding="utf-8"
+    )
+    kept = pbrt(tmp_path, f'Include "part.pbrt" NamedMaterial "m" {BALL}')
+    assert kept.shapes[0].material == "m" and np.array(kept.shapes[0].transform.matrix)[0][3] == 5.0
