@@ -15,7 +15,6 @@ from clrender.importers.draft import Draft
 from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.bounds import scene_bounds
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.vertex_colors import VertexColors
 
 __all__ = ["completed"]
 
