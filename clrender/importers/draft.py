@@ -10,7 +10,8 @@ from clrender.scene.mesh_data import MeshData
 
 __all__ = ["Draft"]
 
-_MOST_NOTES: Final = 100
+_MOST_NOTES: Final = 40
+"""More are counted."""
 
 
 @dataclass
@@ -40,13 +41,17 @@ class Draft:
     environments: dict[str, EnvironmentPicture] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
-    _said: set[str] = field(default_factory=set, repr=False)
+    _more: int = field(default=0, repr=False)
 
     def note(self, sentence: str) -> None:
-        """Say something once; when it is too much, that there is more."""
-        if sentence in self._said or len(self.notes) > _MOST_NOTES:
+        """Say something once, or count it when it is too much."""
+        if sentence in self.notes:
             return
-        self._said.add(sentence)
-        if len(self.notes) == _MOST_NOTES:
-            sentence = f"there is more of that: only {_MOST_NOTES} lines are shown"
-        self.notes.append(sentence)
+        if len(self.notes) < _MOST_NOTES:
+            self.notes.append(sentence)
+        else:
+            self._more += 1
+
+    def said(self) -> list[str]:
+        """All notes, and how many things are in none."""
+        return [*self.notes, f"{self._more} more things were left out or changed"] if self._more else self.notes

@@ -35,6 +35,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         It describes no valid scene, or none with anything in it to frame.
     """
     framed = "camera" not in draft.description
+    notes = draft.said()
     description = {**draft.description}
     if framed:
         description["camera"] = {"position": (0.0, 0.0, 1.0), "target": (0.0, 0.0, 0.0)}
@@ -46,13 +47,13 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     if dark:
         light = EnvironmentLight(type="environment", radiance=(_RADIANCE,) * 3)
         scene = scene.with_default_light(light, _EVENLY)
-        draft.note(_EVENLY)
+        notes = [*notes, _EVENLY]
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for shape in scene.shapes if isinstance(shape, Mesh) and shape.file in draft.meshes}
     scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
     scene = scene.with_encoded_textures(draft.pictures).with_pictures(draft.environments)
     if framed:
-        draft.note("there is no camera in it: it is framed from the front, a little from above")
+        notes = [*notes, "there is no camera in it: it is framed from the front, a little from above"]
         low, high = scene_bounds(scene)
         scene = scene.model_copy(update={"camera": scene.camera.model_copy(update=_around(low, high, scene))})
     for index, shape in enumerate(scene.shapes):
@@ -60,7 +61,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
             scene.mesh(index)
     scene.textures()
     scene.environment_picture()
-    return scene.with_notes((f"{files.source}: {note}" for note in draft.notes), files.opened)
+    return scene.with_notes((f"{files.source}: {note}" for note in notes), files.opened)
 
 
 def _shines(description: dict[str, Any]) -> bool:

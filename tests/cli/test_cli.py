@@ -22,7 +22,7 @@ from clrender.image.tone_map import TONE_MAPS as OPERATORS
 RENDER_OPTIONS = (
     "output spp size seed device integrator filter shadow-rays indirect-rays max-depth roulette absorption sampling "
     "light-sampler reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
-    "f-stop shutter iso environment samples-per-pass work-group lanes time shard stats quiet allow-path"
+    "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet allow-path"
 )
 
 

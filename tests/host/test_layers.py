@@ -31,7 +31,7 @@ LAYERS = (
     ("device",),
     ("flatten",),
     ("film",),
-    ("importers",),
+    ("importers", "exporters"),
     ("scene",),
     ("settings",),
     ("integrators",),

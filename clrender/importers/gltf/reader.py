@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.choices import Choices
@@ -25,9 +25,6 @@ from clrender.importers.gltf.validator import validate
 from clrender.scene.values import SHAPE_LIMIT
 
 __all__ = ["read"]
-
-_MOST_NOTES: Final = 40
-"""Of a file; those beyond are counted."""
 
 
 def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft:
@@ -64,9 +61,6 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
     if not description["shapes"]:
         document.note("nothing in it has a surface: the image is of what is around it")
         description.setdefault("camera", {"position": [0.0, 0.0, 1.0], "target": [0.0, 0.0, 0.0]})
-    notes = document.draft.notes
-    if len(notes) > _MOST_NOTES:
-        notes[_MOST_NOTES - 1 :] = [f"{len(notes) - _MOST_NOTES + 1} more things were left out or changed"]
     return document.draft
 
 
