@@ -173,9 +173,10 @@ class _Maker:
         if self.random.random() < 0.5:
             lens = {"aperture_radius": round(self._number(0.02, 0.12), 3), "focus_distance": self._number(1.0, 5.0)}
             return {**camera, **lens}
-        # Straight on: what it sees begins in a plane that nothing stands in
+        # Nearly straight on: what it sees begins in a plane that nothing stands in. Level rays would all be in the
+        # horizon, where a sky without ground has two values
         x, y, z = round(self._number(-0.4, 0.4), 3), round(self._number(-0.4, 0.4), 3), camera["position"][2]
-        both = {"position": [x, y, z], "target": [x, y, 0.0], "height": round(self._number(1.5, 3.0), 3)}
+        both = {"position": [x, y, z], "target": [x, y - 0.05, 0.0], "height": round(self._number(1.5, 3.0), 3)}
         return {"type": "orthographic", **both}
 
     def _medium(self, most: float) -> str:
