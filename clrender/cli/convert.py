@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from clrender.cli.options import allow_path_option
+from clrender.cli.options import allow_path_option, choice_options
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
 from clrender.files import atomic_write, check_writable
@@ -26,8 +26,11 @@ _ENDINGS = (".toml", ".json")
 @click.argument("scene")
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option("--force", is_flag=True, help="Overwrite OUTPUT if it exists.")
+@choice_options
 @allow_path_option
-def convert(scene: str, output: Path, force: bool, allow_paths: tuple[Path, ...]) -> None:
+def convert(
+    scene: str, output: Path, force: bool, time_at: float | None, variant: str | None, allow_paths: tuple[Path, ...]
+) -> None:
     """Write SCENE, of any format that is read, to OUTPUT (.toml or .json), in clrender's own format.
 
     Its meshes, pictures and lamps go into a folder beside it, named as OUTPUT with -files in the place of the ending.
@@ -43,7 +46,7 @@ def convert(scene: str, output: Path, force: bool, allow_paths: tuple[Path, ...]
     from clrender.importers import load
     from clrender.version import __version__
 
-    loaded = load(scene, allow_paths=allow_paths)
+    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant)
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
     export = exported(loaded, folder.name)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 import json
-import os
 import struct
 from pathlib import Path
 from typing import Any, Final
@@ -14,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-__all__ = ["ASSETS", "Model", "picture_uri"]
+__all__ = ["Model", "picture_uri"]
 
-ASSETS: Final = Path(os.environ.get("CLRENDER_ASSETS") or Path(__file__).resolve().parents[3] / "shared" / "assets")
-"""The assets of the project, beside the repository, or where ``CLRENDER_ASSETS`` says; they may be missing."""
 _COMPONENTS: Final = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _TYPES: Final = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 QUAD: Final = ((-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0))

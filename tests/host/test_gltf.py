@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gltf_files import ASSETS, QUAD, Model, picture_uri
+from assets import ASSETS, needs_assets
+from gltf_files import QUAD, Model, picture_uri
 
 import clrender
 from clrender.errors import SceneError
@@ -547,7 +548,7 @@ def test_files_outside_the_folder_are_not_read(tmp_path: Path) -> None:
     assert clrender.load(path, allow_paths=[tmp_path]).shapes == ()
 
 
-@pytest.mark.skipif(not (ASSETS / "gltf-invalid").is_dir(), reason="the assets of the project are not here")
+@needs_assets
 def test_the_files_of_the_khronos_validator() -> None:
     """Files with errors are refused with the place of one, or of what it names; those with warnings are read."""
     count = 0

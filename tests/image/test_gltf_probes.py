@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from gltf_files import ASSETS, Model
+from assets import ASSETS, needs_assets
+from gltf_files import Model
 
 import clrender
 from clrender.device import Device
@@ -232,8 +233,6 @@ def test_a_normal_map_turns_the_normal_as_geometry_does(device: Device, tmp_path
 
 
 # --- models of the Khronos Group that say by themselves what is right ------------------------------------------------
-
-needs_assets = pytest.mark.skipif(not (ASSETS / "gltf").is_dir(), reason="the assets of the project are not here")
 
 
 def asset(name: str) -> Scene:

@@ -7,13 +7,13 @@ are skipped without it.
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from assets import ASSETS, needs_assets
 from PIL import Image
 
 import clrender
@@ -21,11 +21,7 @@ from clrender.device import Device
 from clrender.image.files import read_image, write_image
 
 _Floats = npt.NDArray[np.float64]
-_ROOT: Final = Path(__file__).resolve().parents[2]
-_PLACES: Final = [_ROOT.parent / "shared" / "assets", _ROOT.parent.parent / "shared" / "assets"]
-ASSETS: Final = Path(os.environ.get("CLRENDER_ASSETS") or next((p for p in _PLACES if p.is_dir()), _PLACES[0]))
 CORNELL: Final = ASSETS / "bitterli" / "cornell-box"
-with_assets: Final = pytest.mark.skipif(not CORNELL.is_dir(), reason="the folder of assets is not here")
 
 SENSOR = '<sensor type="orthographic"><transform name="to_world"><scale x="0.01" y="0.01"/><lookat origin="0,0,4" \
 target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm"><integer name="width" value="8"/>\
@@ -177,7 +173,7 @@ def compared(path: Path, reference: Path, factor: int, spp: int, **settings: Any
 
 
 @pytest.mark.slow
-@with_assets
+@needs_assets
 @pytest.mark.parametrize(
     ("scene", "reference"),
     [
@@ -185,7 +181,7 @@ def compared(path: Path, reference: Path, factor: int, spp: int, **settings: Any
         ("point", "point"),
         ("emissive-plane", "emissive-plane"),
         pytest.param(
-            "room", "room", marks=pytest.mark.xfail(reason="2 of 256 tiles of the reference are off", strict=False)
+            "room", "room", marks=pytest.mark.xfail(reason="2 of 256 tiles of the reference are off", strict=True)
         ),
     ],
 )
@@ -197,7 +193,7 @@ def test_ignis_scenes_of_mitsuba_2(scene: str, reference: str) -> None:
 
 
 @pytest.mark.slow
-@with_assets
+@needs_assets
 @pytest.mark.parametrize("file", ["mitsuba/scene_v3.xml", "pbrt/scene-v4.pbrt"])
 def test_the_cornell_box_as_tungsten_has_it(file: str) -> None:
     # The mirror's author set 4 scattering events in the pbrt file; the reference has 64
@@ -205,7 +201,7 @@ def test_the_cornell_box_as_tungsten_has_it(file: str) -> None:
     assert np.abs(apart).max() < 3.5
 
 
-@with_assets
+@needs_assets
 def test_the_cornell_box_in_three_formats(device: Device, tmp_path: Path) -> None:
     """The file of 0.6 lost its two-sided surfaces in a mirror; given back, it is the same scene."""
     old = (CORNELL / "mitsuba" / "scene_v06.xml").read_text(encoding="utf-8")
