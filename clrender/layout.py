@@ -473,7 +473,14 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("Z", 6, 3, ""),
         ("COLORS", 12, 1, "bits: of a triangle: the row with the colours of A, B and C; 0: none"),
         ("HOLES", 13, 1, "bits: of a triangle: its row of holes (geometry/find.h)"),
+        ("TANGENTS", 14, 1, "bits: of a triangle: the row with the tangents of A, B and C; 0: none"),
         ("SLOTS", 15, 1, "bits: the row of textures of its material"),
+    ),
+    "TANGENT": (
+        ("A", 0, 3, "unit tangents at the vertices of a triangle: the directions of red in a normal map"),
+        ("B", 3, 3, ""),
+        ("C", 6, 3, ""),
+        ("SIGN", 9, 1, "+1 or -1: green is that times normal x tangent"),
     ),
     "TEXTURE": (
         ("FIRST", 0, 1, "bits: its first tile"),

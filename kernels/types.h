@@ -232,7 +232,13 @@ typedef struct {
 #define ATTRIBUTE_ROW_Z 6
 #define ATTRIBUTE_ROW_COLORS 12         // bits: of a triangle: the row with the colours of A, B and C; 0: none
 #define ATTRIBUTE_ROW_HOLES 13          // bits: of a triangle: its row of holes (geometry/find.h)
+#define ATTRIBUTE_ROW_TANGENTS 14       // bits: of a triangle: the row with the tangents of A, B and C; 0: none
 #define ATTRIBUTE_ROW_SLOTS 15          // bits: the row of textures of its material
+
+#define TANGENT_ROW_A 0                 // unit tangents at the vertices of a triangle: the directions of red in a normal map
+#define TANGENT_ROW_B 3
+#define TANGENT_ROW_C 6
+#define TANGENT_ROW_SIGN 9              // +1 or -1: green is that times normal x tangent
 
 #define TEXTURE_ROW_FIRST 0             // bits: its first tile
 #define TEXTURE_ROW_WIDTH 1             // bits: texels

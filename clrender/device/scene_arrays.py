@@ -107,6 +107,8 @@ class SceneArrays:
         Whether paths keep account of the dielectrics that they are inside of.
     textured : bool
         Whether some shape has textures.
+    tangents : bool
+        Whether some triangle has tangents at its vertices.
     emission_textures : bool
         Whether some shape shines as one.
     page_bits : int or None
@@ -141,6 +143,8 @@ class SceneArrays:
         self.subsurface = scene.subsurface
         self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
         attributes = scene.arrays["attribute_rows"]
+        tangents = dict((name, first) for name, first, _, _ in layout.ROWS["ATTRIBUTE"])["TANGENTS"]
+        self.tangents = bool(attributes[:, tangents].view(np.uint32).any())
         self.textured = len(attributes) > 1 or bool(attributes.any()) or self.emission_textures
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1

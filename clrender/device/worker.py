@@ -236,6 +236,8 @@ class DeviceWorker:
                 defines["HOLES"] = 1
         if self._arrays.textured or self._arrays.masked_tree:
             defines["TEXTURES"] = 1
+            if self._arrays.tangents:
+                defines["TANGENTS"] = 1
             if self._arrays.emission_textures:
                 defines["EMISSION_TEXTURES"] = 1
             if self._arrays.page_bits is not None:

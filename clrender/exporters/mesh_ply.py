@@ -12,7 +12,12 @@ from clrender.scene.mesh_data import MeshData
 __all__ = ["write_ply"]
 
 _CHUNK: Final = 2**16
-_CORNERS: Final = (("texcoord", "uvs", 6), ("texcoord_1", "uvs_1", 6), ("corner_colors", "colors", 9))
+_CORNERS: Final = (
+    ("texcoord", "uvs", 6),
+    ("texcoord_1", "uvs_1", 6),
+    ("corner_colors", "colors", 9),
+    ("corner_tangents", "tangents", 12),
+)
 """Lists of faces, the arrays that they are, and numbers of each triangle."""
 
 

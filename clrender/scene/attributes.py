@@ -1,25 +1,41 @@
-"""Texture coordinates and colours of the primitives of textured shapes: of meshes as their files say, of other shapes their own."""  # noqa: E501
+"""Texture coordinates, colours and tangents of the primitives of textured shapes: of meshes as their files say, of other shapes their own."""  # noqa: E501
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine
 from clrender.scene.materials import material_textures
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
-from clrender.scene.textures import AnyTexture, Checker, ImageTexture, Ramp
+from clrender.scene.textures import AnyTexture, Checker, ImageTexture, NormalMap, Ramp
 from clrender.scene.values import Vector, cross, length
 from clrender.scene.wording import quoted
 
-__all__ = ["add_colors", "corner_uvs", "is_textured", "round_attributes", "triangle_attributes", "triangle_colors"]
+__all__ = [
+    "COLORS",
+    "TANGENTS",
+    "add_corner_rows",
+    "corner_uvs",
+    "has_normal_map",
+    "is_textured",
+    "round_attributes",
+    "triangle_attributes",
+    "triangle_colors",
+    "triangle_tangents",
+]
 
-_COLORS, _SLOTS = 12, 15
+_COLUMNS: Final = {name: first for name, first, _, _ in layout.ROWS["ATTRIBUTE"]}
+COLORS: Final = _COLUMNS["COLORS"]
+TANGENTS: Final = _COLUMNS["TANGENTS"]
+_SLOTS: Final = _COLUMNS["SLOTS"]
 _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
 """Of the faces, in the order of `geometry.polyhedron`: two triangles each."""
 
@@ -27,6 +43,11 @@ _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)
 def is_textured(scene: Scene, shape: Shape) -> bool:
     """Whether a shape shines as a texture, its material has textures, or its vertices have colours."""
     return bool(isinstance(shape, Mesh) and shape.color_key) or any(True for _ in _textures(scene, shape))
+
+
+def has_normal_map(scene: Scene, shape: Shape) -> bool:
+    """Whether tangents of a shape's vertices count."""
+    return any(isinstance(texture, NormalMap) for _, texture in _textures(scene, shape))
 
 
 def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, AnyTexture]]:
@@ -88,21 +109,61 @@ def triangle_colors(mesh: MeshData, kept: NDArray[np.bool_] | None, flipped: boo
     return rows if kept is None else rows[kept]
 
 
-def add_colors(attributes: NDArray[np.float32], colors: Mapping[int, NDArray[np.float32]]) -> NDArray[np.float32]:
-    """The attributes of all primitives with rows of colours behind them, which those of triangles then name.
+def triangle_tangents(
+    tangents: NDArray[np.float32],
+    transform: Affine,
+    kept: NDArray[np.bool_] | None,
+    flipped: bool,
+    turned: NDArray[np.bool_] | None,
+) -> NDArray[np.float32]:
+    """TANGENT_ROW_* of kernels/types.h of the same triangles.
+
+    Parameters
+    ----------
+    tangents : (T, 3, 4) float32
+        Of the mesh.
+    kept, flipped
+        As of `triangle_attributes`.
+    transform : Affine
+        Of the mesh to the world.
+    turned : (kept triangles,) bool, optional
+        Of which the kernels turn the normals round.
+
+    Returns
+    -------
+    (kept triangles, 16) float32
+    """
+    given = tangents if kept is None else tangents[kept]
+    given = given[:, ::-1] if flipped else given
+    rows = np.zeros((len(given), 16), np.float32)
+    placed = np.empty((3 * len(given), 3), np.float32)
+    transform.directions_into(given[:, :, :3].reshape(-1, 3), placed)
+    rows[:, :9] = placed.reshape(-1, 9)
+    w = given[:, :, 3].astype(np.float64)
+    against = ((w[:, 0] + w[:, 1]) + w[:, 2] < 0.0) != flipped
+    rows[:, 9] = np.where(against if turned is None else against != turned, -1.0, 1.0)
+    return rows
+
+
+def add_corner_rows(
+    attributes: NDArray[np.float32], column: int, rows_of: Mapping[int, NDArray[np.float32]]
+) -> NDArray[np.float32]:
+    """The attributes of all primitives with more rows behind them, which those of triangles then name.
 
     Parameters
     ----------
     attributes : (P, 16) float32
-    colors : mapping of int to (n, 16) float32
-        Rows of colours of the triangles from this number on.
+    column : int
+        Of the attributes that has the number of a triangle's further row: `COLORS` or `TANGENTS`.
+    rows_of : mapping of int to (n, 16) float32
+        Rows of the triangles from this number on.
     """
     end = len(attributes)
-    for first, rows in colors.items():
+    for first, rows in rows_of.items():
         numbers = np.arange(end, end + len(rows), dtype=np.uint32)
-        attributes[first : first + len(rows), _COLORS] = numbers.view(np.float32)
+        attributes[first : first + len(rows), column] = numbers.view(np.float32)
         end += len(rows)
-    return np.concatenate([attributes, *colors.values()]) if colors else attributes
+    return np.concatenate([attributes, *rows_of.values()]) if rows_of else attributes
 
 
 def round_attributes(scene: Scene, shape: Sphere | Disk, transform: Affine) -> NDArray[np.float32]:

@@ -83,12 +83,24 @@ class Affine:
 
     def normals_into(self, normals: NDArray[np.floating], out: NDArray[np.float32]) -> None:
         """Transform normals to unit length; zero stays zero. Shapes as in `points_into`."""
+        self._units_into(normals, out, self.covector)
+
+    def directions_into(self, directions: NDArray[np.floating], out: NDArray[np.float32]) -> None:
+        """Transform directions along a surface to unit length; zero stays zero. Shapes as in `points_into`."""
+        size = max(abs(x) for row in self.linear for x in row) or 1.0
+        linear = tuple(tuple(x / size for x in row) for row in self.linear)
+        self._units_into(directions, out, linear)  # type: ignore[arg-type]
+
+    @staticmethod
+    def _units_into(
+        normals: NDArray[np.floating], out: NDArray[np.float32], linear: tuple[Vector, Vector, Vector]
+    ) -> None:
         for start in range(0, len(normals), _CHUNK):
             rows = np.asarray(normals[start : start + _CHUNK], dtype=np.float64)
             size = np.abs(rows).max(axis=1, initial=0.0)
             rows = rows / np.where(size > 0.0, size, 1.0)[:, None]
             carried = np.empty_like(rows)
-            _map_rows(rows, carried, self.covector, (0.0, 0.0, 0.0))
+            _map_rows(rows, carried, linear, (0.0, 0.0, 0.0))
             x, y, z = carried.T
             norm = np.sqrt(x * x + y * y + z * z)
             out[start : start + _CHUNK] = carried / np.where(norm > 0.0, norm, 1.0)[:, None]

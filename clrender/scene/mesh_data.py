@@ -11,10 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TRIANGLE_LIMIT", "MeshData", "crossed_warning", "inline_mesh"]
+__all__ = ["CORNER_ARRAYS", "TRIANGLE_LIMIT", "MeshData", "crossed_warning", "inline_mesh"]
 
 TRIANGLE_LIMIT: Final = 2**27
 """Most vertices, and most triangles, of a mesh and of a scene."""
+CORNER_ARRAYS: Final = ("uvs", "uvs_1", "colors", "tangents")
+"""What a mesh may have of each triangle's corners."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,9 @@ class MeshData:
         Texture coordinates of each triangle's corners, finite; a second set.
     colors : (T, 3, 3) float32, or None
         Colours of each triangle's corners, linear, 0 to 1.
+    tangents : (T, 3, 4) float32, or None
+        Of each triangle's corners, finite: the direction in which u grows on a normal map, of any length, and by its
+        sign whether v grows along normal x tangent (+) or against it (-). Zero where the coordinates are to say it.
     warning : str
         What a user should know of the mesh; mostly empty.
     """
@@ -44,6 +49,7 @@ class MeshData:
     uvs: NDArray[np.float32] | None = None
     uvs_1: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
+    tangents: NDArray[np.float32] | None = None
 
     def sha256(self) -> str:
         """Hash of the arrays (in float64, so that the width in the file does not count)."""
@@ -53,7 +59,8 @@ class MeshData:
     def _sha256(self) -> str:
         digest = hashlib.sha256(f"{self.vertices.shape} {self.triangles.shape} {self.normals is None}".encode())
         arrays = [(self.vertices, "<f8"), (self.normals, "<f8"), (self.triangles, "<u4")]
-        for name, corners in (("uvs", self.uvs), ("uvs_1", self.uvs_1), ("colors", self.colors)):
+        for name in CORNER_ARRAYS:
+            corners = getattr(self, name)
             if corners is not None:
                 digest.update(name.encode())
                 arrays.append((corners, "<f4"))

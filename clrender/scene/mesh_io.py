@@ -103,6 +103,9 @@ def checked_mesh(mesh: MeshData, label: str) -> MeshData:
                 values = ", ".join(f"{x:g}" for x in chunk[row])
                 limit = f"finite and at most {COORDINATE_LIMIT:g} in size"
                 raise SceneError(f"{label}: {what} {start + row} is ({values}), but must be {limit}")
+    if mesh.tangents is not None and not np.isfinite(mesh.tangents).all():
+        row = int(np.argmax(~np.isfinite(mesh.tangents).all(axis=(1, 2))))
+        raise SceneError(f"{label}: triangle {row} has a tangent that is not finite; export it again")
     if mesh.uvs is not None:
         for start in range(0, len(mesh.uvs), 2**20):
             chunk = mesh.uvs[start : start + 2**20]

@@ -26,9 +26,9 @@ _UVS: Final = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 """Names that programs give to texture coordinates."""
 _NORMAL: Final = ("nx", "ny", "nz")
 _COLOR: Final = ("red", "green", "blue")
-_CORNERS: Final = {"texcoord": 2, "texcoord_1": 2, "corner_colors": 3}
+_CORNERS: Final = {"texcoord": 2, "texcoord_1": 2, "corner_colors": 3, "corner_tangents": 4}
 """Lists of numbers of the corners of a face, and how many each corner has. The first is MeshLab's; the others are ours:
-a second set of texture coordinates, and linear colours."""
+a second set of texture coordinates, linear colours, and tangents of normal maps with their handedness."""
 READ_OF_VERTICES: Final = frozenset(("x", "y", "z", *_NORMAL, *_COLOR, *(name for pair in _UVS for name in pair)))
 """Properties of vertices that a mesh may be made of."""
 READ_OF_FACES: Final = frozenset(("vertex_indices", "vertex_index", *_CORNERS))
@@ -139,19 +139,20 @@ def _mesh(
     normals = None if normals is None else np.ascontiguousarray(normals)
     with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
         by_name = {"texcoord": None if uvs is None else uvs.astype(np.float32)[corners]}
-    by_name |= {"texcoord_1": None, "corner_colors": None if colors is None else colors[corners]}
+    shades = None if colors is None else colors[corners]
+    by_name |= {"texcoord_1": None, "corner_colors": shades, "corner_tangents": None}
     warnings = [crossed_warning(crossed)]
     for name, (entries, counts) in of_corners.items():
         found, warning = _corner_table(name, entries, counts, sizes, label)
         warnings.append(warning)
         by_name[name] = by_name[name] if found is None else found
     faces = corners.reshape(-1, 3) if places is None else corners[places]
-    first, second, shades = (
+    of_triangles = (
         None if each is None else each.reshape(-1, 3, each.shape[1]) if places is None else each[places]
         for each in by_name.values()
     )
     text = "; ".join(each for each in warnings if each)
-    return MeshData(vertices, faces.astype(np.uint32), normals, text, first, second, shades)
+    return MeshData(vertices, faces.astype(np.uint32), normals, text, *of_triangles)
 
 
 def _corner_table(

@@ -15,7 +15,7 @@ from clrender.errors import SceneError
 from clrender.scene.description import Scene, put_at
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.ies import IesProfile
-from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_data import CORNER_ARRAYS, MeshData
 from clrender.scene.shapes import Mesh
 from clrender.scene.texels import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
 from clrender.scene.validation_errors import scene_error
@@ -115,7 +115,7 @@ def _packed(mesh: MeshData) -> bytes:
     arrays = {"vertices": mesh.vertices, "triangles": mesh.triangles}
     if mesh.normals is not None:
         arrays["normals"] = mesh.normals
-    for name in ("uvs", "uvs_1", "colors"):
+    for name in CORNER_ARRAYS:
         if getattr(mesh, name) is not None:
             arrays[name] = getattr(mesh, name)
     return _zipped(**arrays)
@@ -135,7 +135,7 @@ def _hash_in(name: str, place: str) -> str:
 
 def _unpacked(sha256: str, assets: Mapping[str, bytes], place: str) -> MeshData:
     def mesh(archive: Any) -> MeshData:
-        more = (archive.get(name) for name in ("uvs", "uvs_1", "colors"))
+        more = (archive.get(name) for name in CORNER_ARRAYS)
         return MeshData(archive["vertices"], archive["triangles"], archive.get("normals"), "", *more)
 
     return _asset(sha256, assets, place, mesh)

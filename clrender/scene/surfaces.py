@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.scene.attributes import (
-    add_colors,
+    COLORS,
+    TANGENTS,
+    add_corner_rows,
+    has_normal_map,
     is_textured,
     round_attributes,
     triangle_attributes,
     triangle_colors,
+    triangle_tangents,
 )
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine, affine, polyhedron
@@ -106,6 +110,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     textured = [is_textured(scene, shape) for shape in scene.shapes]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
     colors: dict[int, NDArray[np.float32]] = {}
+    tangents: dict[int, NDArray[np.float32]] = {}
     shapes["flags"][textured] = layout.SHAPE_TEXTURED
     masked = [shape.material is not None and scene.materials[shape.material].masked for shape in scene.shapes]
     shapes["flags"][masked] |= np.uint32(layout.SHAPE_MASKED)
@@ -120,8 +125,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
         sound = _sound(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
         kept = len(there) if sound is None else int(np.count_nonzero(sound))
+        flipped = shape.flip_normals != (transform.determinant < 0.0)
+        turned: NDArray[np.bool_] | None = None
         if textured[index]:
-            flipped = shape.flip_normals != (transform.determinant < 0.0)
             attributes[t : t + kept] = triangle_attributes(scene, index, mesh, sound, flipped)
             if (colored := triangle_colors(mesh, sound, flipped)) is not None:
                 colors[t] = colored
@@ -129,17 +135,23 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
             shapes["flags"][index] |= layout.SHAPE_SMOOTH
             some = normals[v : v + len(here)]
             _place_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
-            if turned := _turned_away(here, there[:kept], some):
-                text = (
-                    f"{place}: the normals of {turned} of {kept} triangles point to their backs and were turned round"
+            turned = _turned_away(here, there[:kept], some)
+            if count_turned := int(np.count_nonzero(turned)):
+                text = f"{place}: the normals of {count_turned} of {kept} triangles point to their backs and were"
+                warnings.append(
+                    f"{text} turned round: seen from its front, the vertices of a triangle run anticlockwise"
                 )
-                warnings.append(f"{text}: seen from its front, the vertices of a triangle run anticlockwise")
+        if textured[index] and mesh.tangents is not None and has_normal_map(scene, shape):
+            tangents[t] = triangle_tangents(mesh.tangents, transform, sound, flipped, turned)
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
     analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t, no_boundary)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
+    if any(textured):
+        attributes = add_corner_rows(np.concatenate([attributes[:t], of_round]), COLORS, colors)
+        attributes = add_corner_rows(attributes, TANGENTS, tangents)
     return FlatSurfaces(
         vertices=vertices,
         normals=normals,
@@ -151,7 +163,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         count=count,
         warnings=tuple(warnings),
         origin=origin,
-        attributes=add_colors(np.concatenate([attributes[:t], of_round]), colors) if any(textured) else attributes,
+        attributes=attributes,
     )
 
 
@@ -275,14 +287,16 @@ def _place_normals(
     normals[blank] = (total / size[:, None])[blank]
 
 
-def _turned_away(vertices: NDArray[np.float32], triangles: NDArray[np.uint32], normals: NDArray[np.float32]) -> int:
-    """How many triangles have vertex normals that point to their back; kernels/geometry/rows.cl turns these round."""
-    total = 0
+def _turned_away(
+    vertices: NDArray[np.float32], triangles: NDArray[np.uint32], normals: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Which triangles have vertex normals that point to their back; kernels/geometry/rows.cl turns these round."""
+    turned = np.empty(len(triangles), bool)
     for start in range(0, len(triangles), _CHUNK):
         some = triangles[start : start + _CHUNK]
         x, y, z = (_normals_of(vertices, some, np.float32) * normals[some].sum(axis=1)).T
-        total += int(np.count_nonzero(x + y + z < 0.0))
-    return total
+        turned[start : start + _CHUNK] = x + y + z < 0.0
+    return turned
 
 
 def _analytic_rows(

@@ -9,6 +9,23 @@
 // Of a map whose red and green differ from their middle by less, the normal stays what it is, to the bit.
 #define NORMAL_MAP_FLAT 4.0e-6f
 
+#ifdef TANGENTS
+// Tangents of the vertices, interpolated, where the triangle has any; else the directions stay those of the texture coordinates.
+static void normal_map_tangents(const Scene* scene, const Attributes* a, vmask has, vec3 normal, vec3* along_u, vec3* along_v) {
+    const vuint row = vfloat_bits(a->row[ATTRIBUTE_ROW_TANGENTS]);
+    const vmask given = has & (row != 0u);
+    if (!lane_any(given)) return;
+    vfloat corners[16];
+    lane_rows(scene->attribute_rows, given ? row : splat_uint(0u), corners);
+    const vfloat weight_a = splat(1.0f) - a->weight_b - a->weight_c;
+    const vec3 at_a = scale(vec3_row(corners, TANGENT_ROW_A), weight_a), at_b = vec3_row(corners, TANGENT_ROW_B);
+    const vec3 tangent = along(along(at_a, at_b, a->weight_b), vec3_row(corners, TANGENT_ROW_C), a->weight_c);
+    const vmask sound = given & (inner(tangent, tangent) > 1.0e-12f);
+    *along_u = choose(sound, tangent, *along_u);
+    *along_v = choose(sound, scale(outer(normal, tangent), corners[TANGENT_ROW_SIGN]), *along_v);
+}
+#endif
+
 // The normal that a normal map shows, around `normal`: red along u, green along v, blue outward.
 static vec3 normal_map_normal(const Scene* scene, const Attributes* a, vuint texture, vmask has, vec3 normal, vmask* tilted) {
     const Texture t = texture_at(scene, has ? texture : splat_uint(0u));
@@ -20,6 +37,9 @@ static vec3 normal_map_normal(const Scene* scene, const Attributes* a, vuint tex
     *tilted = has & ((absolute(red) > NORMAL_MAP_FLAT) | (absolute(green) > NORMAL_MAP_FLAT));
     vec3 along_u, along_v;
     mapping_tangents(a, (t.format >> 14) & 1u, &along_u, &along_v);
+#ifdef TANGENTS
+    normal_map_tangents(scene, a, has, normal, &along_u, &along_v);
+#endif
     const vec3 level = sub(along_u, scale(normal, inner(along_u, normal)));
     const vmask sound = (inner(level, level) > 0.0f) & (inner(along_u, along_u) > 0.0f);
     const vec3 tangent = choose(sound, unit(level), frame_around(normal).tangent);

@@ -232,6 +232,46 @@ def test_a_normal_map_turns_the_normal_as_geometry_does(device: Device, tmp_path
     assert found[0] == pytest.approx(found[1], rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("tangent", "texel", "scale"),
+    [
+        (None, (0, 1), (1, 1)),
+        # Red upwards, so green, normal x tangent times w, to the left or to the right
+        ((0, 1, 0, 1), (1, 0), (1, 1)),
+        ((0, 1, 0, -1), (1, 0), (1, 1)),
+        ((1, 0, 0, 1), (0, 1), (1, 1)),
+        ((1, 0, 0, -1), (0, -1), (1, 1)),
+        # Mirrored nodes mirror what is on them
+        ((1, 0, 0, 1), (0, 1), (-1, 1)),
+        ((1, 0, 0, 1), (0, -1), (1, -1)),
+        ((0, 1, 0, 1), (-1, 0), (1, -1)),
+        (None, (0, -1), (1, -1)),
+    ],
+)
+def test_tangents_say_which_way_a_normal_map_leans(
+    device: Device,
+    tmp_path: Path,
+    tangent: tuple[int, ...] | None,
+    texel: tuple[int, int],
+    scale: tuple[int, int],
+) -> None:
+    """However tangents lie, the surface leans up by 30 degrees, and light from 45 degrees above meets it at 15."""
+    model = Model()
+    model.extend("KHR_lights_punctual", "KHR_materials_specular")
+    model.root["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 683.0}]}}
+    half = -math.radians(45.0) / 2.0
+    model.node(rotation=[math.sin(half), 0, 0, math.cos(half)], extensions={"KHR_lights_punctual": {"light": 0}})
+    red, green = (round(127.5 + 127.5 * math.sin(math.radians(30.0)) * share) for share in texel)
+    texture = model.texture([[(red, green, round(127.5 + 127.5 * math.cos(math.radians(30.0))))]])
+    rough = {"pbrMetallicRoughness": {"metallicFactor": 0.0}, "normalTexture": {"index": texture}}
+    plain = {"extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
+    more = {} if tangent is None else {"TANGENT": [tangent] * 4}
+    mesh = model.quad(model.add("materials", {**rough, **plain}), NORMAL=[(0, 0, 1)] * 4, **more)
+    model.node(mesh=mesh, scale=[9 * scale[0], 9 * scale[1], 9])
+    found = float(seen(tmp_path, device, model, spp=4).mean())
+    assert found == pytest.approx(math.cos(math.radians(15.0)) / math.pi, rel=0.01)
+
+
 # --- models of the Khronos Group that say by themselves what is right ------------------------------------------------
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,30 @@ from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import Matrix, from_columns, product
 
-__all__ = ["joint_transforms", "morphed", "skinned"]
+__all__ = ["Surface", "joint_transforms", "morphed", "skinned"]
 
 _Points = NDArray[np.float32]
 
 
-def morphed(
-    accessors: Accessors, primitive: dict[str, Any], weights: list[float], positions: _Points, normals: _Points | None
-) -> tuple[_Points, _Points | None]:
-    """Positions and normals with the morph targets of a primitive added.
+@dataclass(frozen=True)
+class Surface:
+    """What of a primitive's vertices moves.
+
+    Attributes
+    ----------
+    positions : (V, 3) float32
+    normals : (V, 3) float32, or None
+    tangents : (V, 4) float32, or None
+        Direction and handedness.
+    """
+
+    positions: _Points
+    normals: _Points | None = None
+    tangents: _Points | None = None
+
+
+def morphed(accessors: Accessors, primitive: dict[str, Any], weights: list[float], surface: Surface) -> Surface:
+    """A surface with the morph targets of its primitive added.
 
     Parameters
     ----------
@@ -27,8 +43,9 @@ def morphed(
     primitive : dict
     weights : list of float
         Of its targets; those that are missing are 0.
-    positions, normals : (V, 3) float32
+    surface : Surface
     """
+    positions, normals, tangents = surface.positions, surface.normals, surface.tangents
     for target, weight in zip(primitive.get("targets", []), weights, strict=False):
         if weight == 0.0:
             continue
@@ -36,7 +53,10 @@ def morphed(
             positions = positions + np.float32(weight) * accessors.floats(target["POSITION"])
         if "NORMAL" in target and normals is not None:
             normals = normals + np.float32(weight) * accessors.floats(target["NORMAL"])
-    return positions, normals
+        if "TANGENT" in target and tangents is not None:
+            moved = tangents[:, :3] + np.float32(weight) * accessors.floats(target["TANGENT"])
+            tangents = np.concatenate([moved, tangents[:, 3:]], axis=1)
+    return Surface(positions, normals, tangents)
 
 
 def joint_transforms(document: Document, accessors: Accessors, index: int, world: list[Matrix]) -> list[Matrix]:
@@ -68,10 +88,9 @@ def skinned(
     primitive: dict[str, Any],
     at: str,
     joints: list[Matrix],
-    positions: _Points,
-    normals: _Points | None,
-) -> tuple[_Points, _Points | None]:
-    """Positions and normals in world space, each carried by the weighted sum of its joints' transforms.
+    surface: Surface,
+) -> Surface:
+    """A surface in world space, each vertex carried by the weighted sum of its joints' transforms.
 
     Parameters
     ----------
@@ -80,13 +99,14 @@ def skinned(
         JSON pointer of the primitive.
     joints : list of Matrix
         As of `joint_transforms`.
-    positions, normals : (V, 3) float32
+    surface : Surface
 
     Raises
     ------
     SceneError
         Vertices name joints that the skin does not have.
     """
+    positions, normals, tangents = surface.positions, surface.normals, surface.tangents
     table = np.array(joints)[:, :3]
     blended = np.zeros((len(positions), 3, 4))
     total = np.zeros(len(positions))
@@ -116,10 +136,15 @@ def skinned(
     blended /= np.where(np.abs(total) > 1e-6, total, 1.0)[:, None, None]
     linear, offset = blended[:, :, :3], blended[:, :, 3]
     placed = (linear * positions[:, None, :]).sum(axis=2) + offset
+    if tangents is not None:
+        carried = (linear * tangents[:, None, :3]).sum(axis=2)
+        tangents = np.concatenate([carried, tangents[:, 3:]], axis=1, dtype=np.float32)
     if normals is not None:
         # Cofactors carry normals as the inverse transpose does; a mirror turns them round
         a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
         cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
         sign = np.sign((a * cofactors[:, 0]).sum(axis=1))[:, None]
         normals = (sign * (cofactors * normals[:, None, :]).sum(axis=2)).astype(np.float32)
-    return placed.astype(np.float32), normals
+        if tangents is not None:
+            tangents[:, 3:] *= np.where(sign < 0.0, np.float32(-1.0), np.float32(1.0))
+    return Surface(placed.astype(np.float32), normals, tangents)

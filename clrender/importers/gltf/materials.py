@@ -29,6 +29,8 @@ class Used:
         In the draft.
     uv_sets : frozenset of int
         Texture coordinates that its textures need.
+    normal_uv_set : int or None
+        Those of its normal map; None: it has none.
     colored : bool
         Whether colours of vertices multiply its colour.
     transparent : bool
@@ -39,6 +41,7 @@ class Used:
 
     name: str
     uv_sets: frozenset[int]
+    normal_uv_set: int | None
     colored: bool
     transparent: bool
     place: str
@@ -90,7 +93,8 @@ class Materials:
         sets = frozenset(value.get("uv_set", 0) for value in used)
         unlit = self._document.extension(source, "KHR_materials_unlit") is not None
         transparent = source.get("alphaMode", "OPAQUE") != "OPAQUE"
-        return Used(name, sets, not unlit, transparent, at)
+        normal_set = made["normal_map"].get("uv_set", 0) if "normal_map" in made else None
+        return Used(name, sets, normal_set, not unlit, transparent, at)
 
 
 def _variant_number(document: Document, variant: str | None) -> int | None:

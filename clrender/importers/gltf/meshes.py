@@ -1,18 +1,19 @@
-"""Primitives of meshes as triangles: lists, strips and fans, with normals, texture coordinates and colours."""
+"""Primitives of meshes as triangles: lists, strips and fans, with normals, tangents, texture coordinates and colours."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.importers.gltf.accessors import Accessors
-from clrender.importers.gltf.deform import morphed, skinned
+from clrender.importers.gltf.deform import Surface, morphed, skinned
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.materials import Materials, Used
 from clrender.importers.gltf.matrices import Matrix
+from clrender.importers.shared.tangents import mikktspace
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.mesh_io import UV_LIMIT
 from clrender.scene.surfaces import SMALLEST
@@ -21,7 +22,9 @@ from clrender.scene.values import COORDINATE_LIMIT
 __all__ = ["Meshes", "Part"]
 
 _MODES: Final = ("points", "lines", "lines", "lines", "triangles", "a strip", "a fan")
-_TYPES: Final = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "COLOR_0": ("VEC3", "VEC4")}
+_TYPES: Final = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "TANGENT": ("VEC4",), "COLOR_0": ("VEC3", "VEC4")}
+_TARGET_TYPES: Final = {**_TYPES, "TANGENT": ("VEC3",)}
+"""Of morph targets, which do not change how a tangent is turned."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +106,11 @@ class Meshes:
             return None
         self._check(primitive, at)
         positions = self._accessors.floats(primitive["attributes"]["POSITION"])
-        normals = self._attribute(primitive, "NORMAL")
-        positions, normals = morphed(self._accessors, primitive, weights, positions, normals)
+        given = Surface(positions, self._attribute(primitive, "NORMAL"), self._tangents(primitive, at))
+        surface = morphed(self._accessors, primitive, weights, given)
         if joints is not None:
-            positions, normals = skinned(self._document, self._accessors, primitive, at, joints, positions, normals)
+            surface = skinned(self._document, self._accessors, primitive, at, joints, surface)
+        positions = surface.positions
         if not np.abs(positions).max() <= COORDINATE_LIMIT:
             raise self._document.fault(
                 f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller"
@@ -118,27 +122,47 @@ class Meshes:
         material = self._materials.of(primitive)
         colors = self._colors(primitive, material, triangles, at)
         first, second = (self._uvs(primitive, number, material, triangles, at) for number in (0, 1))
-        mesh = MeshData(positions, triangles, normals, "", first, second, colors)
-        self._document.draft.meshes[name] = mesh
-        if (
-            "normal_map" in self._document.draft.description["materials"][material.name]
-            and "TANGENT" in primitive["attributes"]
-        ):
-            self._document.note(
-                "tangents of vertices are not read: those of normal maps follow from texture coordinates"
-            )
+        mesh = MeshData(positions, triangles, surface.normals, "", first, second, colors)
+        tangents = self._corner_tangents(primitive, material, surface, triangles)
+        self._document.draft.meshes[name] = replace(mesh, tangents=tangents)
         return Part(name, material, colors is not None)
+
+    def _tangents(self, primitive: dict[str, Any], at: str) -> NDArray[np.float32] | None:
+        """Tangents of vertices with their handedness, which count beside normals only."""
+        tangents = self._attribute(primitive, "TANGENT")
+        if tangents is None or "NORMAL" not in primitive["attributes"]:
+            return None
+        if (np.abs(tangents[:, 3]) != 1.0).any():
+            self._document.note(f"{at}/attributes/TANGENT has a w that is neither 1 nor -1; its sign counts")
+        return tangents
+
+    def _corner_tangents(
+        self, primitive: dict[str, Any], material: Used, surface: Surface, triangles: NDArray[np.uint32]
+    ) -> NDArray[np.float32] | None:
+        """Tangents of corners where a normal map needs them: the file's, or else those of MikkTSpace.
+
+        Without normals triangles are flat, and have the directions of their texture coordinates.
+        """
+        if material.normal_uv_set is None or surface.normals is None:
+            return None
+        if surface.tangents is not None:
+            return surface.tangents[triangles]
+        uvs = self._attribute(primitive, f"TEXCOORD_{material.normal_uv_set}")
+        if uvs is None:
+            return None
+        upward = np.stack([uvs[:, 0], np.float32(1.0) - uvs[:, 1]], axis=1)
+        return mikktspace(surface.positions, surface.normals, upward, triangles)
 
     def _check(self, primitive: dict[str, Any], at: str) -> None:
         """Attributes are of their types, and as many as there are vertices."""
         accessors = self._document.items("accessors")
         count = accessors[primitive["attributes"]["POSITION"]]["count"]
-        groups = [(primitive["attributes"], f"{at}/attributes")]
-        groups += [(each, f"{at}/targets/{i}") for i, each in enumerate(primitive.get("targets", []))]
-        for attributes, place in groups:
+        groups = [(primitive["attributes"], f"{at}/attributes", _TYPES)]
+        groups += [(each, f"{at}/targets/{i}", _TARGET_TYPES) for i, each in enumerate(primitive.get("targets", []))]
+        for attributes, place, types in groups:
             for key, number in attributes.items():
                 kind = accessors[number].get("type")
-                wanted = _TYPES.get(key) or (("VEC2",) if key.startswith("TEXCOORD_") else None)
+                wanted = types.get(key) or (("VEC2",) if key.startswith("TEXCOORD_") else None)
                 if wanted and kind not in wanted:
                     raise self._document.fault(
                         f"{place}/{key}", f"is of type {kind}, but must be {' or '.join(wanted)}"

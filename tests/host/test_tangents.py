@@ -1,0 +1,182 @@
+"""Tangents of normal maps: by the method of MikkTSpace, as a glTF file gives them, and on their way to the kernels."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from gltf_files import QUAD, Model
+
+import clrender
+from clrender.errors import SceneError
+from clrender.exporters.mesh_ply import write_ply
+from clrender.importers.shared.tangents import mikktspace
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_io import read_mesh
+from clrender.scene.surfaces import flat_surfaces
+
+UP = (0.0, 0.0, 1.0)
+
+
+def tangents(positions: Any, uvs: Any, triangles: Any, normals: Any = None) -> npt.NDArray[np.float32]:
+    normals = [UP] * len(positions) if normals is None else normals
+    arrays = (np.array(each, np.float32) for each in (positions, normals, uvs))
+    return mikktspace(*arrays, np.array(triangles, np.uint32))
+
+
+def test_a_flat_picture_has_one_direction_and_a_mirrored_one_another_sign() -> None:
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    found = tangents(square, [(0, 0), (1, 0), (1, 1), (0, 1)], [(0, 1, 2), (0, 2, 3)])
+    np.testing.assert_allclose(found, np.broadcast_to([1, 0, 0, 1], (2, 3, 4)), atol=1e-7)
+    found = tangents(square, [(1, 0), (0, 0), (0, 1), (1, 1)], [(0, 1, 2), (0, 2, 3)])
+    np.testing.assert_allclose(found, np.broadcast_to([-1, 0, 0, -1], (2, 3, 4)), atol=1e-7)
+
+
+def test_directions_around_a_vertex_count_by_their_angles() -> None:
+    """Two triangles of 90 and 45 degrees at the origin; u grows to the right on the first, up to the left on the second.
+
+    Corners are drawn in the plane, so no projection comes into it.
+    """
+    places = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (-1, 1, 0)]
+    # On the second triangle u = x + y and v = y - 2 x, which agree with u = x, v = y on the edge at x = 0 but for v: weld
+    # only what is the same there, position, normal and coordinates, at the vertices 0 and 2
+    uvs = [(0, 0), (1, 0), (0, 1), (-2.0, 1.5)]
+    found = tangents(places, uvs, [(0, 1, 2), (0, 2, 3)])
+    b, c = np.array(places[2][:2], float), np.array(places[3][:2], float)
+    (u1, v1), (u2, v2) = uvs[2], uvs[3]
+    second = (v2 * b - v1 * c) * np.sign(u1 * v2 - u2 * v1)
+    second /= np.hypot(*second)
+    expected = math.radians(90.0) * np.array([1.0, 0.0]) + math.radians(45.0) * second
+    expected /= np.hypot(*expected)
+    np.testing.assert_allclose(found[0, 0, :2], expected, atol=1e-6)
+    np.testing.assert_array_equal(found[0, 0], found[1, 0])
+    np.testing.assert_allclose(found[0, 1, :2], (1.0, 0.0), atol=1e-6)  # only the first has that vertex
+    at_the_end = math.radians(45.0) * np.array([1.0, 0.0]) + math.radians(90.0) * second
+    np.testing.assert_allclose(found[0, 2, :2], at_the_end / np.hypot(*at_the_end), atol=1e-6)
+
+
+def test_fans_end_where_pictures_are_mirrored_where_coordinates_differ_and_where_only_a_vertex_is_shared() -> None:
+    bow = [(0, 0, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0), (-1, -1, 0)]
+    uvs = [(0, 0), (1, -1), (1, 1), (0, 2), (-2, 0)]  # both the right way round, u in other directions
+    first, second = tangents(bow, uvs, [(0, 1, 2), (0, 3, 4)])
+    assert not np.allclose(first[0], second[0], atol=0.1)
+    folded = tangents(
+        [(0, 0, 0), (0, 1, 0), (-1, 0.5, 0), (1, 0, 0)], [(0, 0), (0, 1), (1, 0.5), (1, 0)], [(0, 1, 2), (0, 3, 1)]
+    )
+    np.testing.assert_allclose(folded[:, 0, 3], (-1, 1))
+    np.testing.assert_allclose(folded[1, 0], (1, 0, 0, 1), atol=1e-7)
+    np.testing.assert_allclose(folded[0, 0], (-1, 0, 0, -1), atol=1e-7)
+
+
+def test_vertices_split_without_need_are_one() -> None:
+    """A cylinder whose triangles share no vertices has the tangents of one whose triangles do."""
+    around, up = np.meshgrid(np.linspace(0.0, math.pi, 9), np.linspace(0.0, 2.0, 4), indexing="ij")
+    normals = np.stack([np.cos(around), np.zeros_like(up), np.sin(around)], -1).reshape(-1, 3).astype(np.float32)
+    places = normals + np.stack([0 * up, up, 0 * up], -1).reshape(-1, 3).astype(np.float32)
+    uvs = np.stack([1.0 - around / math.pi + 0.1 * up, up], -1).reshape(-1, 2).astype(np.float32)
+    a = (np.arange(8)[:, None] * 4 + np.arange(3)).ravel()
+    corners = np.concatenate([np.stack([a, a + 1, a + 5], 1), np.stack([a, a + 5, a + 4], 1)]).astype(np.uint32)
+    shared = mikktspace(places, normals, uvs, corners)
+    split = mikktspace(*(each[corners.ravel()] for each in (places, normals, uvs)), np.arange(48 * 3).reshape(-1, 3))
+    np.testing.assert_array_equal(shared, split)
+    np.testing.assert_allclose((shared[..., :3] * normals[corners]).sum(-1), 0.0, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(shared[..., :3], axis=-1), 1.0, atol=1e-6)
+
+
+def test_triangles_without_a_direction_take_that_of_their_neighbours() -> None:
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    found = tangents(square, [(0, 0), (1, 0), (1, 1), (1, 1)], [(0, 1, 2), (0, 2, 3)])
+    np.testing.assert_allclose(found[1, :2], [(1, 0, 0, 1)] * 2, atol=1e-7)
+    np.testing.assert_array_equal(found[1, 2, :3], 0.0)
+    assert not tangents(square, [(0, 0)] * 4, [(0, 1, 2), (0, 2, 3)])[..., :3].any()
+
+
+def mapped(model: Model, **attributes: Any) -> int:
+    """A quad with normals and a normal map."""
+    texture = model.texture([[[128, 128, 255]]])
+    material = model.add("materials", {"normalTexture": {"index": texture}})
+    return model.quad(material, NORMAL=[UP] * 4, **attributes)
+
+
+def rows(scene: clrender.scene.Scene) -> npt.NDArray[np.float32]:
+    """TANGENT_ROW_* of all triangles."""
+    attributes = flat_surfaces(scene).attributes
+    return attributes[attributes[:2, 14].view(np.uint32)][:, :10]
+
+
+def test_tangents_of_a_file_reach_the_kernels_and_a_mirror_turns_their_sign(tmp_path: Path) -> None:
+    model = Model()
+    mesh = mapped(model, TANGENT=[(0, 1, 0, -1), (0, 1, 0, -1), (1, 0, 0, -1), (0, 1, 0, -1)])
+    model.node(mesh=mesh, scale=[2, 3, 1])
+    scene = clrender.load(model.write(tmp_path / "m.glb"))
+    assert not any("tangent" in note.rpartition("m.glb: ")[2].lower() for note in scene.notes)
+    np.testing.assert_allclose(rows(scene)[0], (0, 1, 0, 0, 1, 0, 1, 0, 0, -1), atol=1e-7)
+    model.root["nodes"][0]["scale"] = [-2, 3, 1]
+    mirrored = rows(clrender.load(model.write(tmp_path / "m.glb")))
+    np.testing.assert_allclose(mirrored[0], (-1, 0, 0, 0, 1, 0, 0, 1, 0, 1), atol=1e-7)
+
+
+def test_without_tangents_a_normal_map_gets_them_and_nothing_else_does(tmp_path: Path) -> None:
+    model = Model()
+    model.node(mesh=mapped(model))
+    scene = clrender.load(model.write(tmp_path / "m.glb"))
+    np.testing.assert_allclose(rows(scene), [(1, 0, 0) * 3 + (1,)] * 2, atol=1e-7)
+    del model.root["materials"][0]["normalTexture"]
+    assert clrender.load(model.write(tmp_path / "m.glb")).mesh(0).tangents is None
+    model = Model()
+    texture = model.texture([[[128, 128, 255]]])
+    flat = model.quad(model.add("materials", {"normalTexture": {"index": texture}}), TANGENT=[(0, 1, 0, 1)] * 4)
+    model.node(mesh=flat)  # without normals they are to be ignored
+    scene = clrender.load(model.write(tmp_path / "m.glb"))
+    assert scene.mesh(0).tangents is None and not flat_surfaces(scene).attributes[:, 14].any()
+
+
+def test_tangents_move_with_morph_targets_and_skins(tmp_path: Path) -> None:
+    model = Model()
+    mesh = mapped(model, TANGENT=[(1, 0, 0, 1)] * 4, WEIGHTS_0=[(1, 0, 0, 0)] * 4)
+    primitive = model.root["meshes"][mesh]["primitives"][0]
+    primitive["targets"] = [{"TANGENT": model.accessor([(-1, 1, 0)] * 4), "POSITION": model.accessor([(0, 0, 0)] * 4)}]
+    node = model.node(mesh=mesh, weights=[1.0])
+    scene = clrender.load(model.write(tmp_path / "m.glb"))
+    np.testing.assert_allclose(rows(scene)[0], (0, 1, 0) * 3 + (1,), atol=1e-7)
+    primitive["attributes"]["JOINTS_0"] = model.accessor(np.zeros((4, 4)), "uint8")
+    half = math.sqrt(0.5)
+    model.root["nodes"][node]["skin"] = model.add("skins", {"joints": [model.node(rotation=[0, 0, half, half])]})
+    scene = clrender.load(model.write(tmp_path / "m.glb"))
+    np.testing.assert_allclose(rows(scene)[0], (-1, 0, 0) * 3 + (1,), atol=1e-6)
+    model.root["nodes"][1]["scale"] = [1, -1, 1]
+    scene = clrender.load(model.write(tmp_path / "m.glb"))
+    # Mirrored, its triangles run the other way round: the normal is turned to -z there, and -z x (1, 0, 0) is down, as
+    # the mirrored bitangent is
+    np.testing.assert_allclose(rows(scene)[0], (1, 0, 0) * 3 + (1,), atol=1e-6)
+
+
+def test_unsound_tangents(tmp_path: Path) -> None:
+    model = Model()
+    model.node(mesh=mapped(model, TANGENT=[(1, 0, 0, 0.5)] * 4))
+    assert any(
+        "TANGENT has a w that is neither 1 nor -1" in n for n in clrender.load(model.write(tmp_path / "m.glb")).notes
+    )
+    model = Model()
+    model.node(mesh=mapped(model, TANGENT=[(1, 0, 0)] * 4))
+    with pytest.raises(SceneError, match="/meshes/0/primitives/0/attributes/TANGENT is of type VEC3, but must be VEC4"):
+        clrender.load(model.write(tmp_path / "m.glb"))
+
+
+def test_mesh_files_keep_them(tmp_path: Path) -> None:
+    given = np.arange(24, dtype=np.float32).reshape(2, 3, 4)
+    corners = np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
+    mesh = MeshData(np.array(QUAD, np.float32), corners, tangents=given)
+    assert mesh.sha256() != MeshData(mesh.vertices, corners).sha256()
+    with (tmp_path / "a.ply").open("wb") as file:
+        write_ply(file, mesh)
+    assert read_mesh("a.ply", tmp_path, (), "test").sha256() == mesh.sha256()
+    given[1, 2, 0] = np.inf
+    with (tmp_path / "a.ply").open("wb") as file:
+        write_ply(file, mesh)
+    with pytest.raises(SceneError, match=r"a\.ply.*triangle 1 has a tangent that is not finite"):
+        read_mesh("a.ply", tmp_path, (), "test")
