@@ -143,7 +143,7 @@ class SceneArrays:
         self.subsurface = scene.subsurface
         self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
         attributes = scene.arrays["attribute_rows"]
-        tangents = dict((name, first) for name, first, _, _ in layout.ROWS["ATTRIBUTE"])["TANGENTS"]
+        tangents = {name: first for name, first, _, _ in layout.ROWS["ATTRIBUTE"]}["TANGENTS"]
         self.tangents = bool(attributes[:, tangents].view(np.uint32).any())
         self.textured = len(attributes) > 1 or bool(attributes.any()) or self.emission_textures
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])

@@ -24,8 +24,8 @@ UP = (0.0, 0.0, 1.0)
 
 def tangents(positions: Any, uvs: Any, triangles: Any, normals: Any = None) -> npt.NDArray[np.float32]:
     normals = [UP] * len(positions) if normals is None else normals
-    arrays = (np.array(each, np.float32) for each in (positions, normals, uvs))
-    return mikktspace(*arrays, np.array(triangles, np.uint32))
+    places, around, flat = (np.array(each, np.float32) for each in (positions, normals, uvs))
+    return mikktspace(places, around, flat, np.array(triangles, np.uint32))
 
 
 def test_a_flat_picture_has_one_direction_and_a_mirrored_one_another_sign() -> None:
@@ -37,13 +37,8 @@ def test_a_flat_picture_has_one_direction_and_a_mirrored_one_another_sign() -> N
 
 
 def test_directions_around_a_vertex_count_by_their_angles() -> None:
-    """Two triangles of 90 and 45 degrees at the origin; u grows to the right on the first, up to the left on the second.
-
-    Corners are drawn in the plane, so no projection comes into it.
-    """
+    """Two triangles in a plane, of 90 and 45 degrees at the origin; u grows to the right on the first."""
     places = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (-1, 1, 0)]
-    # On the second triangle u = x + y and v = y - 2 x, which agree with u = x, v = y on the edge at x = 0 but for v: weld
-    # only what is the same there, position, normal and coordinates, at the vertices 0 and 2
     uvs = [(0, 0), (1, 0), (0, 1), (-2.0, 1.5)]
     found = tangents(places, uvs, [(0, 1, 2), (0, 2, 3)])
     b, c = np.array(places[2][:2], float), np.array(places[3][:2], float)
@@ -81,7 +76,8 @@ def test_vertices_split_without_need_are_one() -> None:
     a = (np.arange(8)[:, None] * 4 + np.arange(3)).ravel()
     corners = np.concatenate([np.stack([a, a + 1, a + 5], 1), np.stack([a, a + 5, a + 4], 1)]).astype(np.uint32)
     shared = mikktspace(places, normals, uvs, corners)
-    split = mikktspace(*(each[corners.ravel()] for each in (places, normals, uvs)), np.arange(48 * 3).reshape(-1, 3))
+    order = corners.ravel()
+    split = mikktspace(places[order], normals[order], uvs[order], np.arange(len(order), dtype=np.uint32).reshape(-1, 3))
     np.testing.assert_array_equal(shared, split)
     np.testing.assert_allclose((shared[..., :3] * normals[corners]).sum(-1), 0.0, atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(shared[..., :3], axis=-1), 1.0, atol=1e-6)

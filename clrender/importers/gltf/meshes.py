@@ -1,4 +1,4 @@
-"""Primitives of meshes as triangles: lists, strips and fans, with normals, tangents, texture coordinates and colours."""
+"""Primitives as triangles: lists, strips and fans, with normals, tangents, texture coordinates and colours."""
 
 from __future__ import annotations
 
