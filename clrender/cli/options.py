@@ -18,6 +18,7 @@ from clrender.settings import PIXEL_LIMIT, SETTINGS
 __all__ = [
     "TONE_MAPS",
     "DomainType",
+    "EnvironmentType",
     "allow_path_option",
     "choice_options",
     "number",
@@ -187,6 +188,18 @@ def tone_options(command: Any) -> Any:
     for option in reversed(options):
         command = option(command)
     return command
+
+
+class EnvironmentType(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.3
+    """Option type: a number, or else the name of a file."""
+
+    name = "environment"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path | float:
+        try:
+            return float(value)
+        except ValueError:
+            return Path(value)
 
 
 def choice_options(command: Any) -> Any:

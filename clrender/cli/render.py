@@ -14,7 +14,7 @@ from click.core import ParameterSource
 
 from clrender.cli import STARTED
 from clrender.cli.interrupt import Interrupt, interruptible
-from clrender.cli.options import allow_path_option, choice_options, setting_options, tone_options
+from clrender.cli.options import EnvironmentType, allow_path_option, choice_options, setting_options, tone_options
 from clrender.cli.options import shard as parse_shard
 from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct, check_image_size, scene_files
@@ -53,9 +53,9 @@ __all__ = ["render"]
 @setting_options
 @click.option(
     "--environment",
-    type=click.Path(path_type=Path),
+    type=EnvironmentType(),
     metavar="FILE",
-    help="A lat-long .exr, .hdr or .png as environment, for scenes that have none.",
+    help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
 )
 @tone_options
 @click.option("--aov", metavar="LIST", help="Layers of an .exr: albedo,normal,depth,position,object,material,samples.")
@@ -81,7 +81,7 @@ def render(
     outputs: tuple[Path, ...],
     size: tuple[int, int] | None,
     devices: tuple[str, ...],
-    environment: Path | None,
+    environment: Path | float | None,
     tone_map: str,
     exposure: float,
     f_stop: float | None,
@@ -112,9 +112,7 @@ def render(
         from clrender.rendered_image import IncompleteRender
 
         begun = time.perf_counter()
-        description = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant)
-        if environment is not None:
-            description = description.with_environment(environment)
+        description = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, environment=environment)
         description = description.with_exposure(f_stop, shutter, iso)
         load_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))

@@ -12,10 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any, Final, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from clrender.errors import SceneError
 from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Mesh, Scene
 from clrender.scene.description import put_at
+from clrender.scene.environment import ENDINGS
 from clrender.scene.load import SCENE_FILE_LIMIT
 from clrender.scene.wording import place, quoted
 
@@ -94,7 +98,14 @@ def exported(scene: Scene, folder: str) -> Export:
     copied: dict[str, str] = {}
     named = [(at, texture.texture) for at, texture in scene.texture_files()]
     around = scene.environment
-    if around is not None and around.file is not None:
+    if around is not None and around.file is not None and Path(around.file).suffix.lower() not in ENDINGS:
+        # A picture that a reader has made, which no file can be: its name has no ending of one
+        picture = scene.environment_picture()
+        assert picture is not None
+        write = partial(_write_radiance, pixels=picture.pixels)
+        name = export.add(folder, Path(around.file).stem, ".exr", picture.sha256(), write)
+        put_at(export.description, ("lights", scene.lights.index(around), "file"), name)
+    elif around is not None and around.file is not None:
         named.append((("lights", scene.lights.index(around), "file"), around.file))
     for at, name in named:
         if name not in copied:
@@ -166,6 +177,12 @@ def _lamp(scene: Scene, name: str, where: str) -> bytes:
     with scene.opened(str(Path(name).parent / what), f"{where}: {quoted(name)}") as (file, _):
         factors = file.read().decode("latin-1").replace("\x1a", "")
     return "\r\n".join([*lines[:at], "TILT=INCLUDE", *factors.split(), *lines[at + 1 :]]).encode("latin-1")
+
+
+def _write_radiance(file: IO[bytes], pixels: NDArray[np.float32]) -> None:
+    from clrender.image.exr import write_exr
+
+    write_exr(file, pixels, {}, {})
 
 
 def _write_bytes(file: IO[bytes], data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""Completes what a model leaves open: a camera that frames it, and light all around."""
+"""Completes what a model leaves open: a camera that frames it, and light."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
+from clrender.importers.studio import studio_light
 from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.bounds import scene_bounds
 from clrender.scene.validation_errors import scene_error
@@ -22,8 +23,9 @@ _FROM: Final = (0.45, 0.35, 1.0)
 """Where the camera stands, seen from the middle of the model: in front, a little to the right and above."""
 _VERTICAL_FOV: Final = 35.0
 _MARGIN: Final = 1.05
-_RADIANCE: Final = 1.0
-_EVENLY: Final = "there is no light in it: lit evenly from all around"
+_STUDIO: Final = "studio light"
+"""Name of the picture of light for models without any."""
+_LIT: Final = "there is no light in it: lit by a grey surround and a soft light from the camera's upper left"
 
 
 def completed(draft: Draft, files: AssetFiles) -> Scene:
@@ -44,10 +46,6 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         scene = Scene.model_validate(description)
     except ValidationError as error:
         raise scene_error(error, Scene, files.source) from None
-    if dark:
-        light = EnvironmentLight(type="environment", radiance=(_RADIANCE,) * 3)
-        scene = scene.with_default_light(light, _EVENLY)
-        notes = [*notes, _EVENLY]
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for shape in scene.shapes if isinstance(shape, Mesh) and shape.file in draft.meshes}
     scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
@@ -56,6 +54,10 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         notes = [*notes, "there is no camera in it: it is framed from the front, a little from above"]
         low, high = scene_bounds(scene)
         scene = scene.model_copy(update={"camera": scene.camera.model_copy(update=_around(low, high, scene))})
+    if dark:
+        notes = [*notes, _LIT]
+        scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
+        scene = scene.with_pictures({_STUDIO: studio_light(scene.camera)})
     for index, shape in enumerate(scene.shapes):
         if isinstance(shape, Mesh) and shape.file is not None:
             scene.mesh(index)

@@ -41,6 +41,7 @@ def load(
     allow_paths: Sequence[str | Path] = (),
     time_at: float | None = None,
     variant: str | None = None,
+    environment: str | Path | float | None = None,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -55,6 +56,8 @@ def load(
         Moment of a glTF file's animation, seconds from its start; default: the model at rest.
     variant : str, optional
         Of a glTF file's materials, by name (KHR_materials_variants).
+    environment : str, pathlib.Path or float, optional
+        For a scene that has none, as of `clrender.scene.Scene.with_environment`: a picture, or a radiance.
 
     Returns
     -------
@@ -78,11 +81,13 @@ def load(
         raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
     reader = _READERS.get(ending)
     if reader is None:
-        return load_own(path_or_name, allow_paths=allow_paths)
+        own = load_own(path_or_name, allow_paths=allow_paths)
+        return own if environment is None else own.with_environment(environment)
     read: Callable[..., Draft] = import_module(reader).read
     folders = [Path(folder) for folder in allow_paths]
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders)
-    return completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files)
+    scene = completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files)
+    return scene if environment is None else scene.with_environment(environment)

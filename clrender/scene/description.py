@@ -56,6 +56,7 @@ from clrender.scene.shapes import Mesh, Shape
 from clrender.scene.texels import StoredPicture, TexelStore
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
 from clrender.scene.values import (
+    POWER_LIMIT,
     SHAPE_LIMIT,
     Name,
     Part,
@@ -508,29 +509,30 @@ class Scene(Part):
         scene._profiles = {**self._profiles, **profiles}
         return scene
 
-    def with_environment(self, file: str | Path) -> Scene:
-        """The same scene, which has no environment of its own, in one with this picture.
+    def with_environment(self, environment: str | Path | float) -> Scene:
+        """The same scene, which has no environment of its own, in one.
 
         Parameters
         ----------
-        file : str or pathlib.Path
-            A `.exr`, `.hdr` or `.png` in latitude and longitude, anywhere.
+        environment : str, pathlib.Path or float
+            A `.exr`, `.hdr` or `.png` in latitude and longitude, anywhere; or a radiance, W/(sr m2), the same from all
+            around.
 
         Raises
         ------
         SceneError
-            If the scene has an environment, or the file cannot be read or is not a usable picture.
+            If the scene has an environment, or the file cannot be read or is not a usable picture, or the number is no
+            radiance.
         """
-        path = Path(file).absolute()
         around = self.environment or self.sky
         if around is not None and around is not self._default_light[0]:
             place = f"{self._source}: lights[{self.lights.index(around)}]"
             raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
-        picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
         default, note = self._default_light
         others = tuple(light for light in self.lights if light is not default)
-        lights = (*others, EnvironmentLight(type="environment", file=str(path)))
-        scene = self.model_copy(update={"lights": lights}).with_pictures({str(path): picture})
+        light, pictures = _environment(environment)
+        scene = self.model_copy(update={"lights": (*others, light)}).with_pictures(pictures)
+        scene._default_light = None, ""
         return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
     def sha256(self) -> str:
@@ -571,6 +573,17 @@ class Scene(Part):
             for at, texture in named:
                 put_at(content, at, store.picture(texture).sha256)
         return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:
+    """The environment that a user asks for, and its picture by the name that it has there."""
+    if not isinstance(asked, str | Path):
+        if not 0.0 <= asked <= POWER_LIMIT:
+            raise SceneError(f"the environment is {asked!r}, but a radiance must be from 0 to {POWER_LIMIT:g}")
+        return EnvironmentLight(type="environment", radiance=(float(asked),) * 3), {}
+    path = Path(asked).absolute()
+    picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
+    return EnvironmentLight(type="environment", file=str(path)), {str(path): picture}
 
 
 def _shines(material: Material) -> bool:

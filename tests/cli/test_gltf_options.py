@@ -34,7 +34,7 @@ def test_moments_variants_and_pictures_beside_the_file(tmp_path: Path) -> None:
     lens = {"xmag": 1.0, "ymag": 1.0, "znear": 0.1, "zfar": 9.0}
     model.node(camera=model.add("cameras", {"type": "orthographic", "orthographic": lens}), translation=[0, 0, 5])
     model.write(tmp_path / "m.gltf")
-    common = ["-o", "a.npy", "--size", "4x4", "--spp", "4", "-d", "pocl"]
+    common = ["-o", "a.npy", "--size", "4x4", "--spp", "4", "-d", "pocl", "--environment", "1"]
     for more, left, right in (
         ([], (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
         (["--variant", "blue"], (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)),

@@ -425,13 +425,18 @@ def test_models_without_light_take_another_environment(tmp_path: Path) -> None:
     model = Model()
     model.node(mesh=model.quad(model.add("materials", {"emissiveFactor": [1, 1, 1]})))
     scene = loaded(tmp_path, model)
-    assert any("lit evenly from all around" in note for note in scene.notes) and scene.environment is not None
+    assert sum("there is no light in it" in note for note in scene.notes) == 1 and scene.environment is not None
     write_image(tmp_path / "sky.hdr", np.ones((8, 16, 3), np.float32), {})
-    lit = scene.with_environment(tmp_path / "sky.hdr")
-    assert len(lit.lights) == 1 and lit.environment is not None and lit.environment.file is not None
-    assert not any("lit evenly" in note for note in lit.notes)
+    lit = loaded(tmp_path, model, environment=tmp_path / "sky.hdr")
+    assert len(lit.lights) == 1 and lit.environment is not None and lit.environment.file == str(tmp_path / "sky.hdr")
+    assert not any("no light" in note for note in lit.notes)
     with pytest.raises(SceneError, match="is an environment already"):
         lit.with_environment(tmp_path / "sky.hdr")
+    even = loaded(tmp_path, model, environment=0.5)
+    assert even.environment is not None and even.environment.radiance == (0.5, 0.5, 0.5)
+    for wrong in (-1.0, math.nan, math.inf):
+        with pytest.raises(SceneError, match="a radiance must be from 0"):
+            scene.with_environment(wrong)
 
 
 REQUIRED = {

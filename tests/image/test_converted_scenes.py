@@ -40,7 +40,7 @@ def test_highlight_of_a_black_surface_has_the_brightness_that_ks_says(tmp_path: 
     (tmp_path / "m.obj").write_text(head)
     for illum, expected in ((2, 0.08 * 0.6), (5, 0.6)):
         (tmp_path / "m.mtl").write_text(f"newmtl a\nKd 0 0 0\nKs .6 .6 .6\nNs 1e9\nillum {illum}\n")
-        scene = clrender.load(tmp_path / "m.obj")
+        scene = clrender.load(tmp_path / "m.obj", environment=1.0)
         camera = {"position": (0.0, 0.0, 1.0), "target": (0.0, 0.0, 0.0), "vertical_fov": 2.0}
         scene = scene.model_copy(update={"camera": scene.camera.model_copy(update=camera)})
         image = clrender.render(scene, size=(8, 8), spp=256, device=device).linear

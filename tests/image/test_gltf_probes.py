@@ -28,9 +28,10 @@ def lens(half: float) -> dict[str, Any]:
 
 
 def seen(folder: Path, device: Device, model: Model, half: float = 1.0, spp: int = 4, **more: Any) -> Colors:
-    """The image of a model from +z, (32, 32, 3) radiance."""
+    """The image of a model from +z, (32, 32, 3) radiance; without lights of its own in a radiance of 1 all around."""
     model.node(camera=model.add("cameras", lens(half)), translation=[0, 0, 9])
-    scene = clrender.load(model.write(folder / "m.glb"))
+    lit = "KHR_lights_punctual" in model.root.get("extensions", {})
+    scene = clrender.load(model.write(folder / "m.glb"), environment=None if lit else 1.0)
     image = clrender.render(scene, device=device.info.index, size=(SIZE, SIZE), spp=spp, **more)
     return np.asarray(image.linear, np.float64)
 
