@@ -440,7 +440,6 @@ def test_models_without_light_take_another_environment(tmp_path: Path) -> None:
 
 
 REQUIRED = {
-    "KHR_draco_mesh_compression": "export it without Draco",
     "EXT_meshopt_compression": "export it without",
     "KHR_texture_basisu": "PNG, JPEG or WebP",
     "KHR_materials_pbrSpecularGlossiness": "metallic and roughness",

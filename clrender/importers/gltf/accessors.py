@@ -61,6 +61,11 @@ class Accessors:
             self._arrays[index] = self._read(index)
         return self._arrays[index]
 
+    def provide(self, index: int, numbers: NDArray[Any]) -> None:
+        """Take these numbers for an accessor whose own data an extension has."""
+        kind = np.dtype(_KINDS[self._document.items("accessors")[index]["componentType"]])
+        self._arrays[index] = numbers if numbers.dtype.kind in "ui" and kind.kind == "u" else numbers.astype(kind)
+
     def floats(self, index: int) -> NDArray[np.float32]:
         """The same as float32, normalised where the file says so."""
         accessor = self._document.items("accessors")[index]

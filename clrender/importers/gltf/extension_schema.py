@@ -79,6 +79,11 @@ MATERIAL_EXTENSIONS: Final[Mapping[str, Rule]] = dict(
     ]
 )
 PRIMITIVE_EXTENSIONS: Final[Mapping[str, Rule]] = {
+    "KHR_draco_mesh_compression": Table(
+        "KHR_draco_mesh_compression",
+        {"bufferView": ref("bufferViews"), "attributes": named(integer())},
+        ("bufferView", "attributes"),
+    ),
     "KHR_materials_variants": Table(
         "KHR_materials_variants",
         {
@@ -91,7 +96,7 @@ PRIMITIVE_EXTENSIONS: Final[Mapping[str, Rule]] = {
             )
         },
         ("mappings",),
-    )
+    ),
 }
 VARIANTS: Final = Table("KHR_materials_variants", {"variants": many(Table("a variant", {}, ("name",)))}, ("variants",))
 TEXTURE_EXTENSIONS: Final[Mapping[str, Rule]] = {

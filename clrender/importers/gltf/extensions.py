@@ -15,6 +15,7 @@ _READ: Final = frozenset(
     {
         "EXT_mesh_gpu_instancing",
         "EXT_texture_webp",
+        "KHR_draco_mesh_compression",
         "KHR_lights_punctual",
         "KHR_materials_anisotropy",
         "KHR_materials_clearcoat",
@@ -35,7 +36,6 @@ _READ: Final = frozenset(
     }
 )
 _CURES: Final[Mapping[str, str]] = {
-    "KHR_draco_mesh_compression": "meshes compressed by Draco are not read; export it without Draco compression",
     "EXT_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
     "KHR_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
     "KHR_texture_basisu": "textures in KTX2 (Basis Universal) are not read; export them as PNG, JPEG or WebP",
@@ -44,7 +44,6 @@ _CURES: Final[Mapping[str, str]] = {
 }
 """Why some of those that files require are refused."""
 _INSTEAD: Final[Mapping[str, str]] = {
-    "KHR_draco_mesh_compression": "meshes are read where the file holds them without compression as well",
     "EXT_meshopt_compression": "buffers are read where the file holds them without compression as well",
     "KHR_meshopt_compression": "buffers are read where the file holds them without compression as well",
     "KHR_texture_basisu": "pictures are read where the file holds them as PNG or JPEG as well",

@@ -100,8 +100,6 @@ class Meshes:
             self._document.note(f"{at} was left out: it consists of {_MODES[mode]}, and only triangles are drawn")
             return None
         if "POSITION" not in primitive["attributes"]:
-            if self._document.extension(primitive, "KHR_draco_mesh_compression"):
-                raise self._document.fault(at, "is compressed by Draco, which is not read; export it without")
             self._document.note(f"{at} was left out: it has no POSITION")
             return None
         self._check(primitive, at)

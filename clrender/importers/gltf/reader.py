@@ -15,6 +15,7 @@ from clrender.importers.gltf.cameras import add_camera
 from clrender.importers.gltf.container import opened
 from clrender.importers.gltf.deform import joint_transforms
 from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.draco import decode_draco
 from clrender.importers.gltf.lights import add_lights
 from clrender.importers.gltf.materials import Materials
 from clrender.importers.gltf.matrices import IDENTITY, Matrix, determinant_is_zero, product
@@ -48,6 +49,7 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
     validate(document)
     accessors = Accessors(document)
     accessors.check()
+    decode_draco(document, accessors)
     check_animations(document, accessors)
     nodes = Nodes(document, moved_at(document, accessors, choices.time_at))
     skins = [joint_transforms(document, accessors, index, nodes.world) for index in range(len(document.items("skins")))]

@@ -1,0 +1,133 @@
+"""Meshes compressed by Draco (KHR_draco_mesh_compression), by the library DracoPy, where it is installed."""
+
+from __future__ import annotations
+
+import io
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.schema import COMPONENTS
+
+__all__ = ["DRACO", "decode_draco", "draco_is_there"]
+
+DRACO: Final = "KHR_draco_mesh_compression"
+_CURE: Final = "install what reads it with pip install 'clrender[gltf]', or export it without Draco compression"
+_SECONDS: Final = 20.0
+"""Of the process, beside what it may compute: to start it on a busy machine."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A primitive whose vertices only Draco's data have."""
+
+    at: str
+    primitive: dict[str, Any]
+    data: bytes
+    attributes: dict[str, int]
+
+
+def draco_is_there() -> bool:
+    """Whether DracoPy is installed."""
+    return find_spec("DracoPy") is not None
+
+
+def decode_draco(document: Document, accessors: Accessors) -> None:
+    """Fill the accessors of compressed primitives; of those that the file holds without compression as well it is not done.
+
+    Parameters
+    ----------
+    document : Document
+        Validated.
+    accessors : Accessors
+
+    Raises
+    ------
+    SceneError
+        DracoPy is not installed, or the data are damaged or not what the accessors say.
+    """  # noqa: E501
+    parts = list(_parts(document, accessors))
+    if not parts:
+        return
+    if not draco_is_there():
+        raise document.fault(parts[0].at, f"is compressed by Draco; {_CURE}")
+    different = {part.data: number for number, part in reversed(list(enumerate(parts)))}
+    decoded = dict(zip(different, _decoded(document, [parts[i] for i in different.values()]), strict=True))
+    for part in parts:
+        _fill(document, accessors, part, decoded[part.data])
+
+
+def _parts(document: Document, accessors: Accessors) -> Iterator[_Part]:
+    for number, mesh in enumerate(document.items("meshes")):
+        for index, primitive in enumerate(mesh["primitives"]):
+            draco, at = document.extension(primitive, DRACO), f"/meshes/{number}/primitives/{index}"
+            position = primitive["attributes"].get("POSITION")
+            if draco is None or position is None or "bufferView" in document.items("accessors")[position]:
+                continue
+            data = bytes(accessors.view(draco["bufferView"]))
+            yield _Part(f"{at}/extensions/{DRACO}", primitive, data, draco["attributes"])
+
+
+def _decoded(document: Document, parts: list[_Part]) -> list[dict[str, NDArray[Any]]]:
+    """What a process of its own makes of the data; the first that it does not answer is at fault."""
+    child = Path(__file__).with_name("draco_child.py")
+    data = b"".join(struct.pack("<Q", len(part.data)) + part.data for part in parts)
+    more = len(data) / 100_000
+    try:
+        done = subprocess.run(
+            [sys.executable, str(child)], input=data, capture_output=True, timeout=_SECONDS + more, check=False
+        )
+        answer = done.stdout
+    except subprocess.TimeoutExpired as error:
+        answer = error.stdout or b""
+    except OSError as error:
+        raise SceneError(f"{document.files.source}: Draco's process cannot be started: {error.strerror}") from None
+    found: list[dict[str, NDArray[Any]]] = []
+    at = 0
+    while len(answer) >= at + 8:
+        (size,) = struct.unpack_from("<Q", answer, at)
+        if len(answer) < at + 8 + size:
+            break
+        with np.load(io.BytesIO(answer[at + 8 : at + 8 + size]), allow_pickle=False) as archive:
+            found.append(dict(archive))
+        at += 8 + size
+    if len(found) < len(parts):
+        text = "holds data that Draco cannot decode, or that take too much memory or time; export it again"
+        raise document.fault(f"{parts[len(found)].at}/bufferView", text)
+    return found
+
+
+def _fill(document: Document, accessors: Accessors, part: _Part, decoded: dict[str, NDArray[Any]]) -> None:
+    faces = decoded["faces"].reshape(-1, 3)
+    if "indices" in part.primitive:
+        accessors.provide(part.primitive["indices"], faces.reshape(-1))
+    elif len(faces):
+        raise document.fault(part.at, "belongs to a primitive without indices, which Draco needs; export it again")
+    part.primitive["mode"] = 4  # Draco has triangles, whatever they were before
+    for name, unique in part.attributes.items():
+        at = f"{part.at}/attributes/{name}"
+        number = part.primitive["attributes"].get(name)
+        if number is None:
+            raise document.fault(at, "is no attribute of the primitive; export it again")
+        accessor = document.items("accessors")[number]
+        array = decoded.get(str(unique))
+        if array is None:
+            raise document.fault(at, f"is {unique}, but the data hold no attribute of that number; export it again")
+        columns, rows = COMPONENTS.get(accessor.get("type", ""), (1, 0))
+        if columns > 1 or array.shape != (accessor["count"], rows):
+            shape, wanted = " x ".join(map(str, array.shape)), f"{accessor['count']} x {rows}"
+            raise document.fault(at, f"holds {shape} numbers, but the accessor says {wanted}; export it again")
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise document.fault(at, "holds a number that is not finite; export it again")
+        accessors.provide(number, array[:, 0] if rows == 1 else array)
