@@ -1,8 +1,8 @@
-"""Decodes Draco meshes in a process of its own: a library in C++ that damaged data may crash, or bid to take all memory.
+"""Decodes Draco meshes in a process of its own: damaged data may crash it or take all memory.
 
 Run as a file, so that nothing of clrender is loaded. On stdin: for each mesh its size (8 bytes, little-endian) and its
-bytes, until the end. On stdout for each, as soon as it is done: the size and bytes of an ``.npz`` with ``faces`` and, by
-their unique numbers, the attributes.
+bytes, until the end. On stdout for each, as soon as it is done: the size and bytes of an ``.npz`` with ``faces`` and,
+by their unique numbers, the attributes.
 """
 
 from __future__ import annotations
