@@ -14,7 +14,9 @@ from gltf_files import Model
 
 import clrender
 from clrender.device import Device
-from clrender.scene import Camera, EnvironmentLight, Scene
+from clrender.image.files import write_image
+from clrender.scene import Camera, EnvironmentLight, Principled, Scene
+from clrender.scene.surfaces import flat_surfaces
 
 Colors = npt.NDArray[np.float64]
 SIZE = 32
@@ -273,6 +275,52 @@ def test_tangents_say_which_way_a_normal_map_leans(
     assert found == pytest.approx(math.cos(math.radians(15.0)) / math.pi, rel=0.01)
 
 
+def dark(model: Model) -> None:
+    """A light without power, so that there is no environment."""
+    model.extend("KHR_lights_punctual")
+    model.root["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 0.0}]}}
+    model.node(extensions={"KHR_lights_punctual": {"light": 0}})
+
+
+def shining(model: Model, strength: float, **more: Any) -> int:
+    """A black material that shines."""
+    if "KHR_materials_emissive_strength" not in model.root.get("extensionsUsed", []):
+        model.extend("KHR_materials_emissive_strength")
+    extensions = {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}
+    base = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}, "extensions": extensions}
+    return model.add("materials", {**base, "emissiveFactor": [1, 1, 1], **more})
+
+
+@pytest.mark.parametrize("strength", [0.5, 1.0, 16.0])
+def test_emissive_strength_multiplies_factor_and_texture(device: Device, tmp_path: Path, strength: float) -> None:
+    """188 of 255 in sRGB is 0.5029 in linear light: times the factor, times the strength."""
+    model = Model()
+    dark(model)
+    texture = {"index": model.texture([[(188, 188, 188)]])}
+    model.node(mesh=model.quad(shining(model, strength, emissiveFactor=[1.0, 0.5, 0.0], emissiveTexture=texture)))
+    linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
+    expected = strength * linear * np.array([1.0, 0.5, 0.0])
+    np.testing.assert_allclose(seen(tmp_path, device, model).mean(axis=(0, 1)), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_transmission_shows_what_is_behind_in_the_base_colour(device: Device, tmp_path: Path, share: float) -> None:
+    """Of a lamp of radiance 5 behind a pane of index 1.5 comes share * colour * (1 - R) / (1 + R), with R = 4 %."""
+    model = Model()
+    dark(model)
+    model.extend("KHR_materials_transmission")
+    color = [0.25, 0.5, 1.0]
+    pane = {
+        "pbrMetallicRoughness": {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.0},
+        "extensions": {"KHR_materials_transmission": {"transmissionFactor": share}},
+    }
+    model.node(mesh=model.quad(model.add("materials", pane)))
+    model.node(mesh=model.quad(shining(model, 5.0)), translation=[0, 0, -1], scale=[3, 3, 1])
+    image = seen(tmp_path, device, model, half=0.9, spp=64)
+    expected = share * 5.0 * np.array(color) * (1.0 - 0.04) / (1.0 + 0.04)
+    np.testing.assert_allclose(image.mean(axis=(0, 1)), expected, rtol=0.02, atol=1e-3)
+
+
 # --- models of the Khronos Group that say by themselves what is right ------------------------------------------------
 
 
@@ -314,3 +362,117 @@ def test_the_vertex_color_test_passes(device: Device) -> None:
     test, sample = (boxes(device, "VertexColorTest", 4.0, [(x, y) for x in (128, 192, 262)]) for y in (153, 254))
     np.testing.assert_allclose(test, sample, atol=0.04)
     assert (test.argmax(axis=1) == [0, 1, 2]).all()
+
+
+def looked_at(device: Device, scene: Scene, height: float, size: int = 256, spp: int = 16) -> Colors:
+    """The image of a square from the front, `height` high, without perspective, about the origin."""
+    camera = Camera(type="orthographic", position=(0.0, 0.0, 50.0), target=(0.0, 0.0, 0.0), height=height)
+    scene = scene.model_copy(update={"camera": camera})
+    return np.asarray(clrender.render(scene, device=device.info.index, size=(size, size), spp=spp).linear, np.float64)
+
+
+def middles(scene: Scene) -> Colors:
+    """Of all shapes in the world, (S, 3)."""
+    flat = flat_surfaces(scene)
+    corners = [
+        flat.vertices[flat.triangles[a : a + n]].reshape(-1, 3) for a, n in zip(flat.first, flat.count, strict=True)
+    ]
+    return np.array([(each.min(axis=0) + each.max(axis=0)) / 2.0 for each in corners], np.float64)
+
+
+def around(image: Colors, place: Colors, height: float, reach: int = 1) -> Colors:
+    """Mean colour about a place of the world in an image of `looked_at`."""
+    size = len(image)
+    column, row = (int(size * (0.5 + sign * x / height)) for sign, x in ((1, place[0]), (-1, place[1])))
+    part = image[row - reach : row + reach + 1, column - reach : column + reach + 1]
+    return np.asarray(part.mean(axis=(0, 1)))
+
+
+@needs_assets
+@pytest.mark.slow
+def test_metal_rough_spheres_in_even_light(device: Device) -> None:
+    """Straight on in a radiance of 1 a metal returns its colour, however rough; a plastic also 4 % of the rest."""
+    path = ASSETS / "gltf" / "MetalRoughSpheresNoTextures" / "MetalRoughSpheresNoTextures.glb"
+    scene = clrender.load(path, environment=1.0)
+    places = middles(scene)
+    low, high = places.min(axis=0), places.max(axis=0)
+    height = 1.2 * float((high - low)[:2].max())
+    center = (low + high) / 2.0
+    camera = Camera(
+        type="orthographic", position=(center[0], center[1], high[2] + height), target=tuple(center), height=height
+    )
+    lone = scene.model_copy(update={"camera": camera})
+    seen_ = {"metal": 0, "plastic": 0}
+    for index, shape in enumerate(scene.shapes):
+        material = scene.materials[shape.material or ""]
+        assert isinstance(material, Principled)
+        if not isinstance(material.roughness, float) or not isinstance(material.base_color, tuple):
+            continue
+        if material.metallic not in (0.0, 1.0) or material.roughness < 0.01 or len(scene.mesh(index).triangles) < 500:
+            continue  # half-metals, and letters
+        alone = lone.model_copy(update={"shapes": (shape,)})
+        image = clrender.render(alone, device=device.info.index, size=(256, 256), spp=64).linear
+        found = around(np.asarray(image, np.float64), places[index] - center, height)
+        color, metal = np.array(material.base_color), material.metallic == 1.0
+        expected, label = color if metal else 0.04 + 0.96 * color, f"{shape.material} {material.roughness}"
+        if metal and material.roughness > 0.4:
+            # Light meets several of its facets: coloured twice or more, but not lost
+            assert (found < color + 0.01).all() and (found > color**2).all(), label
+        else:
+            np.testing.assert_allclose(found, expected, atol=0.02, err_msg=label)
+        seen_["metal" if metal else "plastic"] += 1
+    assert min(seen_.values()) >= 8, seen_
+
+
+@needs_assets
+@pytest.mark.slow
+def test_the_emissive_strength_test_shines_as_strongly_as_it_says(device: Device) -> None:
+    path = ASSETS / "gltf" / "EmissiveStrengthTest" / "EmissiveStrengthTest.glb"
+    scene = clrender.load(path, environment=0.0)
+    places, height = middles(scene), 20.0
+    image = looked_at(device, scene, height)
+    strengths = []
+    for shape, place in zip(scene.shapes, places, strict=True):
+        material = scene.materials[shape.material or ""]
+        assert isinstance(material, Principled)
+        if material.shines and isinstance(material.emission, tuple):
+            found = around(image, place, height, 0)
+            np.testing.assert_allclose(
+                found, material.emission_strength * np.array(material.emission), rtol=0.05, atol=0.1
+            )
+            strengths.append(material.emission_strength)
+    assert sorted(strengths) == [1.0, 2.0, 4.0, 8.0, 16.0]
+
+
+@needs_assets
+@pytest.mark.slow
+def test_the_unlit_test_shows_its_two_colours(device: Device) -> None:
+    path = ASSETS / "gltf" / "UnlitTest" / "UnlitTest.glb"
+    scene = clrender.load(path)
+    image = looked_at(device, scene, 10.0)
+    places = middles(scene)
+    for shape, place in zip(scene.shapes, places, strict=True):
+        color = scene.materials[shape.material or ""].model_dump()["emission"]
+        np.testing.assert_allclose(around(image, place, 10.0), color, atol=1e-5)
+    assert len(places) == 2
+
+
+@needs_assets
+@pytest.mark.slow
+def test_the_normal_tangent_test_reflects_as_its_geometry_does(device: Device, tmp_path: Path) -> None:
+    """Sky above, ground below, +x half as bright: each mapped ball shows the quarters that the ball beside it shows."""
+    pixels = np.empty((64, 128, 3), np.float32)
+    pixels[:32], pixels[32:] = (0.3, 0.5, 1.0), (0.25, 0.2, 0.05)
+    pixels[:, :64] *= 0.5
+    write_image(tmp_path / "sky.exr", pixels, {})
+    path = ASSETS / "gltf" / "NormalTangentTest" / "NormalTangentTest.glb"
+    image = looked_at(device, clrender.load(path, environment=tmp_path / "sky.exr"), 4.4, 800, 32)
+    for row in (254, 327, 400, 473, 545):
+        balls = []
+        for column in (516, 574):
+            # Further out the mapped balls, which are flat, mirror those that stand beside them
+            at = [(row + 6 * down, column + 6 * across) for down in (-1, 1) for across in (-1, 1)]
+            balls.append([image[y - 2 : y + 3, x - 2 : x + 3].mean(axis=(0, 1)) for y, x in at])
+        geometry, mapped = np.array(balls)
+        np.testing.assert_allclose(mapped, geometry, rtol=0.12, atol=0.01)
+        assert geometry[0, 2] > 1.5 * geometry[1, 2] and geometry[0, 2] > 3.0 * geometry[2, 2]
