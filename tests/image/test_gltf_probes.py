@@ -416,8 +416,8 @@ def test_metal_rough_spheres_in_even_light(device: Device) -> None:
         color, metal = np.array(material.base_color), material.metallic == 1.0
         expected, label = color if metal else 0.04 + 0.96 * color, f"{shape.material} {material.roughness}"
         if metal and material.roughness > 0.4:
-            # Light meets several of its facets: coloured twice or more, but not lost
-            assert (found < color + 0.01).all() and (found > color**2).all(), label
+            # Light meets several of its facets and is coloured by each; what leaves the first is 0.38 of it and more
+            assert (found < color + 0.01).all() and (found > 0.38 * color).all(), label
         else:
             np.testing.assert_allclose(found, expected, atol=0.02, err_msg=label)
         seen_["metal" if metal else "plastic"] += 1

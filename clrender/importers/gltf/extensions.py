@@ -39,6 +39,10 @@ _CURES: Final[Mapping[str, str]] = {
     "EXT_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
     "KHR_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
     "KHR_texture_basisu": "textures in KTX2 (Basis Universal) are not read; export them as PNG, JPEG or WebP",
+    "EXT_lights_image_based": "light of cube maps is not read; export it without, and give its light with "
+    "--environment FILE",
+    "KHR_lights_image_based": "light of cube maps is not read; export it without, and give its light with "
+    "--environment FILE",
     "KHR_materials_pbrSpecularGlossiness": "materials by specular and glossiness are not read; convert them to "
     "metallic and roughness (gltf-transform metalrough)",
 }

@@ -182,6 +182,10 @@ class _Material:
         if not volume.get("thicknessFactor"):
             self.made_of["thin"] = True
             return
+        if "thicknessTexture" in volume:
+            self._note(
+                "/extensions/KHR_materials_volume/thicknessTexture was left out: light goes through the mesh itself"
+            )
         color, distance = volume.get("attenuationColor", [1.0] * 3), volume.get("attenuationDistance", math.inf)
         if distance < 1e12 and min(color) < 1.0:
             self.made_of["attenuation_color"] = [max(share, _LEAST_LEFT) for share in color]
