@@ -24,7 +24,7 @@ __all__ = [
     "TANGENTS",
     "add_corner_rows",
     "corner_uvs",
-    "has_normal_map",
+    "has_tangents",
     "is_textured",
     "round_attributes",
     "triangle_attributes",
@@ -40,14 +40,22 @@ _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)
 """Of the faces, in the order of `geometry.polyhedron`: two triangles each."""
 
 
-def is_textured(scene: Scene, shape: Shape) -> bool:
-    """Whether a shape shines as a texture, its material has textures, or its vertices have colours."""
-    return bool(isinstance(shape, Mesh) and shape.color_key) or any(True for _ in _textures(scene, shape))
+def is_textured(scene: Scene, index: int) -> bool:
+    """Whether a shape shines as a texture, its material has textures, or its vertices have colours or tangents that count."""  # noqa: E501
+    shape = scene.shapes[index]
+    if any(True for _ in _textures(scene, shape)):
+        return True
+    return isinstance(shape, Mesh) and (bool(shape.color_key) or has_tangents(scene, index))
 
 
-def has_normal_map(scene: Scene, shape: Shape) -> bool:
-    """Whether tangents of a shape's vertices count."""
-    return any(isinstance(texture, NormalMap) for _, texture in _textures(scene, shape))
+def has_tangents(scene: Scene, index: int) -> bool:
+    """Whether a shape's vertices have tangents that count: of a normal map, or for an anisotropic material."""
+    shape = scene.shapes[index]
+    if not isinstance(shape, Mesh) or shape.material is None:
+        return False
+    asked = getattr(scene.materials[shape.material], "anisotropy", 0.0) != 0.0
+    asked = asked or any(isinstance(texture, NormalMap) for _, texture in _textures(scene, shape))
+    return asked and scene.mesh(index).tangents is not None
 
 
 def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, AnyTexture]]:

@@ -14,7 +14,7 @@ from clrender.scene.attributes import (
     COLORS,
     TANGENTS,
     add_corner_rows,
-    has_normal_map,
+    has_tangents,
     is_textured,
     round_attributes,
     triangle_attributes,
@@ -107,7 +107,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
     warnings: list[str] = []
-    textured = [is_textured(scene, shape) for shape in scene.shapes]
+    textured = [is_textured(scene, index) for index in range(len(scene.shapes))]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
     colors: dict[int, NDArray[np.float32]] = {}
     tangents: dict[int, NDArray[np.float32]] = {}
@@ -141,7 +141,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
                 warnings.append(
                     f"{text} turned round: seen from its front, the vertices of a triangle run anticlockwise"
                 )
-        if textured[index] and mesh.tangents is not None and has_normal_map(scene, shape):
+        if mesh.tangents is not None and has_tangents(scene, index):
             tangents[t] = triangle_tangents(mesh.tangents, transform, sound, flipped, turned)
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
@@ -326,7 +326,7 @@ def _analytic_rows(
             rows[number]["normal"][:3] = [sign * x for x in transform.normal(shape.normal)]
         else:
             rows[number]["normal"][3] = sign
-        if is_textured(scene, shape):
+        if is_textured(scene, index):
             attributes[number] = round_attributes(scene, shape, transform)
         first[index], count[index] = offset + number, 1
     return rows, attributes

@@ -50,11 +50,22 @@ typedef struct {
 } BsdfSample;
 
 #ifdef MATERIALS
-// The same frame with its x axis where a surface is roughest, `turn` from the tangent that goes round the y axis.
-static Frame bsdf_turned_frame(vec3 n, vfloat turn) {
+// The same frame with its x axis where a surface is roughest, `turn` from the tangent of its vertices, or else from the one that goes
+// round the y axis.
+static Frame bsdf_turned_frame(const Scene* scene, const Surface* surface, vec3 n, vmask asked, vfloat turn) {
     // About the axis itself, round the x axis
     const vmask pole = fma(n.x, n.x, n.z * n.z) < 1.0e-6f;
-    const vec3 around = choose(pole, vec3_of(splat(0.0f), n.z, -n.y), vec3_of(n.z, splat(0.0f), -n.x));
+    vec3 around = choose(pole, vec3_of(splat(0.0f), n.z, -n.y), vec3_of(n.z, splat(0.0f), -n.x));
+#ifdef TANGENTS
+    vec3 given = around;
+    vfloat sign = splat(1.0f);
+    const vmask has = normal_map_tangent(scene, &surface->attributes, asked, &given, &sign);
+    const vec3 level = sub(given, scale(n, inner(given, n)));
+    const vmask sound = has & (inner(level, level) > 1.0e-12f);
+    around = choose(sound, level, around);
+    // Counter-clockwise as seen from the front, and where pictures are mirrored the other way round
+    turn = sound & ((sign < 0.0f) != !surface->front) ? -turn : turn;
+#endif
     const vec3 tangent = unit(around), bitangent = outer(n, tangent);
     vfloat c, s;
     cos_sin_turn(turn, &c, &s);
@@ -75,7 +86,7 @@ static vec3 bsdf_wo(Frame frame, vec3 direction) {
 static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction, const Parameters* p, Bsdf* b) {
     const vmask anisotropic = p->anisotropy > 0.0f;
     if (lane_any(anisotropic)) {
-        const Frame turned = bsdf_turned_frame(b->frame.normal, p->rotation);
+        const Frame turned = bsdf_turned_frame(scene, s, b->frame.normal, anisotropic, p->rotation);
         b->frame.tangent = choose(anisotropic, turned.tangent, b->frame.tangent);
         b->frame.bitangent = choose(anisotropic, turned.bitangent, b->frame.bitangent);
         b->wo = choose(anisotropic, bsdf_wo(b->frame, direction), b->wo);

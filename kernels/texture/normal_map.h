@@ -10,19 +10,18 @@
 #define NORMAL_MAP_FLAT 4.0e-6f
 
 #ifdef TANGENTS
-// Tangents of the vertices, interpolated, where the triangle has any; else the directions stay those of the texture coordinates.
-static void normal_map_tangents(const Scene* scene, const Attributes* a, vmask has, vec3 normal, vec3* along_u, vec3* along_v) {
+// The tangent at the point, interpolated and of any length, and on which side of it green lies; where the triangle has tangents.
+static vmask normal_map_tangent(const Scene* scene, const Attributes* a, vmask asked, vec3* tangent, vfloat* sign) {
     const vuint row = vfloat_bits(a->row[ATTRIBUTE_ROW_TANGENTS]);
-    const vmask given = has & (row != 0u);
-    if (!lane_any(given)) return;
+    const vmask given = asked & a->textured & (row != 0u);
+    if (!lane_any(given)) return given;
     vfloat corners[16];
     lane_rows(scene->attribute_rows, given ? row : splat_uint(0u), corners);
     const vfloat weight_a = splat(1.0f) - a->weight_b - a->weight_c;
     const vec3 at_a = scale(vec3_row(corners, TANGENT_ROW_A), weight_a), at_b = vec3_row(corners, TANGENT_ROW_B);
-    const vec3 tangent = along(along(at_a, at_b, a->weight_b), vec3_row(corners, TANGENT_ROW_C), a->weight_c);
-    const vmask sound = given & (inner(tangent, tangent) > 1.0e-12f);
-    *along_u = choose(sound, tangent, *along_u);
-    *along_v = choose(sound, scale(outer(normal, tangent), corners[TANGENT_ROW_SIGN]), *along_v);
+    *tangent = along(along(at_a, at_b, a->weight_b), vec3_row(corners, TANGENT_ROW_C), a->weight_c);
+    *sign = corners[TANGENT_ROW_SIGN];
+    return given & (inner(*tangent, *tangent) > 1.0e-12f);
 }
 #endif
 
@@ -38,7 +37,11 @@ static vec3 normal_map_normal(const Scene* scene, const Attributes* a, vuint tex
     vec3 along_u, along_v;
     mapping_tangents(a, (t.format >> 14) & 1u, &along_u, &along_v);
 #ifdef TANGENTS
-    normal_map_tangents(scene, a, has, normal, &along_u, &along_v);
+    vec3 tangent_there = along_u;
+    vfloat side = splat(1.0f);
+    const vmask given = normal_map_tangent(scene, a, has, &tangent_there, &side);
+    along_u = choose(given, tangent_there, along_u);
+    along_v = choose(given, scale(outer(normal, tangent_there), side), along_v);
 #endif
     const vec3 level = sub(along_u, scale(normal, inner(along_u, normal)));
     const vmask sound = (inner(level, level) > 0.0f) & (inner(along_u, along_u) > 0.0f);

@@ -321,6 +321,38 @@ def test_transmission_shows_what_is_behind_in_the_base_colour(device: Device, tm
     np.testing.assert_allclose(image.mean(axis=(0, 1)), expected, rtol=0.02, atol=1e-3)
 
 
+def test_anisotropy_turns_from_tangents(device: Device, tmp_path: Path) -> None:
+    """A brushed metal in slanting light: tangents and rotations that mean the same direction show the same."""
+
+    def shown(degrees: float, tangent: tuple[int, ...] | None, turned: bool = False) -> float:
+        model = Model()
+        model.extend("KHR_lights_punctual", "KHR_materials_anisotropy")
+        model.root["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 683.0}]}}
+        half, beside = -math.radians(50.0) / 2.0, math.radians(25.0)
+        axis = [math.sin(half) * math.cos(beside), math.sin(half) * math.sin(beside), 0]
+        model.node(rotation=[*axis, math.cos(half)], extensions={"KHR_lights_punctual": {"light": 0}})
+        brushed = {"anisotropyStrength": 0.9, "anisotropyRotation": math.radians(degrees)}
+        source = {"pbrMetallicRoughness": {"roughnessFactor": 0.5}}
+        material = model.add("materials", {**source, "extensions": {"KHR_materials_anisotropy": brushed}})
+        more = {} if tangent is None else {"NORMAL": [(0, 0, 1)] * 4, "TANGENT": [tangent] * 4}
+        back = {"rotation": [0, 1, 0, 0]} if turned else {}
+        model.node(mesh=model.quad(material, **more), scale=[9, 9, 9], **back)
+        return float(seen(tmp_path, device, model).mean())
+
+    along, across = shown(90.0, (1, 0, 0, 1)), shown(0.0, (1, 0, 0, 1))
+    assert along > 1.5 * across  # it scatters into the plane of the light, which is nearer to y, what it is rough along
+    slanting = shown(60.0, (1, 0, 0, 1))
+    assert abs(slanting / shown(-60.0, (1, 0, 0, 1)) - 1.0) > 0.2  # the light comes from one side
+    for degrees, tangent, turned, expected in (
+        (0.0, None, False, across),  # around the y axis
+        (0.0, (0, 1, 0, 1), False, along),
+        (-30.0, (0, 1, 0, 1), False, slanting),
+        (30.0, (0, 1, 0, -1), False, slanting),
+        (-60.0, (-1, 0, 0, 1), True, slanting),  # from its back the other way round
+    ):
+        assert shown(degrees, tangent, turned) == pytest.approx(expected, rel=1e-3), (degrees, tangent)
+
+
 # --- models of the Khronos Group that say by themselves what is right ------------------------------------------------
 
 
@@ -419,7 +451,7 @@ def test_metal_rough_spheres_in_even_light(device: Device) -> None:
             # Light meets several of its facets and is coloured by each; what leaves the first is 0.38 of it and more
             assert (found < color + 0.01).all() and (found > 0.38 * color).all(), label
         else:
-            np.testing.assert_allclose(found, expected, atol=0.02, err_msg=label)
+            np.testing.assert_allclose(found, expected, atol=0.03, err_msg=label)
         seen_["metal" if metal else "plastic"] += 1
     assert min(seen_.values()) >= 8, seen_
 

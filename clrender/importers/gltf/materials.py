@@ -29,8 +29,8 @@ class Used:
         In the draft.
     uv_sets : frozenset of int
         Texture coordinates that its textures need.
-    normal_uv_set : int or None
-        Those of its normal map; None: it has none.
+    tangent_uv_set : int or None
+        Those of its normal map, or of what makes it anisotropic; None: it needs no tangents.
     colored : bool
         Whether colours of vertices multiply its colour.
     transparent : bool
@@ -41,7 +41,7 @@ class Used:
 
     name: str
     uv_sets: frozenset[int]
-    normal_uv_set: int | None
+    tangent_uv_set: int | None
     colored: bool
     transparent: bool
     place: str
@@ -93,8 +93,9 @@ class Materials:
         sets = frozenset(value.get("uv_set", 0) for value in used)
         unlit = self._document.extension(source, "KHR_materials_unlit") is not None
         transparent = source.get("alphaMode", "OPAQUE") != "OPAQUE"
-        normal_set = made["normal_map"].get("uv_set", 0) if "normal_map" in made else None
-        return Used(name, sets, normal_set, not unlit, transparent, at)
+        asking = made.get("normal_map", made.get("anisotropy"))
+        tangent_set = None if asking is None else asking.get("uv_set", 0) if isinstance(asking, dict) else 0
+        return Used(name, sets, tangent_set, not unlit, transparent, at)
 
 
 def _variant_number(document: Document, variant: str | None) -> int | None:
@@ -256,7 +257,8 @@ class _Material:
             self._number("anisotropy", anisotropy["anisotropyStrength"], texture, f"{at}/anisotropyTexture", "b")
             turn = math.degrees(anisotropy.get("anisotropyRotation", 0.0))
             self.made_of["anisotropy_rotation"] = math.fmod(turn, 360.0)
-            self._note(f"{at} is taken from the direction around the y axis, not from that of tangents")
+            if texture is not None:
+                self._note(f"{at}/anisotropyTexture: its directions, in red and green, were left out; its blue counts")
 
     def _emission(self) -> None:
         factor = self._source.get("emissiveFactor", [0.0] * 3)

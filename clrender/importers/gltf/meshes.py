@@ -122,6 +122,9 @@ class Meshes:
         first, second = (self._uvs(primitive, number, material, triangles, at) for number in (0, 1))
         mesh = MeshData(positions, triangles, surface.normals, "", first, second, colors)
         tangents = self._corner_tangents(primitive, material, surface, triangles)
+        if tangents is None and "anisotropy" in self._document.draft.description["materials"][material.name]:
+            text = "has no normals or no texture coordinates, from which tangents would follow"
+            self._document.note(f"{at} {text}: its anisotropy lies along the direction around the y axis")
         self._document.draft.meshes[name] = replace(mesh, tangents=tangents)
         return Part(name, material, colors is not None)
 
@@ -137,15 +140,15 @@ class Meshes:
     def _corner_tangents(
         self, primitive: dict[str, Any], material: Used, surface: Surface, triangles: NDArray[np.uint32]
     ) -> NDArray[np.float32] | None:
-        """Tangents of corners where a normal map needs them: the file's, or else those of MikkTSpace.
+        """Tangents of corners where the material needs them: the file's, or else those of MikkTSpace.
 
         Without normals triangles are flat, and have the directions of their texture coordinates.
         """
-        if material.normal_uv_set is None or surface.normals is None:
+        if material.tangent_uv_set is None or surface.normals is None:
             return None
         if surface.tangents is not None:
             return surface.tangents[triangles]
-        uvs = self._attribute(primitive, f"TEXCOORD_{material.normal_uv_set}")
+        uvs = self._attribute(primitive, f"TEXCOORD_{material.tangent_uv_set}")
         if uvs is None:
             return None
         upward = np.stack([uvs[:, 0], np.float32(1.0) - uvs[:, 1]], axis=1)
