@@ -185,7 +185,15 @@ class JobRender:
         names = [*job.aov, *(GUIDES if job.denoise else ())]
         most = LAYER_SAMPLES if job.aov else GUIDE_SAMPLES
         return first_hits(
-            self._session.devices, make, flat, self._settings, names, most, self._should_stop, self._session.tell
+            self._session.devices,
+            make,
+            job.scene,
+            flat,
+            self._settings,
+            names,
+            most,
+            self._should_stop,
+            self._session.tell,
         )
 
     def _check_progress(self, tally: Tally) -> None:

@@ -536,7 +536,7 @@ class Scene(Part):
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.
 
-        Its title, its defaults for a render's settings and the exposure of display images do not count; which settings
+        Its title, the names of its shapes, its defaults for a render's settings and the exposure of display images do not count; which settings
         made an image is said beside it.
 
         Returns
@@ -558,6 +558,7 @@ class Scene(Part):
         if not self.camera.mirrored:  # a key that is younger than hashes in films
             content.get("camera", {}).pop("mirrored", None)
         for index, shape in enumerate(self.shapes):
+            content["shapes"][index].pop("name", None)
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()
         picture = self.environment_picture()
