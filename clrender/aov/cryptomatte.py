@@ -1,8 +1,8 @@
 """Cryptomatte 1.2.0 (Friedman and Jones, Psyop): names as numbers, and how much of each pixel they cover.
 
-A name's number is the MurmurHash3_x86_32 of its UTF-8 bytes, kept away from what is no ordinary float32 and stored as the
-float32 of the same bits. A pixel has six pairs of such a number and the share of the pixel that it covers, the largest
-share first.
+A name's number is the MurmurHash3_x86_32 of its UTF-8 bytes, kept away from what is no ordinary float32 and stored as
+the float32 of the same bits. A pixel has six pairs of such a number and the share of the pixel that it covers, the
+largest share first.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def matte_attributes(mattes: Mapping[str, Sequence[str | None]]) -> dict[str, st
         ``cryptomatte/<key>/name``, ``hash``, ``conversion`` and ``manifest``: JSON that gives each name its number in
         eight hexadecimal digits. The key is the first seven of the layer's own name.
     """
-    attributes = {}
+    attributes: dict[str, str] = {}
     for layer, names in mattes.items():
         title = MATTES[layer]
         manifest = {name: f"{name_id(name):08x}" for name in sorted({name for name in names if name is not None})}

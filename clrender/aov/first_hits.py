@@ -1,4 +1,4 @@
-"""Renders the layers: one number or vector of what is seen first after the other, by the kernels of a pipeline of its own."""
+"""Renders the layers: one pass over the image, by a pipeline of its own, for each thing that is asked of first hits."""
 
 from __future__ import annotations
 

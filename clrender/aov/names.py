@@ -16,7 +16,7 @@ __all__ = ["AOVS", "MATTES", "RANKS", "check_aovs", "exact_channels", "exr_chann
 _Array = npt.NDArray[np.float32]
 
 RANKS: Final = 6
-"""Names that a matte tells apart in a pixel, the ones that cover most of it first; two of them make a layer of a file."""
+"""Names that a matte tells apart in a pixel, those that cover most of it; two of them make a layer of a file."""
 
 AOVS: Final[Mapping[str, str]] = {
     "albedo": "RGB",

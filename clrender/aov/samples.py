@@ -14,7 +14,7 @@ _NOTHING = 0
 
 
 class PrimitiveSamples:
-    """The primitives that the samples of some rows of tiles hit; takes the place of a film in `clrender.scheduling.run`.
+    """The primitives that the samples of some rows of tiles hit: what `clrender.scheduling.run` commits units to.
 
     Parameters
     ----------

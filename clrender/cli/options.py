@@ -20,6 +20,7 @@ __all__ = [
     "DomainType",
     "allow_path_option",
     "choice_options",
+    "exr_options",
     "number",
     "numbers",
     "setting_option",
@@ -183,6 +184,34 @@ def tone_options(command: Any) -> Any:
         click.option(
             "--iso", type=DomainType(PHOTOGRAPHIC["iso"]), metavar="S", help="Film speed; see --f-stop (100)."
         ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+EXR_COMPRESSIONS: Final = ("none", "rle", "zips", "zip", "piz", "pxr24", "dwaa", "dwab")
+"""The names of `clrender.image.exr_write.COMPRESSIONS`, likewise."""
+
+
+def exr_options(command: Any) -> Any:
+    """Decorator: how an ``.exr`` holds its pixels."""
+    options = [
+        click.option(
+            "--exr-type",
+            type=DomainType(Choice(("float", "half"))),
+            default="float",
+            show_default=True,
+            help="Of .exr: precision of colours and directions; all else is float.",
+        ),
+        click.option(
+            "--exr-compression",
+            type=DomainType(Choice(EXR_COMPRESSIONS)),
+            default="zip",
+            show_default=True,
+            help="Of .exr; pxr24, dwaa and dwab change numbers.",
+        ),
+        click.option("--exr-tile", type=number(16, 4096, whole=True), metavar="N", help="Of .exr: tiles (scan lines)."),
     ]
     for option in reversed(options):
         command = option(command)

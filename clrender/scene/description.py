@@ -536,8 +536,8 @@ class Scene(Part):
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.
 
-        Its title, the names of its shapes, its defaults for a render's settings and the exposure of display images do not count; which settings
-        made an image is said beside it.
+        Its title, the names of its shapes, its defaults for a render's settings and the exposure of display images do
+        not count; which settings made an image is said beside it.
 
         Returns
         -------

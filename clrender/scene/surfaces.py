@@ -61,9 +61,7 @@ class FlatSurfaces:
     attributes: NDArray[np.float32]
 
 
-def flat_surfaces(
-    scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attributes: bool = False
-) -> FlatSurfaces:
+def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attributes: bool = False) -> FlatSurfaces:
     """All shapes of a scene, triangles first.
 
     Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so

@@ -50,7 +50,7 @@ class FakeImage:
     film: Film
     interrupted: bool = False
 
-    def save(self, path: Path, tone_map: str = "srgb", exposure: float = 0.0) -> None:
+    def save(self, path: Path, tone_map: str = "srgb", exposure: float = 0.0, **exr: Any) -> None:
         if path.suffix == ".film":
             self.film.save(path, self.stats)
         else:
