@@ -155,7 +155,7 @@ def test_object_and_material_are_places_in_the_scene(device: Device) -> None:
     assert (material == np.array([0.0, 1.0, 2.0])[object_.astype(int)]).all()
 
 
-# --- emission, texture coordinates, tangents ---------------------------------------------------------------------------
+# --- emission, texture coordinates, tangents -------------------------------------------------------------------------
 
 
 def test_emission_is_that_of_the_first_surface(device: Device) -> None:

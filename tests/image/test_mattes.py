@@ -1,7 +1,8 @@
-"""Mattes: coverage that is known exactly, the same bits however the work is cut, and files as other programs read them."""
+"""Mattes: coverage that is known exactly, the same bits however the work is cut, and what files say of them."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
 from pathlib import Path
@@ -42,7 +43,7 @@ def scene(*shapes: dict[str, Any]) -> Scene:
 
 
 def strips() -> Scene:
-    """The pixels of the column from x = 1 to 2 hold eight strips, in no order; the ones on their left are of another."""
+    """The pixels of the column from x = 1 to 2 hold eight strips, in no order; another shape covers those before it."""
     edges = 1.0 + np.cumsum([0, *SHARES]) / 64.0
     parts = [strip(edges[i], edges[i + 1], NAMES[i], "right" if i % 2 else "left") for i in (3, 0, 7, 2, 5, 1, 6, 4)]
     return scene(*parts, strip(-9.0, 1.0, "wall", "left"))
@@ -137,9 +138,7 @@ def test_a_file_says_what_its_ids_mean(device: Device, tmp_path: Path) -> None:
     assert set(manifest) == {*NAMES, "wall"}
     for name, share in zip(NAMES, SHARES, strict=True):
         number = np.uint32(int(manifest[name], 16)).view(np.float32)
-        cover = sum(
-            np.where(held[f"CryptoObject{layer:02}.{a}"] == number, held[f"CryptoObject{layer:02}.{b}"], 0.0)
-            for layer in range(3)
-            for a, b in ("RG", "BA")
-        )
+        cover = np.zeros((HEIGHT, WIDTH))
+        for layer, pair in itertools.product(("CryptoObject00", "CryptoObject01", "CryptoObject02"), ("RG", "BA")):
+            cover += np.where(held[f"{layer}.{pair[0]}"] == number, held[f"{layer}.{pair[1]}"], 0.0)
         assert np.all(cover[:, 5] == (share / 64.0 if name in NAMES[:6] else 0.0))
