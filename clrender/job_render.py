@@ -77,6 +77,8 @@ class JobRender:
         """Render it; `Session.render` says what is returned and raised."""
         job, settings, session = self._job, self._settings, self._session
         denoiser = Denoiser() if job.denoise else None
+        with self._timed("read_seconds"):
+            job.scene.read_named()
         memory = {"read_peak_rss_bytes": peak_rss()}
         with self._timed("flatten_seconds"):
             flat = session.flat(job)
@@ -102,8 +104,7 @@ class JobRender:
         linear = film.mean() if keep_film else film.develop()
         first["samples"] = film.counts[..., None].astype(np.float32)
         measured = {
-            "load_seconds": self._seconds["flatten_seconds"],
-            "read_seconds": 0.0,
+            "load_seconds": self._seconds["read_seconds"] + self._seconds["flatten_seconds"],
             **self._seconds,
             **memory,
             "compile_seconds": sum(device.compile_seconds for device in devices) - compiled,

@@ -144,8 +144,8 @@ def render(
             click.echo("error: interrupted before the first sample; nothing was written", err=True)
             sys.exit(interrupt.exit_code)
         # The renderer counts from its call; the user from the command.
-        image.stats["read_seconds"] = read_seconds
-        image.stats["load_seconds"] = image.stats.get("load_seconds", 0.0) + read_seconds
+        for name in ("read_seconds", "load_seconds"):
+            image.stats[name] = image.stats.get(name, 0.0) + read_seconds
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
         _write(image, outputs, {"tone_map": tone_map, "exposure": exposure, **exr}, stats)
     click.echo(_result_line(image, outputs))

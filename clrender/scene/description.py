@@ -426,6 +426,23 @@ class Scene(Part):
             )
         return self._meshes[shape.asset]
 
+    def read_named(self) -> None:
+        """Read every file that the scene names, so that nothing is read later.
+
+        Raises
+        ------
+        SceneError
+            If one cannot be read or is not sound.
+        """
+        for index, shape in enumerate(self.shapes):
+            if isinstance(shape, Mesh) and shape.file is not None:
+                self.mesh(index)
+        if self.texture_files():
+            self.textures()
+        self.environment_picture()
+        for index, _ in self.ies_lights():
+            self.ies_profile(index)
+
     @property
     def environment(self) -> EnvironmentLight | None:
         """The scene's only one."""
