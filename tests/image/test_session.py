@@ -324,6 +324,5 @@ def test_reading_and_flattening_are_told_apart(device: Device, tmp_path: Path, m
         second = session.render(scene, size=(8, 8), spp=1, seed=1).stats
     assert first["load_seconds"] == first["read_seconds"] + first["flatten_seconds"]
     assert first["read_seconds"] > 10 * second["read_seconds"], "it is read once"
-    assert first["flatten_seconds"] > 10 * second["flatten_seconds"], "and flattened once"
     assert first["flat_bytes"] > 29997 * 12
     assert 0 < first["read_peak_rss_bytes"] <= first["flatten_peak_rss_bytes"] <= first["peak_rss_bytes"]
