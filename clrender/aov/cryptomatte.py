@@ -131,7 +131,7 @@ def _rank(found: npt.NDArray[np.uint32], taken: npt.NDArray[np.uint32], result: 
     pixels, ids = places // found.shape[1], found.reshape(-1)[places]
     named = ids != 0
     pixels, ids, counts = pixels[named], ids[named], counts[named]
-    order = np.lexsort((ids, -counts, pixels))
+    order = np.lexsort((-counts, pixels))  # stable: ids of equal counts stay in their order
     pixels, ids, counts = pixels[order], ids[order], counts[order]
     rank = np.arange(len(pixels)) - np.searchsorted(pixels, pixels)
     kept = rank < RANKS

@@ -268,6 +268,8 @@ def test_layers_of_a_render_and_in_a_file(device: Device, tmp_path: Path) -> Non
     assert plain.aovs == {} and list(image.aovs) == list(AOVS)
     assert image.stats["image_sha256"] == plain.stats["image_sha256"] and not image.stats["denoised"]
     assert same(image.aovs["samples"], 2.0)
+    # What is written is not copied
+    assert all(layer[..., i].flags.c_contiguous for layer in image.aovs.values() for i in range(layer.shape[2]))
     image.save(tmp_path / "a.exr")
     image.save(tmp_path / "a.png")
     assert (read_image(tmp_path / "a.exr") == image.linear).all()
