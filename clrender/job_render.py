@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits
+from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits, matte_names
 from clrender.device import Device
 from clrender.device.preparation import Prepared, Request
 from clrender.device.worker import DeviceWorker, LaunchConfig, most_lanes
@@ -23,7 +23,7 @@ from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
-from clrender.render_stats import render_stats
+from clrender.render_stats import peak_rss, render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool
@@ -77,8 +77,12 @@ class JobRender:
         """Render it; `Session.render` says what is returned and raised."""
         job, settings, session = self._job, self._settings, self._session
         denoiser = Denoiser() if job.denoise else None
-        with self._timed("load_seconds"):
+        with self._timed("read_seconds"):
+            job.scene.read_named()
+        memory = {"read_peak_rss_bytes": peak_rss()}
+        with self._timed("flatten_seconds"):
             flat = session.flat(job)
+        memory |= {"flatten_peak_rss_bytes": peak_rss(), "flat_bytes": flat.nbytes}
         for warning in flat.warnings:
             session.tell(warning)
         devices = session.devices
@@ -99,8 +103,10 @@ class JobRender:
             self._seconds["setup_seconds"] = self._started - self._begin - self._seconds["aov_seconds"]
         linear = film.mean() if keep_film else film.develop()
         first["samples"] = film.counts[..., None].astype(np.float32)
-        times = {
+        measured = {
+            "load_seconds": self._seconds["read_seconds"] + self._seconds["flatten_seconds"],
             **self._seconds,
+            **memory,
             "compile_seconds": sum(device.compile_seconds for device in devices) - compiled,
             "build_seconds": max((worker.build_seconds for worker in workers.values()), default=0.0),
             "render_seconds": finished - (self._started or finished),
@@ -108,10 +114,11 @@ class JobRender:
             "write_seconds": 0.0,
             "wall_seconds": time.perf_counter() - self._begin,
         }
-        stats = render_stats(job, flat, film, linear, tally, devices, workers, times)
+        stats = render_stats(job, flat, film, linear, tally, devices, workers, measured)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
         layers = {name: first[name] for name in job.aov if name in first}
-        image = RenderedImage(linear, stats, film, not tally.complete, denoised, layers)
+        mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers}
+        image = RenderedImage(linear, stats, film, not tally.complete, denoised, layers, mattes)
         if tally.all_failed and not tally.complete:
             raise IncompleteRender(str(tally.failures[-1]), image) from tally.failures[-1]
         for failure in tally.failures:
@@ -185,7 +192,15 @@ class JobRender:
         names = [*job.aov, *(GUIDES if job.denoise else ())]
         most = LAYER_SAMPLES if job.aov else GUIDE_SAMPLES
         return first_hits(
-            self._session.devices, make, flat, self._settings, names, most, self._should_stop, self._session.tell
+            self._session.devices,
+            make,
+            job.scene,
+            flat,
+            self._settings,
+            names,
+            most,
+            self._should_stop,
+            self._session.tell,
         )
 
     def _check_progress(self, tally: Tally) -> None:

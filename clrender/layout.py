@@ -44,9 +44,12 @@ __all__ = [
     "FILTER_LINE_SLOPE",
     "FIRST_HIT_ALBEDO",
     "FIRST_HIT_DEPTH",
+    "FIRST_HIT_EMISSION",
     "FIRST_HIT_NORMAL",
     "FIRST_HIT_POSITION",
     "FIRST_HIT_PRIMITIVE",
+    "FIRST_HIT_TANGENT",
+    "FIRST_HIT_UV",
     "GGX_COLUMNS",
     "GGX_LOST_ROWS",
     "GGX_ROWS",
@@ -242,6 +245,9 @@ FIRST_HIT_NORMAL: Final = 1
 FIRST_HIT_POSITION: Final = 2
 FIRST_HIT_DEPTH: Final = 3
 FIRST_HIT_PRIMITIVE: Final = 4
+FIRST_HIT_EMISSION: Final = 5
+FIRST_HIT_UV: Final = 6
+FIRST_HIT_TANGENT: Final = 7
 """What is asked of what a camera ray sees first."""
 
 CONSTANTS: Final[Mapping[str, int]] = {
@@ -330,6 +336,9 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "FIRST_HIT_POSITION": FIRST_HIT_POSITION,
     "FIRST_HIT_DEPTH": FIRST_HIT_DEPTH,
     "FIRST_HIT_PRIMITIVE": FIRST_HIT_PRIMITIVE,
+    "FIRST_HIT_EMISSION": FIRST_HIT_EMISSION,
+    "FIRST_HIT_UV": FIRST_HIT_UV,
+    "FIRST_HIT_TANGENT": FIRST_HIT_TANGENT,
 }
 
 # struct -> ((member, C type, comment), ...). Order is memory order.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from clrender.job import RenderJob
     from clrender.scheduling.run import Tally
 
-__all__ = ["render_stats"]
+__all__ = ["peak_rss", "render_stats"]
 
 
 def render_stats(
@@ -33,7 +33,7 @@ def render_stats(
     tally: Tally,
     devices: Sequence[Device],
     workers: Mapping[int, DeviceWorker],
-    times: Mapping[str, float],
+    measured: Mapping[str, float],
 ) -> dict[str, Any]:
     """What ``--stats`` writes of a render.
 
@@ -45,10 +45,10 @@ def render_stats(
         The image.
     workers : mapping of int to DeviceWorker
         Those that could be set up, by the place of their device.
-    times : mapping
-        The keys that end in ``_seconds``.
+    measured : mapping
+        The keys that end in ``_seconds``, and those about the memory of reading and flattening.
     """
-    seconds = max(times["render_seconds"], 1e-9)
+    seconds = max(measured["render_seconds"], 1e-9)
     settings, request = job.settings, film.request
     return {
         "image_sha256": image_sha256(linear),
@@ -70,10 +70,10 @@ def render_stats(
         "shadow_rays": tally.shadow_rays,
         "max_depth": tally.deepest,
         "nonfinite_samples": tally.samples - film.samples,
-        **times,
+        **measured,
         "msamples_per_second": tally.samples / seconds / 1e6,
         "mrays_per_second": tally.rays / seconds / 1e6,
-        "peak_rss_bytes": _peak_rss(),
+        "peak_rss_bytes": peak_rss(),
         "device_bytes": sum(device.allocated_bytes for device in devices),
         "triangles": flat.triangle_count,
         "devices": [
@@ -91,7 +91,7 @@ def render_stats(
     }
 
 
-def _peak_rss() -> int:
+def peak_rss() -> int:
     """Most memory this program ever held, bytes; 0 where the system does not tell."""
     with suppress(OSError):
         # `ru_maxrss` begins with what the process that started this one held

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import exr_channels
-from clrender.errors import RenderError
+from clrender.aov import MATTES, exact_channels, exr_channels, matte_attributes
+from clrender.errors import RenderError, UsageError
 from clrender.exposure import camera_exposure, photographic_stops
 from clrender.film import Film
+from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
 
-__all__ = ["IncompleteRender", "Progress", "RenderedImage"]
+__all__ = ["IncompleteRender", "Progress", "RenderedImage", "check_mattes"]
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,8 @@ class RenderedImage:
         The image without noise, where that was asked for: what `save` writes.
     aovs : dict of str to (height, width, channels) float32
         The layers asked for; `clrender.aov.first_hits` says what each holds.
+    mattes : dict of str to sequence of str or None
+        Of those that are mattes, the names of the scene's shapes or materials (`clrender.aov.matte_names`).
     """
 
     linear: npt.NDArray[np.float32]
@@ -82,6 +86,7 @@ class RenderedImage:
     interrupted: bool
     denoised: npt.NDArray[np.float32] | None = None
     aovs: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+    mattes: Mapping[str, Sequence[str | None]] = field(default_factory=dict)
 
     @property
     def picture(self) -> npt.NDArray[np.float32]:
@@ -93,7 +98,16 @@ class RenderedImage:
         """Exposure of display images by the camera's f-stop, shutter and iso; 0 without them."""
         return photographic_stops(**camera_exposure(self.stats, {}))
 
-    def save(self, path: str | Path, tone_map: str = "srgb", exposure: float = 0.0) -> None:
+    def save(
+        self,
+        path: str | Path,
+        tone_map: str = "srgb",
+        exposure: float = 0.0,
+        *,
+        exr_type: str = "float",
+        exr_compression: str = "zip",
+        exr_tile: int | None = None,
+    ) -> None:
         """Write the image; the ending says how. `.film` keeps the exact sums, `.exr` the layers too.
 
         Parameters
@@ -103,23 +117,45 @@ class RenderedImage:
             For display formats.
         exposure : float
             In stops, for display formats; added to that of the camera's f-stop, shutter and iso, where it has them.
+        exr_type, exr_compression, exr_tile
+            Of `.exr`: `type`, `compression` and `tile` of `clrender.image.exr_write.ExrFormat`.
 
         Raises
         ------
         UsageError
-            When the ending or the tone map is unknown.
+            When the ending or the tone map is unknown, or the compression of an `.exr` would lose the ids of mattes.
         RenderError
             When the file cannot be written; nothing is left half-written.
         """
+        exr = ExrFormat(exr_type, exr_compression, exr_tile)
         if Path(path).suffix.lower() == ".film":
             told = {name: value for name, value in self.stats.items() if not name.startswith("denois")}
             self.film.save(path, {**told, "denoised": False})
+        elif Path(path).suffix.lower() == ".exr":
+            check_mattes(self.aovs, exr)
+            exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
+            channels = exr_channels(self.aovs)
+            write_image(path, self.picture, self.stats, channels=channels, exr=exr, exact=exact, attributes=attributes)
         else:
-            stops = exposure + self.camera_stops
-            write_image(path, self.picture, self.stats, tone_map, stops, exr_channels(self.aovs))
+            write_image(path, self.picture, self.stats, tone_map, exposure + self.camera_stops)
 
     def _repr_png_(self) -> bytes:
         return png_bytes(self.picture, exposure=self.camera_stops)
+
+
+def check_mattes(layers: Iterable[str], exr: ExrFormat) -> None:
+    """Make sure that a file keeps the ids of mattes, if there are some.
+
+    Raises
+    ------
+    UsageError
+    """
+    matte = next((name for name in layers if name in MATTES), None)
+    if matte is not None and exr.lossy:
+        raise UsageError(
+            f"exr_compression is {exr.compression!r}, which changes numbers, and the ids of {matte} have to stay as "
+            "they are; choose another, such as zip"
+        )
 
 
 class IncompleteRender(RenderError):

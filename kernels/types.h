@@ -107,6 +107,9 @@
 #define FIRST_HIT_POSITION 2u
 #define FIRST_HIT_DEPTH 3u
 #define FIRST_HIT_PRIMITIVE 4u
+#define FIRST_HIT_EMISSION 5u
+#define FIRST_HIT_UV 6u
+#define FIRST_HIT_TANGENT 7u
 
 typedef struct {
     float4 center_radius;       // xyz centre, world space, metres; w radius

@@ -4,31 +4,31 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any, Final
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from foreign_parts import (
+    element,
+    mitsuba_around,
+    mitsuba_mask,
+    mitsuba_medium,
+    mitsuba_sensor,
+    mitsuba_sky,
+    mitsuba_spot,
+    pbrt_camera,
+    pbrt_interface,
+    pbrt_medium,
+    pbrt_spot,
+    value,
+    words,
+)
 
 __all__ = ["as_pbrt_has_it", "mitsuba_xml", "pbrt_text"]
 
 _BOX_QUADS: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 
-def _words(values: Any) -> str:
-    return " ".join(repr(float(x)) for x in np.asarray(values, np.float64).ravel())
-
-
-def _element(tag: str, inside: str = "", **attributes: str) -> str:
-    head = "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
-    return f"<{tag}{head}>{inside}</{tag}>\n" if inside else f"<{tag}{head}/>\n"
-
-
-def _value(tag: str, name: str, value: Any) -> str:
-    text = str(value).lower() if isinstance(value, bool) else value if isinstance(value, str) else _words(value)
-    return _element(tag, name=name, value=text)
-
-
 def _to_world(matrix: Any) -> str:
-    return _element("transform", _element("matrix", value=_words(matrix)), name="to_world")
+    return element("transform", element("matrix", value=words(matrix)), name="to_world")
 
 
 def _frame(x: Any, y: Any, z: Any, origin: Any) -> Any:
@@ -56,81 +56,88 @@ def _disk_frame(shape: dict[str, Any]) -> Any:
 
 
 def _bitmap(texture: dict[str, Any], name: str) -> str:
-    upright = _element("transform", _element("scale", x="1", y="-1", z="1"), name="to_uv")
+    upright = element("transform", element("scale", x="1", y="-1", z="1"), name="to_uv")
     between = "nearest" if texture.get("filter") == "nearest" else "bilinear"
-    inside = _value("string", "filename", texture["texture"]) + upright + _value("string", "filter_type", between)
-    inside += _value("boolean", "raw", texture.get("color_space") != "srgb")
-    return _element("texture", inside, type="bitmap", name=name)
+    inside = value("string", "filename", texture["texture"]) + upright + value("string", "filter_type", between)
+    inside += value("boolean", "raw", texture.get("color_space") != "srgb")
+    return element("texture", inside, type="bitmap", name=name)
 
 
-def _mitsuba_material(described: dict[str, Any], name: str) -> str:
+def _mitsuba_material(described: dict[str, Any], name: str, folder: Path) -> str:
+    if "opacity" in described:
+        whole = {key: each for key, each in described.items() if key != "opacity"}
+        return mitsuba_mask(described["opacity"], _mitsuba_material(whole, "", folder), name, folder, _bitmap)
     named = {"id": name} if name else {}
     kind, alpha = described["type"], described.get("roughness", 0.0) ** 2
-    rough = (_value("string", "distribution", "ggx") + _value("float", "alpha", alpha)) if alpha else ""
+    rough = (value("string", "distribution", "ggx") + value("float", "alpha", alpha)) if alpha else ""
     if kind == "dielectric":
-        inside = _value("float", "int_ior", described["ior"]) + _value("float", "ext_ior", 1.0) + rough
-        return _element("bsdf", inside, type="roughdielectric" if alpha else "dielectric", **named)
+        inside = value("float", "int_ior", described["ior"]) + value("float", "ext_ior", 1.0) + rough
+        return element("bsdf", inside, type="roughdielectric" if alpha else "dielectric", **named)
     if kind == "mirror":
-        inside, plugin = _value("rgb", "specular_reflectance", described["reflectance"]), "conductor"
+        inside, plugin = value("rgb", "specular_reflectance", described["reflectance"]), "conductor"
     elif kind == "conductor":
-        inside = _value("rgb", "eta", described["eta"]) + _value("rgb", "k", described["k"]) + rough
+        inside = value("rgb", "eta", described["eta"]) + value("rgb", "k", described["k"]) + rough
         plugin = "roughconductor" if alpha else "conductor"
     else:
         reflectance, plugin = described["reflectance"], "diffuse"
         texture = isinstance(reflectance, dict)
-        inside = _bitmap(reflectance, "reflectance") if texture else _value("rgb", "reflectance", reflectance)
-    one = _element("bsdf", inside, type=plugin)
+        inside = _bitmap(reflectance, "reflectance") if texture else value("rgb", "reflectance", reflectance)
+    one = element("bsdf", inside, type=plugin)
     if "normal_map" in described:
         # What clrender has not: a microsurface of the map's own
-        plain = _value("boolean", "use_shadowing_function", False)
-        one = _element("bsdf", _bitmap(described["normal_map"], "normalmap") + one + plain, type="normalmap")
-    return _element("bsdf", one, type="twosided", **named)
+        plain = value("boolean", "use_shadowing_function", False)
+        one = element("bsdf", _bitmap(described["normal_map"], "normalmap") + one + plain, type="normalmap")
+    return element("bsdf", one, type="twosided", **named)
 
 
 def _ply(path: Path, shape: dict[str, Any]) -> None:
-    rows = [f"{_words(p)} {_words(uv)}" for p, uv in zip(shape["vertices"], ((0, 0), (1, 0), (0, 1)), strict=True)]
+    rows = [f"{words(p)} {words(uv)}" for p, uv in zip(shape["vertices"], ((0, 0), (1, 0), (0, 1)), strict=True)]
     head = ["ply", "format ascii 1.0", "element vertex 3", *(f"property float {axis}" for axis in "xyzuv")]
     head += ["element face 1", "property list uchar int vertex_indices", "end_header"]
     path.write_text("\n".join([*head, *rows, "3 0 1 2", ""]), encoding="ascii")
 
 
-def _mitsuba_shape(shape: dict[str, Any], number: int, folder: Path) -> str:
-    inside = _element("ref", id=shape["material"])
+def _mitsuba_shape(shape: dict[str, Any], number: int, folder: Path, around: str) -> str:
+    inside = (element("ref", id=shape["material"]) if "material" in shape else "") + around
     if "emission" in shape:
-        inside += _element("emitter", _value("rgb", "radiance", shape["emission"]), type="area")
+        inside += element("emitter", value("rgb", "radiance", shape["emission"]), type="area")
     kind = shape["type"]
     if kind == "sphere":
         x, y, z = map(repr, shape["center"])
-        center = _element("point", name="center", x=x, y=y, z=z)
-        return _element("shape", inside + center + _value("float", "radius", shape["radius"]), type="sphere")
+        center = element("point", name="center", x=x, y=y, z=z)
+        return element("shape", inside + center + value("float", "radius", shape["radius"]), type="sphere")
     if kind == "triangle":
         _ply(folder / f"triangle{number}.ply", shape)
-        flat = _value("boolean", "face_normals", True)
-        inside += _value("string", "filename", f"triangle{number}.ply") + flat
-        return _element("shape", inside, type="ply")
+        flat = value("boolean", "face_normals", True)
+        inside += value("string", "filename", f"triangle{number}.ply") + flat
+        return element("shape", inside, type="ply")
     if kind == "box":
         half = np.array(shape["size"]) / 2.0
         x, y, z = np.diag(half)
         frame = _frame(x, y, z, shape["center"])
-        return _element("shape", inside + _to_world(frame), type="cube")
+        return element("shape", inside + _to_world(frame), type="cube")
     if kind == "disk":
-        return _element("shape", inside + _to_world(_disk_frame(shape)), type="disk")
-    return _element("shape", inside + _to_world(_quad_frame(shape)), type="rectangle")
+        return element("shape", inside + _to_world(_disk_frame(shape)), type="disk")
+    return element("shape", inside + _to_world(_quad_frame(shape)), type="rectangle")
 
 
 def _mitsuba_light(light: dict[str, Any]) -> str:
     kind = light["type"]
     if kind == "point":
         x, y, z = map(repr, light["position"])
-        inside = _element("point", name="position", x=x, y=y, z=z) + _value("rgb", "intensity", light["intensity"])
-        return _element("emitter", inside, type="point")
+        inside = element("point", name="position", x=x, y=y, z=z) + value("rgb", "intensity", light["intensity"])
+        return element("emitter", inside, type="point")
     if kind == "directional":
         x, y, z = map(repr, light["direction"])
-        inside = _element("vector", name="direction", x=x, y=y, z=z) + _value("rgb", "irradiance", light["irradiance"])
-        return _element("emitter", inside, type="directional")
+        inside = element("vector", name="direction", x=x, y=y, z=z) + value("rgb", "irradiance", light["irradiance"])
+        return element("emitter", inside, type="directional")
+    if kind == "spot":
+        return mitsuba_spot(light)
+    if kind == "sun_sky":
+        return mitsuba_sky(light)
     if "file" in light:
-        return _element("emitter", _value("string", "filename", light["file"]), type="envmap")
-    return _element("emitter", _value("rgb", "radiance", light["radiance"]), type="constant")
+        return element("emitter", value("string", "filename", light["file"]), type="envmap")
+    return element("emitter", value("rgb", "radiance", light["radiance"]), type="constant")
 
 
 def mitsuba_xml(scene: dict[str, Any], folder: Path, side: int, spp: int) -> str:
@@ -146,22 +153,23 @@ def mitsuba_xml(scene: dict[str, Any], folder: Path, side: int, spp: int) -> str
         Of the image, pixels.
     spp : int
     """
-    camera = scene["camera"]
-    at = {key: ", ".join(map(repr, camera.get(name, (0.0, 1.0, 0.0)))) for key, name in _LOOK}
-    parts = [_element("integrator", _element("integer", name="max_depth", value="-1"), type="path")]
-    film = "".join(_element("integer", name=name, value=str(side)) for name in ("width", "height"))
-    film += _value("string", "pixel_format", "rgb") + _element("rfilter", type="box")
-    inside = _element("transform", _element("lookat", **at), name="to_world") + _value("string", "fov_axis", "y")
-    inside += _value("float", "fov", camera["vertical_fov"])
-    inside += _element("sampler", _element("integer", name="sample_count", value=str(spp)), type="independent")
-    parts.append(_element("sensor", inside + _element("film", film, type="hdrfilm"), type="perspective"))
-    parts += [_mitsuba_material(described, name) for name, described in scene["materials"].items()]
-    parts += [_mitsuba_shape(shape, number, folder) for number, shape in enumerate(scene["shapes"])]
+    media, fog, materials = scene.get("media", {}), scene.get("fog"), scene["materials"]
+    # Shadow rays of its `path` take masks and surfaces that are not seen for whole ones
+    seen_through = media or any("opacity" in each for each in materials.values())
+    kind = "volpath" if seen_through else "path"
+    parts = [element("integrator", element("integer", name="max_depth", value="-1"), type=kind)]
+    parts += [mitsuba_medium(described, name) for name, described in media.items()]
+    film = "".join(element("integer", name=name, value=str(side)) for name in ("width", "height"))
+    film += value("string", "pixel_format", "rgb") + element("rfilter", type="box")
+    inside = element("sampler", element("integer", name="sample_count", value=str(spp)), type="independent")
+    inside += element("ref", name="medium", id=fog) if fog is not None else ""
+    parts.append(mitsuba_sensor(scene["camera"], inside + element("film", film, type="hdrfilm")))
+    parts += [_mitsuba_material(described, name, folder) for name, described in materials.items()]
+    for number, shape in enumerate(scene["shapes"]):
+        parts.append(_mitsuba_shape(shape, number, folder, mitsuba_around(shape, materials, fog)))
     parts += [_mitsuba_light(light) for light in scene["lights"]]
     return f'<scene version="3.0.0">\n{"".join(parts)}</scene>\n'
 
-
-_LOOK: Final = (("origin", "position"), ("target", "target"), ("up", "up"))
 
 # --- pbrt
 
@@ -173,7 +181,7 @@ def _pbrt_material(described: dict[str, Any], name: str) -> list[str]:
     if kind == "dielectric":
         rest = f'"string type" "dielectric" "float eta" {described["ior"]!r} {rough}'
     elif kind == "conductor":
-        eta, k = _words(described["eta"]), _words(described["k"])
+        eta, k = words(described["eta"]), words(described["k"])
         rest = f'"string type" "conductor" "rgb eta" [{eta}] "rgb k" [{k}] {rough}'
     elif isinstance(described["reflectance"], dict):
         texture = described["reflectance"]
@@ -182,7 +190,7 @@ def _pbrt_material(described: dict[str, Any], name: str) -> list[str]:
         lines.append(f'Texture "{name}" "spectrum" "imagemap" {file}')
         rest = f'"string type" "diffuse" "texture reflectance" "{name}"'
     else:
-        rest = f'"string type" "diffuse" "rgb reflectance" [{_words(described["reflectance"])}]'
+        rest = f'"string type" "diffuse" "rgb reflectance" [{words(described["reflectance"])}]'
     if "normal_map" in described:
         rest += f' "string normalmap" "{described["normal_map"]["texture"]}"'
     return [*lines, f'MakeNamedMaterial "{name}" {rest}']
@@ -194,10 +202,10 @@ def _pbrt_shape(shape: dict[str, Any]) -> str:
     uvs: Any
     corners: Any
     if kind == "sphere":
-        return f'Translate {_words(shape["center"])} Shape "sphere" "float radius" {shape["radius"]!r}'
+        return f'Translate {words(shape["center"])} Shape "sphere" "float radius" {shape["radius"]!r}'
     if kind == "disk":
         matrix = _disk_frame(shape)
-        return f'ConcatTransform [{_words(matrix.T)}] Shape "disk"'
+        return f'ConcatTransform [{words(matrix.T)}] Shape "disk"'
     if kind == "triangle":
         points, uvs, corners = shape["vertices"], ((0, 0), (1, 0), (0, 1)), [[0, 1, 2]]
     elif kind == "box":
@@ -208,25 +216,31 @@ def _pbrt_shape(shape: dict[str, Any]) -> str:
     else:
         o, u, v = (np.array(shape[key]) for key in ("origin", "edge_u", "edge_v"))
         points, uvs, corners = [o, o + u, o + u + v, o + v], ((0, 0), (1, 0), (1, 1), (0, 1)), [[0, 1, 2], [0, 2, 3]]
-    given = f'"point2 uv" [{_words(uvs)}]' if uvs else ""
+    given = f'"point2 uv" [{words(uvs)}]' if uvs else ""
     indices = " ".join(str(int(i)) for i in np.array(corners).ravel())
-    return f'Shape "trianglemesh" "point3 P" [{_words(points)}] "integer indices" [{indices}] {given}'
+    return f'Shape "trianglemesh" "point3 P" [{words(points)}] "integer indices" [{indices}] {given}'
 
 
 def _pbrt_light(light: dict[str, Any]) -> str:
     kind = light["type"]
     if kind == "point":
-        return f'LightSource "point" "point3 from" [{_words(light["position"])}] "rgb I" [{_words(light["intensity"])}]'
+        return f'LightSource "point" "point3 from" [{words(light["position"])}] "rgb I" [{words(light["intensity"])}]'
     if kind == "directional":
-        where = f'"point3 from" [0 0 0] "point3 to" [{_words(light["direction"])}]'
-        return f'LightSource "distant" {where} "rgb L" [{_words(light["irradiance"])}]'
+        where = f'"point3 from" [0 0 0] "point3 to" [{words(light["direction"])}]'
+        return f'LightSource "distant" {where} "rgb L" [{words(light["irradiance"])}]'
+    if kind == "spot":
+        return pbrt_spot(light)
     if "radiance" in light:
-        return f'LightSource "infinite" "rgb L" [{_words(light["radiance"])}]'
+        return f'LightSource "infinite" "rgb L" [{words(light["radiance"])}]'
     raise ValueError("pbrt has other pictures of environments: `as_pbrt_has_it` replaces them")
 
 
 def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
-    """The scene without what pbrt has not: metals for mirrors, and an even environment for a picture in latitude and longitude."""  # noqa: E501
+    """The scene without what pbrt has not, or its reader here.
+
+    Metals stand for mirrors, an even environment for a sky or for a picture in latitude and longitude, a half for an
+    opacity that is a picture.
+    """
     materials = {}
     for name, described in scene["materials"].items():
         if described["type"] == "mirror":
@@ -235,9 +249,15 @@ def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
         if "normal_map" in described:  # always linear between texels
             normals = {key: value for key, value in described["normal_map"].items() if key != "filter"}
             described = {**described, "normal_map": normals}
+        if isinstance(described.get("opacity"), dict):
+            described = {**described, "opacity": 0.5}
         materials[name] = described
     even = {"type": "environment", "radiance": [0.5, 0.6, 0.7]}
-    return {**scene, "materials": materials, "lights": [even if "file" in each else each for each in scene["lights"]]}
+    return {
+        **scene,
+        "materials": materials,
+        "lights": [even if "file" in each or each["type"] == "sun_sky" else each for each in scene["lights"]],
+    }
 
 
 def pbrt_text(scene: dict[str, Any], side: int, spp: int) -> str:
@@ -253,20 +273,27 @@ def pbrt_text(scene: dict[str, Any], side: int, spp: int) -> str:
     """
     camera = scene["camera"]
     view = [camera[key] for key in ("position", "target")] + [camera.get("up", (0.0, 1.0, 0.0))]
-    lines = [
+    fog, materials = scene.get("fog"), scene["materials"]
+    lines = [pbrt_medium(described, name) for name, described in scene.get("media", {}).items()]
+    lines += [
+        *([] if fog is None else [f'MediumInterface "" "{fog}"']),
         "Scale -1 1 1",  # right-handed
-        f"LookAt {_words(view)}",
-        f'Camera "perspective" "float fov" {camera["vertical_fov"]!r}',
+        f"LookAt {words(view)}",
+        pbrt_camera(camera),
         f'Film "rgb" "integer xresolution" {side} "integer yresolution" {side}',
         f'Sampler "independent" "integer pixelsamples" {spp}',
         'Integrator "path" "integer maxdepth" 100000',
         'PixelFilter "box"',
         "WorldBegin",
     ]
-    for name, described in scene["materials"].items():
+    for name, described in materials.items():
         lines += _pbrt_material(described, name)
     for shape in scene["shapes"]:
-        light = f'AreaLightSource "diffuse" "rgb L" [{_words(shape["emission"])}]' if "emission" in shape else ""
-        lines += ["AttributeBegin", light, f'NamedMaterial "{shape["material"]}"', _pbrt_shape(shape), "AttributeEnd"]
+        light = f'AreaLightSource "diffuse" "rgb L" [{words(shape["emission"])}]' if "emission" in shape else ""
+        named = shape.get("material")
+        material = 'Material "interface"' if named is None else f'NamedMaterial "{named}"'
+        alpha = materials[named].get("opacity") if named is not None else None
+        solid = _pbrt_shape(shape) + ("" if alpha is None else f' "float alpha" {alpha!r}')
+        lines += ["AttributeBegin", light, pbrt_interface(shape, fog), material, solid, "AttributeEnd"]
     lines += [_pbrt_light(light) for light in scene["lights"]]
     return "\n".join(lines) + "\n"

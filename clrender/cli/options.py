@@ -21,6 +21,7 @@ __all__ = [
     "EnvironmentType",
     "allow_path_option",
     "choice_options",
+    "exr_options",
     "number",
     "numbers",
     "setting_option",
@@ -200,6 +201,34 @@ class EnvironmentType(click.ParamType):  # type: ignore[type-arg]  # not generic
             return float(value)
         except ValueError:
             return Path(value)
+
+
+EXR_COMPRESSIONS: Final = ("none", "rle", "zips", "zip", "piz", "pxr24", "dwaa", "dwab")
+"""The names of `clrender.image.exr_write.COMPRESSIONS`, likewise."""
+
+
+def exr_options(command: Any) -> Any:
+    """Decorator: how an ``.exr`` holds its pixels."""
+    options = [
+        click.option(
+            "--exr-type",
+            type=DomainType(Choice(("float", "half"))),
+            default="float",
+            show_default=True,
+            help="Of .exr: precision of colours and directions; all else is float.",
+        ),
+        click.option(
+            "--exr-compression",
+            type=DomainType(Choice(EXR_COMPRESSIONS)),
+            default="zip",
+            show_default=True,
+            help="Of .exr; pxr24, dwaa and dwab change numbers.",
+        ),
+        click.option("--exr-tile", type=number(16, 4096, whole=True), metavar="N", help="Of .exr: tiles (scan lines)."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
 
 
 def choice_options(command: Any) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,14 @@ from click.core import ParameterSource
 
 from clrender.cli import STARTED
 from clrender.cli.interrupt import Interrupt, interruptible
-from clrender.cli.options import EnvironmentType, allow_path_option, choice_options, setting_options, tone_options
+from clrender.cli.options import (
+    EnvironmentType,
+    allow_path_option,
+    choice_options,
+    exr_options,
+    setting_options,
+    tone_options,
+)
 from clrender.cli.options import shard as parse_shard
 from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct, check_image_size, scene_files
@@ -58,7 +65,13 @@ __all__ = ["render"]
     help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
 )
 @tone_options
-@click.option("--aov", metavar="LIST", help="Layers of an .exr: albedo,normal,depth,position,object,material,samples.")
+@click.option(
+    "--aov",
+    metavar="LIST",
+    help="Layers of an .exr: albedo,emission,normal,tangent,depth,position,uv,object,material,samples,crypto_object,"
+    "crypto_material.",
+)
+@exr_options
 @click.option(
     "--shard",
     type=parse_shard,
@@ -88,6 +101,9 @@ def render(
     shutter: float | None,
     iso: float | None,
     aov: str | None,
+    exr_type: str,
+    exr_compression: str,
+    exr_tile: int | None,
     shard: tuple[int, int] | None,
     denoise: bool,
     stats: Path | None,
@@ -106,6 +122,8 @@ def render(
     _check_outputs(ctx, outputs, stats)
     check_distinct(written, [Path(scene)])
     layers = _layers(aov, outputs)
+    exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
+    _check_exr(layers, exr)
     with interruptible() as interrupt:
         from clrender.importers import load
         from clrender.job import RenderJob
@@ -114,7 +132,7 @@ def render(
         begun = time.perf_counter()
         description = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, environment=environment)
         description = description.with_exposure(f_stop, shutter, iso)
-        load_seconds = time.perf_counter() - begun
+        read_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
         job = RenderJob.of(description, size=size, aov=layers, denoise=denoise, **chosen)
@@ -131,9 +149,10 @@ def render(
             click.echo("error: interrupted before the first sample; nothing was written", err=True)
             sys.exit(interrupt.exit_code)
         # The renderer counts from its call; the user from the command.
-        image.stats["load_seconds"] = image.stats.get("load_seconds", 0.0) + load_seconds
+        for name in ("read_seconds", "load_seconds"):
+            image.stats[name] = image.stats.get(name, 0.0) + read_seconds
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
-        _write(image, outputs, tone_map, exposure, stats)
+        _write(image, outputs, {"tone_map": tone_map, "exposure": exposure, **exr}, stats)
     click.echo(_result_line(image, outputs))
     if failure is not None:
         raise RenderError(f"{failure}; {' '.join(map(str, outputs))} holds what was finished by then")
@@ -156,6 +175,10 @@ def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | No
         if given and not endings.intersection(DISPLAY_ENDINGS):
             option = name.replace("_", "-")
             raise UsageError(f"--{option}: only .png and .jpg files are tone-mapped; name one with -o, or leave it out")
+    for name in ("exr_type", "exr_compression", "exr_tile"):
+        given = ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE
+        if given and ".exr" not in endings:
+            raise UsageError(f"--{name.replace('_', '-')}: no output is an .exr; name one with -o, or leave it out")
     if ctx.params["shard"] and not endings.issubset(FILM_ENDINGS):
         other = next(path for path in outputs if path.suffix.lower() not in FILM_ENDINGS)
         raise UsageError(f"{other}: a shard holds a part of the samples; write it to a .film, for `clrender merge`")
@@ -175,6 +198,15 @@ def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
     if not any(path.suffix.lower() == ".exr" for path in outputs):
         raise UsageError("--aov: only .exr files hold layers; name one with -o, such as -o image.exr")
     return layers
+
+
+def _check_exr(layers: Sequence[str], exr: Mapping[str, Any]) -> None:
+    """The file keeps what the layers need."""
+    if layers:
+        from clrender.image.exr_write import ExrFormat
+        from clrender.rendered_image import check_mattes
+
+        check_mattes(layers, ExrFormat(*exr.values()))
 
 
 def _run(job: RenderJob, devices: Sequence[str], interrupt: Interrupt, quiet: bool, keep_film: bool) -> RenderedImage:
@@ -197,7 +229,7 @@ def _run(job: RenderJob, devices: Sequence[str], interrupt: Interrupt, quiet: bo
         )
 
 
-def _write(image: RenderedImage, outputs: Sequence[Path], tone_map: str, exposure: float, stats: Path | None) -> None:
+def _write(image: RenderedImage, outputs: Sequence[Path], how: Mapping[str, Any], stats: Path | None) -> None:
     """Write everything that can be written, then complain about the rest."""
     from clrender.files import atomic_write
 
@@ -208,7 +240,7 @@ def _write(image: RenderedImage, outputs: Sequence[Path], tone_map: str, exposur
         numbers["write_seconds"] = time.perf_counter() - rendered
         numbers["wall_seconds"] = time.perf_counter() - STARTED
         try:
-            image.save(path, tone_map=tone_map, exposure=exposure)
+            image.save(path, **how)
         except ClrenderError as error:
             failures.append(error)
     numbers["write_seconds"] = time.perf_counter() - rendered

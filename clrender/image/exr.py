@@ -1,4 +1,4 @@
-"""OpenEXR files by the OpenEXR library, which neither judges what it reads nor keeps quiet."""
+"""Reads OpenEXR files by the OpenEXR library, which neither judges what it reads nor keeps quiet."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from clrender.image.colorimetry import rec_709_matrix
 from clrender.image.display import PIXEL_LIMIT, check_size
 
-__all__ = ["exr_attribute", "exr_size", "read_exr", "write_exr"]
+__all__ = ["exr_attribute", "exr_size", "read_exr"]
 
 _Image = npt.NDArray[np.float32]
 _RATIOS: Final[Mapping[str, int]] = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1400, "PIZ": 512}
@@ -26,30 +26,6 @@ _RATIO: Final = 1 << 15
 """By how much the compressions can shrink an image at most: a smaller file cannot hold what its header promises."""
 _ROWS: Final = 256
 _redirecting = threading.Lock()
-
-
-def write_exr(
-    file: IO[bytes], image: _Image, attributes: Mapping[str, str], channels: Mapping[str, npt.NDArray[np.float32]]
-) -> None:
-    """Write R, G and B, and more channels, as 32-bit floats with ZIP compression.
-
-    Parameters
-    ----------
-    file : binary file
-    image : (H, W, 3) float32
-        Linear Rec. 709.
-    attributes : mapping of str to str
-        Kept in the header.
-    channels : mapping of str to (H, W) float32
-    """
-    library = _openexr()
-    header: dict[str, Any] = {"compression": library.ZIP_COMPRESSION, "type": library.scanlineimage, **attributes}
-    # Through memory: the library's own words for a full disk are not an OSError.
-    data = io.BytesIO()
-    with library.File(header, {"RGB": image, **channels}) as picture:
-        picture.write(data)
-    with data.getbuffer() as view:  # or, after a write that fails, the buffer cannot be closed
-        file.write(view)
 
 
 def exr_attribute(file: IO[bytes], name: str) -> str | None:

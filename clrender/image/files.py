@@ -8,10 +8,10 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,9 @@ from clrender.files import atomic_write, check_writable, open_input
 from clrender.image.display import PIXEL_LIMIT, check_size, jpeg_bytes, png_note, read_display
 from clrender.image.display import png_bytes as display_png
 from clrender.image.tone_map import to_display
+
+if TYPE_CHECKING:
+    from clrender.image.exr_write import ExrFormat
 
 __all__ = [
     "DISPLAY_ENDINGS",
@@ -76,6 +79,10 @@ def write_image(
     tone_map: str = "srgb",
     exposure: float = 0.0,
     channels: Mapping[str, npt.NDArray[np.float32]] | None = None,
+    *,
+    exr: ExrFormat | None = None,
+    exact: Set[str] = frozenset(),
+    attributes: Mapping[str, str] | None = None,
 ) -> None:
     """Write an image in the format that the ending of `path` names, all of it or nothing.
 
@@ -92,6 +99,12 @@ def write_image(
         Of display images; see `clrender.image.tone_map.to_display`.
     channels : mapping of str to (H, W) float32, optional
         More channels, kept in `.exr` beside R, G and B; the other formats have no room for them.
+    exr : ExrFormat, optional
+        How an `.exr` holds its pixels.
+    exact : set of str
+        Channels that are 32-bit floats in every `.exr`.
+    attributes : mapping of str to str, optional
+        More texts for the header of an `.exr`.
 
     Raises
     ------
@@ -109,10 +122,10 @@ def write_image(
         elif ending in (".jpg", ".jpeg"):
             file.write(jpeg_bytes(to_display(image, tone_map, exposure)))
         elif ending == ".exr":
-            from clrender.image.exr import write_exr
+            from clrender.image.exr_write import write_exr
 
             notes = {} if provenance is None else {_NOTE: json.dumps(provenance, sort_keys=True)}
-            write_exr(file, image, notes, channels or {})
+            write_exr(file, image, {**notes, **(attributes or {})}, channels or {}, exr, exact)
         elif ending == ".npy":
             description = {"descr": "<f4", "fortran_order": False, "shape": image.shape}
             np.lib.format.write_array_header_1_0(file, description)

@@ -21,6 +21,7 @@ from clrender.scene.mesh_data import MeshData
 from clrender.scene.mesh_io import FILE_LIMIT, checked_mesh
 from clrender.scene.mesh_obj import ObjFaces
 from clrender.scene.obj_records import ObjRecords, Statement, read_records
+from clrender.scene.values import NAME_LIMIT
 from clrender.scene.wording import quoted
 
 __all__ = ["read"]
@@ -232,6 +233,9 @@ def _add_shape(
         material = {**material, "reflectance": [1.0 if shaded else GREY] * 3}
     materials[name] = material
     shape: dict[str, Any] = {"type": "mesh", "file": file, "material": name}
+    objects = runs.objects if some is None else runs.objects[some]
+    if (called := runs.object_names[int(runs.objects[first])][:NAME_LIMIT]) and bool((objects == objects[0]).all()):
+        shape["name"] = called
     if shaded:
         shape["vertex_colors"] = "linear"
     if emission is not None:

@@ -427,6 +427,23 @@ class Scene(Part):
             )
         return self._meshes[shape.asset]
 
+    def read_named(self) -> None:
+        """Read every file that the scene names, so that nothing is read later.
+
+        Raises
+        ------
+        SceneError
+            If one cannot be read or is not sound.
+        """
+        for index, shape in enumerate(self.shapes):
+            if isinstance(shape, Mesh) and shape.file is not None:
+                self.mesh(index)
+        if self.texture_files():
+            self.textures()
+        self.environment_picture()
+        for index, _ in self.ies_lights():
+            self.ies_profile(index)
+
     @property
     def environment(self) -> EnvironmentLight | None:
         """The scene's only one."""
@@ -538,8 +555,8 @@ class Scene(Part):
     def sha256(self) -> str:
         """Hash of what the scene holds, wherever it lies and however it was written.
 
-        Its title, its defaults for a render's settings and the exposure of display images do not count; which settings
-        made an image is said beside it.
+        Its title, the names of its shapes, its defaults for a render's settings and the exposure of display images do
+        not count; which settings made an image is said beside it.
 
         Returns
         -------
@@ -560,6 +577,7 @@ class Scene(Part):
         if not self.camera.mirrored:  # a key that is younger than hashes in films
             content.get("camera", {}).pop("mirrored", None)
         for index, shape in enumerate(self.shapes):
+            content["shapes"][index].pop("name", None)
             if isinstance(shape, Mesh) and shape.file is not None:
                 content["shapes"][index]["file"] = self.mesh(index).sha256()
         picture = self.environment_picture()

@@ -109,6 +109,7 @@ class Surface(Part):
         None,
         description="name of a medium that fills the closed shape; without a material its surface is not seen",
     )
+    name: Name | None = Field(None, description="what mattes call the shape; several may have the same")
     flip_normals: Flag = False
     transform: Transform = Transform()
 

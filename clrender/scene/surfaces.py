@@ -65,7 +65,7 @@ class FlatSurfaces:
     attributes: NDArray[np.float32]
 
 
-def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurfaces:
+def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attributes: bool = False) -> FlatSurfaces:
     """All shapes of a scene, triangles first.
 
     Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so
@@ -76,6 +76,8 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     scene : Scene
     origin : (3,) float
         World space, metres: all coordinates are relative to it, subtracted before they are rounded.
+    all_attributes : bool
+        Treat all shapes as if they were textured, so that all have attributes.
 
     Raises
     ------
@@ -107,7 +109,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
     warnings: list[str] = []
-    textured = [is_textured(scene, index) for index in range(len(scene.shapes))]
+    textured = [all_attributes or is_textured(scene, index) for index in range(len(scene.shapes))]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
     colors: dict[int, NDArray[np.float32]] = {}
     tangents: dict[int, NDArray[np.float32]] = {}
@@ -146,7 +148,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
-    analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t, no_boundary)
+    analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t, no_boundary, all_attributes)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     if any(textured):
@@ -306,6 +308,7 @@ def _analytic_rows(
     count: NDArray[np.int64],
     offset: int,
     no_boundary: frozenset[Solid],
+    all_attributes: bool,
 ) -> tuple[_Rows, NDArray[np.float32]]:
     """Rows of spheres and disks, and of their attributes; notes their primitive numbers, which start at `offset`."""
     round_ = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
@@ -326,7 +329,7 @@ def _analytic_rows(
             rows[number]["normal"][:3] = [sign * x for x in transform.normal(shape.normal)]
         else:
             rows[number]["normal"][3] = sign
-        if is_textured(scene, index):
+        if all_attributes or is_textured(scene, index):
             attributes[number] = round_attributes(scene, shape, transform)
         first[index], count[index] = offset + number, 1
     return rows, attributes

@@ -15,6 +15,7 @@ from clrender.settings import Setting
 __all__ = [
     "COORDINATE_LIMIT",
     "INLINE_LIMIT",
+    "NAME_LIMIT",
     "NUMBER_OR_TRIPLE",
     "POWER_LIMIT",
     "SHAPE_LIMIT",
@@ -56,7 +57,8 @@ Power = Annotated[Finite, Field(ge=0.0, le=POWER_LIMIT)]
 Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 Index = Annotated[Finite, Field(gt=0.0, le=1000.0)]
 Extinction = Annotated[Finite, Field(ge=0.0, le=1000.0)]
-Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=200)]
+NAME_LIMIT: Final = 200
+Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=NAME_LIMIT)]
 FileName = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)]
 Flag = Annotated[bool, Strict()]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]

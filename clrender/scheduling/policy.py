@@ -39,6 +39,8 @@ class Plan:
         Side of a tile, a multiple of 4 (`clrender.film.unit.tile_side`).
     sample_by_sample : bool
         Units of one sample, as large as memory allows: the integrator computes something for all pixels of a sample.
+    rows : (int, int) or None
+        Of the image's rows of tiles, the first and the first that is not part of the work; None: all.
     """
 
     width: int
@@ -47,15 +49,24 @@ class Plan:
     sample_count: int
     tile: int
     sample_by_sample: bool = False
+    rows: tuple[int, int] | None = None
 
     @property
     def samples(self) -> int:
         """Samples of all pixels together."""
-        return self.width * self.height * self.sample_count
+        first, end = (0, self.height) if self.rows is None else (row * self.tile for row in self.rows)
+        return self.width * (min(end, self.height) - first) * self.sample_count
+
+    @property
+    def first_tile(self) -> int:
+        """Number of the first tile."""
+        return 0 if self.rows is None else self.rows[0] * -(-self.width // self.tile)
 
     @property
     def tiles(self) -> int:
-        """Tiles of the image."""
+        """Tiles of the work."""
+        if self.rows is not None:
+            return (self.rows[1] - self.rows[0]) * -(-self.width // self.tile)
         return slot_count(self.width, self.height, self.tile) // (self.tile * self.tile)
 
 
@@ -80,7 +91,7 @@ class Remaining:
         self._rates: dict[int, float] = {}
         depth, stop = 1 if plan.sample_by_sample else _UNIT_SAMPLES, plan.first_sample + plan.sample_count
         self._strips = deque(
-            Unit(0, plan.tiles * self._area, sample, min(depth, stop - sample), plan.tile)
+            Unit(plan.first_tile * self._area, plan.tiles * self._area, sample, min(depth, stop - sample), plan.tile)
             for sample in range(plan.first_sample, stop, depth)
         )
         self._left = sum(strip.slot_count * strip.sample_count for strip in self._strips)

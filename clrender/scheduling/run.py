@@ -12,21 +12,27 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Protocol
 
 from clrender.errors import ClrenderError
-from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.worker import Candidate
 
-__all__ = ["Tally", "WorkerTally", "run"]
+__all__ = ["Receiver", "Tally", "WorkerTally", "run"]
 
 _UNREAD: Final = 8
 """Events that may wait to be dealt with: results are large, and a fast device must not pile up an image of them."""
 
 _PATIENCE: Final = 0.05
 """Seconds between two questions whether to stop, where nothing else happens."""
+
+
+class Receiver(Protocol):
+    """Where units go when they are done: a film, or whatever adds them up in another way."""
+
+    def commit(self, unit: Unit, result: UnitSums) -> int:
+        """Take in what was done of a unit; gives its samples, over all pixels of the image."""
 
 
 @dataclass
@@ -121,7 +127,7 @@ class _Queue:
 def run(
     plan: Plan,
     candidates: Sequence[Candidate],
-    film: Film,
+    film: Receiver,
     on_progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Tally:
@@ -132,8 +138,8 @@ def run(
     plan : Plan
     candidates : sequence of Candidate
         At least one; each gets a thread, in which it is set up and works.
-    film : Film
-        Of the plan's size, without any of its samples.
+    film : Receiver
+        A `clrender.film.Film` of the plan's size, or the like, without any of its samples.
     on_progress : callable, optional
         Told, in the calling thread, how many samples and rays are done in all.
     should_stop : callable, optional
@@ -224,7 +230,7 @@ def _work(number: int, candidate: Candidate, work: _Queue, events: queue.Queue[_
         events.put(_Event(number))
 
 
-def _commit(tally: Tally, film: Film, worker: int, unit: Unit, result: UnitSums) -> None:
+def _commit(tally: Tally, film: Receiver, worker: int, unit: Unit, result: UnitSums) -> None:
     samples = film.commit(unit, result)
     tally.samples += samples
     tally.rays += result.rays

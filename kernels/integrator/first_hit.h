@@ -1,4 +1,4 @@
-// What is seen first, as layers beside an image: its colour, normal, place, distance and primitive. Each sample is the image's own,
+// What is seen first, as layers beside an image: its colour, light, normal, place, distance, texture coordinates and primitive. Each sample is the image's own,
 // through the same point of the film and of the lens, so that the layers lie on the image exactly; one number or vector a launch. All samples
 // count alike, also where a pixel filter is negative: a mean of distances or of reflectances is then one, too.
 //
@@ -15,13 +15,43 @@
 #include "material/bsdf.h"
 #include "material/interior.h"
 #include "medium/walk.h"
+#include "texture/mapping.h"
 
 // So many mirrors and glass walls are looked through: between two mirrors there is no end.
 #define FIRST_HIT_FOLLOWED 16u
 
+// Where the point lies in the texture coordinates of its shape, whether or not anything uses them.
+static Attributes first_hit_attributes(const Scene* scene, __global const float* coordinates, const Surface* s, vmask found) {
+    vfloat row[16];
+    lane_rows(scene->primitive_rows, found ? s->primitive : splat_uint(0u), row);
+    Attributes a = mapping_attributes_of(coordinates, s->primitive, found);
+    const vmask round = found & (s->primitive >= scene->settings->triangle_count);
+    const vec3 corner = vec3_row(row, PRIMITIVE_ROW_A);
+    a.ab = sub(vec3_row(row, PRIMITIVE_ROW_B), corner), a.ac = sub(vec3_row(row, PRIMITIVE_ROW_C), corner);
+    surface_weights(s, row, &a.weight_b, &a.weight_c);
+    if (!lane_any(round)) return a;
+    const vec3 from_center = sub(s->point, vec3_row(row, PRIMITIVE_ROW_CENTER)), normal = vec3_row(row, PRIMITIVE_ROW_NORMAL);
+    a.disk = round & ((normal.x != 0.0f) | (normal.y != 0.0f) | (normal.z != 0.0f));
+    a.sphere = round & !a.disk;
+    a.radius = row[PRIMITIVE_ROW_RADIUS];
+    a.out = choose(a.disk, scale(from_center, inverse_or_one(a.radius)), unit(from_center));
+    return a;
+}
+
+// The direction in which the first texture coordinate grows, at right angles to `normal`; zero where there are no coordinates.
+static vec3 first_hit_tangent(const Attributes* a, vec3 normal, vmask found) {
+    vec3 along_u, along_v;
+    mapping_tangents(a, splat_uint(0u), &along_u, &along_v);
+    const vec3 ahead = scale(along_u, inverse_scale(along_u));       // so that no square is too large or too small
+    const vec3 level = sub(ahead, scale(normal, inner(ahead, normal)));
+    const vmask sound = found & (inner(level, level) > 1.0e-12f);
+    return choose(sound, unit(choose(sound, level, vec3_all(1.0f))), vec3_all(0.0f));
+}
+
 // What the sample gives where its ray ended. A sample that met nothing has no place: FAR is more than the film takes, so that it is
 // left out of the mean; its normal is zero.
-static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surface, const Bsdf* bsdf, vec3 albedo, vmask found) {
+static vec3 first_hit_value(const Scene* scene, uint wanted, __global const float* coordinates, const Surface* surface, const Bsdf* bsdf,
+                            vec3 albedo, vmask found) {
     const vec3 nowhere = vec3_all(FAR);
     if (wanted == FIRST_HIT_ALBEDO)
         return vec3_of(lesser(albedo.x, splat(1.0f)), lesser(albedo.y, splat(1.0f)), lesser(albedo.z, splat(1.0f)));
@@ -30,6 +60,14 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, const Surface* surf
     if (wanted == FIRST_HIT_DEPTH) {
         const vfloat depth = magnitude(sub(surface->point, vec3_from(scene->camera->origin)));
         return choose(found, vec3_of(depth, depth, depth), nowhere);
+    }
+    if (wanted == FIRST_HIT_EMISSION) return light_emitted(scene, surface, found);
+    if (wanted == FIRST_HIT_UV || wanted == FIRST_HIT_TANGENT) {
+        const Attributes attributes = first_hit_attributes(scene, coordinates, surface, found);
+        if (wanted == FIRST_HIT_TANGENT) return first_hit_tangent(&attributes, bsdf->frame.normal, found);
+        vfloat u, v;
+        mapping_uv(&attributes, splat_uint(0u), &u, &v);
+        return choose(found, vec3_of(u, v, splat(0.0f)), nowhere);
     }
     // Which primitive, in two numbers that are exact as floats
     const vuint low = surface->primitive & 0xffffu, high = surface->primitive >> 16;
@@ -59,7 +97,8 @@ static vec3 first_hit_tint(const Bsdf* b, const BsdfSample* next) {
 #endif
 }
 
-static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, uint wanted) {
+static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, uint wanted,
+                            __global const float* coordinates) {
     __global const Settings* settings = scene->settings;
     const uint followed = wanted == FIRST_HIT_ALBEDO ? FIRST_HIT_FOLLOWED : 0u;
     CameraRays waiting = camera_rays_none();
@@ -97,7 +136,10 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const vec3 color = choose(looks_on, first_hit_tint(&bsdf, &next), albedo);
         path.throughput = choose(found, mul(path.throughput, color), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
-        if (lane_any(ended)) pool_put(pool, &path.sample, first_hit_value(scene, wanted, &surface, &bsdf, path.radiance, found), ended);
+        if (lane_any(ended)) {
+            const vec3 value = first_hit_value(scene, wanted, coordinates, &surface, &bsdf, path.radiance, found);
+            pool_put(pool, &path.sample, value, ended);
+        }
         path.depth = straight ? path.depth : path.depth + 1u;
         path.ray = surface_leave(&surface, next.direction);
         path.alive = path.alive & !ended;

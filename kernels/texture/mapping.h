@@ -19,8 +19,9 @@ typedef struct {
     Taps taps;
 } Attributes;
 
-// Those of each lane's primitive, without the point. All four texels around it are read, if surface_random does not say otherwise.
-static Attributes mapping_attributes(const Scene* scene, vuint primitive, vmask textured) {
+// Those of each lane's primitive, of these rows, without the point. All four texels around it are read, if surface_random does not say
+// otherwise.
+static Attributes mapping_attributes_of(__global const float* rows, vuint primitive, vmask textured) {
     Attributes a;
     a.textured = textured;
     a.sphere = a.disk = mask_none();
@@ -28,8 +29,12 @@ static Attributes mapping_attributes(const Scene* scene, vuint primitive, vmask 
     a.radius = splat(0.0f);
     a.taps.u = a.taps.v = splat(0.0f);
     a.taps.random = 0;
-    lane_rows(scene->attribute_rows, textured ? primitive : splat_uint(0u), a.row);
+    lane_rows(rows, textured ? primitive : splat_uint(0u), a.row);
     return a;
+}
+
+static Attributes mapping_attributes(const Scene* scene, vuint primitive, vmask textured) {
+    return mapping_attributes_of(scene->attribute_rows, primitive, textured);
 }
 
 // atan(x) / 2π for x in [0, 1]: a minimax polynomial, absolute error below 3e-8.

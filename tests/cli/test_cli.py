@@ -15,14 +15,16 @@ import pytest
 from cli_support import run
 
 from clrender.cli import COMMANDS
-from clrender.cli.options import TONE_MAPS
+from clrender.cli.options import EXR_COMPRESSIONS, TONE_MAPS
+from clrender.image.exr_write import COMPRESSIONS
 from clrender.image.files import read_image, write_image
 from clrender.image.tone_map import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
     "output spp size seed device integrator filter shadow-rays indirect-rays max-depth roulette absorption sampling "
     "light-sampler reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
-    "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet allow-path"
+    "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet "
+    "allow-path exr-type exr-compression exr-tile"
 )
 
 
@@ -74,6 +76,7 @@ def test_no_command_is_loaded_for_help_or_version() -> None:
 
 def test_names_without_numpy_are_the_names_there_are() -> None:
     assert TONE_MAPS == OPERATORS
+    assert tuple(COMPRESSIONS) == EXR_COMPRESSIONS
     for name in COMMANDS:
         assert hasattr(importlib.import_module(f"clrender.cli.{name}"), name)
 
@@ -151,10 +154,17 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "a folder": ("render room -o .", (".:", "ending")),
     "one output twice": ("render room -o a.png -o ./a.png", ("a.png", "twice")),
     "unknown layer": ("render room -o a.exr --aov albedo,dept", ("'dept'", '"depth"')),
-    "no layer": ("render room -o a.exr --aov=", ("--aov is ''", "albedo, normal")),
+    "no layer": ("render room -o a.exr --aov=", ("--aov is ''", "albedo, emission")),
     "layers nowhere to go": ("render room -o a.png --aov depth", ("--aov", "only .exr", "-o image.exr")),
     "a wide .jpg": ("render room -o a.jpg --size 65501x1", ("a.jpg", "65500 pixels a side", "65501 x 1", ".png")),
     "a place that takes no files": ("render room -o /proc/a.png", ("/proc/a.png", "'/proc' takes no files")),
+    "tiles of no .exr": ("render room -o a.png --exr-tile 64", ("--exr-tile", "no output is an .exr")),
+    "unknown compression": ("render room -o a.exr --exr-compression zipp", ("--exr-compression", "'zip'")),
+    "tiles that are too small": ("render room -o a.exr --exr-tile 8", ("--exr-tile", "16")),
+    "mattes that would be lost": (
+        "render room -o a.exr --aov crypto_object --exr-compression pxr24",
+        ("exr_compression", "crypto_object", "zip"),
+    ),
     "statistics nowhere": ("render room -o a.png --stats nowhere/s.json", ("nowhere/s.json", "create it")),
     "tonemap of nothing": ("tonemap nothing.npy -o a.png", ("nothing.npy", "no such file")),
     "tonemap of a display image": ("tonemap a.png -o b.png", ("a.png", "linear image")),

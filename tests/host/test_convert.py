@@ -52,11 +52,53 @@ def test_built_in_scenes(tmp_path: Path, name: str, ending: str) -> None:
     assert again.sha256() == scene.sha256() and again.render == scene.render and again.title == scene.title
 
 
-@pytest.mark.parametrize("name", ["drink", "textures", "lamps", "sky", "foliage", "bumpy"])
+@pytest.mark.parametrize("name", list(builtin_names()))
 def test_what_goes_to_devices_is_the_same(tmp_path: Path, name: str) -> None:
     scene = clrender.load(name)
     again = written(scene, tmp_path / "out.toml")
     assert flatten(again, 8, 8).arrays_sha256 == flatten(scene, 8, 8).arrays_sha256
+
+
+CAMERA = {"position": [0.1, 0.2, 5.0], "target": [0.0, 0.0, 0.0]}
+BALL = {"type": "sphere", "radius": 1.0, "material": "glass"}
+FEATURES: dict[str, dict[str, object]] = {
+    "orthographic": {"camera": {**CAMERA, "type": "orthographic", "height": 3.0}},
+    "fisheye": {"camera": {**CAMERA, "type": "fisheye", "vertical_fov": 190.0}},
+    "panoramic": {"camera": {**CAMERA, "type": "panoramic"}},
+    "lens with blades": {"camera": {**CAMERA, "aperture_radius": 0.1, "focus_distance": 3.3, "blades": 6}},
+    "mirrored and exposed": {"camera": {**CAMERA, "mirrored": True, "f_stop": 8.0, "shutter": 0.01, "iso": 200.0}},
+    "spot": {
+        "lights": [
+            {"type": "spot", "position": [0, 3, 0], "direction": [0, -1, 0.1], "intensity": [1, 2, 3], "blend": 0.3}
+            | {"cone_degrees": 40.0}
+        ]
+    },
+    "sky": {"lights": [{"type": "sun_sky", "sun_direction": [0.1, 0.8, 0.3], "turbidity": 3.3, "sun_scale": 0.5}]},
+    "media and fog": {
+        "media": {"milk": {"scattering": [3, 2, 1], "g": 0.4}, "haze": {"absorption": 0.01, "scattering": 0.1}},
+        "fog": "haze",
+        "shapes": [{**BALL, "interior": "milk"}, {"type": "box", "size": [1, 1, 1], "interior": "milk"}],
+    },
+    "opacity": {
+        "materials": {
+            "glass": {"type": "lambert", "reflectance": [0.1, 0.2, 0.3], "opacity": {"checker": [0.25, 1.0]}},
+            "cut": {"type": "mirror", "reflectance": [1, 1, 1], "opacity": 0.5, "opacity_cutoff": 0.4},
+        },
+        "shapes": [BALL, {**BALL, "material": "cut"}],
+    },
+    "names": {"shapes": [{**BALL, "name": 'K\u00f6nig "a" \\ 1'}]},
+}
+
+
+@pytest.mark.parametrize("ending", [".toml", ".json"])
+@pytest.mark.parametrize("feature", FEATURES)
+def test_features(tmp_path: Path, feature: str, ending: str) -> None:
+    plain = {"camera": CAMERA, "materials": {"glass": {"type": "dielectric", "ior": 1.4}}, "shapes": [BALL]}
+    scene = Scene.model_validate({**plain, **FEATURES[feature]})
+    again = written(scene, tmp_path / f"out{ending}")
+    assert again.sha256() == scene.sha256() and again.camera == scene.camera
+    assert [shape.name for shape in again.shapes] == [shape.name for shape in scene.shapes]
+    assert flatten(again, 8, 8).sha256 == flatten(scene, 8, 8).sha256
 
 
 REFUSED = {

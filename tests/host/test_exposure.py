@@ -101,8 +101,8 @@ def test_images_are_saved_as_their_camera_asks_for_and_brighter_by_stops(tmp_pat
     radiance = 0.25 * 2.0 ** -photographic_stops(**SUNNY_16)
     linear = np.full((2, 3, 3), radiance, np.float32)
     image = RenderedImage(linear, {"camera_exposure": SUNNY_16}, Film(3, 2), False)
-    for name, more, value in (("a.png", {}, 0.25), ("b.png", {"exposure": 1.0}, 0.5)):
-        image.save(tmp_path / name, "linear", **more)
+    for name, stops, value in (("a.png", 0.0, 0.25), ("b.png", 1.0, 0.5)):
+        image.save(tmp_path / name, "linear", stops)
         with (tmp_path / name).open("rb") as file:
             assert np.asarray(open_display(file)).max() == round(255 * value)
     image.save(tmp_path / "a.npy")

@@ -155,6 +155,90 @@ def test_object_and_material_are_places_in_the_scene(device: Device) -> None:
     assert (material == np.array([0.0, 1.0, 2.0])[object_.astype(int)]).all()
 
 
+# --- emission, texture coordinates, tangents -------------------------------------------------------------------------
+
+
+def test_emission_is_that_of_the_first_surface(device: Device) -> None:
+    """Of its bright side, as much as it is; neither of what is behind glass nor of the environment."""
+    sky = [{"type": "environment", "radiance": [0.25, 0.5, 7.0]}]
+    lamp = wall(-3.0, emission=[12.5, 0.5, 3.0])
+    assert same(layers(device, scene([lamp], sky), ("emission",))["emission"], [12.5, 0.5, 3.0])
+    assert same(layers(device, scene([{**lamp, "flip_normals": True}]), ("emission",))["emission"], 0.0)
+    assert same(layers(device, scene([wall(3.0)], sky), ("emission",))["emission"], 0.0)
+    pane = wall(-2.0, material="glass")
+    assert same(layers(device, scene([lamp, pane]), ("emission",))["emission"], 0.0)
+
+
+def test_emission_of_a_texture_and_of_half_a_pixel(device: Device) -> None:
+    half = {**wall(-2.0, emission=[8.0, 4.0, 2.0]), "origin": [0.0, -99.0, -2.0]}
+    found = layers(device, scene([half]), ("emission",))["emission"]
+    assert same(found[:, WIDTH // 2 :], [8, 4, 2]) and same(found[:, : WIDTH // 2], 0.0)
+    chequered = wall(-2.0, emission={"checker": [[2.0, 2.0, 2.0], [6.0, 6.0, 6.0]], "size": 0.001})
+    found = layers(device, scene([chequered]), ("emission",))["emission"]
+    assert found.min() >= 2.0 and found.max() <= 6.0 and abs(found.mean() - 4.0) < 0.2
+
+
+@pytest.mark.parametrize("material", ["red", "glass", "checked"])
+def test_coordinates_of_a_quad(device: Device, material: str) -> None:
+    """Along its edges, from its origin; whether or not anything uses them, and whichever way it faces."""
+    tilted = {"type": "quad", "origin": [-99, -80, 58], "edge_u": [198, 0, 0], "edge_v": [0, 160.0, -120.0]}
+    what = scene([{**tilted, "material": "red"}]).model_dump(exclude_unset=True)
+    what["materials"]["checked"] = {"type": "lambert", "reflectance": {"checker": [0.1, 0.9], "size": 0.1}}
+    for flip in (False, True):
+        what["shapes"] = [{**tilted, "material": material, "flip_normals": flip}]
+        found = layers(device, Scene.model_validate(what), ("uv", "tangent", "position"))
+        place = found["position"] - np.array(tilted["origin"], np.float64)
+        u, v = place[..., 0] / 198.0, place[..., 1] / 160.0
+        assert np.abs(found["uv"] - np.stack([u, v], axis=2)).max() < 1e-5
+        assert np.abs(found["tangent"] - [1.0, 0.0, 0.0]).max() < 1e-6
+
+
+def test_coordinates_of_a_sphere_and_a_disk(device: Device) -> None:
+    """By longitude and latitude; of a disk, by its square."""
+    ball = {"type": "sphere", "center": [0.0, 0.0, -2.0], "radius": 1.0, "material": "red"}
+    found = layers(device, scene([ball]), ("uv", "tangent", "normal"), spp=1)
+    x, y, z = np.moveaxis(found["normal"].astype(np.float64), 2, 0)
+    hit = np.abs(found["normal"]).max(axis=2) > 0.0
+    u = np.arctan2(x, z) / (2.0 * np.pi) + 0.5
+    v = np.arcsin(np.clip(y, -1.0, 1.0)) / np.pi + 0.5
+    assert np.abs(found["uv"] - np.stack([u, v], axis=2))[hit].max() < 1e-4
+    east = np.stack([z, np.zeros_like(z), -x], axis=2) / np.hypot(x, z)[..., None].clip(1e-9)
+    assert np.abs(found["tangent"] - east)[hit].max() < 1e-4
+    assert np.isnan(found["uv"][~hit]).all() and same(found["tangent"][~hit], 0.0)
+    disk = {"type": "disk", "center": [0, 0, -2.0], "normal": [0, 0, 1], "radius": 4.0, "material": "red"}
+    found = layers(device, scene([disk]), ("uv", "tangent", "position"))
+    assert np.abs(found["uv"] - (found["position"][..., :2] / 8.0 + 0.5)).max() < 1e-5
+    assert np.abs(found["tangent"] - [1, 0, 0]).max() < 1e-6
+
+
+def test_coordinates_of_meshes_with_and_without(device: Device) -> None:
+    corners = [[-99, -99, -2], [99, -99, -2], [0, 200, -2]]
+    mesh = {"type": "mesh", "vertices": corners, "faces": [[0, 1, 2]], "material": "red"}
+    without = layers(device, scene([mesh]), ("uv", "tangent"))
+    assert same(without["uv"], 0.0) and same(without["tangent"], 0.0)
+    uvs = [[3.0, 1.0], [3.0, 5.0], [-1.0, 1.0]]  # u grows downwards
+    found = layers(device, scene([{**mesh, "uvs": uvs}]), ("uv", "tangent", "position"))
+    x, y = found["position"][..., 0], found["position"][..., 1]
+    top = (y + 99.0) / 299.0
+    expected = np.stack([3.0 - 4.0 * top, 1.0 + 4.0 * (x + 99.0 - 99.0 * top) / 198.0], axis=2)
+    assert np.abs(found["uv"] - expected).max() < 1e-4
+    assert (found["tangent"][..., 1] < -0.8).all()
+
+
+def test_shapes_without_a_material_are_of_none(device: Device) -> None:
+    found = layers(device, scene([wall(-2.0)]), ("object", "material"))
+    assert same(found["object"], 0.0) and same(found["material"], -1.0)
+
+
+def test_a_material_in_several_media_is_one(device: Device) -> None:
+    what = scene([wall(-9.0, material="red"), wall(-8.0, material="red")]).model_dump(exclude_unset=True)
+    what["media"] = {"smoke": {"scattering": [0.1, 0.1, 0.1]}}
+    ball = {"type": "sphere", "center": [0, 0, -4.0], "radius": 3.0, "material": "glass", "interior": "smoke"}
+    what["shapes"] = [*what["shapes"], ball]
+    found = layers(device, Scene.model_validate(what), ("material",))["material"]
+    assert set(np.unique(found)) == {0.0, 3.0}
+
+
 # --- the same bits ---------------------------------------------------------------------------------------------------
 
 
@@ -184,6 +268,8 @@ def test_layers_of_a_render_and_in_a_file(device: Device, tmp_path: Path) -> Non
     assert plain.aovs == {} and list(image.aovs) == list(AOVS)
     assert image.stats["image_sha256"] == plain.stats["image_sha256"] and not image.stats["denoised"]
     assert same(image.aovs["samples"], 2.0)
+    # What is written is not copied
+    assert all(layer[..., i].flags.c_contiguous for layer in image.aovs.values() for i in range(layer.shape[2]))
     image.save(tmp_path / "a.exr")
     image.save(tmp_path / "a.png")
     assert (read_image(tmp_path / "a.exr") == image.linear).all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -307,3 +308,21 @@ def test_time_ends_a_long_render(device: Device) -> None:
     clrender.render(clrender.load("room"), device=device, size=SIZE, spp=1)
     image = clrender.render(clrender.load("room"), device=device, size=SIZE, spp=2**20, time_limit=3.0)
     assert image.interrupted and image.film.samples > 0 and image.stats["wall_seconds"] < 10.0
+
+
+def test_reading_and_flattening_are_told_apart(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mesh that a scene made in code names is read by its first render, before that flattens it."""
+    rng = np.random.default_rng(4)
+    lines = [f"v {x} {y} {z}" for x, y, z in rng.random((30000, 3))]
+    lines += [f"f {a} {a + 1} {a + 2}" for a in range(1, 29998)]
+    (tmp_path / "m.obj").write_text("\n".join(lines))
+    monkeypatch.chdir(tmp_path)
+    camera = {"position": [0, 0, 5], "target": [0, 0, 0]}
+    scene = clrender.Scene.model_validate({"camera": camera, "shapes": [{"type": "mesh", "file": "m.obj"}]})
+    with clrender.Session(device) as session:
+        first = session.render(scene, size=(8, 8), spp=1).stats
+        second = session.render(scene, size=(8, 8), spp=1, seed=1).stats
+    assert first["load_seconds"] == first["read_seconds"] + first["flatten_seconds"]
+    assert first["read_seconds"] > 10 * second["read_seconds"], "it is read once"
+    assert first["flat_bytes"] > 29997 * 12
+    assert 0 < first["read_peak_rss_bytes"] <= first["flatten_peak_rss_bytes"] <= first["peak_rss_bytes"]

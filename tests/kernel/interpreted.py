@@ -20,7 +20,7 @@ from meshes import icosphere
 from PIL import Image
 
 from clrender import layout
-from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerKind
+from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerArguments, LayerKind
 from clrender.device.arithmetic import check as arithmetic_check
 from clrender.device.device import Buffer, Device, Program
 from clrender.device.discover import drivers, load_platforms
@@ -315,7 +315,9 @@ def layers(device: Device) -> str:
     with tempfile.TemporaryDirectory() as folder:
         flat = scene(RENDERS["path-4"], Path(folder))
     settings, asked = RenderSettings(width=WIDTH, height=HEIGHT, seed=5).struct(TILE), LayerKind()
-    worker = DeviceWorker(device, flat, settings, FIRST_HITS, LaunchConfig(4, 2), lambda _: asked)
+    rows = np.random.default_rng(3).random((flat.triangle_count + flat.analytic_count, 16), np.float32)
+    more = partial(LayerArguments, asked=asked, coordinates=rows)
+    worker = DeviceWorker(device, flat, settings, FIRST_HITS, LaunchConfig(4, 2), more)
     digest = hashlib.sha256()
     for asked.kind in LAYER_KINDS.values():
         sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, 1, TILE))

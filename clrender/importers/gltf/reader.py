@@ -23,7 +23,7 @@ from clrender.importers.gltf.meshes import Meshes
 from clrender.importers.gltf.nodes import Nodes, instance_transforms
 from clrender.importers.gltf.textures import Textures
 from clrender.importers.gltf.validator import validate
-from clrender.scene.values import SHAPE_LIMIT
+from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
 
 __all__ = ["read"]
 
@@ -76,6 +76,7 @@ def _add_shapes(
     parts = meshes.parts(node["mesh"], weights, joints, index)
     # Skinned vertices are in the world already, wherever their node is
     world = IDENTITY if joints else nodes.world[index]
+    name = node.get("name") or document.items("meshes")[node["mesh"]].get("name")
     placed = [product(world, each) for each in instance_transforms(document, accessors, index) or [IDENTITY]]
     sound = [matrix for matrix in placed if not determinant_is_zero(matrix)]
     if len(sound) < len(placed):
@@ -85,6 +86,8 @@ def _add_shapes(
     for matrix in sound:
         for part in parts:
             shape: dict[str, Any] = {"type": "mesh", "file": part.mesh, "material": part.material.name}
+            if name:
+                shape["name"] = name[:NAME_LIMIT]
             if part.colored:
                 shape["vertex_colors"] = "linear"
             if matrix != IDENTITY:

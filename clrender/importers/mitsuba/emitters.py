@@ -114,7 +114,7 @@ class EmitterReader:
         return {"type": "environment", "file": f"{file} (turned)", "scale": scale}
 
     def _sky(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
-        """Upward is z there, and y here."""
+        """Upward is z there, before `to_world`, and y here; the sun's direction is that in the world."""
         up = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
         if up[1] < 1.0 - 1e-6 or handedness(matrix) < 0.0:
             self._staging.note(f"{plugin.label} whose sky is not above +y is left out; turn its to_world")
@@ -122,17 +122,16 @@ class EmitterReader:
         towards = plugin.vector("sun_direction", (0.0, 0.0, 0.0))
         if not towards.any():
             self._staging.note(f"{plugin.label} without sun_direction has its sun at 45 degrees")
-            towards = np.array([0.0, 1.0, 1.0])
+            towards = matrix[:3, :3] @ [0.0, 1.0, 1.0]
             plugin.ignore(*(name for name in plugin.values if name in _DATES))
-        sun = matrix[:3, :3] @ towards
-        if sun[1] < 0.0:
+        if towards[1] < 0.0:
             self._staging.note(f"{plugin.label} with its sun below the horizon is left out")
             return None
         albedo: Color | list[float] = self._textures.color(plugin, "albedo", 0.3)
         self._staging.note("the sun of a sunsky has Mitsuba's spectral radiance, 5 to 9 % less than in its RGB mode")
         return {
             "type": "sun_sky",
-            "sun_direction": _floats(sun),
+            "sun_direction": _floats(towards),
             "turbidity": min(max(plugin.number("turbidity", 3.0), 1.0), 10.0),
             "ground_albedo": albedo if isinstance(albedo, list) else [0.3] * 3,
             "ground": False,

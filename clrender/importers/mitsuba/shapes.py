@@ -29,7 +29,7 @@ from clrender.importers.shared.meshes import (
 )
 from clrender.importers.shared.staging import Staging
 from clrender.scene.mesh_data import MeshData
-from clrender.scene.values import SHAPE_LIMIT
+from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
 from clrender.scene.wording import quoted
 
 __all__ = ["ShapeReader"]
@@ -127,6 +127,8 @@ class ShapeReader:
         flip = plugin.flag("flip_normals", False)
         described = self._surface(plugin)
         if described is not None:
+            if plugin.id:
+                described["name"] = plugin.id[:NAME_LIMIT]
             known[plugin.type](plugin, described, matrix, flip)
         self._tell_unused(plugin)
 

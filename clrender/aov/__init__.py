@@ -1,0 +1,34 @@
+"""Layers beside an image: what each pixel sees first, of the same camera rays as the image."""
+
+from __future__ import annotations
+
+from clrender.aov.cryptomatte import matte_attributes, matte_names
+from clrender.aov.first_hits import (
+    FIRST_HITS,
+    GUIDE_SAMPLES,
+    GUIDES,
+    LAYER_KINDS,
+    LAYER_SAMPLES,
+    LayerArguments,
+    LayerKind,
+    first_hits,
+)
+from clrender.aov.names import AOVS, MATTES, check_aovs, exact_channels, exr_channels
+
+__all__ = [
+    "AOVS",
+    "FIRST_HITS",
+    "GUIDES",
+    "GUIDE_SAMPLES",
+    "LAYER_KINDS",
+    "LAYER_SAMPLES",
+    "MATTES",
+    "LayerArguments",
+    "LayerKind",
+    "check_aovs",
+    "exact_channels",
+    "exr_channels",
+    "first_hits",
+    "matte_attributes",
+    "matte_names",
+]

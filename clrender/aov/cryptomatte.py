@@ -1,0 +1,140 @@
+"""Cryptomatte 1.2.0 (Friedman and Jones, Psyop): names as numbers, and how much of each pixel they cover.
+
+A name's number is the MurmurHash3_x86_32 of its UTF-8 bytes, kept away from what is no ordinary float32 and stored as
+the float32 of the same bits. A pixel has six pairs of such a number and the share of the pixel that it covers, the
+largest share first.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.aov.names import MATTES, RANKS
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+__all__ = ["matte_attributes", "matte_names", "murmur3", "name_id", "ranked"]
+
+_WORD: Final = 0xFFFFFFFF
+_EXPONENT: Final = 0x7F800000
+_CHUNK: Final = 1 << 21
+
+
+def murmur3(data: bytes) -> int:
+    """MurmurHash3_x86_32 with the seed 0 (Appleby, SMHasher): 32 bits."""
+    total = 0
+    whole = len(data) // 4 * 4
+    for start in range(0, whole, 4):
+        total ^= _scrambled(int.from_bytes(data[start : start + 4], "little"))
+        total = (_rotated(total, 13) * 5 + 0xE6546B64) & _WORD
+    total ^= _scrambled(int.from_bytes(data[whole:], "little")) ^ len(data)
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35), (16, 1)):
+        total = ((total ^ total >> shift) * factor) & _WORD
+    return total
+
+
+def _scrambled(word: int) -> int:
+    return _rotated(word * 0xCC9E2D51 & _WORD, 15) * 0x1B873593 & _WORD
+
+
+def _rotated(word: int, by: int) -> int:
+    return (word << by | word >> (32 - by)) & _WORD
+
+
+def name_id(name: str) -> int:
+    """The bits of the float32 that stands for a name: neither zero, denormal, infinite nor NaN.
+
+    Where all or none of the exponent's bits are set, its lowest is turned round, as the specification says.
+    """
+    number = murmur3(name.encode("utf-8"))
+    return number ^ (1 << 23) if number & _EXPONENT in (0, _EXPONENT) else number
+
+
+def matte_names(scene: Scene) -> dict[str, list[str | None]]:
+    """The names that shapes have in each of `MATTES`, in the scene's order; None: none.
+
+    A shape without a name is called by its type and its place in the list, such as ``mesh_3``.
+    """
+    objects = [f"{shape.type}_{at}" if shape.name is None else shape.name for at, shape in enumerate(scene.shapes)]
+    return {"crypto_object": [*objects], "crypto_material": [shape.material for shape in scene.shapes]}
+
+
+def matte_attributes(mattes: Mapping[str, Sequence[str | None]]) -> dict[str, str]:
+    """The texts in a file's header that say what its mattes mean.
+
+    Parameters
+    ----------
+    mattes : mapping of str to sequence of str or None
+        As of `matte_names`; of each layer that the file has.
+
+    Returns
+    -------
+    dict of str to str
+        ``cryptomatte/<key>/name``, ``hash``, ``conversion`` and ``manifest``: JSON that gives each name its number in
+        eight hexadecimal digits. The key is the first seven of the layer's own name.
+    """
+    attributes: dict[str, str] = {}
+    for layer, names in mattes.items():
+        title = MATTES[layer]
+        manifest = {name: f"{name_id(name):08x}" for name in sorted({name for name in names if name is not None})}
+        said = {
+            "name": title,
+            "hash": "MurmurHash3_32",
+            "conversion": "uint32_to_float32",
+            "manifest": json.dumps(manifest, ensure_ascii=False, separators=(",", ":")),
+        }
+        key = f"{name_id(title):08x}"[:7]
+        attributes |= {f"cryptomatte/{key}/{what}": text for what, text in said.items()}
+    return attributes
+
+
+def ranked(
+    numbers: npt.NDArray[np.uint32], taken: npt.NDArray[np.uint32], ids: npt.NDArray[np.uint32]
+) -> npt.NDArray[np.float32]:
+    """Which names cover pixels, and how much of each: counts of samples, so that no order of them matters.
+
+    Parameters
+    ----------
+    numbers : (P, N) uint32
+        What the samples of each pixel hit, counted from 1; 0: nothing.
+    taken : (P,) uint32
+        Samples of each pixel, of which those that hit nothing are a part; the others in `numbers` are 0.
+    ids : (K + 1,) uint32
+        `name_id` of each number; 0: no name.
+
+    Returns
+    -------
+    (2 * RANKS, P) float32
+        Pairs of an id and its coverage, the count divided by `taken` and rounded once. The larger coverage comes
+        first, of equal ones the smaller id. Zeros where there are no more; what does not fit is left out.
+    """
+    result = np.zeros((2 * RANKS, len(numbers)), np.float32)
+    rows = max(1, _CHUNK // max(numbers.shape[1], 1))
+    for first in range(0, len(numbers), rows):
+        part = slice(first, first + rows)
+        _rank(np.sort(ids[numbers[part]], axis=1), taken[part], result[:, part])
+    return result
+
+
+def _rank(found: npt.NDArray[np.uint32], taken: npt.NDArray[np.uint32], result: npt.NDArray[np.float32]) -> None:
+    """Write the pairs of pixels whose ids are sorted."""
+    begins = np.ones(found.shape, bool)
+    np.not_equal(found[:, 1:], found[:, :-1], out=begins[:, 1:])
+    places = np.flatnonzero(begins)
+    counts = np.diff(places, append=found.size)
+    pixels, ids = places // found.shape[1], found.reshape(-1)[places]
+    named = ids != 0
+    pixels, ids, counts = pixels[named], ids[named], counts[named]
+    order = np.lexsort((-counts, pixels))  # stable: ids of equal counts stay in their order
+    pixels, ids, counts = pixels[order], ids[order], counts[order]
+    rank = np.arange(len(pixels)) - np.searchsorted(pixels, pixels)
+    kept = rank < RANKS
+    pixels, rank = pixels[kept], rank[kept]
+    result[2 * rank, pixels] = ids[kept].view(np.float32)
+    result[2 * rank + 1, pixels] = (counts[kept] / taken[pixels]).astype(np.float32)

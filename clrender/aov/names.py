@@ -1,0 +1,86 @@
+"""The layers by name, and the channels that they are in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import UsageError
+from clrender.scene.wording import suggestion
+
+__all__ = ["AOVS", "MATTES", "RANKS", "check_aovs", "exact_channels", "exr_channels"]
+
+_Array = npt.NDArray[np.float32]
+
+RANKS: Final = 6
+"""Names that a matte tells apart in a pixel, those that cover most of it; two of them make a layer of a file."""
+
+AOVS: Final[Mapping[str, str]] = {
+    "albedo": "RGB",
+    "emission": "RGB",
+    "normal": "XYZ",
+    "tangent": "XYZ",
+    "depth": "Z",
+    "position": "XYZ",
+    "uv": "UV",
+    "object": "V",
+    "material": "V",
+    "samples": "V",
+    "crypto_object": "RGBA",
+    "crypto_material": "RGBA",
+}
+"""Every layer, and the letters of its channels; of mattes, those of each of their layers."""
+
+MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
+"""The layers that are mattes, and what they are called in files."""
+
+_HALF: Final = ("albedo", "emission", "normal", "tangent")
+"""Colours and directions, which half precision is enough for."""
+
+
+def check_aovs(names: Iterable[str]) -> tuple[str, ...]:
+    """The layers asked for, each once.
+
+    Raises
+    ------
+    UsageError
+        When one is unknown.
+    """
+    wanted = tuple(dict.fromkeys(names))
+    for name in wanted:
+        if name not in AOVS:
+            raise UsageError(f"aov: there is no layer {name!r}{suggestion(name, AOVS)}")
+    return wanted
+
+
+def exr_channels(layers: Mapping[str, _Array]) -> dict[str, _Array]:
+    """The layers as channels of an EXR file: ``albedo.R``, ``normal.X``, ``depth.Z``, ``CryptoObject00.R``, …
+
+    Parameters
+    ----------
+    layers : mapping of str to (H, W, C) float32
+        Channels that lie one after the other in memory, as those of `first_hits` do, are not copied.
+
+    Returns
+    -------
+    dict of str to (H, W) float32
+    """
+    return {
+        name: np.ascontiguousarray(layer[..., channel])
+        for layer_name, layer in layers.items()
+        for channel, name in enumerate(_channel_names(layer_name))
+    }
+
+
+def exact_channels(layers: Iterable[str]) -> frozenset[str]:
+    """The channels of these layers that lose their meaning in half precision: distances, places and numbers."""
+    return frozenset(name for layer in layers if layer not in _HALF for name in _channel_names(layer))
+
+
+def _channel_names(layer: str) -> list[str]:
+    if layer not in MATTES:
+        return [f"{layer}.{letter}" for letter in AOVS[layer]]
+    return [f"{MATTES[layer]}{number:02}.{letter}" for number in range(RANKS // 2) for letter in AOVS[layer]]

@@ -1,0 +1,101 @@
+"""What each single sample of a pixel hits, kept until all samples of the pixel are there."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import RenderError
+from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums, tile_slots
+
+__all__ = ["PrimitiveSamples"]
+
+_NOTHING = 0
+
+
+class PrimitiveSamples:
+    """The primitives that the samples of some rows of tiles hit: what `clrender.scheduling.run` commits units to.
+
+    Parameters
+    ----------
+    width, height : int
+        Of the image, pixels.
+    rows : (int, int)
+        The first row of tiles, and the first that is not part of it.
+    samples : int
+        Of each pixel.
+    tile : int
+        Side of a tile.
+
+    Attributes
+    ----------
+    top, bottom : int
+        The first row of pixels, and the first that is not part of it.
+    numbers : (bottom - top, width, samples) uint32
+        Primitive + 1 of each sample; 0 where it hit nothing or was not taken.
+    taken : (bottom - top, width) uint32
+        Samples of each pixel.
+    """
+
+    def __init__(self, width: int, height: int, rows: tuple[int, int], samples: int, tile: int) -> None:
+        self._width, self._height, self._tile = width, height, tile
+        self.top, self.bottom = rows[0] * tile, min(rows[1] * tile, height)
+        self.numbers = np.zeros((self.bottom - self.top, width, samples), np.uint32)
+        self.taken = np.zeros((self.bottom - self.top, width), np.uint32)
+
+    def commit(self, unit: Unit, result: UnitSums) -> int:
+        """Take in one sample of some tiles.
+
+        Parameters
+        ----------
+        unit : Unit
+            Of one sample.
+        result : UnitSums
+            Of `layout.FIRST_HIT_PRIMITIVE`: the primitive in two halves, exact in sums of one sample.
+
+        Returns
+        -------
+        int
+            Samples that came in.
+
+        Raises
+        ------
+        RenderError
+            The unit has more samples than one.
+        """
+        if unit.sample_count != 1:
+            raise RenderError(f"a unit of {unit.sample_count} samples came where single samples are told apart.")
+        # A half is a whole number below 2^16 in quanta of 2^-64: the third of four words
+        halves = result.sums[:, :2, 2]
+        primitive = (halves[:, 0] | halves[:, 1] << np.uint32(16)) + np.uint32(1)
+        number = np.where(result.counts > 0, primitive, np.uint32(_NOTHING))
+        done = np.repeat(result.done, BLOCK_SLOTS)
+        area, across = self._tile * self._tile, -(-self._width // self._tile)
+        order = tile_slots(self._tile).reshape(self._tile, self._tile)
+        for first in range(0, unit.slot_count, area):
+            row, column = divmod((unit.first_slot + first) // area, across)
+            top, left = row * self._tile, column * self._tile
+            rows, columns = min(self._tile, self._height - top), min(self._tile, self._width - left)
+            if rows > 0:
+                slots = first + order[:rows, :columns]
+                there = np.s_[top - self.top : top - self.top + rows, left : left + columns]
+                self.numbers[(*there, unit.first_sample)] = number[slots]
+                self.taken[there] += done[slots]
+        return int((unit.pixels(self._width, self._height) * result.done).sum())
+
+    def of_shapes(self, primitive_shape: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """The same with shapes in the place of primitives: shape + 1, 0 for nothing; it takes the place of `numbers`.
+
+        Parameters
+        ----------
+        primitive_shape : (P,) uint32
+            As of `clrender.flatten.FlatScene`.
+
+        Returns
+        -------
+        (pixels, samples) uint32
+        """
+        for row in self.numbers:
+            hit = row > 0
+            row[hit] = primitive_shape[row[hit] - 1] + np.uint32(1)
+        return self.numbers.reshape(-1, self.numbers.shape[2])
