@@ -195,8 +195,11 @@ def _layer(name: str, means: Mapping[str, tuple[_Array, npt.NDArray[np.bool_]]],
         mean = np.where(hit, mean[..., 0], np.float32(np.inf))[..., None]
     elif name in ("object", "material"):
         primitive = mean[..., 0].astype(np.int64) + (mean[..., 1].astype(np.int64) << 16)
-        number: npt.NDArray[Any] = flat.arrays["primitive_shape"][primitive]
+        row, instance = flat.instances.rows_of(primitive)
+        number: npt.NDArray[Any] = flat.arrays["primitive_shape"][row]
         if name == "material":
             number = flat.arrays["shapes"]["material"][number]
+        else:
+            number = flat.instances.shapes_of(number, instance)
         mean = np.where(hit, number.astype(np.float32), np.float32(-1.0))[..., None]
     return np.ascontiguousarray(mean, np.float32)

@@ -15,7 +15,7 @@ from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
 from clrender.scene.textures import AnyTexture, Checker, ImageTexture, Ramp
 from clrender.scene.values import Vector, cross, length
-from clrender.scene.wording import quoted
+from clrender.scene.wording import place, quoted
 
 __all__ = ["add_colors", "corner_uvs", "is_textured", "round_attributes", "triangle_attributes", "triangle_colors"]
 
@@ -70,7 +70,7 @@ def triangle_attributes(
         if sets[texture.uv_set] is None:
             which = "texture coordinates" if texture.uv_set == 0 else "second set of texture coordinates (uvs_1)"
             text = f"has no {which}, which {user} needs"
-            raise SceneError(f"{scene.source}: shapes[{index}] {text}; export the mesh with them")
+            raise SceneError(f"{scene.source}: {place(scene.place_of(index))} {text}; export the mesh with them")
     rows = np.zeros((len(mesh.triangles), 16), np.float32)
     for first, uvs in ((0, sets[0]), (6, sets[1])):
         if uvs is not None:

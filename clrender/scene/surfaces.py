@@ -24,6 +24,7 @@ from clrender.scene.media import Solid, scene_media, solid_of
 from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
 from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
 from clrender.scene.values import COORDINATE_LIMIT, Vector
+from clrender.scene.wording import place as place_in_file
 
 __all__ = ["SMALLEST", "FlatSurfaces", "flat_surfaces", "triangle_areas"]
 
@@ -61,7 +62,7 @@ class FlatSurfaces:
     attributes: NDArray[np.float32]
 
 
-def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurfaces:
+def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), own_shapes: int | None = None) -> FlatSurfaces:
     """All shapes of a scene, triangles first.
 
     Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so
@@ -72,6 +73,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     scene : Scene
     origin : (3,) float
         World space, metres: all coordinates are relative to it, subtracted before they are rounded.
+    own_shapes : int, optional
+        So many of the shapes are in world space, all unless it is given; the others are in the space of their group,
+        and the origin does not matter to them.
 
     Raises
     ------
@@ -79,6 +83,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         If a shape is degenerate, out of range, or there are too many triangles.
     """
     meshes: dict[int, MeshData] = {}
+    own = len(scene.shapes) if own_shapes is None else own_shapes
     no_boundary = scene_media(scene).no_boundary
     for index, shape in enumerate(scene.shapes):
         if _is_left_out(shape, no_boundary):
@@ -111,12 +116,12 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
     shapes["flags"][masked] |= np.uint32(layout.SHAPE_MASKED)
     v = t = 0
     for index, mesh in meshes.items():
-        place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]
+        place, shape = f"{scene.source}: {place_in_file(scene.place_of(index))}", scene.shapes[index]
         if mesh.warning:
             warnings.append(f"{place}: {mesh.warning}")
         here = vertices[v : v + len(mesh.vertices)]
         there = triangles[t : t + len(mesh.triangles)]
-        transform = _relative(affine(shape.transform), origin)
+        transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
         _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
         sound = _sound(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
         kept = len(there) if sound is None else int(np.count_nonzero(sound))
@@ -137,7 +142,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0)) -> FlatSurface
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
-    analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t, no_boundary)
+    analytic_shapes, of_round = _analytic_rows(scene, origin, own, first, count, t, no_boundary)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     return FlatSurfaces(
@@ -288,6 +293,7 @@ def _turned_away(vertices: NDArray[np.float32], triangles: NDArray[np.uint32], n
 def _analytic_rows(
     scene: Scene,
     origin: Vector,
+    own: int,
     first: NDArray[np.int64],
     count: NDArray[np.int64],
     offset: int,
@@ -299,9 +305,9 @@ def _analytic_rows(
     rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
     attributes = np.zeros((len(indices), 16), np.float32)
     for number, index in enumerate(indices):
-        shape, place = scene.shapes[index], f"{scene.source}: shapes[{index}]"
+        shape, place = scene.shapes[index], f"{scene.source}: {place_in_file(scene.place_of(index))}"
         assert isinstance(shape, Sphere | Disk)
-        transform = _relative(affine(shape.transform), origin)
+        transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
         center, radius = transform.point(shape.center), shape.radius * transform.scale
         _in_range(max(abs(x) for x in center) + radius, place)
         if radius < SMALLEST:
