@@ -118,6 +118,11 @@ class FlatScene:
         return hashlib.sha256(self.arrays_sha256.encode() + self.camera.tobytes()).hexdigest()
 
     @property
+    def primitive_total(self) -> int:
+        """Triangles, spheres and disks that rays may meet, those of every instance counted."""
+        return self.instances.own_triangles + self.instances.own_analytic + self.instances.primitive_count
+
+    @property
     def nbytes(self) -> int:
         """Bytes of all arrays together; the tree built on the device comes on top."""
         return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes
@@ -282,7 +287,7 @@ def _darken(
 
 def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
     """What no integrator but one finds: light of points and directions that passes glass."""
-    used = {solid_of(shape) for shape in scene.shapes} - no_boundary
+    used = {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary
     glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
     kinds: dict[type, str] = {
         DirectionalLight: "directional",

@@ -227,7 +227,9 @@ def _trees(
             continue
         chosen = np.broadcast_to(among, source.triangle_count + source.analytic_count)
 
-        def part(triangles: slice, analytic: slice, chosen: NDArray[np.bool_] = chosen) -> tuple[bvh.Numbers, bvh.Numbers]:
+        def part(
+            triangles: slice, analytic: slice, chosen: NDArray[np.bool_] = chosen
+        ) -> tuple[bvh.Numbers, bvh.Numbers]:
             """Units of a range of triangles and of a range of spheres and disks."""
             begin, end = np.searchsorted(firsts, [triangles.start, triangles.stop])
             some = units[begin:end]

@@ -12,6 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any, Final, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
 from clrender.errors import SceneError
 from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Mesh, Scene
@@ -86,11 +89,17 @@ def exported(scene: Scene, folder: str) -> Export:
         A file cannot be read.
     """
     export = Export(scene.model_dump(mode="json", exclude_none=True, exclude_unset=True))
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         if isinstance(shape, Mesh) and shape.file is not None:
-            mesh = scene.mesh(index)
+            mesh = scene.mesh_of(at, shape)
             name = export.add(folder, Path(shape.file).stem, ".ply", mesh.sha256(), partial(write_ply, mesh=mesh))
-            export.description["shapes"][index]["file"] = name
+            put_at(export.description, (*at, "file"), name)
+    for index, instance in scene.instances():
+        if instance.file is not None:
+            array = scene.transforms(index)
+            write = partial(_write_array, array=array.maps)
+            name = export.add(folder, Path(instance.file).stem, ".npy", array.sha256(), write)
+            export.description["shapes"][index]["transforms"] = name
     copied: dict[str, str] = {}
     named = [(at, texture.texture) for at, texture in scene.texture_files()]
     around = scene.environment
@@ -166,6 +175,10 @@ def _lamp(scene: Scene, name: str, where: str) -> bytes:
     with scene.opened(str(Path(name).parent / what), f"{where}: {quoted(name)}") as (file, _):
         factors = file.read().decode("latin-1").replace("\x1a", "")
     return "\r\n".join([*lines[:at], "TILT=INCLUDE", *factors.split(), *lines[at + 1 :]]).encode("latin-1")
+
+
+def _write_array(file: IO[bytes], array: NDArray[np.float64]) -> None:
+    np.lib.format.write_array(file, array, allow_pickle=False)
 
 
 def _write_bytes(file: IO[bytes], data: bytes) -> None:

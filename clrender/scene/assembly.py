@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.scene.description import Scene
 from clrender.scene.emission import emits
-from clrender.scene.groups import Instance
 from clrender.scene.geometry import Affine, affine, combined
+from clrender.scene.groups import Instance
 from clrender.scene.shapes import AnyShape, Disk, Sphere, Transform
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.scene.wording import place, quoted
@@ -149,7 +149,10 @@ def _written(shapes: Sequence[_Placed], array: NDArray[np.float64]) -> list[_Pla
     """Some shapes under each of some maps."""
     if not shapes:
         return []
-    outers = [Affine(tuple(tuple(row[:3]) for row in rows), tuple(row[3] for row in rows)) for rows in array.tolist()]
+    outers = [
+        Affine(((a, b, c), (e, f, g), (i, j, k)), (d, h, o))
+        for (a, b, c, d), (e, f, g, h), (i, j, k, o) in array.tolist()
+    ]
     return [(at, _moved(shape, outer)) for outer in outers for at, shape in shapes]
 
 
@@ -159,16 +162,16 @@ def _moved(shape: AnyShape, outer: Affine) -> AnyShape:
     return shape.model_copy(update={"transform": Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0)))})
 
 
-def _check_similar(
-    scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]
-) -> None:
+def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:
     """Spheres and disks stay such."""
     if not any(isinstance(shape, Sphere | Disk) for _, shape in shapes):
         return
     x, y, z = array[:, :, 0], array[:, :, 1], array[:, :, 2]
     products = np.stack([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z))], axis=1)
     uneven = np.abs(products - products[:, :1] * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])).max(axis=1)
-    if (uneven > 2e-6 * products[:, 0]).any():
-        at = place(("shapes", index, *([] if len(array) == 1 else ["transforms", int(np.argmax(uneven > 2e-6 * products[:, 0]))])))
+    faulty = np.flatnonzero(uneven > 2e-6 * products[:, 0])
+    if len(faulty):
+        which: tuple[str | int, ...] = ("transform",) if len(array) == 1 else ("transforms", int(faulty[0]))
+        at = place(("shapes", index, *which))
         text = f"stretches a sphere or disk of the group {quoted(group)} unevenly, which is not supported"
         raise SceneError(f"{scene.source}: {at} {text}; scale all axes alike or use a mesh")

@@ -64,7 +64,7 @@ def triangle_attributes(
     SceneError
         A texture needs coordinates that the mesh does not have.
     """
-    shape = scene.shapes[index]
+    shape = scene.plain_shapes[index]
     sets = (corner_uvs(shape, mesh), mesh.uvs_1)
     for user, texture in _textures(scene, shape):
         if sets[texture.uv_set] is None:

@@ -278,6 +278,11 @@ class Scene(Part):
             for index, shape in enumerate(group.shapes):
                 yield ("groups", name, "shapes", index), shape
 
+    @property
+    def plain_shapes(self) -> tuple[AnyShape, ...]:
+        """Its shapes, where it is known that none is an instance: `clrender.scene.assembly` has taken them apart."""
+        return self.shapes  # type: ignore[return-value]
+
     def instances(self) -> Iterator[tuple[int, Instance]]:
         """Those of its shapes that place a group, each with its index."""
         for index, shape in enumerate(self.shapes):

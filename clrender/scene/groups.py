@@ -61,7 +61,7 @@ class Instance(Part):
     transform: Transform = Transform()
     transforms: _Transforms | None = Field(
         None,
-        description="4x4 matrices, row-major, one for each place; or the name of a NumPy file (.npy) that holds an array "
+        description="4x4 matrices, row-major, one for each place; or the name of a NumPy file (.npy) with an array "
         "(n, 3, 4) or (n, 4, 4) of them",
     )
 
@@ -142,7 +142,9 @@ class TransformArray:
                 array = np.lib.format.read_array(file, allow_pickle=False)
             except (ValueError, EOFError, OSError, MemoryError, SyntaxError, TypeError, KeyError) as error:
                 reason = str(error).split("\n", 1)[0][:200]
-                raise SceneError(f"{place}: {name!r} is no sound NumPy file ({reason}); write it with numpy.save") from None
+                raise SceneError(
+                    f"{place}: {name!r} is no sound NumPy file ({reason}); write it with numpy.save"
+                ) from None
         return cls.checked(array, f"{place}: {name!r}")
 
     @classmethod
@@ -159,7 +161,9 @@ def _problem(array: NDArray[Any]) -> tuple[int, str] | None:
     linear = np.asarray(array[:, :3, :3], np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
         wild = ~np.isfinite(array).all(axis=(1, 2)) | (np.abs(array[:, :3]).max(axis=(1, 2)) > COORDINATE_LIMIT)
-        bent = (array[:, 3] != np.array([0.0, 0.0, 0.0, 1.0])).any(axis=1) if array.shape[1] == 4 else np.zeros_like(wild)
+        bent = (
+            (array[:, 3] != np.array([0.0, 0.0, 0.0, 1.0])).any(axis=1) if array.shape[1] == 4 else np.zeros_like(wild)
+        )
         (ax, ay, az), (bx, by, bz), c = linear[:, 0].T, linear[:, 1].T, linear[:, 2]
         cross = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
         sizes = np.sqrt((linear * linear).sum(axis=2))

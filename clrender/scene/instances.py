@@ -84,6 +84,16 @@ class FlatInstances:
     own_places: NDArray[np.int64]
     places: NDArray[np.int64]
 
+    @classmethod
+    def none(
+        cls, own_triangles: int, own_analytic: int, own_vertices: int, own_places: NDArray[np.int64]
+    ) -> FlatInstances:
+        """Of a scene without any."""
+        nowhere = np.array([layout.NONE, 0, 0, 0], np.uint32)
+        own = own_triangles, own_analytic, own_vertices, own_places
+        empty = np.zeros(0, np.int64)
+        return cls(np.zeros((2, 16), np.float32), nowhere, np.zeros((0, 6), np.float32), (), empty, *own, empty)
+
     @property
     def count(self) -> int:
         """Of instances."""
@@ -93,7 +103,6 @@ class FlatInstances:
     def primitive_count(self) -> int:
         """Of all instances, as if they were written out."""
         return int(np.array([group.count for group in self.groups], np.int64)[self.group_of].sum()) if self.count else 0
-
 
     def rows_of(self, primitives: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row of each primitive in tables of the scene, and the instance it belongs to, or -1.
@@ -114,7 +123,6 @@ class FlatInstances:
         offset = np.where(analytic, offsets[at, 1], offsets[at, 0])
         return np.where(instance >= 0, (primitives - offset) & 0xFFFFFFFF, primitives), instance
 
-
     def shapes_of(self, shape: NDArray[np.uint32], instance: NDArray[np.int64]) -> NDArray[np.int64]:
         """Places in the scene's list of shapes.
 
@@ -125,7 +133,11 @@ class FlatInstances:
         instance : (...) int64
             ... and the instances that `rows_of` gives.
         """
-        own = self.own_places[np.minimum(shape, len(self.own_places) - 1)] if len(self.own_places) else shape.astype(np.int64)
+        own = (
+            self.own_places[np.minimum(shape, len(self.own_places) - 1)]
+            if len(self.own_places)
+            else shape.astype(np.int64)
+        )
         return np.where(instance >= 0, self.places[instance], own) if self.count else own
 
 
@@ -150,14 +162,11 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     own_vertices = len(surfaces.vertices)
     if own_triangles < triangles:
         own_vertices = int(surfaces.triangles[own_triangles:].min())  # groups' vertices follow the scene's own
-    own = own_triangles, own_analytic, own_vertices, assembly.own_places
     filled = np.array([group.count > 0 for group in groups], bool)
     present = filled[assembly.group_of] if len(assembly.group_of) else np.zeros(0, bool)
     group_of, maps = assembly.group_of[present], assembly.maps[present]
     if not len(group_of):
-        nowhere = np.array([layout.NONE, 0, 0, 0], np.uint32)
-        none = np.zeros((2, 16), np.float32), nowhere, np.zeros((0, 6), np.float32)
-        return FlatInstances(*none, groups, group_of, *own, assembly.places[present])
+        return FlatInstances.none(own_triangles, own_analytic, own_vertices, assembly.own_places)
     counts = np.array([group.count for group in groups], np.int64)[group_of]
     numbers = triangles + analytic + np.concatenate([[0], np.cumsum(counts)])
     if numbers[-1] > NUMBER_LIMIT:
@@ -168,7 +177,10 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     rows[:, 0, :12], rows[:, 1, :12] = to_object.reshape(-1, 12), to_world.reshape(-1, 12)
     words = rows.view(np.uint32)
     firsts = numbers[:-1]
-    of = {name: np.array([getattr(group, name) for group in groups], np.int64)[group_of] for name in FlatGroup.__annotations__}
+    of = {
+        name: np.array([getattr(group, name) for group in groups], np.int64)[group_of]
+        for name in FlatGroup.__annotations__
+    }
     words[:, 0, _INSTANCE["TRIANGLE_OFFSET"]] = (firsts - of["first_triangle"]) & 0xFFFFFFFF
     first_analytic = firsts + of["triangle_count"]
     words[:, 0, _INSTANCE["ANALYTIC_OFFSET"]] = (first_analytic - of["first_analytic"]) & 0xFFFFFFFF
@@ -180,6 +192,7 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     centers = surfaces.analytic_shapes["center_radius"][:own_analytic]
     own_box = box_of(surfaces.vertices[:own_vertices], centers)
     boxes = _boxes(surfaces, groups, group_of, to_world, to_object, own_box)
+    own = own_triangles, own_analytic, own_vertices, assembly.own_places
     return FlatInstances(
         rows.reshape(-1, 16), _guides(numbers), boxes, groups, group_of, *own, assembly.places[present]
     )
@@ -188,7 +201,7 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
 def box_of(
     vertices: NDArray[np.float32], center_radius: NDArray[np.float32], instances: NDArray[np.float32] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest coordinates, (3,) each, of (n, 3) points, (n, 4) spheres and (n, 6) boxes; infinite of none."""
+    """Lowest and highest coordinates, (3,) each, of (n, 3) points, (n, 4) spheres, (n, 6) boxes; infinite of none."""
     spheres = center_radius.astype(np.float64)
     boxes = np.zeros((0, 6), np.float32) if instances is None else instances
     lows = (vertices, spheres[:, :3] - spheres[:, 3:], boxes[:, :3])
@@ -221,7 +234,7 @@ def _cofactors(linear: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 
 
 def _both_ways(maps: NDArray[np.float64], origin: Vector) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(N, 3, 4) maps to and from the world, relative to the origin; the second inverts what the first is after rounding."""
+    """(N, 3, 4) maps to and from the world, relative to the origin; the second inverts the first as rounded."""
     to_world = maps.copy()
     to_world[:, :, 3] -= np.array(origin)
     rounded = to_world.astype(np.float32)
@@ -231,7 +244,9 @@ def _both_ways(maps: NDArray[np.float64], origin: Vector) -> tuple[NDArray[np.fl
     to_object = np.empty_like(rounded)
     to_object[:, :, :3] = inverse
     x, y, z = offset.T
-    to_object[:, :, 3] = -(inverse[:, :, 0] * x[:, None] + inverse[:, :, 1] * y[:, None] + inverse[:, :, 2] * z[:, None])
+    to_object[:, :, 3] = -(
+        inverse[:, :, 0] * x[:, None] + inverse[:, :, 1] * y[:, None] + inverse[:, :, 2] * z[:, None]
+    )
     return rounded, to_object
 
 
@@ -272,11 +287,11 @@ def _boxes(
     to_object: NDArray[np.float32],
     own_box: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float32]:
-    """Boxes in the world, larger than the groups in them by what rounding may do to a ray on its way into the group's space.
+    """Boxes in the world, larger than the groups in them by what rounding may do to a ray on its way into a group.
 
-    Each coordinate there is the sum of three products and an offset, rounded three times, of numbers rounded once: an error of
-    at most four roundings of the sum of their sizes, which the way back carries into the world. The way back itself
-    was rounded likewise.
+    Each coordinate there is the sum of three products and an offset, rounded three times, of numbers rounded once: an
+    error of at most four roundings of the sum of their sizes, which the way back carries into the world. The way back
+    itself was rounded likewise.
     """
     of_group = np.stack([_group_box(surfaces, group) for group in groups])[group_of]
     middle, half = of_group.mean(axis=1), (of_group[:, 1] - of_group[:, 0]) / 2.0

@@ -66,7 +66,7 @@ def media_around(
 def _spaces(
     medium_of: NDArray[np.uint32], triangle_count: int, point: NDArray[np.float64], instances: FlatInstances | None
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64], float]]:
-    """Primitives with media that may be around a point, with the point in their space, and the size of that space's volumes.
+    """Primitives with media that may be around a point, the point in their space, how large its volumes are.
 
     First those in the world, then those of each instance whose box the point is in.
     """
@@ -139,7 +139,10 @@ def _media_around_lights(
     """Each light with the media around one of its points, for all points that may be in any."""
     low, high = _box(arrays, triangle_count, np.flatnonzero(medium_of_primitives(arrays)))
     if instances is not None and instances.count:
-        low, high = np.minimum(low, instances.boxes[:, :3].min(axis=0)), np.maximum(high, instances.boxes[:, 3:].max(axis=0))
+        low, high = (
+            np.minimum(low, instances.boxes[:, :3].min(axis=0)),
+            np.maximum(high, instances.boxes[:, 3:].max(axis=0)),
+        )
     for number, light in enumerate(arrays["lights"][:light_count]):
         points = _shining_points(arrays, triangle_count, light)
         near = ((low <= points) & (points <= high)).all(axis=1)

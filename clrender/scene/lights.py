@@ -15,12 +15,12 @@ from clrender.scene.alias import alias_table
 from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
 from clrender.scene.emission import Emission, shape_emission
 from clrender.scene.environment import EnvironmentTable, environment_table
+from clrender.scene.instances import FlatInstances, box_of
 from clrender.scene.lamp_tables import LampTables
 from clrender.scene.lamps import AT_POINT, Lamp, lamp_at
 from clrender.scene.light_tree import Emitters, LightTree, light_tree
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.sky import Sun, sky_picture
-from clrender.scene.instances import FlatInstances, box_of
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
 from clrender.scene.texture_means import TextureMeans
 from clrender.scene.texture_rows import FlatTextures
@@ -141,9 +141,9 @@ def flat_lights(
             continue
         count = int(surfaces.count[index])
         if total + count > _LIGHT_LIMIT:
+            at = place((*scene.place_of(index), "emission"))
             raise SceneError(
-                f"{scene.source}: {place((*scene.place_of(index), 'emission'))}: more than {_LIGHT_LIMIT} triangles would shine; "
-                "use fewer, or an environment light"
+                f"{scene.source}: {at}: more than {_LIGHT_LIMIT} triangles would shine; use fewer, or an environment"
             )
         some, areas = _area_lights(scene, surfaces, index)
         surfaces.shapes["first_light"][index] = total

@@ -83,9 +83,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), own_shapes: in
         If a shape is degenerate, out of range, or there are too many triangles.
     """
     meshes: dict[int, MeshData] = {}
-    own = len(scene.shapes) if own_shapes is None else own_shapes
+    own = len(scene.plain_shapes) if own_shapes is None else own_shapes
     no_boundary = scene_media(scene).no_boundary
-    for index, shape in enumerate(scene.shapes):
+    for index, shape in enumerate(scene.plain_shapes):
         if _is_left_out(shape, no_boundary):
             continue
         if isinstance(shape, Mesh):
@@ -102,21 +102,21 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), own_shapes: in
     smooth = any(mesh.normals is not None for mesh in meshes.values())
     normals = np.zeros((vertex_total if smooth else 1, 3), dtype="<f4")
     numbers = material_numbers(scene)
-    shapes = np.zeros(len(scene.shapes), dtype=layout.dtype("Shape"))
+    shapes = np.zeros(len(scene.plain_shapes), dtype=layout.dtype("Shape"))
     shapes["first_light"] = layout.NONE
-    shapes["material"] = [numbers[solid_of(shape)] for shape in scene.shapes]
+    shapes["material"] = [numbers[solid_of(shape)] for shape in scene.plain_shapes]
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
     warnings: list[str] = []
-    textured = [is_textured(scene, shape) for shape in scene.shapes]
+    textured = [is_textured(scene, shape) for shape in scene.plain_shapes]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
     colors: dict[int, NDArray[np.float32]] = {}
     shapes["flags"][textured] = layout.SHAPE_TEXTURED
-    masked = [shape.material is not None and scene.materials[shape.material].masked for shape in scene.shapes]
+    masked = [shape.material is not None and scene.materials[shape.material].masked for shape in scene.plain_shapes]
     shapes["flags"][masked] |= np.uint32(layout.SHAPE_MASKED)
     v = t = 0
     for index, mesh in meshes.items():
-        place, shape = f"{scene.source}: {place_in_file(scene.place_of(index))}", scene.shapes[index]
+        place, shape = f"{scene.source}: {place_in_file(scene.place_of(index))}", scene.plain_shapes[index]
         if mesh.warning:
             warnings.append(f"{place}: {mesh.warning}")
         here = vertices[v : v + len(mesh.vertices)]
@@ -300,12 +300,12 @@ def _analytic_rows(
     no_boundary: frozenset[Solid],
 ) -> tuple[_Rows, NDArray[np.float32]]:
     """Rows of spheres and disks, and of their attributes; notes their primitive numbers, which start at `offset`."""
-    round_ = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
-    indices = [i for i in round_ if not _is_left_out(scene.shapes[i], no_boundary)]
+    round_ = [i for i, shape in enumerate(scene.plain_shapes) if isinstance(shape, Sphere | Disk)]
+    indices = [i for i in round_ if not _is_left_out(scene.plain_shapes[i], no_boundary)]
     rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
     attributes = np.zeros((len(indices), 16), np.float32)
     for number, index in enumerate(indices):
-        shape, place = scene.shapes[index], f"{scene.source}: {place_in_file(scene.place_of(index))}"
+        shape, place = scene.plain_shapes[index], f"{scene.source}: {place_in_file(scene.place_of(index))}"
         assert isinstance(shape, Sphere | Disk)
         transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
         center, radius = transform.point(shape.center), shape.radius * transform.scale
