@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.scene.angles import tan_degrees
+from clrender.scene.assembly import assemble
 from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (
     Camera,
@@ -25,6 +26,7 @@ from clrender.scene.description import (
     SpotLight,
 )
 from clrender.scene.holes import hole_rows
+from clrender.scene.instances import FlatInstances, flat_instances
 from clrender.scene.interiors import media_around, media_with_lights, packed
 from clrender.scene.lamp_tables import lamp_tables
 from clrender.scene.lights import flat_environment, flat_lights
@@ -35,6 +37,7 @@ from clrender.scene.microfacets import albedo_tables
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.texture_rows import flat_textures
 from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
+from clrender.scene.wording import place
 
 __all__ = ["FlatScene", "flatten", "scene_origin"]
 
@@ -59,7 +62,9 @@ class FlatScene:
         ``lights`` (L,) `Light`, as of `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and
         ``light_order`` (N,) uint32, the tree of lights, and ``light_cones`` (N, 8) float32 where there are lamps, else
         one row; ``lamp_tables`` (N,) float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero
-        where the environment has no picture. Little-endian, C-contiguous.
+        where the environment has no picture; ``instance_rows`` and ``instance_guides`` as of `instances`. Shapes are
+        those of `clrender.scene.assembly`: those of groups come last, in the space of their group. Little-endian,
+        C-contiguous.
     camera : (1,) `Camera`
         All that depends on the camera, but for `origin`.
     environment : int
@@ -79,6 +84,8 @@ class FlatScene:
         Whether rays may pass by some surfaces: those of shapes with the flag `layout.SHAPE_MASKED`.
     subsurface : bool
         Whether there are subsurface materials.
+    instances : FlatInstances
+        Of groups of shapes; their primitives are counted from ``triangle_count + analytic_count`` on.
     arrays_sha256 : str
         Over all of the above but the camera.
     warnings : tuple of str
@@ -100,6 +107,7 @@ class FlatScene:
     straight_surfaces: bool
     masked: bool
     subsurface: bool
+    instances: FlatInstances
     arrays_sha256: str
     warnings: tuple[str, ...] = ()
     origin: Vector = (0.0, 0.0, 0.0)
@@ -108,6 +116,11 @@ class FlatScene:
     def sha256(self) -> str:
         """Hash of all that the kernels read of the scene, the camera included."""
         return hashlib.sha256(self.arrays_sha256.encode() + self.camera.tobytes()).hexdigest()
+
+    @property
+    def primitive_total(self) -> int:
+        """Triangles, spheres and disks that rays may meet, those of every instance counted."""
+        return self.instances.own_triangles + self.instances.own_analytic + self.instances.primitive_count
 
     @property
     def nbytes(self) -> int:
@@ -174,13 +187,16 @@ def flatten(
         raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
     origin = scene_origin(scene.camera) if origin is None else origin
     camera = _camera_row(scene.camera, width, height, scene.source, origin)
-    surfaces = flat_surfaces(scene, origin)
+    assembly = assemble(scene)
+    scene = assembly.scene
+    surfaces = flat_surfaces(scene, origin, assembly.own_shapes)
+    instances = flat_instances(assembly, surfaces)
     media = scene_media(scene)
     around = flat_environment(scene, compensated)
     textures = flat_textures(scene)
     holes = hole_rows(scene, surfaces, textures)
     lamps = lamp_tables(scene)
-    lights = flat_lights(scene, surfaces, textures, around, lamps, light_sampler)
+    lights = flat_lights(scene, surfaces, instances, textures, around, lamps, light_sampler)
     tree = lights.tree
     triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
     materials = flat_materials(scene, media.of_solid)
@@ -207,9 +223,11 @@ def flatten(
         "light_cones": np.zeros((1, 8), np.float32) if tree is None or tree.cones is None else tree.cones,
         "lamp_tables": lamps.words,
         "environment_map": around.words,
+        "instance_rows": instances.rows,
+        "instance_guides": instances.guides,
     }
     if media.subsurface:
-        _darken(arrays, triangle_count, lights.count)
+        _darken(arrays, triangle_count, lights.count, instances)
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
     for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
@@ -219,7 +237,7 @@ def flatten(
             digest.update(array.reshape(-1).view(np.uint8).data)
     return FlatScene(
         arrays=arrays,
-        camera=_surrounded(camera, arrays, triangle_count, scene.camera, origin),
+        camera=_surrounded(camera, arrays, triangle_count, instances, scene.camera, origin),
         environment=lights.environment,
         triangle_count=triangle_count,
         analytic_count=analytic_count,
@@ -230,12 +248,13 @@ def flatten(
         straight_surfaces=media.straight,
         masked=bool((surfaces.shapes["flags"] & layout.SHAPE_MASKED).any()),
         subsurface=media.subsurface,
+        instances=instances,
         arrays_sha256=digest.hexdigest(),
         warnings=(
             *scene.notes,
             *surfaces.warnings,
             *_lost_light(scene, media.no_boundary),
-            *_coinciding(scene, arrays, triangle_count),
+            *_coinciding(scene, arrays, instances.own_triangles),
         ),
         origin=origin,
     )
@@ -252,21 +271,23 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
         As `flatten`.
     """
     camera = _camera_row(scene.camera, width, height, scene.source, flat.origin)
-    around = _surrounded(camera, flat.arrays, flat.triangle_count, scene.camera, flat.origin)
+    around = _surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin)
     return dataclasses.replace(flat, camera=around)
 
 
-def _darken(arrays: Mapping[str, NDArray[Any]], triangle_count: int, light_count: int) -> None:
+def _darken(
+    arrays: Mapping[str, NDArray[Any]], triangle_count: int, light_count: int, instances: FlatInstances
+) -> None:
     """Note of subsurface materials whether nothing shines inside: then paths look for no light there."""
     flags = arrays["media_rows"][:, 15].view(np.uint32)
     flags[(flags & layout.MEDIUM_FLAG_SUBSURFACE) != 0] |= np.uint32(layout.MEDIUM_FLAG_DARK)
-    for medium in media_with_lights(arrays, triangle_count, light_count):
+    for medium in media_with_lights(arrays, triangle_count, light_count, instances):
         flags[medium] &= np.uint32(~layout.MEDIUM_FLAG_DARK & 0xFFFFFFFF)
 
 
 def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
     """What no integrator but one finds: light of points and directions that passes glass."""
-    used = {solid_of(shape) for shape in scene.shapes} - no_boundary
+    used = {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary
     glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
     kinds: dict[type, str] = {
         DirectionalLight: "directional",
@@ -291,11 +312,11 @@ def _is_glass(material: Material) -> bool:
 
 
 def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count: int) -> list[str]:
-    """Volumes of which a ray cannot tell where one ends and the other begins."""
+    """Volumes of which a ray cannot tell where one ends and the other begins; not looked for among instances."""
     shapes = coinciding_shapes(arrays, triangle_count)
     if shapes is None:
         return []
-    which = f"shapes[{shapes[0]}] and shapes[{shapes[1]}]"
+    which = " and ".join(place(scene.place_of(index)) for index in shapes)
     text = "faces of two dielectrics coincide, and what is seen through them is wrong"
     return [f"{scene.source}: {which}: {text}; let one reach a little into the other"]
 
@@ -346,10 +367,15 @@ def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Ve
 
 
 def _surrounded(
-    row: _Rows, arrays: Mapping[str, NDArray[Any]], triangle_count: int, camera: Camera, origin: Vector
+    row: _Rows,
+    arrays: Mapping[str, NDArray[Any]],
+    triangle_count: int,
+    instances: FlatInstances,
+    camera: Camera,
+    origin: Vector,
 ) -> _Rows:
     """The camera's row with the media around it; a lens is taken to be where its middle is."""
-    media = media_around(arrays, triangle_count, np.array(_difference(camera.position, origin)))
+    media = media_around(arrays, triangle_count, np.array(_difference(camera.position, origin)), instances)
     row[0]["interior_first"], row[0]["interior_last"] = packed(media)
     return row
 

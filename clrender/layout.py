@@ -107,6 +107,7 @@ __all__ = [
     "TURNED_COLUMNS",
     "TURNED_ROWS",
     "TURNED_TURNS",
+    "columns",
     "dtype",
     "types_header",
 ]
@@ -432,6 +433,20 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
 # table -> ((column, first number, how many, comment), ...). Rows are sixteen numbers (kernels/core/lane.h, lane_rows).
 # What a triangle and a sphere or disk, or two kinds of light, have in the same place has several names.
 ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
+    "INSTANCE": (
+        ("TO_OBJECT", 0, 12, "first row of an instance: world to object, three rows of the linear part and the offset"),
+        ("ROOT", 12, 1, "bits: of its group's tree, a reference"),
+        ("MASKED_ROOT", 13, 1, "bits: of the tree over what rays may pass in it"),
+        ("TRIANGLE_OFFSET", 14, 1, "bits: number of its triangle, less that of the triangle's row"),
+        ("ANALYTIC_OFFSET", 15, 1, "bits: the same of what is no triangle"),
+    ),
+    "PLACEMENT": (
+        ("TO_WORLD", 0, 12, "second row of an instance: object to world"),
+        ("FIRST", 12, 1, "bits: number of its first primitive"),
+        ("FIRST_ANALYTIC", 13, 1, "bits: and of the first that is no triangle"),
+        ("SCALE", 14, 1, "factor of lengths, of a similarity"),
+        ("FACING", 15, 1, "-1 if it mirrors, else 1"),
+    ),
     "PRIMITIVE": (
         ("A", 0, 3, "triangle: its vertices"),
         ("B", 3, 3, ""),
@@ -628,6 +643,22 @@ _SCALARS: Final[Mapping[str, tuple[str, tuple[int, ...]]]] = {
     "uint": ("<u4", ()),
     "int": ("<i4", ()),
 }
+
+
+def columns(table: str) -> dict[str, int]:
+    """Where the numbers of a row begin.
+
+    Parameters
+    ----------
+    table : str
+        A key of `ROWS`.
+
+    Returns
+    -------
+    dict of str to int
+        Column to its first number.
+    """
+    return {name: first for name, first, _, _ in ROWS[table]}
 
 
 def dtype(struct: str) -> np.dtype[np.void]:

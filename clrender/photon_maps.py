@@ -14,6 +14,7 @@ from clrender import layout
 from clrender.device.preparation import Prepared, Request
 from clrender.device.radix_sort import launch_each, sort
 from clrender.errors import SceneError
+from clrender.scene.instances import box_of
 from clrender.scene.interiors import light_inside
 from clrender.scene.lamp_tables import lamp_tables
 from clrender.scene.lights import points_that_shine
@@ -72,11 +73,9 @@ def scene_box(flat: FlatScene) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.
     """Lowest and highest coordinates, (3,) float64 each, of all that rays can hit; of nothing, a metre."""
     if not flat.triangle_count + flat.analytic_count:
         return np.zeros(3), np.ones(3)
-    vertices = flat.arrays["vertices"].reshape(-1, 3).astype(np.float64)
-    vertices = vertices if flat.triangle_count else vertices[:0]
-    analytic = flat.arrays["analytic_shapes"]["center_radius"].astype(np.float64)[: flat.analytic_count]
-    points = np.concatenate([vertices, analytic[:, :3] - analytic[:, 3:], analytic[:, :3] + analytic[:, 3:]])
-    return points.min(axis=0), points.max(axis=0)
+    of = flat.instances
+    vertices = flat.arrays["vertices"][: of.own_vertices if flat.triangle_count else 0]
+    return box_of(vertices, flat.arrays["analytic_shapes"]["center_radius"][: of.own_analytic], of.boxes)
 
 
 class PhotonMaps:
@@ -185,7 +184,7 @@ def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
     """Where the scene file has a light of the arrays."""
     lights = flat.arrays["lights"]
     if lights[light]["primitive"] != layout.NONE:
-        return f"shapes[{flat.arrays['primitive_shape'][lights[light]['primitive']]}]"
+        return f"shapes[{flat.instances.own_places[flat.arrays['primitive_shape'][lights[light]['primitive']]]}]"
     at_point = np.isin(lights["kind"][:light], (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES))
     return f"lights[{points_that_shine(scene, lamp_tables(scene))[int(at_point.sum())]}]"
 
@@ -193,7 +192,7 @@ def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
 def prepare(request: Request) -> Prepared:
     """Photon maps on each device."""
     settings, flat = request.settings, request.flat
-    if (light := light_inside(flat.arrays, flat.triangle_count, flat.light_count)) is not None:
+    if (light := light_inside(flat.arrays, flat.triangle_count, flat.light_count, flat.instances)) is not None:
         raise SceneError(f"{request.scene.source}: {_LIGHT_INSIDE.format(_light_place(flat, request.scene, light))}")
     maps = partial(PhotonMaps, flat=request.flat, photons=settings.photons, radius=settings.photon_radius)
     return Prepared(request.flat, request.pipeline, maps)

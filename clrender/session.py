@@ -213,7 +213,8 @@ class _Geometry:
         if dataclasses.replace(self, scene=b) != other:  # all but the scene
             return False
         if all(
-            getattr(a, name) is getattr(b, name) for name in ("shapes", "materials", "lights", "_meshes", "_pictures")
+            getattr(a, name) is getattr(b, name)
+            for name in ("shapes", "groups", "materials", "lights", "_meshes", "_transforms", "_pictures")
         ):
             return True
         return a.content_sha256() == b.content_sha256()

@@ -34,6 +34,8 @@
     X(float, masked_nodes)   /* the tree over what rays may pass: geometry/find.h */                                        \
     X(float, masked_triangle_packs)                                                                                         \
     X(float, masked_analytic_packs)                                                                                         \
+    X(float, instance_rows)  /* of instances, two each: geometry/instance.h */                                              \
+    X(uint, instance_guides) /* which of them a primitive's number belongs to */                                            \
     X(Camera, camera)                                                                                                       \
     X(Settings, settings)
 
@@ -62,6 +64,15 @@ typedef struct {
 #define SCENE_HOLES(scene)
 #endif
 
+#ifdef INSTANCES
+#define SCENE_INSTANCES(scene)                                                                                              \
+    scene.bvh.instance_rows = scene.masked.instance_rows = instance_rows;                                                   \
+    scene.bvh.instance_root = INSTANCE_ROW_ROOT;                                                                            \
+    scene.masked.instance_root = INSTANCE_ROW_MASKED_ROOT
+#else
+#define SCENE_INSTANCES(scene)
+#endif
+
 // First in a kernel's parameters, and first in its body.
 #define SCENE_PARAMETERS SCENE_ARRAYS(SCENE_PARAMETER_)
 #define SCENE_COLLECT(scene)                                                                                                \
@@ -75,6 +86,7 @@ typedef struct {
     scene.masked.triangle_packs = masked_triangle_packs;                                                                    \
     scene.masked.analytic_packs = masked_analytic_packs;                                                                    \
     scene.masked.root = 0;                                                                                                  \
-    SCENE_HOLES(scene)
+    SCENE_HOLES(scene);                                                                                                     \
+    SCENE_INSTANCES(scene)
 
 #endif

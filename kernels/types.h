@@ -189,6 +189,18 @@ typedef struct {
     float filter_lines[256];    // FILTER_LINES times FILTER_LINE_*, from the pixel's centre outwards
 } Settings;
 
+#define INSTANCE_ROW_TO_OBJECT 0        // first row of an instance: world to object, three rows of the linear part and the offset
+#define INSTANCE_ROW_ROOT 12            // bits: of its group's tree, a reference
+#define INSTANCE_ROW_MASKED_ROOT 13     // bits: of the tree over what rays may pass in it
+#define INSTANCE_ROW_TRIANGLE_OFFSET 14 // bits: number of its triangle, less that of the triangle's row
+#define INSTANCE_ROW_ANALYTIC_OFFSET 15 // bits: the same of what is no triangle
+
+#define PLACEMENT_ROW_TO_WORLD 0        // second row of an instance: object to world
+#define PLACEMENT_ROW_FIRST 12          // bits: number of its first primitive
+#define PLACEMENT_ROW_FIRST_ANALYTIC 13 // bits: and of the first that is no triangle
+#define PLACEMENT_ROW_SCALE 14          // factor of lengths, of a similarity
+#define PLACEMENT_ROW_FACING 15         // -1 if it mirrors, else 1
+
 #define PRIMITIVE_ROW_A 0               // triangle: its vertices
 #define PRIMITIVE_ROW_B 3
 #define PRIMITIVE_ROW_C 6

@@ -70,18 +70,19 @@ def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool)
 
 def light_kinds(scene: Scene) -> frozenset[str]:
     """Which kinds of light that integrators omit this scene may have; when in doubt, a kind is included."""
-    types = [scene.materials[shape.material].type if shape.material else "" for shape in scene.shapes]
+    shapes = [shape for _, shape in scene.all_shapes()]
+    types = [scene.materials[shape.material].type if shape.material else "" for shape in shapes]
     diffuse = [
         shape
-        for shape, kind in zip(scene.shapes, types, strict=True)
+        for shape, kind in zip(shapes, types, strict=True)
         if shape.material and kind not in ("mirror", "dielectric") and not _black(scene, shape.material)
     ]
     kinds = set()
-    if len(diffuse) > 1 or any(shape.type not in _FLAT for shape in diffuse):
+    if len(diffuse) > 1 or any(scene.instances()) or any(shape.type not in _FLAT for shape in diffuse):
         kinds.add(BETWEEN_DIFFUSE)
     if diffuse and any(kind in ("mirror", "dielectric") for kind in types):
         kinds.add(CAUSTICS)
-    if diffuse and any(shape.shines for shape in scene.shapes):
+    if diffuse and any(shape.shines for shape in shapes):
         kinds.add(SOFT_SHADOWS)
     if diffuse and (around := scene.environment) and (around.file is not None or max(around.constant) > 0.0):
         kinds.add(ENVIRONMENT_ON_DIFFUSE)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.aov.names import MATTES, RANKS
+from clrender.scene.assembly import assemble
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -57,12 +58,17 @@ def name_id(name: str) -> int:
 
 
 def matte_names(scene: Scene) -> dict[str, list[str | None]]:
-    """The names that shapes have in each of `MATTES`, in the scene's order; None: none.
+    """The names that what can be told apart has in each of `MATTES`, in the order of `assemble`; None: none.
 
-    A shape without a name is called by its type and its place in the list, such as ``mesh_3``.
+    A shape without a name is called by its type and its place in the list, such as ``mesh_3``. The shapes of an
+    instance are called what it is called, and have each its own material.
     """
     objects = [f"{shape.type}_{at}" if shape.name is None else shape.name for at, shape in enumerate(scene.shapes)]
-    return {"crypto_object": [*objects], "crypto_material": [shape.material for shape in scene.shapes]}
+    assembly = assemble(scene)
+    return {
+        "crypto_object": [objects[at] for at in assembly.seen_place.tolist()],
+        "crypto_material": [assembly.scene.shapes[at].material for at in assembly.seen_shape.tolist()],
+    }
 
 
 def matte_attributes(mattes: Mapping[str, Sequence[str | None]]) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from clrender.device.scene_arrays import scene_array_names
 from clrender.film import Film
 from clrender.film.unit import tile_side
 from clrender.integrators.descriptor import Pipeline
+from clrender.scene.assembly import assemble
 from clrender.scene.surfaces import flat_surfaces
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool
@@ -200,7 +201,10 @@ def first_hits(
         return {}
     asked = LayerKind()
     needed = any(name in _COORDINATES for name in wanted)
-    coordinates = flat_surfaces(scene, flat.origin, all_attributes=True).attributes if needed else None
+    coordinates = None
+    if needed:
+        assembly = assemble(scene)
+        coordinates = flat_surfaces(assembly.scene, flat.origin, assembly.own_shapes, all_attributes=True).attributes
     if coordinates is not None and not len(coordinates):
         coordinates = None
     on_device = partial(LayerArguments, asked=asked, coordinates=coordinates)
@@ -212,8 +216,8 @@ def first_hits(
             if name not in (*_NUMBERS, *MATTES):
                 found[name] = _layer(name, *passes.mean(name, samples))
         if any(name in _NUMBERS for name in wanted):
-            shape = _shape_numbers(*passes.mean("primitive", 1), flat)
-            found |= {name: _numbers(name, shape, scene) for name in _NUMBERS if name in wanted}
+            seen = _seen(*passes.mean("primitive", 1), flat)
+            found |= {name: _numbers(name, seen, scene) for name in _NUMBERS if name in wanted}
         mattes = [name for name in wanted if name in MATTES]
         if mattes:
             found |= _mattes(mattes, passes, samples, scene, flat)
@@ -234,19 +238,23 @@ def _planar(layer: _Array) -> _Array:
     return np.moveaxis(np.ascontiguousarray(np.moveaxis(layer, 2, 0), np.float32), 0, 2)
 
 
-def _shape_numbers(mean: _Array, hit: npt.NDArray[np.bool_], flat: FlatScene) -> npt.NDArray[np.int64]:
-    """The shapes that first samples hit, from 1; 0: nothing."""
+def _seen(mean: _Array, hit: npt.NDArray[np.bool_], flat: FlatScene) -> npt.NDArray[np.int64]:
+    """What first samples hit, as of `FlatInstances.seen`, from 1; 0: nothing."""
     primitive = mean[..., 0].astype(np.int64) + (mean[..., 1].astype(np.int64) << 16)
-    number: npt.NDArray[Any] = flat.arrays["primitive_shape"][primitive].astype(np.int64) + 1
-    return np.where(hit, number, 0)
+    number = np.zeros(hit.shape, np.int64)
+    number[hit] = flat.instances.seen(primitive[hit], flat.arrays["primitive_shape"]) + 1
+    return number
 
 
-def _numbers(name: str, shape: npt.NDArray[np.int64], scene: Scene) -> _Array:
+def _numbers(name: str, seen: npt.NDArray[np.int64], scene: Scene) -> _Array:
+    assembly = assemble(scene)
     if name == "object":
-        return _planar((shape - 1).astype(np.float32)[..., None])
-    places = {material: place for place, material in enumerate(scene.materials)}
-    of_shape = [-1, *(-1 if each.material is None else places[each.material] for each in scene.shapes)]
-    return _planar(np.array(of_shape, np.float32)[shape][..., None])
+        of_seen = assembly.seen_place.tolist()
+    else:
+        places = {material: place for place, material in enumerate(scene.materials)}
+        materials = (assembly.scene.shapes[at].material for at in assembly.seen_shape.tolist())
+        of_seen = [-1 if material is None else places[material] for material in materials]
+    return _planar(np.array([-1, *of_seen], np.float32)[seen][..., None])
 
 
 def _mattes(names: Sequence[str], passes: _Passes, samples: int, scene: Scene, flat: FlatScene) -> dict[str, _Array]:
@@ -260,9 +268,9 @@ def _mattes(names: Sequence[str], passes: _Passes, samples: int, scene: Scene, f
         rows = (first, min(first + step, all_rows))
         seen = PrimitiveSamples(width, height, rows, samples, tile)
         passes.run("primitive", samples, seen, rows)
-        shapes, taken = seen.of_shapes(flat.arrays["primitive_shape"]), seen.taken.reshape(-1)
+        numbers, taken = seen.told_apart(flat), seen.taken.reshape(-1)
         for name, plane in planes.items():
-            plane[:, seen.top : seen.bottom] = ranked(shapes, taken, ids[name]).reshape(2 * RANKS, -1, width)
+            plane[:, seen.top : seen.bottom] = ranked(numbers, taken, ids[name]).reshape(2 * RANKS, -1, width)
     return {name: np.moveaxis(plane, 0, 2) for name, plane in planes.items()}
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import RenderError
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums, tile_slots
+
+if TYPE_CHECKING:
+    from clrender.flatten import FlatScene
 
 __all__ = ["PrimitiveSamples"]
 
@@ -83,19 +88,19 @@ class PrimitiveSamples:
                 self.taken[there] += done[slots]
         return int((unit.pixels(self._width, self._height) * result.done).sum())
 
-    def of_shapes(self, primitive_shape: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
-        """The same with shapes in the place of primitives: shape + 1, 0 for nothing; it takes the place of `numbers`.
+    def told_apart(self, flat: FlatScene) -> npt.NDArray[np.uint32]:
+        """The same with what `FlatInstances.seen` tells apart in the place of primitives, which this overwrites.
 
         Parameters
         ----------
-        primitive_shape : (P,) uint32
-            As of `clrender.flatten.FlatScene`.
+        flat : FlatScene
 
         Returns
         -------
         (pixels, samples) uint32
+            Counted from 1; 0 for nothing.
         """
         for row in self.numbers:
             hit = row > 0
-            row[hit] = primitive_shape[row[hit] - 1] + np.uint32(1)
+            row[hit] = flat.instances.seen(row[hit].astype(np.int64) - 1, flat.arrays["primitive_shape"]) + 1
         return self.numbers.reshape(-1, self.numbers.shape[2])

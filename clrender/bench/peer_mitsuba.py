@@ -10,7 +10,7 @@ from typing import Any
 import drjit
 import mitsuba
 import numpy as np
-from peer_scene import Job, Part, answer, camera_of, job, lights_of, media_of, parts_of, timed
+from peer_scene import Job, Part, answer, camera_of, instances_of, job, lights_of, media_of, parts_of, timed
 
 __all__: list[str] = []
 
@@ -258,7 +258,27 @@ def load(one: Job) -> Any:
             "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,
             "bsdf": material(part.material, folder), **around,
         }  # fmt: skip
-    return mitsuba.load_dict(scene)
+    return mitsuba.load_dict({**scene, **placed(one)})
+
+
+def placed(one: Job) -> dict[str, Any]:
+    """Groups, and their instances."""
+    groups, instances = instances_of(one)
+    scene: dict[str, Any] = {}
+    for name, parts in groups.items():
+        scene[f"group_{name}"] = {"type": "shapegroup"} | {
+            part.name: {
+                "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,
+                "bsdf": material(part.material, one.scene.parent),
+            }
+            for part in parts
+        }  # fmt: skip
+    for group, maps in instances:
+        for rows in maps:
+            to_world = mitsuba.ScalarTransform4f(np.concatenate([rows, [[0.0, 0.0, 0.0, 1.0]]]))
+            reference = {"type": "ref", "id": f"group_{group}"}
+            scene[f"instance{len(scene)}"] = {"type": "instance", "shapegroup": reference, "to_world": to_world}
+    return scene
 
 
 def main() -> None:

@@ -13,7 +13,19 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Job", "Part", "answer", "camera_of", "job", "lights_of", "media_of", "parts_of", "refuse_rich", "timed"]
+__all__ = [
+    "Job",
+    "Part",
+    "answer",
+    "camera_of",
+    "instances_of",
+    "job",
+    "lights_of",
+    "media_of",
+    "parts_of",
+    "refuse_rich",
+    "timed",
+]
 
 
 @dataclass(frozen=True)
@@ -90,9 +102,24 @@ def media_of(one: Job) -> tuple[dict[str, Any], str | None]:
     return described.get("media", {}), described.get("fog")
 
 
+def instances_of(one: Job) -> tuple[dict[str, list[Part]], list[tuple[str, Any]]]:
+    """Meshes of each group, and for each instance shape its group and its (n, 3, 4) maps."""
+    described = json.loads(one.scene.read_text(encoding="utf-8"))
+    groups = {
+        name: [
+            Part(f"{name}{number}", described["materials"][shape["material"]], None, *_read_ply(file), file)
+            for number, shape in enumerate(group["shapes"])
+            for file in [one.scene.parent / shape["file"]]
+        ]
+        for name, group in described.get("groups", {}).items()
+    }
+    placed = [shape for shape in described["shapes"] if shape["type"] == "instance"]
+    return groups, [(shape["group"], np.load(one.scene.parent / shape["transforms"])) for shape in placed]
+
+
 def refuse_rich(one: Job, name: str) -> None:
     """End with a sentence when the scene holds more than Lambert, mirrors and smooth glass."""
-    if lights_of(one) or any(media_of(one)):
+    if lights_of(one) or any(media_of(one)) or instances_of(one)[1]:
         sys.exit(f"{name} has no translation of this scene's materials here; compare it with mitsuba")
 
 
@@ -109,6 +136,8 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
     for number, shape in enumerate(described["shapes"]):
         if shape["type"] in ("sphere", "disk"):
             spheres.append({**shape, "material": materials[shape.get("material")]})
+        elif shape["type"] == "instance":
+            continue  # of `instances_of`
         elif shape["type"] == "mesh":
             file = one.scene.parent / shape["file"]
             parts.append(Part(f"mesh{number}", materials[shape["material"]], None, *_read_ply(file), file))

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.bench.crowd import crowd_scene
 from clrender.bench.foliage import foliage_scene
 from clrender.bench.rich import rich_scene
 from clrender.bench.shapes import bumpy_body, geodesic, quad, write_ply
@@ -31,6 +32,7 @@ SCENES: Final[Mapping[str, str]] = {
     "S4": "S1 lit by a thousand small triangles in place of the two lights",
     "S5": "S1's room, its front open to a sky with a sun, with metals, rough glass, coats, textures and a normal map",
     "S6": "a tree of 20,000 leaves, squares cut out by the alpha of a picture, under a sky with a sun",
+    "S7": "ten thousand instances of a mesh of 100,820 triangles",
 }
 _FREQUENCY: Final = {"S3-10k": 22, "S3-100k": 71, "S3-1M": 224, "S3-4M": 447}
 _SPHERE_FREQUENCY: Final = 16
@@ -76,6 +78,9 @@ def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:
         return path
     if name == "S6":
         path.write_text(json.dumps(foliage_scene(folder)), encoding="utf-8")
+        return path
+    if name == "S7":
+        path.write_text(json.dumps(crowd_scene(folder)), encoding="utf-8")
         return path
     base, _, variant = name.partition("-")
     shapes = [*_walls(), *(_many_lights() if base == "S4" else _two_lights())]

@@ -26,6 +26,8 @@ def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, vari
         ("shapes", f"{len(loaded.shapes)}"),
         ("triangles", f"{flat.triangle_count}"),
         ("spheres and disks", f"{flat.analytic_count}"),
+        *([("instances", f"{flat.instances.count}")] if flat.instances.count else []),
+        *([("with all of these", f"{flat.primitive_total} primitives")] if flat.instances.count else []),
         ("lights", f"{flat.light_count}"),
         ("materials", f"{len(loaded.materials)}"),
         ("bytes on the device", f"{flat.nbytes} (and the BVH built there)"),

@@ -57,7 +57,8 @@ def scene_files(name: str, scene: Scene) -> list[Path]:
     """Every file that a scene, loaded by this name, was read from."""
     from clrender.scene import Mesh
 
-    files = [shape.file for shape in scene.shapes if isinstance(shape, Mesh) and shape.file is not None]
+    files = [shape.file for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file is not None]
+    files += [instance.file for _, instance in scene.instances() if instance.file is not None]
     if scene.environment is not None and scene.environment.file is not None:
         files.append(scene.environment.file)
     files += [texture.texture for _, texture in scene.texture_files()]

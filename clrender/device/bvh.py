@@ -7,6 +7,7 @@ same primitives would find the same hits, but for roundings of their distances: 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -26,9 +27,15 @@ __all__ = [
     "NODE_WORDS",
     "STACK",
     "TRIANGLE_BLOCK_WORDS",
+    "UNIT_NUMBER",
     "Bvh",
+    "InstanceBoxes",
+    "Numbers",
     "SourceArrays",
     "build",
+    "build_over",
+    "joined",
+    "triangle_units",
 ]
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
@@ -47,6 +54,11 @@ _BEYOND: Final = 8
 # Beside a unit's number: what it is.
 _FLAGS: Final = np.uint32(5 << 29)
 
+UNIT_NUMBER: Final = ~_FLAGS
+"""Of a unit, the number of its first triangle."""
+
+Numbers: TypeAlias = "npt.NDArray[np.uint32]"
+
 _Arguments: TypeAlias = "list[Argument]"
 
 
@@ -61,6 +73,22 @@ class SourceArrays:
     shapes: Buffer
     triangle_count: int
     analytic_count: int
+
+
+@dataclass(frozen=True)
+class InstanceBoxes:
+    """Instances that a tree leads to.
+
+    Attributes
+    ----------
+    numbers : (N,) uint32
+        Rows of ``instance_rows``, halved.
+    boxes : (N, 6) float32
+        Lowest and highest coordinates of each, with all rounding of a ray's way into it.
+    """
+
+    numbers: Numbers
+    boxes: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -90,9 +118,19 @@ class Bvh:
         return self.nodes, self.triangle_packs, self.analytic_packs
 
     @property
+    def counts(self) -> tuple[int, int, int]:
+        """Nodes, and blocks of either kind of packs."""
+        return self.node_count, self.triangle_block_count, self.analytic_block_count
+
+    @property
     def nbytes(self) -> int:
         """Size of nodes and packs."""
         return sum(buffer.nbytes for buffer in self.buffers)
+
+    def release(self, device: Device) -> None:
+        """Give the device's memory back."""
+        for buffer in self.buffers:
+            device.release(buffer)
 
     @property
     def stack_entries(self) -> int:
@@ -120,11 +158,130 @@ def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | N
     RenderError
         When there are too many primitives, or the device has no memory for them.
     """
-    builder = _Builder(device, source, among)
+    units = triangle_units(device, source)
+    round_ones = np.arange(source.analytic_count, dtype=np.uint32)
+    if among is not None:
+        units = units[among[: source.triangle_count][units & UNIT_NUMBER]]
+        round_ones = round_ones[among[source.triangle_count :]]
+    return build_over(device, source, units, round_ones)
+
+
+def triangle_units(device: Device, source: SourceArrays) -> Numbers:
+    """What stands in a tree for triangles: one for each, or for two that are a parallelogram.
+
+    Parameters
+    ----------
+    device : Device
+    source : SourceArrays
+
+    Returns
+    -------
+    (U,) uint32
+        The numbers of the first triangle of each, in order, with flags as of ``kernels/geometry/build.h`` above them.
+    """
+    count = source.triangle_count
+    if count == 0:
+        return np.zeros(0, np.uint32)
+    program = device.program("geometry/build_order.cl", {"LANES": 1})
+    units, places = device.empty(4 * count), device.empty(4 * count)
+    head: _Arguments = [source.vertices, source.triangles, source.primitive_shape, source.shapes, _u(count)]
+    launch_each(device, program, "build_starts", count, [*head, places])
+    total = scan(device, places, count)
+    launch_each(device, program, "build_units", count, [*head, places, units])
+    found = np.empty(total, np.uint32)
+    device.read(units, found)
+    device.release(units)
+    device.release(places)
+    return found
+
+
+def build_over(
+    device: Device,
+    source: SourceArrays,
+    units: Numbers,
+    round_ones: Numbers,
+    instances: InstanceBoxes | None = None,
+) -> Bvh:
+    """Build the tree over some of a scene's primitives, which keep their numbers, and over instances.
+
+    Parameters
+    ----------
+    device : Device
+    source : SourceArrays
+    units : (U,) uint32
+        Of those that `triangle_units` gave.
+    round_ones : (R,) uint32
+        Spheres and disks, counted from the first of them.
+    instances : InstanceBoxes, optional
+
+    Returns
+    -------
+    Bvh
+
+    Raises
+    ------
+    RenderError
+        When there are too many primitives, or the device has no memory for them.
+    """
+    builder = _Builder(device, source, units, round_ones, instances)
     if builder.unit_count == 0:
         return builder.empty()
     order, boxes = builder.order()
     return builder.collapse(order, builder.merge(order, boxes))
+
+
+def joined(device: Device, trees: Sequence[Bvh]) -> tuple[Bvh, list[int]]:
+    """Several trees in one set of arrays.
+
+    Parameters
+    ----------
+    device : Device
+    trees : sequence of Bvh
+        They are given up. The levels of the first, which leads to instances, and of the deepest of the others add up.
+
+    Returns
+    -------
+    tree : Bvh
+        The first, with the others behind it.
+    roots : list of int
+        Number of each one's first node.
+
+    Raises
+    ------
+    RenderError
+        When there are too many primitives, or the device has no memory for them.
+    """
+    totals = [sum(counts) for counts in zip(*(tree.counts for tree in trees), strict=True)]
+    if max(totals[1:]) > _MOST_BLOCKS:
+        for tree in trees:
+            tree.release(device)
+        raise _too_many(f"{len(trees)} groups of shapes", max(totals[1:]))
+    program = device.program("geometry/build_collapse.cl", {"LANES": 1})
+    words = (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS)
+    buffers = [
+        device.empty(4 * (width * total + (_BEYOND if packs else 0)))
+        for packs, (width, total) in enumerate(zip(words, totals, strict=True))
+    ]
+    made, roots = [0, 0, 0], []
+    for tree in trees:
+        firsts: _Arguments = [_u(number) for number in made]
+        launch_each(
+            device, program, "build_append", tree.node_count, [tree.nodes, _u(tree.node_count), *firsts, buffers[0]]
+        )
+        for kind in (1, 2):
+            first, length = made[kind] * words[kind] // 8, tree.counts[kind] * words[kind] + _BEYOND
+            arguments: _Arguments = [tree.buffers[kind], _u(length), _u(first), buffers[kind]]
+            launch_each(device, program, "build_copy", length, arguments)
+        roots.append(made[0])
+        made = [before + more for before, more in zip(made, tree.counts, strict=True)]
+        device.finish()
+        tree.release(device)
+    levels = trees[0].levels + max((tree.levels for tree in trees[1:]), default=0)
+    return Bvh(buffers[0], buffers[1], buffers[2], totals[0], totals[1], totals[2], levels), roots
+
+
+def _too_many(what: str, blocks: int) -> RenderError:
+    return RenderError(f"the tree over {what} takes {blocks} blocks and holds {_MOST_BLOCKS} of them: split the scene")
 
 
 @dataclass(frozen=True)
@@ -144,46 +301,37 @@ class _BinaryTree:
 class _Builder:
     """One build: its programs, and the buffers it has to give back."""
 
-    def __init__(self, device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | None = None) -> None:
+    def __init__(
+        self,
+        device: Device,
+        source: SourceArrays,
+        units: Numbers,
+        round_ones: Numbers,
+        instances: InstanceBoxes | None,
+    ) -> None:
         self.device = device
         self.source = source
         defines = {"LANES": 1}
         self._order = device.program("geometry/build_order.cl", defines)
         self._merge = device.program("geometry/build_merge.cl", defines)
         self._collapse = device.program("geometry/build_collapse.cl", defines)
-        self._units, self._triangle_units = self._paired()
-        round_ones = np.arange(source.analytic_count, dtype=np.uint32)
-        if among is not None:
-            self._choose(among[: source.triangle_count])
-            round_ones = round_ones[among[source.triangle_count :]]
-        self._round = device.upload(round_ones if len(round_ones) else np.zeros(1, np.uint32))
-        self.unit_count = self._triangle_units + len(round_ones)
+        self._instance_count = 0 if instances is None else len(instances.numbers)
+        none = InstanceBoxes(np.zeros(0, np.uint32), np.zeros((0, 6), np.float32))
+        self._units, self._round = self._uploaded(units), self._uploaded(round_ones)
+        self._instances = self._uploaded((instances or none).numbers)
+        self._instance_boxes = self._uploaded((instances or none).boxes)
+        self._triangle_units, self._round_count = len(units), len(round_ones)
+        self.unit_count = self._triangle_units + self._round_count + self._instance_count
 
-    def _paired(self) -> tuple[Buffer, int]:
-        """What stands in the tree for the triangles: one for each, or for two that are a parallelogram."""
-        device, source, count = self.device, self.source, self.source.triangle_count
-        if count == 0:
-            return device.empty(4), 0
-        units, places = device.empty(4 * count), device.empty(4 * count)
-        head: _Arguments = [source.vertices, source.triangles, source.primitive_shape, source.shapes, _u(count)]
-        self._each(self._order, "build_starts", count, [*head, places])
-        total = scan(self.device, places, count)
-        self._each(self._order, "build_units", count, [*head, places, units])
-        device.release(places)
-        return units, total
+    def _uploaded(self, array: npt.NDArray[np.generic]) -> Buffer:
+        """An array that may be empty, as no buffer is."""
+        return self.device.upload(array if len(array) else np.zeros(1, np.uint32))
 
-    def _choose(self, among: npt.NDArray[np.bool_]) -> None:
-        """Leave out what is not wanted."""
-        if self._triangle_units == 0:
-            return
-        units = np.empty(self._triangle_units, np.uint32)
-        self.device.read(self._units, units)
-        chosen = units[among[units & ~_FLAGS]]
-        self.device.write(self._units, chosen)
-        self._triangle_units = len(chosen)
+    def _release_units(self) -> None:
+        self._release(self._units, self._round, self._instances, self._instance_boxes)
 
     def empty(self) -> Bvh:
-        self._release(self._units, self._round)
+        self._release_units()
         node = np.zeros(NODE_WORDS, np.float32)
         node[48:].view(np.uint32)[:] = 0xFFFFFFFF
         upload = self.device.upload
@@ -204,7 +352,9 @@ class _Builder:
                 source.triangles,
                 source.analytic_shapes,
                 self._round,
+                self._instance_boxes,
                 _u(self._triangle_units),
+                _u(self._round_count),
                 _u(count),
                 boxes,
             ],
@@ -229,8 +379,8 @@ class _Builder:
         device, count = self.device, self.unit_count
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
         costs, clusters = device.empty(4 * COST_ROOTS * 2 * count), device.empty(4 * count)
-        arguments: _Arguments = [boxes, order, self._units, _u(self._triangle_units), _u(count), node_boxes, members]
-        arguments += [costs, clusters]
+        arguments: _Arguments = [boxes, order, self._units, _u(self._triangle_units), _u(self._round_count), _u(count)]
+        arguments += [node_boxes, members, costs, clusters]
         self._each(self._merge, "build_leaves", count, arguments)
         device.release(boxes)
         children, merged, nearest = device.empty(8 * 2 * count), device.empty(4 * count), device.empty(4 * count)
@@ -258,11 +408,9 @@ class _Builder:
         device = self.device
         nodes, *blocks = self._sizes(tree)
         if max(blocks) > _MOST_BLOCKS:
-            self._release(order, self._units, self._round, tree.boxes, tree.members, tree.children, tree.costs)
-            raise RenderError(
-                f"the tree over {self.unit_count} triangles and spheres takes {max(blocks)} blocks and holds "
-                f"{_MOST_BLOCKS} of them: split the scene"
-            )
+            self._release(order, tree.boxes, tree.members, tree.children, tree.costs)
+            self._release_units()
+            raise _too_many(f"{self.unit_count} triangles and spheres", max(blocks))
         node_buffer = device.empty(4 * NODE_WORDS * nodes)
         columns = [device.empty(4 * max(8 * count, 1)) for count in blocks]
         made = [0, 0, 0]
@@ -271,7 +419,9 @@ class _Builder:
         while task_count:
             counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts, order, _u(self.unit_count)]
+            primitive_units = self._triangle_units + self._round_count
+            arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts, order, self._instances]
+            arguments += [_u(primitive_units), _u(self.unit_count)]
             arguments += [*(_u(number) for number in made), node_buffer, *columns, next_tasks]
             self._each(self._collapse, "build_collapse", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
@@ -280,7 +430,8 @@ class _Builder:
             levels += 1
         self._release(tasks, order, tree.boxes, tree.members, tree.children, tree.costs)
         packs = self._fill(columns, blocks)
-        self._release(self._units, self._round, *columns)
+        self._release_units()
+        self._release(*columns)
         return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], levels)
 
     def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:

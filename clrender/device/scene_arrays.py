@@ -26,6 +26,7 @@ _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
     *("light_cones", "lamp_tables"),
+    *("instance_rows", "instance_guides"),
     *("hole_rows", "attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Arrays of the host that the kernels read as such."""
@@ -93,6 +94,8 @@ class SceneArrays:
         Over all that is opaque.
     masked_tree : bvh.Bvh or None
         Over all that rays may pass by.
+    instances : bool
+        Whether there are any.
     holes : bool
         Whether it is known of some where they have holes all over.
     materials : bool
@@ -128,9 +131,8 @@ class SceneArrays:
         vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
-        masked = _masked(scene)
-        self.tree = tree or bvh.build(device, source, None if masked is None else ~masked)
-        self.masked_tree = None if masked is None else bvh.build(device, source, masked)
+        self.instances = scene.instances.count > 0
+        self.tree, self.masked_tree = (tree, None) if tree else _trees(device, source, scene, arrays["instance_rows"])
         self.holes = len(scene.arrays["hole_rows"]) > 1
         self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.environment_map = len(scene.arrays["environment_map"]) > 1
@@ -210,6 +212,53 @@ class SceneArrays:
             if buffer not in lent:
                 self._device.release(buffer)
         self.buffers.clear()
+
+
+def _trees(
+    device: Device, source: bvh.SourceArrays, scene: FlatScene, instance_rows: Buffer
+) -> tuple[bvh.Bvh, bvh.Bvh | None]:
+    """The tree over all that is opaque and that over what rays may pass by, if there is any.
+
+    Groups have trees of their own behind them, which the rows of instances then lead to.
+    """
+    masked, instances = _masked(scene), scene.instances
+    units = bvh.triangle_units(device, source)
+    firsts = units & bvh.UNIT_NUMBER
+    rows = instances.rows.copy()
+    trees: list[bvh.Bvh] = []
+    for column, among in (("ROOT", masked is None or ~masked), ("MASKED_ROOT", masked)):
+        if among is None:
+            continue
+        chosen = np.broadcast_to(among, source.triangle_count + source.analytic_count)
+
+        def part(
+            triangles: slice, analytic: slice, chosen: NDArray[np.bool_] = chosen
+        ) -> tuple[bvh.Numbers, bvh.Numbers]:
+            """Units of a range of triangles and of a range of spheres and disks."""
+            begin, end = np.searchsorted(firsts, [triangles.start, triangles.stop])
+            some = units[begin:end]
+            round_ones = np.arange(analytic.start, analytic.stop, dtype=np.uint32)
+            return (
+                some[chosen[firsts[begin:end]]],
+                round_ones[chosen[source.triangle_count :][analytic]],
+            )
+
+        own = part(slice(0, instances.own_triangles), slice(0, instances.own_analytic))
+        parts = [part(group.triangles, group.analytic(source.triangle_count)) for group in instances.groups]
+        filled = np.array([len(some) + len(others) > 0 for some, others in parts], bool)
+        numbers = np.flatnonzero(filled[instances.group_of]) if instances.count else np.zeros(0, np.intp)
+        boxes = bvh.InstanceBoxes(numbers.astype(np.uint32), instances.boxes[numbers])
+        tree = bvh.build_over(device, source, *own, boxes)
+        if len(numbers):
+            below = {group: bvh.build_over(device, source, *parts[group]) for group in np.flatnonzero(filled).tolist()}
+            tree, roots = bvh.joined(device, [tree, *below.values()])
+            of_group = np.zeros(len(parts), np.uint32)
+            of_group[list(below)] = roots[1:]
+            rows.view(np.uint32)[::2, layout.columns("INSTANCE")[column]] = of_group[instances.group_of]
+        trees.append(tree)
+    if instances.count:
+        device.write(instance_rows, rows)
+    return trees[0], trees[1] if len(trees) > 1 else None
 
 
 def _masked(scene: FlatScene) -> NDArray[np.bool_] | None:

@@ -230,6 +230,8 @@ class DeviceWorker:
                 defines["SUBSURFACE"] = 1
             if self._arrays.straight_surfaces:
                 defines["STRAIGHT_SHADOWS"] = 1
+        if self._arrays.instances:
+            defines["INSTANCES"] = 1
         if self._arrays.masked_tree:
             defines["OPACITY"] = 1
             if self._arrays.holes:

@@ -90,11 +90,17 @@ def exported(scene: Scene, folder: str) -> Export:
         A file cannot be read.
     """
     export = Export(scene.model_dump(mode="json", exclude_none=True, exclude_unset=True))
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         if isinstance(shape, Mesh) and shape.file is not None:
-            mesh = scene.mesh(index)
+            mesh = scene.mesh_of(at, shape)
             name = export.add(folder, Path(shape.file).stem, ".ply", mesh.sha256(), partial(write_ply, mesh=mesh))
-            export.description["shapes"][index]["file"] = name
+            put_at(export.description, (*at, "file"), name)
+    for index, instance in scene.instances():
+        if instance.file is not None:
+            array = scene.transforms(index)
+            write = partial(_write_array, array=array.maps)
+            name = export.add(folder, Path(instance.file).stem, ".npy", array.sha256(), write)
+            export.description["shapes"][index]["transforms"] = name
     copied: dict[str, str] = {}
     named = [(at, texture.texture) for at, texture in scene.texture_files()]
     around = scene.environment
@@ -180,9 +186,13 @@ def _lamp(scene: Scene, name: str, where: str) -> bytes:
 
 
 def _write_radiance(file: IO[bytes], pixels: NDArray[np.float32]) -> None:
-    from clrender.image.exr import write_exr
+    from clrender.image.exr_write import write_exr
 
     write_exr(file, pixels, {}, {})
+
+
+def _write_array(file: IO[bytes], array: NDArray[np.float64]) -> None:
+    np.lib.format.write_array(file, array, allow_pickle=False)
 
 
 def _write_bytes(file: IO[bytes], data: bytes) -> None:

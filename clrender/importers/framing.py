@@ -47,7 +47,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     except ValidationError as error:
         raise scene_error(error, Scene, files.source) from None
     scene = scene.placed(files.source, files.folder, files.allow_paths)
-    held = {shape.asset for shape in scene.shapes if isinstance(shape, Mesh) and shape.file in draft.meshes}
+    held = {shape.asset for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file in draft.meshes}
     scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
     scene = scene.with_encoded_textures(draft.pictures).with_pictures(draft.environments)
     if framed:
@@ -58,11 +58,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         notes = [*notes, _LIT]
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
         scene = scene.with_pictures({_STUDIO: studio_light(scene.camera)})
-    for index, shape in enumerate(scene.shapes):
-        if isinstance(shape, Mesh) and shape.file is not None:
-            scene.mesh(index)
-    scene.textures()
-    scene.environment_picture()
+    scene.read_named()
     return scene.with_notes((f"{files.source}: {note}" for note in notes), files.opened)
 
 

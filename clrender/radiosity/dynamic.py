@@ -156,12 +156,12 @@ class DynamicRadiosity:
             When there is no such shape.
         """
         begin, scene = self._clock(), self.patches.scene
-        if not 0 <= shape < len(scene.shapes):
-            raise UsageError(f"there is no shape {shape}; the scene has {len(scene.shapes)}, counted from 0")
+        if not 0 <= shape < len(scene.plain_shapes):
+            raise UsageError(f"there is no shape {shape}; the scene has {len(scene.plain_shapes)}, counted from 0")
         before = self.flat
         self._step(shape, (float(by[0]), float(by[1]), float(by[2])))
         changes = self._follow()
-        shines = self.patches.shadow_rays_find_emission and scene.shapes[shape].emission is not None
+        shines = self.patches.shadow_rays_find_emission and scene.plain_shapes[shape].emission is not None
         self._direct(shines or lights_differ(before, self.flat))
         return self._update(begin, changes.rays + self._add_sides(changes.unknown))
 
@@ -242,7 +242,7 @@ class DynamicRadiosity:
         if self._moving is None or self._moving.shape != shape:
             if self._moving is not None:
                 self._moving.release()
-            self._moving = Moving(self._device, shape, moved, is_convex(self.patches.scene.shapes[shape]))
+            self._moving = Moving(self._device, shape, moved, is_convex(self.patches.scene.plain_shapes[shape]))
         boxes, inside = np.stack([before, box_around(self.patches, moved)]), reaches_inside(self.patches, shape)
         self._moving.step(self.flat, boxes, self.patches.corners[moved[0] // 2, 0], np.array(by), inside)
         self._place()

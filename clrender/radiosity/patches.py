@@ -13,6 +13,7 @@ from clrender.errors import SceneError
 from clrender.flatten import FlatScene, flatten, scene_origin
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.radiosity.textured import patch_coordinates, patch_reflectance, textured_shapes
+from clrender.scene.assembly import written_out
 from clrender.scene.description import EnvironmentLight, Lambert, Light, Scene
 from clrender.scene.lamps import AT_POINT
 from clrender.scene.mesh_data import MeshData
@@ -261,6 +262,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
     SceneError
         When a shape is not diffuse, or there is nothing in the scene.
     """
+    scene = written_out(scene)
     check_materials(scene, "radiosity")
     scene = _relative(scene)
     whole, is_round = _coarse(scene, np.inf)

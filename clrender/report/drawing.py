@@ -33,7 +33,7 @@ def room_dimensions(scene: Scene) -> str:
     scene : Scene
         Quads, boxes, spheres and tetrahedra, with the room as its outermost quads.
     """
-    shapes = [(shape, *_outline(shape)) for shape in scene.shapes if _outline(shape)[0].size]
+    shapes = [(shape, *_outline(shape)) for _, shape in scene.all_shapes() if _outline(shape)[0].size]
     everything = np.concatenate([points for _, points, _ in shapes])
     low, high = everything.min(0), everything.max(0)
     size = high - low

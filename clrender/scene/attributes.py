@@ -17,7 +17,7 @@ from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
 from clrender.scene.textures import AnyTexture, Checker, ImageTexture, NormalMap, Ramp
 from clrender.scene.values import Vector, cross, length
-from clrender.scene.wording import quoted
+from clrender.scene.wording import place, quoted
 
 __all__ = [
     "COLORS",
@@ -42,7 +42,7 @@ _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0)
 
 def is_textured(scene: Scene, index: int) -> bool:
     """Whether a shape shines as a texture, its material has textures, or its vertices have colours or tangents that count."""  # noqa: E501
-    shape = scene.shapes[index]
+    shape = scene.plain_shapes[index]
     if any(True for _ in _textures(scene, shape)):
         return True
     return isinstance(shape, Mesh) and (bool(shape.color_key) or has_tangents(scene, index))
@@ -93,13 +93,13 @@ def triangle_attributes(
     SceneError
         A texture needs coordinates that the mesh does not have.
     """
-    shape = scene.shapes[index]
+    shape = scene.plain_shapes[index]
     sets = (corner_uvs(shape, mesh), mesh.uvs_1)
     for user, texture in _textures(scene, shape):
         if sets[texture.uv_set] is None:
             which = "texture coordinates" if texture.uv_set == 0 else "second set of texture coordinates (uvs_1)"
             text = f"has no {which}, which {user} needs"
-            raise SceneError(f"{scene.source}: shapes[{index}] {text}; export the mesh with them")
+            raise SceneError(f"{scene.source}: {place(scene.place_of(index))} {text}; export the mesh with them")
     rows = np.zeros((len(mesh.triangles), 16), np.float32)
     for first, uvs in ((0, sets[0]), (6, sets[1])):
         if uvs is not None:

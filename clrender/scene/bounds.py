@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.scene.assembly import assemble
 from clrender.scene.description import Scene
 from clrender.scene.geometry import affine, polyhedron
 from clrender.scene.shapes import Disk, Mesh, Sphere
@@ -24,8 +25,27 @@ def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]
     low, high : (3,) float64
         Infinite, and `low` above `high`, where there is nothing.
     """
+    assembly = assemble(scene)
+    scene = assembly.scene
+    lows, highs = [np.full((1, 3), np.inf)], [np.full((1, 3), -np.inf)]
+    for group, shapes in enumerate(assembly.groups):
+        low, high = _bounds(scene, shapes)
+        if (low <= high).all():
+            maps = assembly.maps[assembly.group_of == group]
+            middle, half = (low + high) / 2.0, (high - low) / 2.0
+            center = (maps[:, :, :3] * middle).sum(axis=2) + maps[:, :, 3]
+            extent = (np.abs(maps[:, :, :3]) * half).sum(axis=2)
+            lows.append(center - extent)
+            highs.append(center + extent)
+    low, high = _bounds(scene, range(assembly.own_shapes))
+    return np.concatenate([*lows, low[None]]).min(axis=0), np.concatenate([*highs, high[None]]).max(axis=0)
+
+
+def _bounds(scene: Scene, shapes: range) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same of some shapes that are no instances."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for index, shape in enumerate(scene.shapes):
+    for index in shapes:
+        shape = scene.plain_shapes[index]
         place = affine(shape.transform)
         if isinstance(shape, Sphere | Disk):
             middle = np.array(place.point(shape.center))

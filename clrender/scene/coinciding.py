@@ -27,6 +27,7 @@ def coinciding_shapes(arrays: Mapping[str, NDArray[Any]], triangle_count: int) -
     arrays : mapping of str to ndarray
         As of `clrender.flatten.FlatScene`.
     triangle_count : int
+        So many of the triangles are looked at: those in the world.
 
     Returns
     -------

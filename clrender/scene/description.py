@@ -24,6 +24,7 @@ from clrender.exposure import PHOTOGRAPHIC, photographic_stops
 from clrender.integrators import INTEGRATORS
 from clrender.scene.camera import Camera
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
 from clrender.scene.ies import IesProfile, read_ies
 from clrender.scene.light_kinds import (
     LIGHT_TYPES,
@@ -52,7 +53,7 @@ from clrender.scene.medium import Medium
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.named_files import open_named_file
-from clrender.scene.shapes import Mesh, Shape
+from clrender.scene.shapes import AnyShape, Mesh
 from clrender.scene.texels import StoredPicture, TexelStore
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
 from clrender.scene.values import (
@@ -161,7 +162,8 @@ class Scene(Part):
     image: Image = Image()
     render: Render = Render()
     materials: Annotated[dict[Name, Material], Field(max_length=65536)] = Field(default_factory=dict)
-    shapes: Annotated[tuple[Shape, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
+    shapes: Annotated[tuple[ShapeOrInstance, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
+    groups: Annotated[dict[Name, Group], Field(max_length=65536)] = Field(default_factory=dict)
     lights: Annotated[tuple[Light, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
     media: Annotated[dict[Name, Medium], Field(max_length=65536)] = Field(default_factory=dict)
     fog: Name | None = Field(None, description="name of a medium that is wherever no other one is, without end")
@@ -173,6 +175,8 @@ class Scene(Part):
     _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
     _profiles: dict[str, IesProfile] = PrivateAttr(default_factory=dict)
     _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
+    _transforms: dict[str, TransformArray] = PrivateAttr(default_factory=dict)
+    _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
     _encoded: dict[str, tuple[bytes, str]] = PrivateAttr(default_factory=dict)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
     _notes: tuple[str, ...] = PrivateAttr(default=())
@@ -181,13 +185,17 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
-        for i, shape in enumerate(self.shapes):
+        for at, shape in self.all_shapes():
             if shape.material is not None and shape.material not in self.materials:
                 sentence = f"names a material {quoted(shape.material)} that does not exist"
-                raise fault("reference", sentence + suggestion(shape.material, self.materials), "shapes", i, "material")
+                raise fault("reference", sentence + suggestion(shape.material, self.materials), *at, "material")
             if shape.material is not None and shape.emission is not None and _shines(self.materials[shape.material]):
                 other = place(("materials", shape.material, "emission"))
-                raise fault("reference", f"is given beside {other}; keep one of them", "shapes", i, "emission")
+                raise fault("reference", f"is given beside {other}; keep one of them", *at, "emission")
+        for i, instance in self.instances():
+            if instance.group not in self.groups:
+                sentence = f"names a group {quoted(instance.group)} that does not exist"
+                raise fault("reference", sentence + suggestion(instance.group, self.groups), "shapes", i, "group")
         self._media_resolve()
         self._mixtures_resolve()
         self._colors_have_materials()
@@ -200,25 +208,25 @@ class Scene(Part):
     def _media_resolve(self) -> None:
         """The media that shapes and the fog name exist, and light gets into them."""
         named: list[tuple[str | None, tuple[str | int, ...]]] = [(self.fog, ("fog",))]
-        named += [(shape.interior, ("shapes", i, "interior")) for i, shape in enumerate(self.shapes)]
+        named += [(shape.interior, (*at, "interior")) for at, shape in self.all_shapes()]
         for name, at in named:
             if name is not None and name not in self.media:
                 sentence = f"names a medium {quoted(name)} that does not exist"
                 raise fault("reference", sentence + suggestion(name, self.media), *at)
-        for i, shape in enumerate(self.shapes):
+        for at, shape in self.all_shapes():
             if shape.interior is None or shape.material is None:
                 continue
             material = self.materials[shape.material]
             if isinstance(material, Subsurface):
                 sentence = f"is given, but the material {quoted(shape.material)} is subsurface and fills its shapes"
-                raise fault("reference", f"{sentence}; leave one of them out", "shapes", i, "interior")
+                raise fault("reference", f"{sentence}; leave one of them out", *at, "interior")
             if not isinstance(material, Dielectric | Principled) or not material.solid:
                 sentence = f"is given, but the material {quoted(shape.material)} lets no light inside"
                 cure = "give the shape a dielectric, or leave its material out"
-                raise fault("reference", f"{sentence}; {cure}", "shapes", i, "interior")
+                raise fault("reference", f"{sentence}; {cure}", *at, "interior")
             if material.attenuation_color is not None:
                 other = place(("materials", shape.material, "attenuation_color"))
-                raise fault("reference", f"is given beside {other}; keep one of them", "shapes", i, "interior")
+                raise fault("reference", f"is given beside {other}; keep one of them", *at, "interior")
 
     def _mixtures_resolve(self) -> None:
         """Each material of a mixture exists, and none contains itself."""
@@ -250,17 +258,47 @@ class Scene(Part):
 
     def _colors_have_materials(self) -> None:
         """What colours of vertices multiply is there."""
-        for i, shape in enumerate(self.shapes):
+        for at, shape in self.all_shapes():
             if not isinstance(shape, Mesh) or shape.color_key is None:
                 continue
             if shape.material is None:
                 sentence = "is given, but the shape has no material whose colour it could multiply; name one"
-                raise fault("mesh", sentence, "shapes", i, shape.color_key)
+                raise fault("mesh", sentence, *at, shape.color_key)
             plain = material_without_color(self.materials, shape.material)
             if plain is not None:
                 sentence = f"would multiply the colour of the material {quoted(plain)}, which has none"
                 cure = f"give it one of {', '.join(BASE_COLORS)}, or leave {shape.color_key} out"
-                raise fault("mesh", f"{sentence}; {cure}", "shapes", i, shape.color_key)
+                raise fault("mesh", f"{sentence}; {cure}", *at, shape.color_key)
+
+    def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
+        """Its shapes and those of its groups, each with its place in the scene's description; no instances."""
+        for index, shape in enumerate(self.shapes):
+            if not isinstance(shape, Instance):
+                yield self.place_of(index), shape
+        for name, group in self.groups.items():
+            for index, shape in enumerate(group.shapes):
+                yield ("groups", name, "shapes", index), shape
+
+    @property
+    def plain_shapes(self) -> tuple[AnyShape, ...]:
+        """Its shapes, where it is known that none is an instance: `clrender.scene.assembly` has taken them apart."""
+        return self.shapes  # type: ignore[return-value]
+
+    def instances(self) -> Iterator[tuple[int, Instance]]:
+        """Those of its shapes that place a group, each with its index."""
+        for index, shape in enumerate(self.shapes):
+            if isinstance(shape, Instance):
+                yield index, shape
+
+    def place_of(self, index: int) -> tuple[str | int, ...]:
+        """Where `shapes[index]` stands in the description: there, or in a group if `clrender.scene.assembly` put it."""
+        return self._places[index] if self._places else ("shapes", index)
+
+    def assembled(self, shapes: Sequence[tuple[tuple[str | int, ...], AnyShape]]) -> Scene:
+        """The same scene with these shapes, each with its place in the description, and no groups."""
+        scene = self.model_copy(update={"shapes": tuple(shape for _, shape in shapes), "groups": {}})
+        scene._places = tuple(at for at, _ in shapes)
+        return scene
 
     @property
     def base_folder(self) -> Path:
@@ -287,6 +325,7 @@ class Scene(Part):
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
         scene._meshes, scene._pictures, scene._profiles, scene._store = {}, {}, {}, []
+        scene._transforms = {}
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -379,9 +418,9 @@ class Scene(Part):
         found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
         for name, material in self.materials.items():
             found += [(("materials", name, key), texture) for key, texture in textures_of(material)]
-        for index, shape in enumerate(self.shapes):
+        for at, shape in self.all_shapes():
             if isinstance(shape.emission, ImageTexture | Checker | Ramp):
-                found.append((("shapes", index, "emission"), shape.emission))
+                found.append(((*at, "emission"), shape.emission))
         return found
 
     def texture_files(self) -> list[tuple[tuple[str | int, ...], ImageTexture | NormalMap | BumpMap]]:
@@ -418,10 +457,14 @@ class Scene(Part):
         """
         shape = self.shapes[index]
         assert isinstance(shape, Mesh)
+        return self.mesh_of(self.place_of(index), shape)
+
+    def mesh_of(self, at: tuple[str | int, ...], shape: Mesh) -> MeshData:
+        """The same of a mesh of its own or of a group, as of `all_shapes`."""
         if shape.file is None:
             return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
         if shape.asset not in self._meshes:
-            where = f"{self._source}: shapes[{index}].file"
+            where = f"{self._source}: {place((*at, 'file'))}"
             self._meshes[shape.asset] = read_mesh(
                 shape.file, self._base_folder, self._allow_paths, where, shape.vertex_colors
             )
@@ -435,14 +478,41 @@ class Scene(Part):
         SceneError
             If one cannot be read or is not sound.
         """
-        for index, shape in enumerate(self.shapes):
+        for at, shape in self.all_shapes():
             if isinstance(shape, Mesh) and shape.file is not None:
-                self.mesh(index)
+                self.mesh_of(at, shape)
+        for index, _ in self.instances():
+            self.transforms(index)
         if self.texture_files():
             self.textures()
         self.environment_picture()
         for index, _ in self.ies_lights():
             self.ies_profile(index)
+
+    def transforms(self, index: int) -> TransformArray:
+        """Where the instance `shapes[index]` stands; a file is read once and kept.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or holds no usable transforms.
+        """
+        instance = self.shapes[index]
+        assert isinstance(instance, Instance)
+        if instance.file is None:
+            return TransformArray.of(instance)
+        if instance.file not in self._transforms:
+            where = f"{self._source}: shapes[{index}].transforms"
+            self._transforms[instance.file] = TransformArray.read(
+                instance.file, self._base_folder, self._allow_paths, where
+            )
+        return self._transforms[instance.file]
+
+    def with_transforms(self, arrays: Mapping[str, TransformArray]) -> Scene:
+        """The same scene with these in the place of the files of these names."""
+        scene = self.model_copy()
+        scene._transforms = {**self._transforms, **arrays}
+        return scene
 
     @property
     def environment(self) -> EnvironmentLight | None:
@@ -576,10 +646,18 @@ class Scene(Part):
             content.get("camera", {}).pop(key, None)
         if not self.camera.mirrored:  # a key that is younger than hashes in films
             content.get("camera", {}).pop("mirrored", None)
-        for index, shape in enumerate(self.shapes):
+        if not self.groups:  # likewise
+            content.pop("groups", None)
+        for index in range(len(self.shapes)):
             content["shapes"][index].pop("name", None)
+        for at, shape in self.all_shapes():
+            if at[0] == "groups":
+                content["groups"][at[1]]["shapes"][at[3]].pop("name", None)
             if isinstance(shape, Mesh) and shape.file is not None:
-                content["shapes"][index]["file"] = self.mesh(index).sha256()
+                put_at(content, (*at, "file"), self.mesh_of(at, shape).sha256())
+        for index, instance in self.instances():
+            if instance.file is not None:
+                content["shapes"][index]["transforms"] = self.transforms(index).sha256()
         picture = self.environment_picture()
         for light in content["lights"]:
             if light["type"] == "environment" and picture is not None:

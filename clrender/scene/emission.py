@@ -11,8 +11,9 @@ from clrender.scene.values import Color, Vector
 
 if TYPE_CHECKING:
     from clrender.scene.description import Scene
+    from clrender.scene.shapes import AnyShape
 
-__all__ = ["Emission", "shape_emission"]
+__all__ = ["Emission", "emits", "shape_emission"]
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,14 @@ class Emission:
         return (red, green, blue)
 
 
+def emits(scene: Scene, shape: AnyShape) -> bool:
+    """Whether a shape shines, by itself or because its material does."""
+    if shape.shines or shape.material is None:
+        return shape.shines
+    material = scene.materials[shape.material]
+    return isinstance(material, Principled) and material.shines
+
+
 def shape_emission(scene: Scene, index: int) -> Emission | None:
     """Emission of one of a scene's shapes; None for a shape that does not shine.
 
@@ -60,7 +69,7 @@ def shape_emission(scene: Scene, index: int) -> Emission | None:
     shape = scene.shapes[index]
     if shape.shines:
         assert shape.emission is not None
-        return Emission(shape.emission, 1.0, ("shapes", index, "emission"))
+        return Emission(shape.emission, 1.0, (*scene.place_of(index), "emission"))
     material = None if shape.material is None else scene.materials[shape.material]
     if isinstance(material, Principled) and material.shines:
         assert shape.material is not None

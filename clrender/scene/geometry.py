@@ -17,7 +17,7 @@ from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Quad, Tetrahedron, Transform, Triangle
 from clrender.scene.values import Vector, cross, length
 
-__all__ = ["Affine", "affine", "polyhedron"]
+__all__ = ["Affine", "affine", "combined", "polyhedron"]
 
 _CHUNK = 2**18
 
@@ -143,6 +143,11 @@ def affine(transform: Transform) -> Affine:
     rotation = _product(about_z, _product(about_y, about_x))
     u, v, w = transform.scale
     return Affine(tuple((row[0] * u, row[1] * v, row[2] * w) for row in rotation), transform.translate)  # type: ignore[arg-type]
+
+
+def combined(outer: Affine, inner: Affine) -> Affine:
+    """The map that does what `inner` does, then what `outer` does."""
+    return Affine(_product(outer.linear, inner.linear), outer.point(inner.offset))
 
 
 def polyhedron(shape: Quad | Triangle | Box | Tetrahedron) -> MeshData:

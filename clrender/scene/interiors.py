@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+
+if TYPE_CHECKING:
+    from clrender.scene.instances import FlatInstances
 
 __all__ = ["LIST_LENGTH", "light_inside", "media_around", "media_with_lights", "medium_of_primitives", "packed"]
 
@@ -20,7 +23,9 @@ LIST_LENGTH: Final = 8
 """Media that a path knows of at a point: ``INTERIOR_ENTRIES`` of ``kernels/material/interior.h``."""
 
 
-def media_around(arrays: _Arrays, triangle_count: int, point: NDArray[np.float64]) -> list[int]:
+def media_around(
+    arrays: _Arrays, triangle_count: int, point: NDArray[np.float64], instances: FlatInstances | None = None
+) -> list[int]:
     """Media whose volumes hold a point, each as often as its shapes surround it; the one that is there comes first.
 
     Parameters
@@ -30,6 +35,8 @@ def media_around(arrays: _Arrays, triangle_count: int, point: NDArray[np.float64
     triangle_count : int
     point : (3,) float64
         Relative to the arrays' origin, metres.
+    instances : FlatInstances, optional
+        Of the scene; without them all primitives are in the world.
 
     Returns
     -------
@@ -42,20 +49,51 @@ def media_around(arrays: _Arrays, triangle_count: int, point: NDArray[np.float64
     medium_of = medium_of_primitives(arrays)
     found: list[tuple[int, float, int]] = []
     unranked = int(arrays["media_rows"][0, 4].view(np.uint32))
-    for medium in range(1, len(arrays["media_rows"])):
-        primitives = np.flatnonzero(medium_of == medium)
-        low, high = _box(arrays, triangle_count, primitives)
-        if not ((low <= point) & (point <= high)).all():
-            continue
-        turns = _turns(arrays, primitives[primitives < triangle_count], point)
-        turns += _round_turns(arrays, primitives[primitives >= triangle_count] - triangle_count, point)
-        # Without priorities the smallest volume is taken for the innermost
-        place = (medium, 0.0) if medium > unranked else (0, -float((high - low).prod()))
-        found += [(*place, medium)] * max(0, math.floor(turns + 0.5))
+    for some, at, scale in _spaces(medium_of, triangle_count, point, instances):
+        for medium in np.unique(medium_of[some]).tolist():
+            primitives = some[medium_of[some] == medium]
+            low, high = _box(arrays, triangle_count, primitives)
+            if medium == 0 or not ((low <= at) & (at <= high)).all():
+                continue
+            turns = _turns(arrays, primitives[primitives < triangle_count], at)
+            turns += _round_turns(arrays, primitives[primitives >= triangle_count] - triangle_count, at)
+            # Without priorities the smallest volume is taken for the innermost
+            place = (medium, 0.0) if medium > unranked else (0, -float((high - low).prod()) * scale)
+            found += [(*place, medium)] * max(0, math.floor(turns + 0.5))
     return [medium for _, _, medium in sorted(found, reverse=True)]
 
 
-def light_inside(arrays: _Arrays, triangle_count: int, light_count: int) -> int | None:
+def _spaces(
+    medium_of: NDArray[np.uint32], triangle_count: int, point: NDArray[np.float64], instances: FlatInstances | None
+) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64], float]]:
+    """Primitives with media that may be around a point, the point in their space, how large its volumes are.
+
+    First those in the world, then those of each instance whose box the point is in.
+    """
+    with_medium = np.flatnonzero(medium_of)
+    if instances is None or not instances.count:
+        yield with_medium, point, 1.0
+        return
+    number = np.where(with_medium < triangle_count, with_medium, with_medium - triangle_count)
+    own = np.where(with_medium < triangle_count, instances.own_triangles, instances.own_analytic)
+    yield with_medium[number < own], point, 1.0
+    if not (number >= own).any():
+        return
+    inside = ((instances.boxes[:, :3] <= point) & (point <= instances.boxes[:, 3:])).all(axis=1)
+    for instance in np.flatnonzero(inside).tolist():
+        group = instances.groups[instances.group_of[instance]]
+        triangles = range(group.first_triangle, group.first_triangle + group.triangle_count)
+        analytic = range(group.first_analytic, group.first_analytic + group.analytic_count)
+        of_group = np.concatenate([np.arange(some.start, some.stop, dtype=np.intp) for some in (triangles, analytic)])
+        to_object = instances.rows[2 * instance, :12].reshape(3, 4).astype(np.float64)
+        x, y, z = (row[:3] for row in to_object)
+        volume = abs(float((np.cross(x, y) * z).sum()))
+        yield of_group, (to_object[:, :3] * point).sum(axis=1) + to_object[:, 3], 1.0 / volume
+
+
+def light_inside(
+    arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None = None
+) -> int | None:
     """The first light that shines from inside of a medium, as far as a few points of each tell.
 
     Parameters
@@ -71,11 +109,13 @@ def light_inside(arrays: _Arrays, triangle_count: int, light_count: int) -> int 
     """
     if len(arrays["media_rows"]) == 1:
         return None
-    around = _media_around_lights(arrays, triangle_count, light_count)
+    around = _media_around_lights(arrays, triangle_count, light_count, instances)
     return next((number for number, media in around if media), None)
 
 
-def media_with_lights(arrays: _Arrays, triangle_count: int, light_count: int) -> set[int]:
+def media_with_lights(
+    arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None = None
+) -> set[int]:
     """Media that a light shines from inside of, as far as a few points of each tell.
 
     Parameters
@@ -89,17 +129,25 @@ def media_with_lights(arrays: _Arrays, triangle_count: int, light_count: int) ->
     set of int
         Rows of ``media_rows``.
     """
-    return set().union(*(media for _, media in _media_around_lights(arrays, triangle_count, light_count)))
+    around = _media_around_lights(arrays, triangle_count, light_count, instances)
+    return set().union(*(media for _, media in around))
 
 
-def _media_around_lights(arrays: _Arrays, triangle_count: int, light_count: int) -> Iterator[tuple[int, list[int]]]:
+def _media_around_lights(
+    arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None
+) -> Iterator[tuple[int, list[int]]]:
     """Each light with the media around one of its points, for all points that may be in any."""
     low, high = _box(arrays, triangle_count, np.flatnonzero(medium_of_primitives(arrays)))
+    if instances is not None and instances.count:
+        low, high = (
+            np.minimum(low, instances.boxes[:, :3].min(axis=0)),
+            np.maximum(high, instances.boxes[:, 3:].max(axis=0)),
+        )
     for number, light in enumerate(arrays["lights"][:light_count]):
         points = _shining_points(arrays, triangle_count, light)
         near = ((low <= points) & (points <= high)).all(axis=1)
         for point in points[near]:
-            yield number, media_around(arrays, triangle_count, point)
+            yield number, media_around(arrays, triangle_count, point, instances)
 
 
 def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:

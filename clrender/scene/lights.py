@@ -15,6 +15,7 @@ from clrender.scene.alias import alias_table
 from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
 from clrender.scene.emission import Emission, shape_emission
 from clrender.scene.environment import EnvironmentTable, environment_table
+from clrender.scene.instances import FlatInstances, box_of
 from clrender.scene.lamp_tables import LampTables
 from clrender.scene.lamps import AT_POINT, Lamp, lamp_at
 from clrender.scene.light_tree import Emitters, LightTree, light_tree
@@ -90,6 +91,7 @@ def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTabl
 def flat_lights(
     scene: Scene,
     surfaces: FlatSurfaces,
+    instances: FlatInstances,
     textures: FlatTextures,
     around: EnvironmentTable,
     tables: LampTables,
@@ -102,6 +104,8 @@ def flat_lights(
     scene : Scene
     surfaces : FlatSurfaces
         Of this scene; `first_light` of its shapes is written.
+    instances : FlatInstances
+        Of this scene; none of their shapes shines.
     textures : FlatTextures
         Of this scene.
     around : EnvironmentTable
@@ -137,9 +141,9 @@ def flat_lights(
             continue
         count = int(surfaces.count[index])
         if total + count > _LIGHT_LIMIT:
+            at = place((*scene.place_of(index), "emission"))
             raise SceneError(
-                f"{scene.source}: shapes[{index}].emission: more than {_LIGHT_LIMIT} triangles would shine; "
-                "use fewer, or an environment light"
+                f"{scene.source}: {at}: more than {_LIGHT_LIMIT} triangles would shine; use fewer, or an environment"
             )
         some, areas = _area_lights(scene, surfaces, index)
         surfaces.shapes["first_light"][index] = total
@@ -154,7 +158,7 @@ def flat_lights(
             some["texture"] = texture + 1
             powers.append(math.pi * areas * np.maximum(_luminances(some["radiance"]), darkest[texture]))
         total += count
-    radius = _bounding_radius(surfaces)
+    radius = _bounding_radius(surfaces, instances)
     lamps: dict[int, Lamp] = {}
     for index, light in enumerate(scene.lights):
         row = np.zeros(1, dtype=layout.dtype("Light"))
@@ -349,15 +353,11 @@ def _luminances(colors: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.asarray((0.2126 * r + 0.7152 * g) + 0.0722 * b)
 
 
-def _bounding_radius(surfaces: FlatSurfaces) -> float:
+def _bounding_radius(surfaces: FlatSurfaces, instances: FlatInstances) -> float:
     """Radius of a sphere about everything, metres; 1 for a scene without shapes."""
-    low, high = np.full(3, math.inf), np.full(3, -math.inf)
-    if len(surfaces.vertices):
-        low, high = surfaces.vertices.min(axis=0).astype(np.float64), surfaces.vertices.max(axis=0).astype(np.float64)
-    if len(surfaces.analytic_shapes):
-        box = surfaces.analytic_shapes["center_radius"].astype(np.float64)
-        low = np.minimum(low, (box[:, :3] - box[:, 3:]).min(axis=0))
-        high = np.maximum(high, (box[:, :3] + box[:, 3:]).max(axis=0))
+    vertices = surfaces.vertices[: instances.own_vertices]
+    spheres = surfaces.analytic_shapes["center_radius"][: instances.own_analytic]
+    low, high = box_of(vertices, spheres, instances.boxes)
     if not np.isfinite(low).all():
         return 1.0
     x, y, z = ((high - low) / 2.0).tolist()

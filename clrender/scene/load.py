@@ -73,9 +73,11 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     except RecursionError:
         raise SceneError(f"{source}: the scene is nested too deeply; a scene has no more than a few levels") from None
     scene = scene.placed(source, path.parent, folders)
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         if isinstance(shape, Mesh) and shape.file is not None:
-            scene.mesh(index)
+            scene.mesh_of(at, shape)
+    for index, _ in scene.instances():
+        scene.transforms(index)
     scene.environment_picture()
     for index, _ in scene.ies_lights():
         scene.ies_profile(index)

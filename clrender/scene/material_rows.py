@@ -89,7 +89,7 @@ def material_numbers(scene: Scene) -> dict[Solid, int]:
     dict of Solid to int
     """
     solids: list[Solid] = [(name, None) for name in scene.materials]
-    solids += [solid_of(shape) for shape in scene.shapes]
+    solids += [solid_of(shape) for shape in scene.plain_shapes]
     return {solid: number for number, solid in enumerate(dict.fromkeys(solids))}
 
 

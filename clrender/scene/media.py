@@ -106,7 +106,7 @@ def scene_media(scene: Scene) -> Media:
     SceneError
         There are more than `MEDIA_LIMIT`.
     """
-    shining = {solid_of(shape) for shape in scene.shapes if shape.shines}
+    shining = {solid_of(shape) for _, shape in scene.all_shapes() if shape.shines}
     solids = _solids(scene)
     media = {solid: _medium(scene, solid, material) for solid, material in solids.items()}
     ranked = _by_priority(media)
@@ -145,7 +145,7 @@ def scene_media(scene: Scene) -> Media:
 def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
     """What bounds media, by the materials' order in the scene, then by the shapes', with its surface."""
     places = {name: place for place, name in enumerate(scene.materials)}
-    appear = dict.fromkeys(solid_of(shape) for shape in scene.shapes)
+    appear = dict.fromkeys(solid_of(shape) for _, shape in scene.all_shapes())
     solids: dict[Solid, Dielectric | Principled | Subsurface] = {}
     for name, interior in sorted(appear, key=lambda solid: -1 if solid[0] is None else places[solid[0]]):
         material = scene.materials[name] if name is not None else _MATCHED if interior is not None else None

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.scene.description import Scene, put_at
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile
 from clrender.scene.mesh_data import CORNER_ARRAYS, MeshData
 from clrender.scene.shapes import Mesh
@@ -25,7 +26,7 @@ from clrender.scene.wording import place as place_in_file
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
-_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, IesProfile, "_TexturePicture")
+_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, IesProfile, TransformArray, "_TexturePicture")
 
 
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -49,12 +50,17 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     """
     description = scene.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     assets: dict[str, bytes] = {}
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         if isinstance(shape, Mesh) and shape.file is not None:
-            mesh = scene.mesh(index)
-            description["shapes"][index]["file"] = _PREFIX + mesh.sha256()
+            mesh = scene.mesh_of(at, shape)
+            put_at(description, (*at, "file"), _PREFIX + mesh.sha256())
             if mesh.sha256() not in assets:
                 assets[mesh.sha256()] = _packed(mesh)
+    for index, instance in scene.instances():
+        if instance.file is not None:
+            array = scene.transforms(index)
+            description["shapes"][index]["transforms"] = _PREFIX + array.sha256()
+            assets[array.sha256()] = _zipped(maps=array.maps)
     store = scene.textures()
     for at, texture in scene.texture_files():
         stored = store.picture(texture)
@@ -88,9 +94,9 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
     except ValidationError as error:
         raise scene_error(error, Scene, source) from None
     meshes: dict[tuple[str, VertexColors | None], MeshData] = {}
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         if isinstance(shape, Mesh) and shape.file is not None and shape.asset not in meshes:
-            place = f"{source}: shapes[{index}].file"
+            place = f"{source}: {place_in_file((*at, 'file'))}"
             meshes[shape.asset] = _unpacked(_hash_in(shape.file, place), assets, place)
     textures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}
     for at, texture in scene.texture_files():
@@ -98,11 +104,16 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
             place = f"{source}: {place_in_file(at)}"
             unpacked = _unpacked_texture(_hash_in(texture.texture, place), assets, place)
             textures[texture.texture] = unpacked.picture, unpacked.tiles
+    transforms: dict[str, TransformArray] = {}
+    for index, instance in scene.instances():
+        if instance.file is not None:
+            place = f"{source}: shapes[{index}].transforms"
+            transforms[instance.file] = _unpacked_transforms(_hash_in(instance.file, place), assets, place)
     profiles: dict[str, IesProfile] = {}
     for index, lamp in scene.ies_lights():
         place = f"{source}: lights[{index}].file"
         profiles[lamp.file] = _unpacked_profile(_hash_in(lamp.file, place), assets, place)
-    scene = scene.with_textures(textures).with_profiles(profiles)
+    scene = scene.with_textures(textures).with_profiles(profiles).with_transforms(transforms)
     light = scene.environment
     if light is None or light.file is None:
         return scene.with_meshes(meshes)
@@ -166,6 +177,13 @@ def _unpacked_texture(sha256: str, assets: Mapping[str, bytes], place: str) -> _
         return _TexturePicture(picture, tiles)
 
     return _asset(sha256, assets, place, texture)
+
+
+def _unpacked_transforms(sha256: str, assets: Mapping[str, bytes], place: str) -> TransformArray:
+    def transforms(archive: Any) -> TransformArray:
+        return TransformArray.checked(archive["maps"], f"the asset {sha256}")
+
+    return _asset(sha256, assets, place, transforms)
 
 
 def _unpacked_picture(sha256: str, assets: Mapping[str, bytes], place: str) -> EnvironmentPicture:

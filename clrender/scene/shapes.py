@@ -31,6 +31,7 @@ from clrender.scene.vertex_colors import VertexColors
 
 __all__ = [
     "SHAPE_TYPES",
+    "AnyShape",
     "Box",
     "Disk",
     "Mesh",
@@ -274,4 +275,5 @@ SHAPE_TYPES: Final[Mapping[str, type[Part]]] = {
     "disk": Disk,
     "mesh": Mesh,
 }
-Shape: TypeAlias = Annotated[Sphere | Quad | Triangle | Box | Tetrahedron | Disk | Mesh, Field(discriminator="type")]
+AnyShape: TypeAlias = Sphere | Quad | Triangle | Box | Tetrahedron | Disk | Mesh
+Shape: TypeAlias = Annotated[AnyShape, Field(discriminator="type")]

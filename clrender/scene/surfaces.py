@@ -28,6 +28,7 @@ from clrender.scene.media import Solid, scene_media, solid_of
 from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
 from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
 from clrender.scene.values import COORDINATE_LIMIT, Vector
+from clrender.scene.wording import place as place_in_file
 
 __all__ = ["SMALLEST", "FlatSurfaces", "flat_surfaces", "triangle_areas"]
 
@@ -65,7 +66,13 @@ class FlatSurfaces:
     attributes: NDArray[np.float32]
 
 
-def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attributes: bool = False) -> FlatSurfaces:
+def flat_surfaces(
+    scene: Scene,
+    origin: Vector = (0.0, 0.0, 0.0),
+    own_shapes: int | None = None,
+    *,
+    all_attributes: bool = False,
+) -> FlatSurfaces:
     """All shapes of a scene, triangles first.
 
     Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so
@@ -76,6 +83,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attribu
     scene : Scene
     origin : (3,) float
         World space, metres: all coordinates are relative to it, subtracted before they are rounded.
+    own_shapes : int, optional
+        So many of the shapes are in world space, all unless it is given; the others are in the space of their group,
+        and the origin does not matter to them.
     all_attributes : bool
         Treat all shapes as if they were textured, so that all have attributes.
 
@@ -85,8 +95,9 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attribu
         If a shape is degenerate, out of range, or there are too many triangles.
     """
     meshes: dict[int, MeshData] = {}
+    own = len(scene.plain_shapes) if own_shapes is None else own_shapes
     no_boundary = scene_media(scene).no_boundary
-    for index, shape in enumerate(scene.shapes):
+    for index, shape in enumerate(scene.plain_shapes):
         if _is_left_out(shape, no_boundary):
             continue
         if isinstance(shape, Mesh):
@@ -103,27 +114,27 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attribu
     smooth = any(mesh.normals is not None for mesh in meshes.values())
     normals = np.zeros((vertex_total if smooth else 1, 3), dtype="<f4")
     numbers = material_numbers(scene)
-    shapes = np.zeros(len(scene.shapes), dtype=layout.dtype("Shape"))
+    shapes = np.zeros(len(scene.plain_shapes), dtype=layout.dtype("Shape"))
     shapes["first_light"] = layout.NONE
-    shapes["material"] = [numbers[solid_of(shape)] for shape in scene.shapes]
+    shapes["material"] = [numbers[solid_of(shape)] for shape in scene.plain_shapes]
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
     warnings: list[str] = []
-    textured = [all_attributes or is_textured(scene, index) for index in range(len(scene.shapes))]
+    textured = [all_attributes or is_textured(scene, index) for index in range(len(scene.plain_shapes))]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
     colors: dict[int, NDArray[np.float32]] = {}
     tangents: dict[int, NDArray[np.float32]] = {}
     shapes["flags"][textured] = layout.SHAPE_TEXTURED
-    masked = [shape.material is not None and scene.materials[shape.material].masked for shape in scene.shapes]
+    masked = [shape.material is not None and scene.materials[shape.material].masked for shape in scene.plain_shapes]
     shapes["flags"][masked] |= np.uint32(layout.SHAPE_MASKED)
     v = t = 0
     for index, mesh in meshes.items():
-        place, shape = f"{scene.source}: shapes[{index}]", scene.shapes[index]
+        place, shape = f"{scene.source}: {place_in_file(scene.place_of(index))}", scene.plain_shapes[index]
         if mesh.warning:
             warnings.append(f"{place}: {mesh.warning}")
         here = vertices[v : v + len(mesh.vertices)]
         there = triangles[t : t + len(mesh.triangles)]
-        transform = _relative(affine(shape.transform), origin)
+        transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
         _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
         sound = _sound(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
         kept = len(there) if sound is None else int(np.count_nonzero(sound))
@@ -148,7 +159,7 @@ def flat_surfaces(scene: Scene, origin: Vector = (0.0, 0.0, 0.0), *, all_attribu
         there[:kept] += np.uint32(v)
         first[index], count[index] = t, kept
         v, t = v + len(here), t + kept
-    analytic_shapes, of_round = _analytic_rows(scene, origin, first, count, t, no_boundary, all_attributes)
+    analytic_shapes, of_round = _analytic_rows(scene, origin, own, first, count, t, no_boundary, all_attributes)
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     if any(textured):
@@ -304,6 +315,7 @@ def _turned_away(
 def _analytic_rows(
     scene: Scene,
     origin: Vector,
+    own: int,
     first: NDArray[np.int64],
     count: NDArray[np.int64],
     offset: int,
@@ -311,14 +323,14 @@ def _analytic_rows(
     all_attributes: bool,
 ) -> tuple[_Rows, NDArray[np.float32]]:
     """Rows of spheres and disks, and of their attributes; notes their primitive numbers, which start at `offset`."""
-    round_ = [i for i, shape in enumerate(scene.shapes) if isinstance(shape, Sphere | Disk)]
-    indices = [i for i in round_ if not _is_left_out(scene.shapes[i], no_boundary)]
+    round_ = [i for i, shape in enumerate(scene.plain_shapes) if isinstance(shape, Sphere | Disk)]
+    indices = [i for i in round_ if not _is_left_out(scene.plain_shapes[i], no_boundary)]
     rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
     attributes = np.zeros((len(indices), 16), np.float32)
     for number, index in enumerate(indices):
-        shape, place = scene.shapes[index], f"{scene.source}: shapes[{index}]"
+        shape, place = scene.plain_shapes[index], f"{scene.source}: {place_in_file(scene.place_of(index))}"
         assert isinstance(shape, Sphere | Disk)
-        transform = _relative(affine(shape.transform), origin)
+        transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
         center, radius = transform.point(shape.center), shape.radius * transform.scale
         _in_range(max(abs(x) for x in center) + radius, place)
         if radius < SMALLEST:

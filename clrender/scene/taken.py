@@ -5,11 +5,12 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
-from clrender.scene.emission import shape_emission
+from clrender.scene.emission import emits
 from clrender.scene.material_rows import has_row
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import Checker, ImageTexture, Ramp
+from clrender.scene.wording import place
 
 __all__ = ["check_materials"]
 
@@ -44,13 +45,13 @@ def check_materials(scene: Scene, integrator: str) -> None:
     if not takes.media:
         _refuse_media(scene, integrator)
     _refuse_masked(scene, integrator)
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         material = scene.materials[shape.material] if shape.material is not None else None
         if isinstance(material, Dielectric | Principled) and not volumes:
             for key in ("priority", "attenuation_color"):
                 if getattr(material, key, None) is not None:
                     raise SceneError(
-                        f"{scene.source}: shapes[{index}].material: {shape.material!r} has {key}, which the integrator "
+                        f"{scene.source}: {place(at)}.material: {shape.material!r} has {key}, which the integrator "
                         f"{integrator} does not take; leave it out, or use --integrator path"
                     )
         if taken and material is not None and (material.type not in taken or has_row(material)):
@@ -60,13 +61,13 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 thin = isinstance(material, Dielectric)
                 of += " with roughness" if rough else " and thin" if thin else ", not two_sided"
             raise SceneError(
-                f"{scene.source}: shapes[{index}].material: {shape.material!r} is {of}, which the integrator "
+                f"{scene.source}: {place(at)}.material: {shape.material!r} is {of}, which the integrator "
                 f"{integrator} does not take; give the shape a {'smooth ' if 'dielectric' in taken else ''}material "
                 f"of type {' or '.join(taken)}, or use --integrator path"
             )
         if isinstance(shape.emission, ImageTexture | Checker | Ramp) and not takes.emission_textures:
             raise SceneError(
-                f"{scene.source}: shapes[{index}].emission is a texture, which the integrator {integrator} does not "
+                f"{scene.source}: {place(at)}.emission is a texture, which the integrator {integrator} does not "
                 "take; give it a constant, or use --integrator path"
             )
         textures = () if shape.material is None else material_textures(scene.materials, shape.material)
@@ -74,43 +75,43 @@ def check_materials(scene: Scene, integrator: str) -> None:
         if refused:
             cure = "leave it out" if refused[0] in ("normal_map", "bump_map") else "give it a constant"
             raise SceneError(
-                f"{scene.source}: shapes[{index}].material: {shape.material!r} has a texture ({refused[0]}), which "
+                f"{scene.source}: {place(at)}.material: {shape.material!r} has a texture ({refused[0]}), which "
                 f"the integrator {integrator} does not take; {cure}, or use --integrator path"
             )
         colored = shape.color_key if isinstance(shape, Mesh) else None
         if colored and not takes.vertex_colors:
             raise SceneError(
-                f"{scene.source}: shapes[{index}].{colored}: the integrator {integrator} takes no colours of vertices; "
+                f"{scene.source}: {place(at)}.{colored}: the integrator {integrator} takes no colours of vertices; "
                 "leave them out, or use --integrator path"
             )
 
 
 def _refuse_masked(scene: Scene, integrator: str) -> None:
     """Opacity is for integrators that take it; the lights of Whitted's shine from their centres, which may be holes."""
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         if shape.material is None or not scene.materials[shape.material].masked:
             continue
-        shines = integrator == "whitted" and shape_emission(scene, index) is not None
+        shines = integrator == "whitted" and emits(scene, shape)
         if shines or not INTEGRATORS[integrator].opacity:
             what = "opacity and shines" if shines else "opacity"
             raise SceneError(
-                f"{scene.source}: shapes[{index}].material: {shape.material!r} has {what}, which the integrator "
+                f"{scene.source}: {place(at)}.material: {shape.material!r} has {what}, which the integrator "
                 f"{integrator} does not take; leave it out, or use --integrator path"
             )
 
 
 def _refuse_media(scene: Scene, integrator: str) -> None:
     """Media are for integrators that take them."""
-    place = "fog" if scene.fog is not None else None
-    place = next((f"shapes[{i}].interior" for i, shape in enumerate(scene.shapes) if shape.interior is not None), place)
-    if place is not None:
+    where = "fog" if scene.fog is not None else None
+    filled = (place((*at, "interior")) for at, shape in scene.all_shapes() if shape.interior is not None)
+    if (where := next(filled, where)) is not None:
         raise SceneError(
-            f"{scene.source}: {place} is a medium, which the integrator {integrator} does not take; leave it out, or "
+            f"{scene.source}: {where} is a medium, which the integrator {integrator} does not take; leave it out, or "
             "use --integrator path"
         )
-    for index, shape in enumerate(scene.shapes):
+    for at, shape in scene.all_shapes():
         if shape.material is not None and isinstance(scene.materials[shape.material], Subsurface):
             raise SceneError(
-                f"{scene.source}: shapes[{index}].material: {shape.material!r} is of type subsurface, which the "
+                f"{scene.source}: {place(at)}.material: {shape.material!r} is of type subsurface, which the "
                 f"integrator {integrator} does not take; give the shape another, or use --integrator path"
             )

@@ -15,10 +15,4 @@
 // Where rays begin: just above zero, so that a ray leaving a face of a flat box does not enter it.
 #define BOX_START 1.0e-37f
 
-// 1/d without infinities, which times zero would not be a number.
-static vfloat box_inverse(vfloat d) {
-    const vmask tiny = absolute(d) < 1.0e-20f;
-    return tiny ? with_sign(splat(1.0e20f), d) : splat(1.0f) / d;
-}
-
 #endif

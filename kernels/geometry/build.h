@@ -10,12 +10,13 @@
 #define BUILD_CHUNK 1024u
 
 // What stands in the tree are units: triangles and pairs of them as `build_units` lists them, then spheres and disks, of which
-// `round_ones` are the numbers. A pair that is a
-// rectangle square to an axis goes into the packs of those.
+// `round_ones` are the numbers, then instances, of which `instances` are. A pair that is a rectangle square to an axis goes into the
+// packs of spheres and disks; an instance is a leaf of its own.
 //
 // The binary tree: nodes [0, n) are the units in Morton order, the others follow as they are made. `members` of a node:
 // how many units, and of which kinds.
-#define MEMBERS_COUNT 0x3fffffffu
+#define MEMBERS_COUNT 0x1fffffffu
+#define MEMBERS_INSTANCE 0x20000000u
 #define MEMBERS_TRIANGLE 0x40000000u
 #define MEMBERS_ANALYTIC 0x80000000u
 

@@ -179,10 +179,19 @@ static uint collapse_units(__global const uint2* children, __global const uint* 
     return count;
 }
 
+static void collapse_put(__global float* node, uint place, Box b, uint reference) {
+    for (int k = 0; k < 3; ++k) {
+        node[BVH_LOW + k * 8 + place] = b.low[k];
+        node[BVH_HIGH + k * 8 + place] = b.high[k];
+    }
+    node[BVH_CHILD + place] = as_float(reference);
+}
+
 // Writes the nodes of a level, what the columns of its packs hold, and the tasks of the next level. `first_*`: how many of each exist from
 // earlier levels.
 __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __global const uint* triangle_offsets,
-                             __global const uint* analytic_offsets, __global const uint* order, uint leaf_count, uint first_node,
+                             __global const uint* analytic_offsets, __global const uint* order, __global const uint* instances,
+                             uint primitive_units, uint leaf_count, uint first_node,
                              uint first_triangle_block, uint first_analytic_block, __global float* nodes,
                              __global uint* triangle_columns, __global uint* analytic_columns, __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
@@ -207,17 +216,40 @@ __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __
         } else if (i < count) {
             uint units[8];
             const uint size = collapse_units(children, order, leaf_count, &child[i], units);
+            if (child[i].members & MEMBERS_INSTANCE) {
+                collapse_put(node, i, b, BVH_INSTANCE | instances[units[0] - primitive_units]);
+                continue;
+            }
             const int analytic = triangle_places[i] == NONE;
             const uint place = analytic ? first_analytic + analytic_places[i] : first_triangle + triangle_places[i];
             for (uint k = 0; k < size; ++k) (analytic ? analytic_columns : triangle_columns)[place + k] = units[k];
             reference = BVH_LEAF | (analytic ? BVH_ANALYTIC : 0u) | (size - 1u) << BVH_COUNT | place;
         }
-        for (int k = 0; k < 3; ++k) {
-            node[BVH_LOW + k * 8 + i] = b.low[k];
-            node[BVH_HIGH + k * 8 + i] = b.high[k];
-        }
-        node[BVH_CHILD + i] = as_float(reference);
+        collapse_put(node, i, b, reference);
     }
+}
+
+// A tree's nodes into the array of all, whose references count from the array's beginning.
+__kernel void build_append(__global const float* nodes, uint count, uint first_node, uint first_triangle_block, uint first_analytic_block,
+                           __global float* to) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) return;
+    __global const float* node = nodes + (size_t)i * BVH_NODE_WORDS;
+    __global float* there = to + (size_t)(first_node + i) * BVH_NODE_WORDS;
+    for (uint k = 0; k < BVH_CHILD; ++k) there[k] = node[k];
+    for (uint k = BVH_CHILD; k < BVH_NODE_WORDS; ++k) {
+        uint reference = as_uint(node[k]);
+        const int leaf = (reference & BVH_LEAF) != 0, instance = !leaf && (reference & BVH_INSTANCE) != 0;
+        const uint blocks = reference & BVH_ANALYTIC ? first_analytic_block : first_triangle_block;
+        if (reference != BVH_EMPTY && !instance) reference += leaf ? 8u * blocks : first_node;
+        there[k] = as_float(reference);
+    }
+}
+
+// Blocks of packs likewise, word by word.
+__kernel void build_copy(__global const float* words, uint count, uint first, __global float* to) {
+    const uint i = (uint)get_global_id(0);
+    if (i < count) to[(size_t)first * 8u + i] = words[i];
 }
 
 // Behind the last block: whoever reads eight columns from its last one on reads beyond it.

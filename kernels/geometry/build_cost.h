@@ -15,10 +15,11 @@ static float cost_area(Box box) {
     return area < FAR ? area : FAR;
 }
 
-// Whether the units below a node fit into a pack: then they are one, where the node is a tree of its own.
+// Whether the units below a node fit into a pack, or are one instance: then they are a leaf, where the node is a tree of its own.
 static int cost_fits_leaf(uint members) {
     const uint kinds = members & ~MEMBERS_COUNT;
-    return (members & MEMBERS_COUNT) <= 8u && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ANALYTIC);
+    const uint most = kinds == MEMBERS_INSTANCE ? 1u : 8u;
+    return (members & MEMBERS_COUNT) <= most && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ANALYTIC || kinds == MEMBERS_INSTANCE);
 }
 
 static float cost_of(__global const float* costs, uint node, uint roots) {

@@ -10,7 +10,7 @@
 
 // Leaves of the binary tree, in Morton order.
 __kernel void build_leaves(__global const float* boxes, __global const uint* order, __global const uint* units, uint triangle_units,
-                           uint count, __global float* node_boxes, __global uint* members, __global float* costs, __global uint* clusters) {
+                           uint round_count, uint count, __global float* node_boxes, __global uint* members, __global float* costs, __global uint* clusters) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     const uint unit = order[i];
@@ -18,7 +18,8 @@ __kernel void build_leaves(__global const float* boxes, __global const uint* ord
     box_save(node_boxes, i, box);
     cost_save_unit(costs, i, box);
     const int triangle = unit < triangle_units && !(units[unit] & BVH_RECTANGLE);
-    members[i] = 1u | (triangle ? MEMBERS_TRIANGLE : MEMBERS_ANALYTIC);
+    const int instance = unit >= triangle_units + round_count;
+    members[i] = 1u | (triangle ? MEMBERS_TRIANGLE : instance ? MEMBERS_INSTANCE : MEMBERS_ANALYTIC);
     clusters[i] = i;
 }
 

@@ -43,12 +43,16 @@ __kernel void build_units(__global const float* vertices, __global const uint* t
 
 // Boxes, larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one
 // beside it, and the tests of spheres and disks let in what passes by that much. But an axis along which the primitive is flat
-// stays flat, so that a ray leaving a wall does not enter the wall's box again.
+// stays flat, so that a ray leaving a wall does not enter the wall's box again. Boxes of instances are given as they are.
 __kernel void build_boxes(__global const uint* units, __global const float* vertices, __global const uint* triangles,
-                          __global const AnalyticShape* analytic_shapes, __global const uint* round_ones, uint triangle_units, uint count,
-                          __global float* boxes) {
+                          __global const AnalyticShape* analytic_shapes, __global const uint* round_ones, __global const float* instance_boxes,
+                          uint triangle_units, uint round_count, uint count, __global float* boxes) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
+    if (i >= triangle_units + round_count) {
+        box_save(boxes, i, box_load(instance_boxes, i - triangle_units - round_count));
+        return;
+    }
     Box b = box_empty();
     float slack = 0.0f, extent[3];
     if (i < triangle_units) {

@@ -2,7 +2,8 @@
 //
 // A node is 56 words: low x, y, z and high x, y, z of its children's boxes, eight each, then eight references. Children fill
 // the front. A reference is BVH_EMPTY, the number of a node, or with BVH_LEAF a pack: of triangles, or with BVH_ANALYTIC of spheres,
-// disks and rectangles. It tells how many members the pack has, less one, above BVH_COUNT, and where they begin.
+// disks and rectangles. It tells how many members the pack has, less one, above BVH_COUNT, and where they begin. With BVH_INSTANCE, and
+// without BVH_LEAF, it is the number of an instance (geometry/instance.h).
 //
 // Packs lie in blocks of eight columns, a member a column. Siblings share a block where they fit, which spares a quarter of the memory:
 // so who reads eight columns from a pack's first reads what is not the pack's, and has to leave it out.
@@ -13,6 +14,7 @@
 #define BVH_EMPTY 0xffffffffu
 #define BVH_LEAF 0x80000000u
 #define BVH_ANALYTIC 0x40000000u
+#define BVH_INSTANCE 0x40000000u
 #define BVH_COUNT 27
 #define BVH_INDEX 0x07ffffffu
 #define BVH_LOW 0
@@ -43,6 +45,9 @@
 #define BVH_STACK 96
 #endif
 
+// Words of an instance's two rows.
+#define INSTANCE_WORDS 32
+
 // Whether a ray that is aimed at a primitive passes it in any search, or only in one for any hit, which is all that shadow rays need where
 // surfaces have no holes.
 #ifdef OPACITY
@@ -56,6 +61,10 @@ typedef struct {
     __global const float* triangle_packs;
     __global const float* analytic_packs;
     uint root;           // a reference
+#ifdef INSTANCES
+    __global const float* instance_rows;
+    uint instance_root;                      // column of an instance's row with the reference of its own tree
+#endif
 #ifdef HOLES
     __global const uint* hole_rows;          // of masked triangles (geometry/holes.h); of a tree over others 0
     __global const float* attribute_rows;

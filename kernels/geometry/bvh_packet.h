@@ -31,15 +31,24 @@ typedef struct {
 #endif
     vfloat nearest;
     vuint primitive;
+#ifdef INSTANCES
+    vfloat start;                // where it enters the instance that it is in; elsewhere BOX_START
+    uint instance;               // NONE: none
+    uint triangle_offset, analytic_offset;   // from primitives in packs to their numbers
+#endif
 } PacketRay;
+
+static void packet_aim(PacketRay* p, vec3 origin, vec3 direction) {
+    p->origin = origin;
+    p->direction = direction;
+    p->inverse = vec3_of(ray_inverse_lanes(direction.x), ray_inverse_lanes(direction.y), ray_inverse_lanes(direction.z));
+    p->inverse2 = ray_inverse2_lanes(direction.x, direction.y, direction.z);
+    p->slack = ray_slack_lanes(direction.x, direction.y, direction.z);
+}
 
 static PacketRay packet_ray(const Ray* ray, vmask active) {
     PacketRay p;
-    p.origin = ray->origin;
-    p.direction = ray->direction;
-    p.inverse = vec3_of(box_inverse(ray->direction.x), box_inverse(ray->direction.y), box_inverse(ray->direction.z));
-    p.inverse2 = inverse_or_one(inner(ray->direction, ray->direction));
-    p.slack = largest_size(ray->direction) * TRIANGLE_SLACK;
+    packet_aim(&p, ray->origin, ray->direction);
     p.from = ray->from;
     p.to = ray->to;
 #ifdef OPACITY
@@ -48,8 +57,23 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
 #endif
     p.nearest = active ? ray->limit : splat(-1.0f);
     p.primitive = splat_uint(NONE);
+#ifdef INSTANCES
+    p.start = splat(BOX_START);
+    p.instance = NONE;
+    p.triangle_offset = p.analytic_offset = 0;
+#endif
     return p;
 }
+
+#ifdef INSTANCES
+static vfloat packet_begin(const PacketRay* ray) { return ray->start; }
+static uint packet_triangle_offset(const PacketRay* ray) { return ray->triangle_offset; }
+static uint packet_analytic_offset(const PacketRay* ray) { return ray->analytic_offset; }
+#else
+static vfloat packet_begin(const PacketRay* ray) { return splat(BOX_START); }
+static uint packet_triangle_offset(const PacketRay* ray) { return 0; }
+static uint packet_analytic_offset(const PacketRay* ray) { return 0; }
+#endif
 
 #ifdef OPACITY
 static vfloat packet_after(const PacketRay* ray) { return ray->after; }
@@ -115,8 +139,9 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
     __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, reference);
     vfloat nearest = ray->nearest;
     vuint primitive = ray->primitive;
+    const uint offset = packet_triangle_offset(ray);
     for (uint left = bvh_members(reference); left > 0; --left, ++pack) {
-        const uint word = as_uint(pack[TRIANGLE_ID]) & ~BVH_NUMBER, first = word & ~BVH_PAIR, last = first + (word >> 31);
+        const uint word = as_uint(pack[TRIANGLE_ID]) & ~BVH_NUMBER, first = (word & ~BVH_PAIR) + offset, last = first + (word >> 31);
         const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
         const vfloat nx = splat(pack[72]), ny = splat(pack[80]), nz = splat(pack[88]);
         vfloat determinant, b, c;
@@ -141,8 +166,9 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
 
 static void packet_analytic(PacketRay* ray, const Bvh* bvh, uint reference, vfloat entered, int any_hit) {
     __global const float* pack = bvh_pack(bvh->analytic_packs, ANALYTIC_BLOCK_WORDS, reference);
+    const uint offset = packet_analytic_offset(ray);
     for (uint left = bvh_members(reference); left > 0; --left, ++pack) {
-        const uint word = as_uint(pack[ANALYTIC_ID]) & ~BVH_NUMBER, first = word & ~BVH_PAIR, last = first + (word >> 31);
+        const uint word = as_uint(pack[ANALYTIC_ID]) & ~BVH_NUMBER, first = (word & ~BVH_PAIR) + offset, last = first + (word >> 31);
         const uint kind = as_uint(pack[ANALYTIC_KIND]) & ~BVH_NUMBER;
         const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
         vuint id = splat_uint(first);
@@ -189,6 +215,48 @@ static void packet_hand_over(SingleRays* rays, uint packet, vmask wants, uint re
     }
 }
 
+#ifdef INSTANCES
+// A packet goes on in an instance. Those of its rays that do not enter have `entered` NEVER, which keeps them out.
+static void packet_enter(const Bvh* bvh, PacketRay* ray, uint instance, vfloat entered) {
+    __global const float* row = bvh->instance_rows + (size_t)instance * INSTANCE_WORDS;
+    const vec3 o = ray->origin, d = ray->direction;
+    float m[12];
+    for (int k = 0; k < 12; ++k) m[k] = row[INSTANCE_ROW_TO_OBJECT + k];
+    vfloat origin[3], direction[3];
+    for (int k = 0; k < 3; ++k) {
+        const vfloat m_x = splat(m[k * 4]), m_y = splat(m[k * 4 + 1]), m_z = splat(m[k * 4 + 2]);
+        origin[k] = ray_carried_lanes(m_x, m_y, m_z, splat(m[k * 4 + 3]), o.x, o.y, o.z);
+        direction[k] = ray_carried_lanes(m_x, m_y, m_z, splat(0.0f), d.x, d.y, d.z);
+    }
+    packet_aim(ray, vec3_row(origin, 0), vec3_row(direction, 0));
+    ray->start = entered;
+    ray->instance = instance;
+    ray->triangle_offset = as_uint(row[INSTANCE_ROW_TRIANGLE_OFFSET]);
+    ray->analytic_offset = as_uint(row[INSTANCE_ROW_ANALYTIC_OFFSET]);
+}
+
+// And back in the world.
+static void packet_leave(PacketRay* ray, vec3 origin, vec3 direction) {
+    packet_aim(ray, origin, direction);
+    ray->start = splat(BOX_START);
+    ray->instance = NONE;
+    ray->triangle_offset = ray->analytic_offset = 0;
+}
+
+// Hand over a subtree of the instance that the packet is in. Returns how many entries that takes.
+static int packet_hand_over_within(const PacketRay* ray, SingleRays* rays, uint packet, vmask wants, uint reference, vfloat entered) {
+    packet_hand_over(rays, packet, wants, reference, entered);
+    if (ray->instance == NONE) return 1;
+    packet_hand_over(rays, packet, wants, ray->instance | BVH_INSTANCE | SINGLE_WITHIN, ray->start);
+    return 2;
+}
+#else
+static int packet_hand_over_within(const PacketRay* ray, SingleRays* rays, uint packet, vmask wants, uint reference, vfloat entered) {
+    packet_hand_over(rays, packet, wants, reference, entered);
+    return 1;
+}
+#endif
+
 // Along one axis, what a packet's rays alone start with.
 static void packet_part_axis(SingleRays* rays, uint first, uint axis, vfloat origin, vfloat direction, vfloat inverse) {
     const vuint low = splat_uint(BVH_LOW + 8 * axis), high = splat_uint(BVH_HIGH + 8 * axis);
@@ -216,6 +284,12 @@ static void packet_part(const PacketRay* ray, SingleRays* rays, uint packet) {
 #endif
     lane_store(ray->nearest, rays->nearest + first);
     lane_store(ray->primitive, rays->primitive + first);
+#ifdef INSTANCES
+    const vfloat world[6] = {ray->origin.x, ray->origin.y, ray->origin.z, ray->direction.x, ray->direction.y, ray->direction.z};
+    for (uint k = 0; k < 6; ++k) lane_store(world[k], rays->world[k] + first);
+    lane_store(splat(BOX_START), rays->start + first);
+    for (uint lane = first; lane < first + LANES; ++lane) rays->base[lane] = 0, rays->triangle_offset[lane] = rays->analytic_offset[lane] = 0;
+#endif
 }
 
 // Push the children that any lane enters, in the order in which the node has them. Returns the new top of the stack.
@@ -224,7 +298,7 @@ static int packet_children(const PacketRay* ray, __global const float* node, uin
         vfloat near, far;
         box_interval_lanes(ray->origin.x - node[i], ray->origin.y - node[8 + i], ray->origin.z - node[16 + i],
                            ray->origin.x - node[24 + i], ray->origin.y - node[32 + i], ray->origin.z - node[40 + i],
-                           -ray->inverse.x, -ray->inverse.y, -ray->inverse.z, &near, &far);
+                           -ray->inverse.x, -ray->inverse.y, -ray->inverse.z, packet_begin(ray), &near, &far);
         const vmask enters = (near <= far) & (near <= ray->nearest) & packet_reaches(ray, far);
         stack[top + 1] = as_uint(node[BVH_CHILD + i]);
         stack_near[top + 1] = enters ? near : splat(NEVER);
@@ -240,7 +314,17 @@ __attribute__((always_inline)) static int bvh_packet(const Bvh* bvh, PacketRay* 
     int top = 0, handed_over = 0;
     stack[0] = bvh->root;
     stack_near[0] = splat(0.0f);
+#ifdef INSTANCES
+    const vec3 origin = ray->origin, direction = ray->direction;
+    int base = 0;                // of the stack's entries those below it are in the world
+#endif
     while (top >= 0) {
+#ifdef INSTANCES
+        if (top < base) {
+            packet_leave(ray, origin, direction);
+            base = 0;
+        }
+#endif
         const uint reference = stack[top];
         const vfloat entered = stack_near[top];
         const vmask wants = entered <= ray->nearest;
@@ -248,9 +332,16 @@ __attribute__((always_inline)) static int bvh_packet(const Bvh* bvh, PacketRay* 
         if (!lane_any(wants)) continue;
         if (!(reference & BVH_LEAF)) {
 #if PACKET_PARTS > 0
-            if (lane_count(wants) <= PACKET_PARTS && handed_over < SINGLE_STARTS) {
-                packet_hand_over(alone, packet, wants, reference, entered);
-                ++handed_over;
+            if (lane_count(wants) <= PACKET_PARTS && handed_over < SINGLE_STARTS - 1)
+                handed_over += packet_hand_over_within(ray, alone, packet, wants, reference, entered);
+            else
+#endif
+#ifdef INSTANCES
+            if (reference & BVH_INSTANCE) {
+                packet_enter(bvh, ray, reference & BVH_INDEX, entered);
+                stack[++top] = as_uint(bvh->instance_rows[(size_t)ray->instance * INSTANCE_WORDS + bvh->instance_root]);
+                stack_near[top] = entered;
+                base = top;
             } else
 #endif
                 top = packet_children(ray, bvh->nodes + (size_t)reference * BVH_NODE_WORDS, stack, stack_near, top);
@@ -259,6 +350,9 @@ __attribute__((always_inline)) static int bvh_packet(const Bvh* bvh, PacketRay* 
         else
             packet_triangles(ray, bvh, reference, entered, any_hit);
     }
+#ifdef INSTANCES
+    packet_leave(ray, origin, direction);
+#endif
     return handed_over;
 }
 

@@ -13,6 +13,8 @@
 // Subtrees that may be handed to a ray before it sets out, and rays on their way together.
 #define SINGLE_STARTS 64
 #define SINGLE_RAYS (LANES * PACKETS)
+// Of an instance's reference on a ray's stack: the entry below it is in the instance, in the place of its tree's root.
+#define SINGLE_WITHIN 0x20000000u
 // Beyond what a ray needs below one of them, a step writes all eight children, and counts only those that the ray enters.
 #define SINGLE_STACK (BVH_STACK + SINGLE_STARTS + 8)
 
@@ -29,6 +31,12 @@ typedef struct {
     float nearest[SINGLE_RAYS];  // distance of the nearest hit so far; negative once an occluder was found
     uint primitive[SINGLE_RAYS]; // its number
     int top[SINGLE_RAYS];        // of the stack; -1 where it is empty
+#ifdef INSTANCES
+    float world[6][SINGLE_RAYS]; // origin and direction outside of instances
+    float start[SINGLE_RAYS];    // where it enters the instance that it is in; elsewhere BOX_START
+    int base[SINGLE_RAYS];       // of the stack's entries those below it are in the world
+    uint triangle_offset[SINGLE_RAYS], analytic_offset[SINGLE_RAYS];     // from primitives in packs to their numbers
+#endif
     ulong stack[SINGLE_RAYS][SINGLE_STACK];
 } SingleRays;
 
@@ -45,13 +53,23 @@ static float8 single_after(const SingleRays* rays, int ray) { return (float8)(0.
 static int8 single_reaches(const SingleRays* rays, int ray, float8 far) { return (int8)(-1); }
 #endif
 
+#ifdef INSTANCES
+static float8 single_begin(const SingleRays* rays, int ray) { return (float8)(rays->start[ray]); }
+static uint single_triangle_offset(const SingleRays* rays, int ray) { return rays->triangle_offset[ray]; }
+static uint single_analytic_offset(const SingleRays* rays, int ray) { return rays->analytic_offset[ray]; }
+#else
+static float8 single_begin(const SingleRays* rays, int ray) { return (float8)(BOX_START); }
+static uint single_triangle_offset(const SingleRays* rays, int ray) { return 0; }
+static uint single_analytic_offset(const SingleRays* rays, int ray) { return 0; }
+#endif
+
 static ulong single_entry(uint reference, float entered) { return (ulong)as_uint(entered) << 32 | reference; }
 
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.
 // `entered` is where the ray enters the leaf's box, `later` where it hits the second of a pair, `members` how many of the eight count.
 static void single_keep(SingleRays* rays, int ray, int8 hit, int8 later, float8 distance, float entered, __global const float* ids,
-                        uint members, int any_hit) {
-    const uint8 words = as_uint8(vload8(0, ids)), first = words & ~(BVH_PAIR | BVH_NUMBER), pair = words >> 31;
+                        uint offset, uint members, int any_hit) {
+    const uint8 words = as_uint8(vload8(0, ids)), first = (words & ~(BVH_PAIR | BVH_NUMBER)) + offset, pair = words >> 31;
     const float8 at = distance < entered ? (float8)(entered) : distance;
     const float nearest = rays->nearest[ray];
     const uint8 id_there = first + (later ? pair : (uint8)(0));
@@ -107,7 +125,8 @@ static void single_triangles(SingleRays* rays, int ray, const Bvh* bvh, uint ref
                                        (float8)(rays->direction[2][ray]), (float8)(rays->slack[ray]), &determinant, &b, &c);
     const float8 distance = triangle_distance_pack(from_x, from_y, from_z, nx, ny, nz, determinant);
     const int8 there = single_solid(bvh, rays, ray, pack + TRIANGLE_ID, bvh_members(reference), hit, distance, determinant, b, c, any_hit);
-    single_keep(rays, ray, there, c > b, distance, entered, pack + TRIANGLE_ID, bvh_members(reference), any_hit);
+    single_keep(rays, ray, there, c > b, distance, entered, pack + TRIANGLE_ID, single_triangle_offset(rays, ray), bvh_members(reference),
+                any_hit);
 }
 
 static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint reference, float entered, int any_hit) {
@@ -140,8 +159,8 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
         return;
     }
 #endif
-    single_keep(rays, ray, met, second, distance, entered, pack + ANALYTIC_ID,
-                bvh_members(reference), any_hit);
+    single_keep(rays, ray, met, second, distance, entered, pack + ANALYTIC_ID, single_analytic_offset(rays, ray), bvh_members(reference),
+                any_hit);
 }
 
 // Push the children that the ray enters, the nearest last. The boxes' near planes are known by the ray's direction, which gives the
@@ -155,7 +174,7 @@ static int single_children(SingleRays* rays, int ray, int top, __global const fl
         far_at[k] = (origin - vload8(0, node + rays->far_plane[k][ray])) * minus_inverse;
     }
     float8 near, far;
-    box_clip_pack(near_at[0], near_at[1], near_at[2], far_at[0], far_at[1], far_at[2], &near, &far);
+    box_clip_pack(near_at[0], near_at[1], near_at[2], far_at[0], far_at[1], far_at[2], single_begin(rays, ray), &near, &far);
     const int8 passes = (near <= far) & (near <= rays->nearest[ray]) & single_reaches(rays, ray, far);
 
     // Sort those to push, the farthest first. Distances count but for their last three bits, which are the child's number, so that no
@@ -168,10 +187,58 @@ static int single_children(SingleRays* rays, int ray, int top, __global const fl
     return top + count_of_eight(passes);
 }
 
+#ifdef INSTANCES
+static void single_aim(SingleRays* rays, int ray, const float origin[3], const float direction[3]) {
+    for (int k = 0; k < 3; ++k) {
+        const float inverse = ray_inverse_one(direction[k]);
+        rays->origin[k][ray] = origin[k];
+        rays->direction[k][ray] = direction[k];
+        rays->minus_inverse[k][ray] = -inverse;
+        rays->near_plane[k][ray] = (inverse < 0.0f ? BVH_HIGH : BVH_LOW) + 8 * k;
+        rays->far_plane[k][ray] = (inverse < 0.0f ? BVH_LOW : BVH_HIGH) + 8 * k;
+    }
+    rays->slack[ray] = ray_slack_one(direction[0], direction[1], direction[2]);
+    rays->inverse2[ray] = ray_inverse2_one(direction[0], direction[1], direction[2]);
+}
+
+// A ray goes on in an instance: in its tree, or in the subtree below on the stack. Returns the new top of the stack.
+static int single_enter(const Bvh* bvh, SingleRays* rays, int ray, int top, uint reference, float entered) {
+    __global const float* row = bvh->instance_rows + (size_t)(reference & BVH_INDEX) * INSTANCE_WORDS;
+    const float o[3] = {rays->world[0][ray], rays->world[1][ray], rays->world[2][ray]};
+    const float d[3] = {rays->world[3][ray], rays->world[4][ray], rays->world[5][ray]};
+    float origin[3], direction[3];
+    for (int k = 0; k < 3; ++k) {
+        __global const float* m = row + INSTANCE_ROW_TO_OBJECT + k * 4;
+        origin[k] = ray_carried_one(m[0], m[1], m[2], m[3], o[0], o[1], o[2]);
+        direction[k] = ray_carried_one(m[0], m[1], m[2], 0.0f, d[0], d[1], d[2]);
+    }
+    single_aim(rays, ray, origin, direction);
+    rays->start[ray] = entered;
+    rays->triangle_offset[ray] = as_uint(row[INSTANCE_ROW_TRIANGLE_OFFSET]);
+    rays->analytic_offset[ray] = as_uint(row[INSTANCE_ROW_ANALYTIC_OFFSET]);
+    if (!(reference & SINGLE_WITHIN)) rays->stack[ray][++top] = single_entry(as_uint(row[bvh->instance_root]), entered);
+    rays->base[ray] = top;
+    return top;
+}
+
+// And back in the world.
+static void single_leave(SingleRays* rays, int ray) {
+    const float origin[3] = {rays->world[0][ray], rays->world[1][ray], rays->world[2][ray]};
+    const float direction[3] = {rays->world[3][ray], rays->world[4][ray], rays->world[5][ray]};
+    single_aim(rays, ray, origin, direction);
+    rays->start[ray] = BOX_START;
+    rays->base[ray] = 0;
+    rays->triangle_offset[ray] = rays->analytic_offset[ray] = 0;
+}
+#endif
+
 // The memory that the ray's next step reads, asked for a round before it is needed. In small trees it is near anyway.
 static void single_prefetch(const Bvh* bvh, const SingleRays* rays, int ray) {
 #ifdef BVH_PREFETCH
-    const uint next = (uint)rays->stack[ray][max(rays->top[ray], 0)];
+    uint next = (uint)rays->stack[ray][max(rays->top[ray], 0)];
+#ifdef INSTANCES
+    if (!(next & BVH_LEAF) && (next & BVH_INSTANCE)) next = 0;
+#endif
     __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, next & BVH_ANALYTIC ? 0 : next);
     __global const float* node = bvh->nodes + (size_t)(next & BVH_INDEX) * BVH_NODE_WORDS;
     const size_t leaf = 0 - (size_t)(next >> 31);
@@ -194,10 +261,18 @@ static void bvh_single(const Bvh* bvh, SingleRays* rays, int any_hit) {
         for (int i = 0; i < count; ++i) {
             const int ray = queue[i];
             int top = rays->top[ray];
+#ifdef INSTANCES
+            if (top < rays->base[ray]) single_leave(rays, ray);
+#endif
             const ulong entry = rays->stack[ray][top--];
             const float entered = as_float((uint)(entry >> 32));
             const uint reference = (uint)entry;
             if (entered <= rays->nearest[ray]) {
+#ifdef INSTANCES
+                if (!(reference & BVH_LEAF) && (reference & BVH_INSTANCE))
+                    top = single_enter(bvh, rays, ray, top, reference, entered);
+                else
+#endif
                 if (!(reference & BVH_LEAF))
                     top = single_children(rays, ray, top, bvh->nodes + (size_t)reference * BVH_NODE_WORDS);
                 else if (reference & BVH_ANALYTIC)

@@ -5,6 +5,7 @@
 #include "core/frame.h"
 #include "core/lane.h"
 #include "core/sampler.h"
+#include "geometry/instance.h"
 #include "geometry/ray.h"
 #include "geometry/traverse.h"
 #include "scene.h"
@@ -43,7 +44,7 @@ static vec3 surface_blend(const vfloat row[16], vfloat weight_a, vfloat weight_b
 
 // Triangles: the barycentric weights are found again, in all lanes at once, which is cheaper than carrying them along. The point is
 // then on the triangle to within the rounding of its coordinates, however far the ray came.
-static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat row[16], vmask smooth, Surface* s) {
+static void surface_triangle(const Scene* scene, const Ray* ray, const Placed* placed, const vfloat row[16], vmask smooth, Surface* s) {
     const vec3 a = vec3_row(row, PRIMITIVE_ROW_A), ab = sub(vec3_row(row, PRIMITIVE_ROW_B), a), ac = sub(vec3_row(row, PRIMITIVE_ROW_C), a);
     const vec3 normal = outer(ab, ac), across = outer(sub(a, ray->origin), ray->direction);
     const vfloat determinant = inner(normal, ray->direction);
@@ -56,7 +57,7 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat ro
     s->error = scale(vec3_of(absolute(a.x) + absolute(ab.x) + absolute(ac.x), absolute(a.y) + absolute(ab.y) + absolute(ac.y),
                              absolute(a.z) + absolute(ab.z) + absolute(ac.z)),
                      splat(16.0f * EPSILON));
-    s->normal = unit(normal);
+    s->normal = placed_front(placed, unit(normal));
     s->shading = s->normal;
     s->from = s->primitive;
 #ifdef TEXTURES
@@ -65,9 +66,9 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const vfloat ro
 #endif
     if (lane_any(smooth)) {
         vfloat n[16];
-        lane_rows(scene->normal_rows, smooth ? s->primitive : splat_uint(0u), n);
+        lane_rows(scene->normal_rows, smooth ? placed->row : splat_uint(0u), n);
         const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
-        const vec3 blend = surface_blend(n, weight_a, weight_b, weight_c);
+        const vec3 blend = placed_normal(placed, surface_blend(n, weight_a, weight_b, weight_c));
         // Where the blend turns away from the triangle all the same, the triangle's own normal stands in
         const vmask usable = smooth & (inner(blend, blend) > 1.0e-12f) & (inner(blend, s->normal) > 0.0f);
         s->shading = choose(usable, unit(blend), s->normal);
@@ -114,7 +115,8 @@ static void surface_random(Surface* s, Sampler sampler, vuint depth) {}
 static void surface_prefetch(const Scene* scene, Hit hit) {
 #if PACKETS > 1
     uint primitive[LANES];
-    lane_store((hit.primitive == NONE ? splat_uint(0u) : hit.primitive), primitive);
+    const vmask plain = hit.primitive < scene->settings->primitive_count;     // of instances it would take as long to find the row
+    lane_store((plain ? hit.primitive : splat_uint(0u)), primitive);
     for (int lane = 0; lane < LANES; ++lane) prefetch_line(scene->primitive_rows + (size_t)primitive[lane] * 16);
 #endif
 }
@@ -123,7 +125,8 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     Surface s;
     vfloat row[16];
     s.primitive = active ? hit.primitive : splat_uint(0u);
-    lane_rows(scene->primitive_rows, s.primitive, row);
+    const Placed placed = placed_at(scene, s.primitive);
+    lane_rows(scene->primitive_rows, placed.row, row);
     s.color = vec3_row(row, PRIMITIVE_ROW_COLOR);
     s.absorption = row[PRIMITIVE_ROW_ABSORPTION];
     s.ior = row[PRIMITIVE_ROW_IOR];
@@ -136,13 +139,19 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
 #ifdef MEDIA
     s.g = splat(0.0f);
 #endif
-    const vmask round = s.primitive >= scene->settings->triangle_count;
+    const vmask round = placed.row >= scene->settings->triangle_count;
+    placed_geometry(&placed, round, row);
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
 #ifdef TEXTURES
-    s.attributes = mapping_attributes(scene, s.primitive, active & ((kind_and_flags & (SHAPE_TEXTURED << ROW_FLAGS)) != 0u));
+    s.attributes = mapping_attributes(scene, placed.row, active & ((kind_and_flags & (SHAPE_TEXTURED << ROW_FLAGS)) != 0u));
+    placed_axes(&placed, round, s.attributes.row);
+#if defined(TANGENTS) && defined(INSTANCES)
+    s.attributes.placed = placed;
 #endif
-    surface_triangle(scene, ray, row, smooth, &s);
+#endif
+    surface_triangle(scene, ray, &placed, row, smooth, &s);
     if (lane_any(round)) surface_round(ray, hit.distance, row, round, &s);
+    s.error = placed_error(&placed, s.point, s.error);
     s.front = inner(s.normal, ray->direction) < 0.0f;
     return s;
 }

@@ -1,5 +1,6 @@
 // The intersection tests in the widths they are needed in: `_lanes`, LANES rays against one primitive, and `_pack`, one ray
-// against the eight members of a node or a pack. One text serves both, so both give the same bits.
+// against the eight members of a node or a pack; and what rays are prepared with, for LANES of them and for `_one`. One text serves
+// all, so all give the same bits.
 #ifndef GEOMETRY_WIDE_H
 #define GEOMETRY_WIDE_H
 
@@ -12,10 +13,23 @@
 #define BITS(x) vfloat_bits(x)
 #define FROM_BITS(x) vfloat_from_bits(x)
 #define WIDE(name) name##_lanes
+#include "geometry/ray.inc"
 #include "geometry/box.inc"
 #include "geometry/triangle.inc"
 #include "geometry/sphere.inc"
 #include "geometry/rectangle.inc"
+#undef F
+#undef I
+#undef BITS
+#undef FROM_BITS
+#undef WIDE
+
+#define F float
+#define I int
+#define BITS(x) as_uint(x)
+#define FROM_BITS(x) as_float(x)
+#define WIDE(name) name##_one
+#include "geometry/ray.inc"
 #undef F
 #undef I
 #undef BITS

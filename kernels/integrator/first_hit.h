@@ -23,9 +23,12 @@
 // Where the point lies in the texture coordinates of its shape, whether or not anything uses them.
 static Attributes first_hit_attributes(const Scene* scene, __global const float* coordinates, const Surface* s, vmask found) {
     vfloat row[16];
-    lane_rows(scene->primitive_rows, found ? s->primitive : splat_uint(0u), row);
-    Attributes a = mapping_attributes_of(coordinates, s->primitive, found);
-    const vmask round = found & (s->primitive >= scene->settings->triangle_count);
+    const Placed placed = placed_at(scene, found ? s->primitive : splat_uint(0u));
+    lane_rows(scene->primitive_rows, placed.row, row);
+    Attributes a = mapping_attributes_of(coordinates, placed.row, found);
+    const vmask round = found & (placed.row >= scene->settings->triangle_count);
+    placed_geometry(&placed, round, row);
+    placed_axes(&placed, round, a.row);
     const vec3 corner = vec3_row(row, PRIMITIVE_ROW_A);
     a.ab = sub(vec3_row(row, PRIMITIVE_ROW_B), corner), a.ac = sub(vec3_row(row, PRIMITIVE_ROW_C), corner);
     surface_weights(s, row, &a.weight_b, &a.weight_c);

@@ -7,6 +7,7 @@
 #ifndef INTEGRATOR_REGROUP_H
 #define INTEGRATOR_REGROUP_H
 
+#include "geometry/instance.h"
 #include "integrator/path_state.h"
 #include "medium/homogeneous.h"
 
@@ -21,7 +22,7 @@
 // What is to be done at the vertex of each lane.
 static vuint regroup_kind(const Scene* scene, vmask alive, Hit hit) {
     const vmask in_medium = alive & medium_scatters(hit), found = alive & !in_medium & (hit.primitive != NONE);
-    const vuint row = (found ? hit.primitive : splat_uint(0u)) * 16u;
+    const vuint row = placed_at(scene, found ? hit.primitive : splat_uint(0u)).row * 16u;
     const vuint kind_and_flags = vfloat_bits(lane_gather(scene->primitive_rows, row + PRIMITIVE_ROW_KIND));
     vuint kind = kind_and_flags & ((1u << ROW_FLAGS) - 1u);
 #ifdef MATERIALS

@@ -4,6 +4,7 @@
 
 #include "core/exact.h"
 #include "core/frame.h"
+#include "geometry/instance.h"
 #include "texture/filter.h"
 #include "types.h"
 
@@ -17,6 +18,9 @@ typedef struct {
     vec3 out;                // sphere or disk: from its centre, in multiples of the radius
     vfloat radius;
     Taps taps;
+#if defined(TANGENTS) && defined(INSTANCES)
+    Placed placed;           // tangents of an instance's triangles are in the space of its group
+#endif
 } Attributes;
 
 // Those of each lane's primitive, of these rows, without the point. All four texels around it are read, if surface_random does not say

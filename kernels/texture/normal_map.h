@@ -21,6 +21,9 @@ static vmask normal_map_tangent(const Scene* scene, const Attributes* a, vmask a
     const vec3 at_a = scale(vec3_row(corners, TANGENT_ROW_A), weight_a), at_b = vec3_row(corners, TANGENT_ROW_B);
     *tangent = along(along(at_a, at_b, a->weight_b), vec3_row(corners, TANGENT_ROW_C), a->weight_c);
     *sign = corners[TANGENT_ROW_SIGN];
+#ifdef INSTANCES
+    *tangent = placed_tangent(&a->placed, *tangent, sign);
+#endif
     return given & (inner(*tangent, *tangent) > 1.0e-12f);
 }
 #endif

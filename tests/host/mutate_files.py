@@ -6,6 +6,7 @@ the end how many there were, how many of them were read all the same, and the mo
 
 from __future__ import annotations
 
+import copy
 import math
 import random
 import re
@@ -173,15 +174,17 @@ def changed_model(rng: random.Random, ending: str) -> bytes:
             case 0:
                 del place[key]
             case 1 if isinstance(place, list):
-                place.append(inside)
+                place.append(copy.deepcopy(inside))
             case 2 if isinstance(inside, dict):
-                inside[rng.choice(["mesh", "sparse", "targets", "extensions", "a/b~", "children"])] = rng.choice(VALUES)
+                inside[rng.choice(["mesh", "sparse", "targets", "extensions", "a/b~", "children"])] = copy.deepcopy(
+                    rng.choice(VALUES)
+                )
             case _ if number:
                 place[key] = rng.choice(
                     [inside + 1, inside - 1, 0.3 * min(inside, 1e9), rng.randrange(8), rng.choice(NUMBERS)]
                 )
             case _:
-                place[key] = rng.choice(VALUES)
+                place[key] = copy.deepcopy(rng.choice(VALUES))
     if rng.random() < 0.3:
         at = rng.randrange(0, len(model.data), 4)
         model.data[at : at + 4] = struct.pack("<f", rng.choice([math.nan, math.inf, 1e38, -1e-40, 7.0]))

@@ -113,7 +113,7 @@ def test_power_of_pbrts_area_lights_is_that_of_both_sides(tmp_path: Path) -> Non
     light = (
         'AreaLightSource "diffuse" "float power" 100 "bool twosided" true\nScale 2 2 2\nShape "disk" "float radius" 3'
     )
-    shapes = pbrt(tmp_path, light).shapes
+    shapes = pbrt(tmp_path, light).plain_shapes
     assert len(shapes) == 2 and [shape.flip_normals for shape in shapes] == [False, True]
     for shape in shapes:
         assert dump(shape)["emission"][0] == pytest.approx(100.0 / (2.0 * math.pi * math.pi * 36.0))

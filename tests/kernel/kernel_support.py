@@ -14,6 +14,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.device.bvh import STACK, Bvh, SourceArrays, build
 from clrender.flatten import FlatScene
+from clrender.scene.instances import FlatInstances
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -133,11 +134,28 @@ def flat_scene(
         "light_cones": np.zeros((1, 8), np.float32),
         "lamp_tables": np.zeros(1, np.float32),
         "environment_map": np.zeros(1, np.float32),
+        "instance_rows": np.zeros((2, 16), np.float32),
+        "instance_guides": np.array([layout.NONE, 0, 0, 0], np.uint32),
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
     camera = np.zeros(1, layout.dtype("Camera"))
-    nothing = (0, 0, False, False, False, False, False, "")
-    return FlatScene(padded, camera, layout.NONE, len(corners), len(analytic_shapes), *nothing)
+    count = len(corners), len(analytic_shapes)
+    return FlatScene(
+        arrays=padded,
+        camera=camera,
+        environment=layout.NONE,
+        triangle_count=count[0],
+        analytic_count=count[1],
+        light_count=0,
+        light_levels=0,
+        scatters=False,
+        fog=False,
+        straight_surfaces=False,
+        masked=False,
+        subsurface=False,
+        instances=FlatInstances.none(*count, len(points), np.arange(2)),
+        arrays_sha256="",
+    )
 
 
 @dataclass(frozen=True)

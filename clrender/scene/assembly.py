@@ -1,0 +1,198 @@
+"""Takes a scene's instances apart: what is written out once for each of them, and what is kept once for all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.scene.description import Scene
+from clrender.scene.emission import emits
+from clrender.scene.geometry import Affine, affine, combined
+from clrender.scene.groups import Instance
+from clrender.scene.shapes import AnyShape, Disk, Sphere, Transform
+from clrender.scene.values import SHAPE_LIMIT
+from clrender.scene.wording import place, quoted
+
+__all__ = ["Assembly", "assemble", "written_out"]
+
+_Placed: TypeAlias = "tuple[tuple[str | int, ...], AnyShape]"
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A scene without instances, and where its groups stand.
+
+    Attributes
+    ----------
+    scene : Scene
+        Its shapes are the scene's own; then those of groups that shine, once for each of their instances, because each
+        is a light of its own; then the others of groups, in their own space.
+    own_shapes : int
+        How many of these are in world space.
+    groups : tuple of range
+        Which of the others make up each group that is placed.
+    group_of : (N,) int64
+        Group of each instance.
+    maps : (N, 3, 4) float64
+        From its group's space into the world, metres.
+    own_places : (own_shapes,) int64
+        Of each shape in world space, its place in the list of the scene that was taken apart: its own, or that of the
+        instance it was written out for.
+    places : (N,) int64
+        The same of each instance.
+    seen_place, seen_shape : (K,) int64
+        What can be told apart in an image: each shape in world space, then each shape of a group for each entry of the
+        scene's list that places it. Its place in the list, and in that of `scene`.
+    seen_begin : (N,) int64
+        Of each instance: what to add to the place of a group's shape in `scene` to find it there.
+    """
+
+    scene: Scene
+    own_shapes: int
+    groups: tuple[range, ...]
+    group_of: NDArray[np.int64]
+    maps: NDArray[np.float64]
+    own_places: NDArray[np.int64]
+    places: NDArray[np.int64]
+    seen_place: NDArray[np.int64]
+    seen_shape: NDArray[np.int64]
+    seen_begin: NDArray[np.int64]
+
+
+def assemble(scene: Scene) -> Assembly:
+    """Take a scene's instances apart.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Raises
+    ------
+    SceneError
+        If an instance stretches a sphere or disk unevenly, a file of transforms cannot be read, or too many shapes that
+        shine would have to be written out.
+    """
+    own, own_places = _own(scene)
+    none = np.zeros(0, np.int64)
+    if len(own) == len(scene.shapes):
+        all_own = np.arange(len(own))
+        return Assembly(scene, len(own), (), none, np.zeros((0, 3, 4)), all_own, none, all_own, all_own, none)
+    written: list[_Placed] = []
+    kept: list[_Placed] = []
+    groups: dict[str, range] = {}
+    group_of: list[NDArray[np.int64]] = []
+    places: list[NDArray[np.int64]] = []
+    maps: list[NDArray[np.float64]] = []
+    for index, instance in scene.instances():
+        array = scene.transforms(index).maps
+        shapes = _shapes_of(scene, instance.group)
+        _check_similar(scene, index, instance.group, shapes, array)
+        shining = [each for each in shapes if emits(scene, each[1])]
+        if len(own) + len(written) + len(shining) * len(array) > SHAPE_LIMIT:
+            text = f"places {len(array)} times a group of which {len(shining)} shapes shine; at most {SHAPE_LIMIT} may"
+            raise SceneError(f"{scene.source}: shapes[{index}] {text}")
+        written += _written(shining, array)
+        own_places += [index] * (len(shining) * len(array))
+        if len(shining) == len(shapes):
+            continue
+        if instance.group not in groups:
+            begin = len(kept)
+            kept += [each for each in shapes if not emits(scene, each[1])]
+            groups[instance.group] = range(begin, len(kept))
+        group_of.append(np.full(len(array), list(groups).index(instance.group), np.int64))
+        places.append(np.full(len(array), index, np.int64))
+        maps.append(array)
+    in_world = [*own, *written]
+    ranges = tuple(range(len(in_world) + each.start, len(in_world) + each.stop) for each in groups.values())
+    seen_place, seen_shape, begins = [np.array(own_places, np.int64)], [np.arange(len(in_world))], [none]
+    total = len(in_world)
+    for entry_groups, entry_places in zip(group_of, places, strict=True):
+        shapes_of_it = np.array(ranges[entry_groups[0]])
+        seen_place.append(np.full(len(shapes_of_it), entry_places[0]))
+        seen_shape.append(shapes_of_it)
+        begins.append(np.full(len(entry_groups), total - shapes_of_it[0]))
+        total += len(shapes_of_it)
+    return Assembly(
+        scene.assembled([*in_world, *kept]),
+        len(in_world),
+        ranges,
+        np.concatenate([none, *group_of]),
+        np.concatenate([np.zeros((0, 3, 4)), *maps]),
+        np.array(own_places, np.int64),
+        np.concatenate([none, *places]),
+        np.concatenate(seen_place),
+        np.concatenate(seen_shape),
+        np.concatenate(begins),
+    )
+
+
+def written_out(scene: Scene) -> Scene:
+    """The same scene with the shapes of its groups in the place of instances.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Raises
+    ------
+    SceneError
+        As of `assemble`, or if there would be too many shapes.
+    """
+    shapes, _ = _own(scene)
+    if len(shapes) == len(scene.shapes):
+        return scene
+    for index, instance in scene.instances():
+        array, group = scene.transforms(index).maps, _shapes_of(scene, instance.group)
+        _check_similar(scene, index, instance.group, group, array)
+        if len(shapes) + len(group) * len(array) > SHAPE_LIMIT:
+            text = f"places {len(array)} times a group of {len(group)} shapes, which have to be written out here"
+            raise SceneError(f"{scene.source}: shapes[{index}] {text}; at most {SHAPE_LIMIT} can be")
+        shapes += _written(group, array)
+    return scene.assembled(shapes)
+
+
+def _own(scene: Scene) -> tuple[list[_Placed], list[int]]:
+    """Shapes of the scene that are no instances, and their places in its list."""
+    own = [(index, shape) for index, shape in enumerate(scene.shapes) if not isinstance(shape, Instance)]
+    return [(scene.place_of(index), shape) for index, shape in own], [index for index, _ in own]
+
+
+def _shapes_of(scene: Scene, group: str) -> list[_Placed]:
+    return [(("groups", group, "shapes", index), shape) for index, shape in enumerate(scene.groups[group].shapes)]
+
+
+def _written(shapes: Sequence[_Placed], array: NDArray[np.float64]) -> list[_Placed]:
+    """Some shapes under each of some maps."""
+    if not shapes:
+        return []
+    outers = [
+        Affine(((a, b, c), (e, f, g), (i, j, k)), (d, h, o))
+        for (a, b, c, d), (e, f, g, h), (i, j, k, o) in array.tolist()
+    ]
+    return [(at, _moved(shape, outer)) for outer in outers for at, shape in shapes]
+
+
+def _moved(shape: AnyShape, outer: Affine) -> AnyShape:
+    inner = combined(outer, affine(shape.transform))
+    rows = tuple((*row, offset) for row, offset in zip(inner.linear, inner.offset, strict=True))
+    return shape.model_copy(update={"transform": Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0)))})
+
+
+def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:
+    """Spheres and disks stay such."""
+    if not any(isinstance(shape, Sphere | Disk) for _, shape in shapes):
+        return
+    x, y, z = array[:, :, 0], array[:, :, 1], array[:, :, 2]
+    products = np.stack([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z))], axis=1)
+    uneven = np.abs(products - products[:, :1] * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])).max(axis=1)
+    faulty = np.flatnonzero(uneven > 2e-6 * products[:, 0])
+    if len(faulty):
+        which: tuple[str | int, ...] = ("transform",) if len(array) == 1 else ("transforms", int(faulty[0]))
+        at = place(("shapes", index, *which))
+        text = f"stretches a sphere or disk of the group {quoted(group)} unevenly, which is not supported"
+        raise SceneError(f"{scene.source}: {at} {text}; scale all axes alike or use a mesh")

@@ -1,0 +1,186 @@
+"""Groups of shapes, and instances: the same group in many places, kept once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, FailFast, Field, Tag, model_validator
+
+from clrender.errors import SceneError
+from clrender.scene.geometry import affine
+from clrender.scene.named_files import open_named_file
+from clrender.scene.shapes import AnyShape, Shape, Transform
+from clrender.scene.values import COORDINATE_LIMIT, INLINE_LIMIT, SHAPE_LIMIT, FileName, Matrix, Name, Part, fault
+
+__all__ = ["INSTANCE_LIMIT", "Group", "Instance", "ShapeOrInstance", "TransformArray"]
+
+INSTANCE_LIMIT: Final = 2**26
+"""Most instances of a scene."""
+
+_FILE_LIMIT: Final = INSTANCE_LIMIT * 16 * 8 + 4096
+_MOST_SCALE: Final = 1e9
+"""Most that a map between a group and the world scales by, or shrinks: squares of coordinates stay numbers."""
+
+
+class _FailFast(FailFast):
+    """One that may stand in a union: these are compared by their hashes."""
+
+    __hash__ = object.__hash__
+
+
+_Transforms: TypeAlias = Annotated[
+    Annotated[tuple[Matrix, ...], _FailFast(), Field(min_length=1, max_length=INLINE_LIMIT), Tag("<matrices>")]
+    | Annotated[FileName, Tag("<file>")],
+    Discriminator(lambda value: "<file>" if isinstance(value, str) else "<matrices>"),
+]
+
+
+class Group(Part):
+    """Shapes that instances place in the scene."""
+
+    shapes: Annotated[tuple[Shape, ...], FailFast(), Field(min_length=1, max_length=SHAPE_LIMIT)]
+
+
+class Instance(Part):
+    """A group of shapes placed in the scene: once by `transform`, or many times by `transforms`."""
+
+    # What other shapes have, it has none of: its group's shapes do.
+    material: ClassVar[None] = None
+    emission: ClassVar[None] = None
+    interior: ClassVar[None] = None
+    shines: ClassVar[bool] = False
+
+    type: Literal["instance"]
+    name: Name | None = Field(None, description="what mattes call it; several may have the same")
+    group: Name = Field(description="name of a table of `[groups]`")
+    transform: Transform = Transform()
+    transforms: _Transforms | None = Field(
+        None,
+        description="4x4 matrices, row-major, one for each place; or the name of a NumPy file (.npy) with an array "
+        "(n, 3, 4) or (n, 4, 4) of them",
+    )
+
+    @model_validator(mode="after")
+    def _is_placed_once(self) -> Instance:
+        if self.transforms is None:
+            return self
+        if "transform" in self.model_fields_set:
+            raise fault("instance", "cannot be given together with `transforms`; keep one of them", "transform")
+        if isinstance(self.transforms, tuple):
+            for i, matrix in enumerate(self.transforms):
+                if problem := _problem(np.array([matrix])):
+                    raise fault("instance", problem[1], "transforms", i)
+        return self
+
+    @property
+    def file(self) -> str | None:
+        """Of its transforms."""
+        return self.transforms if isinstance(self.transforms, str) else None
+
+
+class TransformArray:
+    """Places of instances.
+
+    Parameters
+    ----------
+    maps : (N, 3, 4) float64
+        Affine maps from a group's space into the world, metres.
+    """
+
+    def __init__(self, maps: NDArray[np.float64]) -> None:
+        self.maps = maps
+
+    @cached_property
+    def _digest(self) -> str:
+        return hashlib.sha256(np.ascontiguousarray(self.maps, "<f8").tobytes()).hexdigest()
+
+    def sha256(self) -> str:
+        """Hash of its numbers."""
+        return self._digest
+
+    @classmethod
+    def checked(cls, array: NDArray[Any], place: str) -> TransformArray:
+        """Of an array from outside.
+
+        Parameters
+        ----------
+        array : (N, 3, 4) or (N, 4, 4) float32 or float64
+        place : str
+            Start of the error message.
+
+        Raises
+        ------
+        SceneError
+            If it is no such array, or one of its maps is not affine, is out of range or cannot be inverted.
+        """
+        if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)) or array.dtype.kind != "f" or not len(array):
+            text = f"holds an array {array.shape} of {array.dtype}, but must hold (n, 3, 4) or (n, 4, 4) floating-point"
+            raise SceneError(f"{place} {text} numbers")
+        if len(array) > INSTANCE_LIMIT:
+            raise SceneError(f"{place} holds {len(array)} transforms, but {INSTANCE_LIMIT} is the most")
+        if problem := _problem(array):
+            raise SceneError(f"{place}[{problem[0]}] {problem[1]}")
+        return cls(np.array(array[:, :3], np.float64))
+
+    @classmethod
+    def read(cls, name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> TransformArray:
+        """Of a file that a scene names.
+
+        Raises
+        ------
+        SceneError
+            If it cannot be read, or holds no such array.
+        """
+        file, _ = open_named_file(name, base_folder, allow_paths, f"{place}: {name!r}", _FILE_LIMIT)
+        with file:
+            try:
+                array = np.lib.format.read_array(file, allow_pickle=False)
+            except (ValueError, EOFError, OSError, MemoryError, SyntaxError, TypeError, KeyError) as error:
+                reason = str(error).split("\n", 1)[0][:200]
+                raise SceneError(
+                    f"{place}: {name!r} is no sound NumPy file ({reason}); write it with numpy.save"
+                ) from None
+        return cls.checked(array, f"{place}: {name!r}")
+
+    @classmethod
+    def of(cls, instance: Instance) -> TransformArray:
+        """Of an instance whose transforms stand in the scene itself."""
+        if isinstance(instance.transforms, tuple):
+            return cls(np.array(instance.transforms, np.float64)[:, :3])
+        place = affine(instance.transform)
+        return cls(np.concatenate([np.array(place.linear), np.array(place.offset)[:, None]], axis=1)[None])
+
+
+def _problem(array: NDArray[Any]) -> tuple[int, str] | None:
+    """The first map that cannot be one, and why."""
+    linear = np.asarray(array[:, :3, :3], np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        wild = ~np.isfinite(array).all(axis=(1, 2)) | (np.abs(array[:, :3]).max(axis=(1, 2)) > COORDINATE_LIMIT)
+        bent = (
+            (array[:, 3] != np.array([0.0, 0.0, 0.0, 1.0])).any(axis=1) if array.shape[1] == 4 else np.zeros_like(wild)
+        )
+        (ax, ay, az), (bx, by, bz), c = linear[:, 0].T, linear[:, 1].T, linear[:, 2]
+        cross = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+        sizes = np.sqrt((linear * linear).sum(axis=2))
+        volume = np.abs((cross * c).sum(axis=1))
+        flat = ~(volume > 1e-12 * sizes.prod(axis=1))
+        # The smallest factor is no less than the volume over the square of the largest
+        extreme = ~((sizes.max(axis=1) <= _MOST_SCALE) & (volume >= sizes.max(axis=1) ** 2 / _MOST_SCALE))
+    for faulty, sentence in (
+        (wild, f"holds a number that is not finite, or beyond {COORDINATE_LIMIT:g}"),
+        (bent, "does not end with the row [0, 0, 0, 1]: only affine transforms are known"),
+        (flat, "cannot be inverted: it would flatten the group"),
+        (extreme, f"scales by more than {_MOST_SCALE:g} or less than its inverse; scale the group's shapes instead"),
+    ):
+        if faulty.any():
+            return int(np.argmax(faulty)), sentence
+    return None
+
+
+ShapeOrInstance: TypeAlias = Annotated[AnyShape | Instance, Field(discriminator="type")]
