@@ -60,6 +60,7 @@ def tables(schema: dict[str, Any]) -> str:
         ("Normal maps", "normal_map = { … }", ["NormalMap"]),
         ("Bump maps", "bump_map = { … }", ["BumpMap"]),
         ("Shapes", "[[shapes]]", _kinds(schema["properties"]["shapes"]["items"])),
+        ("Groups", "[groups.NAME]", ["Group"]),
         ("Transforms", "transform = { … }", ["Transform"]),
         ("Media", "[media.NAME]", ["Medium"]),
         ("Lights", "[[lights]]", _kinds(schema["properties"]["lights"]["items"])),
@@ -137,7 +138,8 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
         name = name.replace("texture transform", "transforms of texture coordinates")
         return f"table, see {name}s" if name.endswith(" map") else f"table, see {name}"
     if "oneOf" in value:
-        return " or ".join([*(_type(each, schema) for each in value["oneOf"] if "$ref" not in each), "a texture"])
+        textured = ["a texture"] if any("$ref" in each for each in value["oneOf"]) else []
+        return " or ".join([*(_type(each, schema) for each in value["oneOf"] if "$ref" not in each), *textured])
     if "anyOf" in value:
         return " or ".join(_type(each, schema) for each in value["anyOf"] if each.get("type") != "null")
     if "enum" in value:

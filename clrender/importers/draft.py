@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.groups import TransformArray
 from clrender.scene.mesh_data import MeshData
 
 __all__ = ["Draft"]
@@ -29,6 +30,8 @@ class Draft:
         Encoded pictures by that name, each with the ending that its format has, such as ``.png``.
     environments : dict of str to EnvironmentPicture
         By the name that the light of the environment has for its file.
+    places : dict of str to TransformArray
+        Of instances, by the name that they have for a file of them.
     notes : list of str
         What was not understood and what was done instead; a sentence each, without the file's name.
     wants_light : bool
@@ -39,6 +42,7 @@ class Draft:
     meshes: dict[str, MeshData] = field(default_factory=dict)
     pictures: dict[str, tuple[bytes, str]] = field(default_factory=dict)
     environments: dict[str, EnvironmentPicture] = field(default_factory=dict)
+    places: dict[str, TransformArray] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
     _more: int = field(default=0, repr=False)

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
+from clrender.importers.sharing import share_meshes
 from clrender.importers.studio import studio_light
 from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.bounds import scene_bounds
@@ -36,6 +37,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     SceneError
         It describes no valid scene, or none with anything in it to frame.
     """
+    share_meshes(draft)
     framed = "camera" not in draft.description
     notes = draft.said()
     description = {**draft.description}
@@ -49,7 +51,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file in draft.meshes}
     scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
-    scene = scene.with_encoded_textures(draft.pictures).with_pictures(draft.environments)
+    scene = scene.with_transforms(draft.places).with_encoded_textures(draft.pictures).with_pictures(draft.environments)
     if framed:
         notes = [*notes, "there is no camera in it: it is framed from the front, a little from above"]
         low, high = scene_bounds(scene)
@@ -63,9 +65,10 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
 
 
 def _shines(description: dict[str, Any]) -> bool:
-    if any(shape.get("emission") is not None for shape in description["shapes"]):
+    shapes = [*description["shapes"], *(s for g in description.get("groups", {}).values() for s in g["shapes"])]
+    if any(shape.get("emission") is not None for shape in shapes):
         return True
-    used = {shape.get("material") for shape in description["shapes"]}
+    used = {shape.get("material") for shape in shapes}
     return any("emission" in material for name, material in description["materials"].items() if name in used)
 
 

@@ -274,7 +274,7 @@ class Scene(Part):
         """Its shapes and those of its groups, each with its place in the scene's description; no instances."""
         for index, shape in enumerate(self.shapes):
             if not isinstance(shape, Instance):
-                yield self.place_of(index), shape
+                yield ("shapes", index), shape
         for name, group in self.groups.items():
             for index, shape in enumerate(group.shapes):
                 yield ("groups", name, "shapes", index), shape

@@ -68,11 +68,13 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
 #ifdef INSTANCES
 static vfloat packet_begin(const PacketRay* ray) { return ray->start; }
 static uint packet_triangle_offset(const PacketRay* ray) { return ray->triangle_offset; }
-static uint packet_analytic_offset(const PacketRay* ray) { return ray->analytic_offset; }
+static uint packet_analytic_offset(const PacketRay* ray, uint kind) {
+    return kind >= ANALYTIC_RECTANGLE ? ray->triangle_offset : ray->analytic_offset;
+}
 #else
 static vfloat packet_begin(const PacketRay* ray) { return splat(BOX_START); }
 static uint packet_triangle_offset(const PacketRay* ray) { return 0; }
-static uint packet_analytic_offset(const PacketRay* ray) { return 0; }
+static uint packet_analytic_offset(const PacketRay* ray, uint kind) { return 0; }
 #endif
 
 #ifdef OPACITY
@@ -166,10 +168,9 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
 
 static void packet_analytic(PacketRay* ray, const Bvh* bvh, uint reference, vfloat entered, int any_hit) {
     __global const float* pack = bvh_pack(bvh->analytic_packs, ANALYTIC_BLOCK_WORDS, reference);
-    const uint offset = packet_analytic_offset(ray);
     for (uint left = bvh_members(reference); left > 0; --left, ++pack) {
-        const uint word = as_uint(pack[ANALYTIC_ID]) & ~BVH_NUMBER, first = (word & ~BVH_PAIR) + offset, last = first + (word >> 31);
-        const uint kind = as_uint(pack[ANALYTIC_KIND]) & ~BVH_NUMBER;
+        const uint kind = as_uint(pack[ANALYTIC_KIND]) & ~BVH_NUMBER, word = as_uint(pack[ANALYTIC_ID]) & ~BVH_NUMBER;
+        const uint first = (word & ~BVH_PAIR) + packet_analytic_offset(ray, kind), last = first + (word >> 31);
         const vec3 from = vec3_of(ray->origin.x - pack[0], ray->origin.y - pack[8], ray->origin.z - pack[16]);
         vuint id = splat_uint(first);
         vfloat distance;

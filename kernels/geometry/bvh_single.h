@@ -55,12 +55,14 @@ static int8 single_reaches(const SingleRays* rays, int ray, float8 far) { return
 
 #ifdef INSTANCES
 static float8 single_begin(const SingleRays* rays, int ray) { return (float8)(rays->start[ray]); }
-static uint single_triangle_offset(const SingleRays* rays, int ray) { return rays->triangle_offset[ray]; }
-static uint single_analytic_offset(const SingleRays* rays, int ray) { return rays->analytic_offset[ray]; }
+static uint8 single_triangle_offset(const SingleRays* rays, int ray) { return (uint8)(rays->triangle_offset[ray]); }
+static uint8 single_analytic_offset(const SingleRays* rays, int ray, int8 rectangle) {
+    return rectangle ? (uint8)(rays->triangle_offset[ray]) : (uint8)(rays->analytic_offset[ray]);
+}
 #else
 static float8 single_begin(const SingleRays* rays, int ray) { return (float8)(BOX_START); }
-static uint single_triangle_offset(const SingleRays* rays, int ray) { return 0; }
-static uint single_analytic_offset(const SingleRays* rays, int ray) { return 0; }
+static uint8 single_triangle_offset(const SingleRays* rays, int ray) { return (uint8)(0); }
+static uint8 single_analytic_offset(const SingleRays* rays, int ray, int8 rectangle) { return (uint8)(0); }
 #endif
 
 static ulong single_entry(uint reference, float entered) { return (ulong)as_uint(entered) << 32 | reference; }
@@ -68,7 +70,7 @@ static ulong single_entry(uint reference, float entered) { return (ulong)as_uint
 // Keep the nearest of the pack's hits; of equally near ones the lowest number, so that the order of visits does not matter.
 // `entered` is where the ray enters the leaf's box, `later` where it hits the second of a pair, `members` how many of the eight count.
 static void single_keep(SingleRays* rays, int ray, int8 hit, int8 later, float8 distance, float entered, __global const float* ids,
-                        uint offset, uint members, int any_hit) {
+                        uint8 offset, uint members, int any_hit) {
     const uint8 words = as_uint8(vload8(0, ids)), first = (words & ~(BVH_PAIR | BVH_NUMBER)) + offset, pair = words >> 31;
     const float8 at = distance < entered ? (float8)(entered) : distance;
     const float nearest = rays->nearest[ray];
@@ -159,8 +161,8 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
         return;
     }
 #endif
-    single_keep(rays, ray, met, second, distance, entered, pack + ANALYTIC_ID, single_analytic_offset(rays, ray), bvh_members(reference),
-                any_hit);
+    single_keep(rays, ray, met, second, distance, entered, pack + ANALYTIC_ID, single_analytic_offset(rays, ray, rectangle),
+                bvh_members(reference), any_hit);
 }
 
 // Push the children that the ray enters, the nearest last. The boxes' near planes are known by the ray's direction, which gives the

@@ -64,6 +64,8 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "primitive_shape",
         "material_rows",
         "hole_rows",
+        "instance_rows",
+        "instance_guides",
         "albedo_tables",
         "media_rows",
         "attribute_rows",
@@ -105,7 +107,8 @@ def test_primitives_of_a_shape_are_contiguous_and_point_back() -> None:
 
 def test_an_empty_scene_is_padded() -> None:
     scene = flat()
-    assert all(len(array) == 1 for array in scene.arrays.values())
+    assert all(len(array) == 1 for name, array in scene.arrays.items() if not name.startswith("instance_"))
+    assert scene.instances.count == 0 and scene.arrays["instance_guides"][0] == layout.NONE
     assert (scene.triangle_count, scene.analytic_count, scene.light_count) == (0, 0, 0)
     assert scene.environment == layout.NONE
 

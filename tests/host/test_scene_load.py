@@ -46,9 +46,10 @@ NEEDED = {
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
     "candles",
-    "foliage", "product", "fisheye",
+    "foliage", "product", "fisheye", "avenue",
 }  # fmt: skip
 INEXACT = {
+    "avenue",
     "room",
     "room-mirror",
     "room-glass",
@@ -150,11 +151,11 @@ def test_files_are_the_ones_the_script_makes(name: str) -> None:
 def test_schema_describes_the_file() -> None:
     schema = scenes.Scene.model_json_schema()
     assert set(schema["properties"]) == {
-        *("title", "camera", "image", "render", "materials", "shapes", "lights", "media", "fog")
+        *("title", "camera", "image", "render", "materials", "shapes", "groups", "lights", "media", "fog")
     }
     assert schema["additionalProperties"] is False and schema["required"] == ["camera"]
     kinds = schema["properties"]["shapes"]["items"]["discriminator"]["mapping"]
-    assert set(kinds) == {"sphere", "quad", "triangle", "box", "tetrahedron", "disk", "mesh"}
+    assert set(kinds) == {"sphere", "quad", "triangle", "box", "tetrahedron", "disk", "mesh", "instance"}
     json.dumps(schema)
 
 

@@ -87,6 +87,8 @@ class Run:
         Of materials: ``holes`` where textures say so, or ``veil``, the same everywhere.
     sun : bool
         With sun and sky in the place of an environment.
+    instances : bool
+        With all shapes but the floor in a group, which stands there twice, once mirrored.
     """
 
     kernel: str
@@ -104,6 +106,7 @@ class Run:
     lamps: bool = False
     opacity: str = ""
     sun: bool = False
+    instances: bool = False
 
 
 RENDERS: Final = {
@@ -119,6 +122,9 @@ RENDERS: Final = {
     "whitted-1-interiors": Run("whitted", 1, samples=2, interiors=True),
     "path-4-media": Run("path", 4, samples=2, media=True),
     "path-1-media": Run("path", 1, rough=True, media=True),
+    "path-4-instances": Run("path", 4, samples=2, instances=True),
+    "path-8-single-instances": Run("path", 8, "single", instances=True, textured=True),
+    "path-4-instances-holes": Run("path", 4, instances=True, opacity="holes"),
     "path-4-skin": Run("path", 4, samples=2, skin=True),
     "path-1-skin": Run("path", 1, rough=True, textured=True, skin=True),
     "path-4-textured": Run("path", 4, samples=2, textured=True),
@@ -282,6 +288,12 @@ def scene(run: Run, folder: Path) -> FlatScene:
             around,
         ],
     }
+    if run.instances:
+        floor, *others = shapes
+        described["groups"] = {"others": {"shapes": others}}
+        again = {"translate": (-0.6, 0.3, -1.0), "rotate_degrees": (0, 60, 0), "scale": -0.7}
+        placed = ({"type": "instance", "group": "others", **where} for where in ({}, {"transform": again}))
+        described["shapes"] = [floor, *placed]
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
     # Photons start at lights, for which a tree has no answer

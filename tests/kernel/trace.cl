@@ -56,7 +56,7 @@ __kernel void trace_every_leaf(__global const float* nodes, __global const float
             float near, far;
             box_interval_lanes(node[i] - one.origin.x, node[8 + i] - one.origin.y, node[16 + i] - one.origin.z,
                                node[24 + i] - one.origin.x, node[32 + i] - one.origin.y, node[40 + i] - one.origin.z,
-                               one.inverse.x, one.inverse.y, one.inverse.z, &near, &far);
+                               one.inverse.x, one.inverse.y, one.inverse.z, splat(BOX_START), &near, &far);
             if (!(near <= far)) continue;
             if (reference & BVH_ANALYTIC)
                 packet_analytic(&one, &bvh, reference, near, 0);

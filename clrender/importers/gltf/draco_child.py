@@ -14,6 +14,8 @@ import resource
 import struct
 import sys
 
+__all__: list[str] = []
+
 _MEMORY = 768 << 20
 _MEMORY_OF_A_BYTE = 256
 _BYTES_IN_A_SECOND = 500_000
