@@ -437,7 +437,11 @@ class _Builder:
     def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:
         """The packs, column by column; only now is there memory for them."""
         source, words = self.source, (TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS)
-        triangles, others = (self.device.empty(4 * (w * n + _BEYOND)) for w, n in zip(words, blocks, strict=True))
+        none = np.zeros(_BEYOND, np.float32)
+        triangles, others = (
+            self.device.empty(4 * (width * count + _BEYOND)) if count else self.device.upload(none)
+            for width, count in zip(words, blocks, strict=True)
+        )
         count = 8 * blocks[0]
         arguments: _Arguments = [columns[0], _u(count), self._units, source.vertices, source.triangles, triangles]
         if count:
