@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 
 import clrender
@@ -108,6 +109,7 @@ def test_every_integrator_is_in_its_tables() -> None:
 def test_scenes_of_the_documentation_are_valid(tmp_path: Path, place: str) -> None:
     bunny = (ROOT / "scenes" / "bumpy.ply").read_bytes()
     (tmp_path / "bunny.ply").write_bytes(bunny)
+    np.save(tmp_path / "warren.npy", np.eye(4)[None])
     for picture in ("tiles.png", "tiles-normal.png"):
         (tmp_path / picture).write_bytes((ROOT / "scenes" / picture).read_bytes())
     blocks = code((ROOT / place).read_text(), "toml")
