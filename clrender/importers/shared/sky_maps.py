@@ -30,13 +30,13 @@ def turn_about_y(matrix: Matrix) -> float | None:
 
 
 def _directions(height: int) -> NDArray[np.float64]:
-    """Of the pixels of one of our pictures, (height, 2 height, 3)."""
+    """Of the pixels of one of our pictures, (height, 2 height, 3): middle column at +z, the one a quarter on at -x."""
     theta = (np.arange(height) + 0.5) / height * np.pi
-    phi = ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 2.0 * np.pi
+    phi = (np.arange(2 * height) + 0.5) / (2 * height) * 2.0 * np.pi
     made = np.empty((height, 2 * height, 3))
     made[..., 0] = np.sin(theta)[:, None] * np.sin(phi)
     made[..., 1] = np.cos(theta)[:, None]
-    made[..., 2] = np.sin(theta)[:, None] * np.cos(phi)
+    made[..., 2] = -np.sin(theta)[:, None] * np.cos(phi)
     return made
 
 
@@ -75,8 +75,8 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
         own = directions[row] @ back.T
         own /= np.linalg.norm(own, axis=1, keepdims=True)
         theta = np.arccos(np.clip(own[:, 1], -1.0, 1.0))
-        phi = np.arctan2(own[:, 0], own[:, 2])
-        x, y = (phi / (2.0 * np.pi) + 0.5) * width - 0.5, theta / np.pi * height - 0.5
+        turns = np.arctan2(own[:, 0], -own[:, 2]) / (2.0 * np.pi) % 1.0
+        x, y = turns * width - 0.5, theta / np.pi * height - 0.5
         made[row] = _looked_up(pixels, x, y, True)
     return EnvironmentPicture.checked(made, f"{files.source}: {place}")
 
