@@ -34,6 +34,7 @@ class Surface:
     tangents: _Points | None = None
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is told where meshes are checked
 def morphed(accessors: Accessors, primitive: dict[str, Any], weights: list[float], surface: Surface) -> Surface:
     """A surface with the morph targets of its primitive added.
 
@@ -82,6 +83,7 @@ def joint_transforms(document: Document, accessors: Accessors, index: int, world
     return [product(joint, from_columns(each)) for joint, each in zip(joints, columns, strict=True)]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is told where meshes are checked
 def skinned(
     document: Document,
     accessors: Accessors,
