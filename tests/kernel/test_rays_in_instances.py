@@ -186,11 +186,14 @@ def test_spheres_and_disks_of_instances(device: Device) -> None:
         assert np.abs(instanced[name][near] - flattened[name][near]).max() < most, name
 
 
-def test_a_ray_that_leaves_an_instance_does_not_meet_it_again(device: Device) -> None:
+@pytest.mark.parametrize("away", [0.0, 3000.0])
+def test_a_ray_that_leaves_an_instance_does_not_meet_it_again(device: Device, away: float) -> None:
     """Its point is within its error of the surface that rays find: a ray from there, out along the normal, is free."""
     places = maps(1, 8)
     places[0, :, 3] = [40.0, -70.0, 55.0]  # far from the origin, where rounding is large
-    scene = placed([ball()], places)
+    there = {"translate": [away, 0.0, -away]}  # and maybe farther still from the group's own
+    places[0, :, 3] -= places[0, :, :3] @ there["translate"]
+    scene = placed([{**ball(), "transform": there}], places)
     flat, written = flatten(scene, _SIZE, _SIZE), flatten(written_out(scene), _SIZE, _SIZE)
     origins, directions = delicate(written, 2**15, 9)
     with worker_on(device, flat) as worker:
