@@ -12,8 +12,8 @@ they are nearly smooth here.
 (orthographic, and with a lens), `opacity` (constant, and pictures with holes) and `skies`. Of Mitsuba's integrators
 media and opacity take `volpath`.
 
-Mitsuba 3.9.1 loses light of spheres that stand close to a cloud: of seed 8192, a lamp 4 cm from one, it returns 16 % less
-single scattering than a plain Monte Carlo integral of it, with which clrender agrees to 0.02 %.
+Mitsuba 3.9.1 loses light of spheres that stand close to a cloud: of seed 8192, a lamp 4 cm from one, it returns 16 %
+less single scattering than a plain Monte Carlo integral of it, with which clrender agrees to 0.02 %.
 
 With `spheres` the scenes are single spheres between two lamps, one material each; some are defined differently.
 """
