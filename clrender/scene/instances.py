@@ -23,6 +23,9 @@ NUMBER_LIMIT: Final = 2**32 - 16
 _ROUNDING: Final = 2.0**-24
 _REACH: Final = 4.0
 """Rays begin no further out than so many times the coordinates of the scene's own shapes and instances."""
+_CELLS: Final = 4
+_FEW: Final = 2**16
+"""Of so many instances at most a group's parts are looked at."""
 _INSTANCE: Final = layout.columns("INSTANCE")
 _PLACEMENT: Final = layout.columns("PLACEMENT")
 
@@ -257,15 +260,34 @@ def _guides(numbers: NDArray[np.int64]) -> NDArray[np.uint32]:
     return np.concatenate([[first, shift], found]).astype(np.uint32)
 
 
-def _group_box(surfaces: FlatSurfaces, group: FlatGroup) -> NDArray[np.float64]:
-    """Lowest and highest coordinates of a group, with as much room as boxes of primitives have."""
+def _group_boxes(surfaces: FlatSurfaces, group: FlatGroup, instances: int) -> NDArray[np.float64]:
+    """(n, 2, 3) boxes of the parts of a group, with as much room as boxes of primitives have.
+
+    Its spheres and disks, and where it has few instances its vertices, cell by cell of a grid: of a turned body,
+    the box around the boxes of its parts is smaller than that around its own box.
+    """
     corners = surfaces.triangles[group.first_triangle : group.first_triangle + group.triangle_count].reshape(-1)
     begin = group.first_analytic - len(surfaces.triangles)
     spheres = surfaces.analytic_shapes["center_radius"][begin : begin + group.analytic_count]
     used = slice(int(corners.min()), int(corners.max()) + 1) if len(corners) else slice(0)  # they follow each other
     low, high = box_of(surfaces.vertices[used], spheres)
     room = 32.0 * _ROUNDING * (float((high - low).max()) + np.maximum(np.abs(low), np.abs(high)))
-    return np.stack([low - room, high + room])
+    boxes = [np.stack(box_of(surfaces.vertices[:0], spheres))[None]] if len(spheres) else []
+    if len(corners):
+        boxes.append(_cell_boxes(surfaces.vertices[used], _CELLS if instances <= _FEW else 1))
+    return np.concatenate(boxes) + np.stack([-room, room])
+
+
+def _cell_boxes(points: NDArray[np.float32], cells: int) -> NDArray[np.float64]:
+    """(n, 2, 3) boxes of (m, 3) points, those of each cell of a grid of so many along each axis."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = np.where(high > low, high - low, np.float32(1.0))
+    x, y, z = np.minimum((points - low) / size * np.float32(cells), cells - 1).astype(np.int64).T
+    cell = (x * cells + y) * cells + z
+    order = np.argsort(cell, kind="stable")
+    begins = np.flatnonzero(np.diff(cell[order], prepend=-1))
+    ordered = points[order].astype(np.float64)
+    return np.stack([np.minimum.reduceat(ordered, begins), np.maximum.reduceat(ordered, begins)], axis=1)
 
 
 def _carried(maps: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -290,18 +312,22 @@ def _boxes(
     error of at most four roundings of the sum of their sizes, which the way back carries into the world. The way back
     itself was rounded likewise.
     """
-    of_group = np.stack([_group_box(surfaces, group) for group in groups])[group_of]
-    middle, half = of_group.mean(axis=1), (of_group[:, 1] - of_group[:, 0]) / 2.0
     out, inside = to_world.astype(np.float64), to_object.astype(np.float64)
-    center = _carried(out, middle)
     sizes = np.abs(out)
     sizes[:, :, 3] = 0.0
-    extent = _carried(sizes, half)
-    low, high = (np.where(np.isfinite(corner), corner, 0.0) for corner in own_box)
-    reach = np.abs(np.concatenate([center - extent, center + extent, [low, high]])).max(axis=0)
-    lost = _carried(np.abs(inside), np.broadcast_to(_REACH * reach, center.shape))
-    extent += 8.0 * _ROUNDING * _carried(np.abs(out), lost)
-    low, high = center - extent, center + extent
+    low, high = np.full((len(out), 3), np.inf), np.full((len(out), 3), -np.inf)
+    for number, group in enumerate(groups):
+        of_it = np.flatnonzero(group_of == number)
+        for part in _group_boxes(surfaces, group, len(of_it)) if len(of_it) else ():
+            center = _carried(out[of_it], np.broadcast_to(part.mean(axis=0), (len(of_it), 3)))
+            extent = _carried(sizes[of_it], np.broadcast_to((part[1] - part[0]) / 2.0, (len(of_it), 3)))
+            low[of_it] = np.minimum(low[of_it], center - extent)
+            high[of_it] = np.maximum(high[of_it], center + extent)
+    own_low, own_high = (np.where(np.isfinite(corner), corner, 0.0) for corner in own_box)
+    reach = np.abs(np.concatenate([low, high, [own_low, own_high]])).max(axis=0)
+    lost = _carried(np.abs(inside), np.broadcast_to(_REACH * reach, low.shape))
+    room = 8.0 * _ROUNDING * _carried(np.abs(out), lost)
+    low, high = low - room, high + room
     boxes = np.concatenate([low, high], axis=1)
     # Outwards where single precision rounds inwards
     single = boxes.astype(np.float32)
