@@ -40,14 +40,10 @@ class Assembly:
         Group of each instance.
     maps : (N, 3, 4) float64
         From its group's space into the world, metres.
-    own_places : (own_shapes,) int64
-        Of each shape in world space, its place in the list of the scene that was taken apart: its own, or that of the
-        instance it was written out for.
-    places : (N,) int64
-        The same of each instance.
     seen_place, seen_shape : (K,) int64
         What can be told apart in an image: each shape in world space, then each shape of a group for each entry of the
-        scene's list that places it. Its place in the list, and in that of `scene`.
+        list of the scene that was taken apart that places it. Its place in that list, of shapes that were written out
+        that of their instance; and its place in the list of `scene`.
     seen_begin : (N,) int64
         Of each instance: what to add to the place of a group's shape in `scene` to find it there.
     """
@@ -57,8 +53,6 @@ class Assembly:
     groups: tuple[range, ...]
     group_of: NDArray[np.int64]
     maps: NDArray[np.float64]
-    own_places: NDArray[np.int64]
-    places: NDArray[np.int64]
     seen_place: NDArray[np.int64]
     seen_shape: NDArray[np.int64]
     seen_begin: NDArray[np.int64]
@@ -81,12 +75,11 @@ def assemble(scene: Scene) -> Assembly:
     none = np.zeros(0, np.int64)
     if len(own) == len(scene.shapes):
         all_own = np.arange(len(own))
-        return Assembly(scene, len(own), (), none, np.zeros((0, 3, 4)), all_own, none, all_own, all_own, none)
+        return Assembly(scene, len(own), (), none, np.zeros((0, 3, 4)), all_own, all_own, none)
     written: list[_Placed] = []
     kept: list[_Placed] = []
-    groups: dict[str, range] = {}
-    group_of: list[NDArray[np.int64]] = []
-    places: list[NDArray[np.int64]] = []
+    groups: dict[str, tuple[int, range]] = {}
+    placed: list[tuple[int, int, int]] = []  # entry, group, how often
     maps: list[NDArray[np.float64]] = []
     for index, instance in scene.instances():
         array = scene.transforms(index).maps
@@ -103,28 +96,24 @@ def assemble(scene: Scene) -> Assembly:
         if instance.group not in groups:
             begin = len(kept)
             kept += [each for each in shapes if not emits(scene, each[1])]
-            groups[instance.group] = range(begin, len(kept))
-        group_of.append(np.full(len(array), list(groups).index(instance.group), np.int64))
-        places.append(np.full(len(array), index, np.int64))
+            groups[instance.group] = len(groups), range(begin, len(kept))
+        placed.append((index, groups[instance.group][0], len(array)))
         maps.append(array)
     in_world = [*own, *written]
-    ranges = tuple(range(len(in_world) + each.start, len(in_world) + each.stop) for each in groups.values())
+    ranges = tuple(range(len(in_world) + each.start, len(in_world) + each.stop) for _, each in groups.values())
     seen_place, seen_shape, begins = [np.array(own_places, np.int64)], [np.arange(len(in_world))], [none]
     total = len(in_world)
-    for entry_groups, entry_places in zip(group_of, places, strict=True):
-        shapes_of_it = np.array(ranges[entry_groups[0]])
-        seen_place.append(np.full(len(shapes_of_it), entry_places[0]))
-        seen_shape.append(shapes_of_it)
-        begins.append(np.full(len(entry_groups), total - shapes_of_it[0]))
-        total += len(shapes_of_it)
+    for index, group, count in placed:
+        seen_place.append(np.full(len(ranges[group]), index))
+        seen_shape.append(np.array(ranges[group]))
+        begins.append(np.full(count, total - ranges[group].start))
+        total += len(ranges[group])
     return Assembly(
         scene.assembled([*in_world, *kept]),
         len(in_world),
         ranges,
-        np.concatenate([none, *group_of]),
+        np.repeat(*np.array([(group, count) for _, group, count in placed], np.int64).reshape(-1, 2).T),
         np.concatenate([np.zeros((0, 3, 4)), *maps]),
-        np.array(own_places, np.int64),
-        np.concatenate([none, *places]),
         np.concatenate(seen_place),
         np.concatenate(seen_shape),
         np.concatenate(begins),

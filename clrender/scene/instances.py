@@ -166,7 +166,7 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     present = filled[assembly.group_of] if len(assembly.group_of) else np.zeros(0, bool)
     group_of, maps = assembly.group_of[present], assembly.maps[present]
     if not len(group_of):
-        return FlatInstances.none(own_triangles, own_analytic, own_vertices, assembly.own_places)
+        return FlatInstances.none(own_triangles, own_analytic, own_vertices, assembly.seen_place[: assembly.own_shapes])
     counts = np.array([group.count for group in groups], np.int64)[group_of]
     numbers = triangles + analytic + np.concatenate([[0], np.cumsum(counts)])
     if numbers[-1] > NUMBER_LIMIT:
@@ -192,7 +192,7 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     centers = surfaces.analytic_shapes["center_radius"][:own_analytic]
     own_box = box_of(surfaces.vertices[:own_vertices], centers)
     boxes = _boxes(surfaces, groups, group_of, to_world, to_object, own_box)
-    own = own_triangles, own_analytic, own_vertices, assembly.own_places
+    own = own_triangles, own_analytic, own_vertices, assembly.seen_place[: assembly.own_shapes]
     return FlatInstances(
         rows.reshape(-1, 16), _guides(numbers), boxes, groups, group_of, *own, assembly.seen_begin[present]
     )
