@@ -5,8 +5,8 @@
 
 Renders the scenes of the seeds FIRST to LAST - 1 six times each with both, and compares means and tiles by Welch's
 t-test with Holm's correction over all of them. PYTHON is one that has Mitsuba. New seeds are always a blind test. The
-materials are those whose definitions agree: Mitsuba's metals and rough glass lose what is scattered more than once, so
-they are nearly smooth here.
+materials are those whose definitions agree: rough metals and glass lose what meets a second facet, as Mitsuba's do,
+and alpha is at most 0.09: beyond it one sees that Mitsuba's masking and shadowing do not depend on each other.
 
 `--with` adds kinds of things, each in most of the scenes: `media` (clouds, filled glass, fog), `spots`, `cameras`
 (orthographic, and with a lens), `opacity` (constant, and pictures with holes) and `skies`. Of Mitsuba's integrators
@@ -78,12 +78,15 @@ class _Maker:
         self.any = [f"diffuse{i}" for i in range(3)]
         self.any.append(self._material("mirror", {"type": "mirror", "reflectance": self._color(0.6, 0.95)}))
         self.any.append(self._material("glass", {"type": "dielectric", "ior": round(self._number(1.2, 1.9), 3)}))
-        rough = {"ior": round(self._number(1.2, 1.8), 3), "roughness": round(self._number(0.1, 0.15), 3)}
+        rough: dict[str, Any] = {"ior": round(self._number(1.2, 1.8), 3), "roughness": round(self._number(0.1, 0.3), 3)}
+        rough |= {"multiple_scattering": False, "microfacets": ("ggx", "beckmann")[seed % 2]}
         self.any.append(self._material("rough_glass", {"type": "dielectric", **rough}))
         metal = {
             "eta": self._color(0.2, 3.0),
             "k": self._color(2.0, 4.5),
-            "roughness": round(self._number(0.1, 0.15), 3),
+            "roughness": round(self._number(0.1, 0.3), 3),
+            "multiple_scattering": False,
+            "microfacets": ("beckmann", "ggx")[seed % 2],
         }
         self.any.append(self._material("metal", {"type": "conductor", **metal}))
 
@@ -337,6 +340,10 @@ def _apart(one: dict[str, Any], other: dict[str, Any]) -> bool:
 _GOLD: Final = {"eta": [0.21, 0.43, 1.38], "k": [3.272, 2.455, 1.914]}
 _RED: Final = {"type": "lambert", "reflectance": [0.7, 0.3, 0.1]}
 _SILK: Final = {"type": "conductor", **_GOLD, "roughness": 0.1}
+_ONCE: Final[dict[str, dict[str, Any]]] = {
+    "GGX": {"multiple_scattering": False},
+    "Beckmann": {"multiple_scattering": False, "microfacets": "beckmann"},
+}
 _SPHERES: Final[dict[str, dict[str, Any]]] = {
     "lambert": _RED,
     "mirror": {"type": "mirror", "reflectance": [0.9, 0.8, 0.7]},
@@ -346,6 +353,19 @@ _SPHERES: Final[dict[str, dict[str, Any]]] = {
     "smooth glass": {"type": "dielectric", "ior": 1.5},
     "thin glass": {"type": "dielectric", "ior": 1.5, "thin": True},
     "rough glass, alpha 0.01": {"type": "dielectric", "ior": 1.5, "roughness": 0.1},
+    **{
+        f"gold, alpha 0.1 of {name}, that reflects once": {
+            "type": "conductor",
+            **_GOLD,
+            "roughness": 0.316227766,
+            **once,
+        }
+        for name, once in _ONCE.items()
+    },
+    **{
+        f"glass, alpha 0.1 of {name}, met once": {"type": "dielectric", "ior": 1.5, "roughness": 0.316227766, **once}
+        for name, once in _ONCE.items()
+    },
     # Of nothing smooth: Mitsuba's `blendbsdf` adds the probability of a delta to the density of what else there is
     "mixture of lambert and gold": {"type": "mix", "materials": ["red", "silk"], "weight": 0.3},
 }

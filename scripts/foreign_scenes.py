@@ -69,7 +69,8 @@ def _mitsuba_material(described: dict[str, Any], name: str, folder: Path) -> str
         return mitsuba_mask(described["opacity"], _mitsuba_material(whole, "", folder), name, folder, _bitmap)
     named = {"id": name} if name else {}
     kind, alpha = described["type"], described.get("roughness", 0.0) ** 2
-    rough = (value("string", "distribution", "ggx") + value("float", "alpha", alpha)) if alpha else ""
+    facets = value("string", "distribution", described.get("microfacets", "ggx")) + value("float", "alpha", alpha)
+    rough = facets if alpha else ""
     if kind == "dielectric":
         inside = value("float", "int_ior", described["ior"]) + value("float", "ext_ior", 1.0) + rough
         return element("bsdf", inside, type="roughdielectric" if alpha else "dielectric", **named)
@@ -238,14 +239,16 @@ def _pbrt_light(light: dict[str, Any]) -> str:
 def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
     """The scene without what pbrt has not, or its reader here.
 
-    Metals stand for mirrors, an even environment for a sky or for a picture in latitude and longitude, a half for an
-    opacity that is a picture.
+    Metals stand for mirrors, GGX for Beckmann's facets, an even environment for a sky or for a picture in latitude and
+    longitude, a half for an opacity that is a picture.
     """
     materials = {}
     for name, described in scene["materials"].items():
         if described["type"] == "mirror":
             k = [2.0 * (min(x, 0.9999) / (1.0 - min(x, 0.9999))) ** 0.5 for x in described["reflectance"]]
             described = {"type": "conductor", "eta": [1.0] * 3, "k": k, "roughness": 0.0}
+        if "microfacets" in described:
+            described = {**described, "microfacets": "ggx"}
         if "normal_map" in described:  # always linear between texels
             normals = {key: value for key, value in described["normal_map"].items() if key != "filter"}
             described = {**described, "normal_map": normals}

@@ -53,10 +53,11 @@ def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     if kind == "null":
         return {"type": "null"}
     alpha = described.get("roughness", 0.0) ** 2
+    facets = {"distribution": described.get("microfacets", "ggx"), "alpha": alpha}
     if kind == "dielectric":
         if described.get("thin"):
             return {"type": "thindielectric", "int_ior": described["ior"], "ext_ior": 1.0}
-        rough = {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha} if alpha else {"type": "dielectric"}
+        rough = {"type": "roughdielectric", **facets} if alpha else {"type": "dielectric"}
         return {**rough, "int_ior": described["ior"], "ext_ior": 1.0}
     if kind == "mirror":
         one: dict[str, Any] = {
@@ -65,7 +66,7 @@ def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
             "specular_reflectance": color(described["reflectance"]),
         }
     elif kind == "conductor":
-        one = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha} if alpha else {"type": "conductor"}
+        one = {"type": "roughconductor", **facets} if alpha else {"type": "conductor"}
         if described.get("anisotropy"):
             del one["alpha"]
             # Rougher around the y axis, where `round_shape` puts the poles

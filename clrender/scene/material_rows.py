@@ -219,9 +219,15 @@ def _sides(material: Material) -> np.float32:
     return _bits(0 if getattr(material, "two_sided", True) else layout.MATERIAL_FLAG_ONE_SIDED)
 
 
+def _facets(material: Conductor | Dielectric) -> int:
+    beckmann = layout.MATERIAL_FLAG_BECKMANN if material.microfacets == "beckmann" else 0
+    return beckmann | (0 if material.multiple_scattering else layout.MATERIAL_FLAG_SINGLE_SCATTERING)
+
+
 @_fill.register
 def _(material: Dielectric, row: _Row, _numbers: dict[str, int]) -> None:
-    _put(row, ROUGHNESS=material.roughness, FLAGS=_bits(layout.MATERIAL_FLAG_THIN if material.thin else 0))
+    flags = _facets(material) | (layout.MATERIAL_FLAG_THIN if material.thin else 0)
+    _put(row, ROUGHNESS=material.roughness, FLAGS=_bits(flags))
 
 
 @_fill.register
@@ -236,7 +242,7 @@ def _(material: OrenNayar, row: _Row, _numbers: dict[str, int]) -> None:
 
 @_fill.register
 def _(material: Conductor, row: _Row, _numbers: dict[str, int]) -> None:
-    flags = 0 if material.two_sided else layout.MATERIAL_FLAG_ONE_SIDED
+    flags = _facets(material) | (0 if material.two_sided else layout.MATERIAL_FLAG_ONE_SIDED)
     if material.index is None:
         flags |= layout.MATERIAL_FLAG_SCHLICK
     else:

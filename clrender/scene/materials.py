@@ -142,7 +142,16 @@ class Mirror(_Opaque):
     reflectance: ReflectanceOrTexture = (1.0, 1.0, 1.0)
 
 
-class Dielectric(_Bumpy):
+class _Microfacets(Part):
+    """What metals and glass have for the sake of other renderers."""
+
+    microfacets: Literal["ggx", "beckmann"] = Field("ggx", description="distribution of the facets' normals")
+    multiple_scattering: Flag = Field(
+        True, description="false: light that meets a second facet is lost, as in most other renderers"
+    )
+
+
+class Dielectric(_Bumpy, _Microfacets):
     """A boundary between two transparent media, smooth or rough: `ior` behind the front, `exterior_ior` before it.
 
     With a `priority` it is a medium that fills closed shapes instead: where volumes overlap, the highest priority wins.
@@ -151,7 +160,7 @@ class Dielectric(_Bumpy):
     type: Literal["dielectric"]
     ior: Index
     exterior_ior: Index = 1.0
-    roughness: ShareOrTexture = Field(0.0, description="its square is alpha of GGX; 0: smooth")
+    roughness: ShareOrTexture = Field(0.0, description="its square is alpha of the facets; 0: smooth")
     thin: Flag = Field(False, description="a wall with both boundaries and no thickness, which does not bend light")
     priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
         None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
@@ -188,7 +197,7 @@ class OrenNayar(_Opaque):
     roughness: ShareOrTexture = Field(0.5, description="0: as `lambert`; 1: roughest")
 
 
-class Conductor(_Opaque):
+class Conductor(_Opaque, _Microfacets):
     """A metal: a measured one by name, any by `eta` and `k`, or by its colour `f0`; smooth or rough (GGX)."""
 
     type: Literal["conductor"]
@@ -196,7 +205,7 @@ class Conductor(_Opaque):
     eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the index of refraction")
     k: tuple[Extinction, Extinction, Extinction] | None = Field(None, description="and its imaginary part")
     f0: ReflectanceOrTexture | None = Field(None, description="reflectance straight on, of Schlick's Fresnel term")
-    roughness: ShareOrTexture = Field(0.2, description="its square is alpha of GGX; 0: smooth")
+    roughness: ShareOrTexture = Field(0.2, description="its square is alpha of the facets; 0: smooth")
     anisotropy: ShareOrTexture = Field(0.0, description="how much rougher it is along its direction")
     anisotropy_rotation: _Degrees = Field(0.0, description="degrees, of that direction from the one around the y axis")
 

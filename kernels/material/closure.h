@@ -85,7 +85,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     const vmask layered = p->kind == MATERIAL_PRINCIPLED, metal = p->kind == MATERIAL_CONDUCTOR, schlick = parameters_flag(p, MATERIAL_FLAG_SCHLICK);
     const vfloat alpha = p->roughness * p->roughness, none = splat(0.0f), one = splat(1.0f);
     const vmask glass = p->kind == MATERIAL_DIELECTRIC, thin = parameters_flag(p, MATERIAL_FLAG_THIN);
-    const vmask lit = front | !parameters_flag(p, MATERIAL_FLAG_ONE_SIDED);
+    const vmask lit = front | !parameters_flag(p, MATERIAL_FLAG_ONE_SIDED), beckmann = parameters_flag(p, MATERIAL_FLAG_BECKMANN);
     c->facets = facets_of(alpha, CLOSURE_SMOOTH, p->anisotropy);
 
     // The shares of metal, glass, and of what is neither, of the base
@@ -101,6 +101,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     Reflection* r = &c->reflection;
     r->there = lit & ((layered & (clear < 1.0f)) | (metal & (alpha >= CLOSURE_SMOOTH)));
     r->measured = metal & !schlick;
+    r->beckmann = beckmann & r->there;
     r->f0 = choose(r->measured, p->eta, along(scale(p->color, metallic), f0, plastic));
     r->f90 = choose(r->measured, p->k, along(vec3_of(metallic, metallic, metallic), f90, plastic));
     r->multiple = r->f0;
@@ -120,6 +121,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     // Glass. Where it bends nothing, its facets would have no direction
     Glass* g = &c->glass;
     g->thin = thin;
+    g->beckmann = beckmann & glass;
     const vfloat ior = thin & (p->ior < 1.0f) ? one / p->ior : p->ior, turned = front | thin ? ior : one / ior;
     const vfloat least = turned < 1.0f ? splat(1.0f - CLOSURE_LEAST_BEND) : splat(1.0f + CLOSURE_LEAST_BEND);
     g->eta = absolute(turned - 1.0f) < CLOSURE_LEAST_BEND ? least : turned;
@@ -146,6 +148,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
 // What depends on `wo`, and how often each way to choose a direction is taken: as often as it reflects light, about.
 static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     const vfloat none = splat(0.0f);
+    const vmask once = parameters_flag(p, MATERIAL_FLAG_SINGLE_SCATTERING);
     c->smoothest = c->coat.there ? lesser(c->facets.alpha.y, c->coat.alpha) : c->facets.alpha.y;
     vec3 reflected = vec3_all(0.0f), spread = vec3_all(0.0f), passed = vec3_all(0.0f);
     c->with_through = none;
@@ -162,7 +165,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
             c->coated = covered_by(c->tables, COVERED_BY_COAT, below_coat, c->coat.share, c->coat.alpha, c->facets.mean, wo.z);
             c->clothed = covered_by(c->tables, COVERED_BY_SHEEN, below_sheen, largest(c->sheen.color), c->sheen.alpha, c->facets.mean, wo.z);
         }
-        c->reflection.missing = splat(1.0f) - all;
+        c->reflection.missing = once ? none : splat(1.0f) - all;
         c->reflection.multiple = scale(reflection_multiple(average, lost), metallic);
         const vec3 f0 = choose(c->reflection.measured, p->color, c->reflection.f0), f90 = choose(c->reflection.measured, vec3_all(1.0f), c->reflection.f90);
         reflected = choose(c->reflection.there, along(scale(f0, all), sub(f90, f0), all * grazing), reflected);
@@ -177,6 +180,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     spread = choose(c->diffuse.there & !c->diffuse.covered, c->diffuse.color, spread);
     if (lane_any(c->glass.there)) {
         glass_prepare(&c->glass, c->tables, wo);
+        c->glass.missing = once ? none : c->glass.missing;
         const vfloat share = c->glass.there ? c->glass.share : none, back = glass_fresnel(&c->glass, wo.z);
         glassy = share * (splat(1.0f) - c->glass.missing);
         glass_spread = share * c->glass.missing * (splat(1.0f) - c->glass.passes);

@@ -22,6 +22,7 @@ from clrender.image.files import read_image, write_image
 
 _Floats = npt.NDArray[np.float64]
 CORNELL: Final = ASSETS / "bitterli" / "cornell-box"
+VEACH: Final = ASSETS / "bitterli" / "veach-mis"
 
 SENSOR = '<sensor type="orthographic"><transform name="to_world"><scale x="0.01" y="0.01"/><lookat origin="0,0,4" \
 target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm"><integer name="width" value="8"/>\
@@ -135,7 +136,7 @@ def test_the_square_environment_of_pbrt_has_z_in_its_middle(device: Device, tmp_
 # --- against references of other renderers
 
 
-def tiles_apart(image: _Floats, reference: _Floats) -> _Floats:
+def tiles_apart(image: _Floats, reference: _Floats, rounding: float = 2.0**-13) -> _Floats:
     """Differences of 16 x 16 tiles, in standard errors by the scatter of the differences of the pixels in each.
 
     That holds the noise of both, and what pixel filters do at edges. References of half floats are rounded, besides.
@@ -144,6 +145,8 @@ def tiles_apart(image: _Floats, reference: _Floats) -> _Floats:
     ----------
     image, reference : (height, width, 3)
         Of one size.
+    rounding : float
+        Of the reference's means, relative.
     """
     height, width = (side // 16 * 16 for side in image.shape[:2])
 
@@ -156,20 +159,29 @@ def tiles_apart(image: _Floats, reference: _Floats) -> _Floats:
         )
 
     difference, mean = blocks(image - reference), blocks(reference).mean(-1)
-    error = np.sqrt(difference.var(-1, ddof=1) / difference.shape[-1] + (mean * 2.0**-13) ** 2)
+    error = np.sqrt(difference.var(-1, ddof=1) / difference.shape[-1] + (mean * rounding) ** 2)
     result: _Floats = np.divide(difference.mean(-1), error, out=np.zeros_like(error), where=error > 0.0)
     return result
 
 
-def compared(path: Path, reference: Path, factor: int, spp: int, **settings: Any) -> _Floats:
-    """`tiles_apart` of a scene and a reference, whose pixels are averaged in squares."""
+def of_squares(reference: Path, factor: int) -> _Floats:
+    """An image whose pixels are averaged in squares."""
     pixels = read_image(reference).astype(np.float64)
     height, width = (side // factor for side in pixels.shape[:2])
-    pixels = pixels[: height * factor, : width * factor].reshape(height, factor, width, factor, 3).mean((1, 3))
-    scene = clrender.load(path)
-    image = clrender.render(scene, spp=spp, size=(width, height), seed=1, filter="box", **settings).linear
+    pixels = pixels[: height * factor, : width * factor].reshape(height, factor, width, factor, 3)
+    squares: _Floats = pixels.mean((1, 3))
+    return squares
+
+
+def compared(
+    path: Path, reference: Path, factor: int, spp: int, rounding: float = 2.0**-13, **settings: Any
+) -> _Floats:
+    """`tiles_apart` of a scene and a reference, whose pixels are averaged in squares."""
+    pixels = of_squares(reference, factor)
+    size = (pixels.shape[1], pixels.shape[0])
+    image = clrender.render(clrender.load(path), spp=spp, size=size, seed=1, filter="box", **settings).linear
     assert float(image.mean()) == pytest.approx(float(pixels.mean()), rel=2e-3)
-    return tiles_apart(image.astype(np.float64), pixels)
+    return tiles_apart(image.astype(np.float64), pixels, rounding)
 
 
 @pytest.mark.slow
@@ -219,3 +231,61 @@ def test_the_cornell_box_in_three_formats(device: Device, tmp_path: Path) -> Non
         assert float(image.mean()) == pytest.approx(float(images[0].mean()), rel=0.01)
         assert np.abs(tiles_apart(image, images[0])).max() < 6.0  # 16 pixels a tile: Student's t, 768 of them
     assert float(clrender.render(dark, **same).linear.mean()) < 0.7 * float(images[0].mean())
+
+
+@pytest.mark.slow
+@needs_assets
+@pytest.mark.parametrize("file", ["scene_v3.xml", "scene_v06.xml"])
+def test_veachs_plates_as_tungsten_has_them(file: str) -> None:
+    """Of light that is scattered once, in half floats that are cut off: see the next test."""
+    reference = VEACH / "TungstenRender.exr"
+    apart = compared(VEACH / "mitsuba" / file, reference, 4, 512, rounding=2.0**-11, max_depth=1)
+    assert np.abs(apart).max() < 3.5
+
+
+@pytest.mark.slow
+@needs_assets
+def test_the_wall_behind_veachs_plates(device: Device) -> None:
+    """Three spheres over a diffuse wall have a closed form: ours has it, the reference's half floats are cut off."""
+    scene = clrender.load(VEACH / "mitsuba" / "scene_v3.xml")
+    x, y = np.meshgrid(np.arange(145, 175) + 0.5, np.arange(3, 23) + 0.5)
+    half = math.tan(math.radians(17.5))
+    # In the middle no sphere stands before another. The camera looks along -x from (28.2792, 3.5, 0), and the image's
+    # x is -z; the wall is at x = -5
+    away = (28.2792 + 5.0) * half
+    height, across = 3.5 + away * (1.0 - y / 90.0) * 9.0 / 16.0, -away * (x / 160.0 - 1.0)
+    expected = np.zeros_like(x)
+    for radius, z, radiance in ((1.0, -2.8, 7.59909), (0.5, 0.0, 30.3964), (0.05, 2.7, 3039.64)):
+        distance2 = 25.0 + (height - 6.5) ** 2 + (across - z) ** 2
+        expected += 0.5 * radiance * radius**2 * 5.0 / distance2**1.5
+    same: dict[str, Any] = {"spp": 256, "size": (320, 180), "filter": "box", "max_depth": 1}
+    images = [clrender.render(scene, device=device.info.index, seed=seed, **same).linear for seed in range(6)]
+    shares = [float((image[3:23, 145:175, 1] / expected).mean()) for image in images]
+    error = float(np.std(shares, ddof=1)) / math.sqrt(len(shares))
+    assert error < 2e-4
+    assert float(np.mean(shares)) == pytest.approx(1.0, abs=5.0 * error)  # Student's t with 5 degrees of freedom
+    reference = of_squares(VEACH / "TungstenRender.exr", 4)[3:23, 145:175, 1]
+    # Half floats from 1/4 to 1/2 stand 2^-12 apart
+    assert float((reference - expected).mean()) == pytest.approx(-(2.0**-13), rel=0.3)
+
+
+@pytest.mark.slow
+@needs_assets
+def test_veachs_plates_in_two_formats(device: Device, tmp_path: Path) -> None:
+    """pbrt's file has other metals: of GGX, and undimmed. With these the XML is the same scene."""
+    text = (VEACH / "mitsuba" / "scene_v3.xml").read_text(encoding="utf-8").replace("beckmann", "ggx")
+    (tmp_path / "a.xml").write_text(text.replace('"0.3, 0.3, 0.3"', '"1, 1, 1"'), encoding="utf-8")
+    images = [
+        clrender.render(
+            clrender.load(path),
+            device=device.info.index,
+            size=(320, 180),
+            spp=256,
+            max_depth=1,
+            filter="box",
+            seed=seed,
+        ).linear.astype(np.float64)
+        for seed, path in enumerate((tmp_path / "a.xml", VEACH / "pbrt" / "scene-v4.pbrt"))
+    ]
+    assert float(images[0].mean()) == pytest.approx(float(images[1].mean()), rel=3e-3)
+    assert np.abs(tiles_apart(images[0], images[1])).max() < 4.5

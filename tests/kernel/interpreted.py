@@ -203,12 +203,13 @@ def scene(run: Run, folder: Path) -> FlatScene:
         {"type": "triangle", "vertices": ((-1, 1.5, -0.5), (0, 1.5, -0.5), (-0.5, 1.5, 0.5)), "emission": (2, 3, 4)},
         {"type": "mesh", "file": "ball.obj", "material": "matt"},
     ]
+    once = {"multiple_scattering": False, "microfacets": "beckmann"}
     rough = {
         "clay": {"type": "oren_nayar", "reflectance": color, "roughness": 0.7},
         "paint": {"type": "principled", "coat": 0.5, "sheen_color": color, "transmission": 0.3, "metallic": 0.2},
         "matt": {"type": "mix", "materials": ("clay", "paint")},
-        "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4, "anisotropy": 0.5},
-        "glass": {"type": "dielectric", "ior": 1.5, "roughness": 0.4},
+        "mirror": {"type": "conductor", "metal": "Au", "roughness": 0.4, "anisotropy": 0.5, **once},
+        "glass": {"type": "dielectric", "ior": 1.5, "roughness": 0.4, "microfacets": "beckmann"},
     }
     if run.interiors:
         shapes += [

@@ -49,13 +49,15 @@ def numbers(text: str) -> Floats:
     return np.array([float(word) for word in text.split()])
 
 
-def facets(device: Device, along: Floats, alpha: tuple[float, float]) -> tuple[Floats, Floats]:
+def facets(
+    device: Device, along: Floats, alpha: tuple[float, float], kernel: str = "material_facets"
+) -> tuple[Floats, Floats]:
     """D and G1 of directions (n, 3)."""
     count = -(-len(along) // 256) * 256
     padded = np.concatenate([along, np.tile([[0.0, 0.0, 1.0]], (count - len(along), 1))]).T.astype(np.float32)
     buffers = [device.upload(np.ascontiguousarray(padded)), device.empty(8 * count)]
     given: list[Any] = [buffers[0], np.array([*alpha, 0.0, 0.0], np.float32), np.uint32(count), buffers[1]]
-    device.launch(device.program(SOURCE, {"LANES": 16}), "material_facets", count // 16, 16, given)
+    device.launch(device.program(SOURCE, {"LANES": 16}), kernel, count // 16, 16, given)
     out = np.empty((2, count), np.float32)
     device.read(buffers[1], out)
     for buffer in buffers:
@@ -76,6 +78,26 @@ def test_mitsuba_microfacets(device: Device) -> None:
     np.testing.assert_allclose(facets(device, m, (0.1, 0.3))[0], density, rtol=1e-6)
     # Of the table itself single precision has left the exact density by 1.05e-5 in one place
     np.testing.assert_allclose(density * m[:, 2], numbers(D_TIMES_COSINE), rtol=1.1e-5)
+
+
+def test_beckmanns_facets(device: Device) -> None:
+    """Against the formulas of Walter et al. (EGSR 2007, eq. 25, and its Λ before it was fitted)."""
+    tilts = np.linspace(0.0, 1.57, 200)
+    across = np.sin(tilts)
+    m = np.stack([across * math.cos(0.4), across * math.sin(0.4), np.cos(tilts)], axis=1)
+    m = m.astype(np.float32).astype(np.float64)
+    x, y, z = m.T
+    for alpha in ((0.1, 0.1), (0.05, 0.3), (1.0, 1.0)):
+        density, seen = facets(device, m, alpha, "material_beckmann")
+        slope2 = ((x / alpha[0]) ** 2 + (y / alpha[1]) ** 2) / z**2
+        expected = np.exp(-slope2) / (math.pi * alpha[0] * alpha[1] * z**4)
+        there = slope2 < 40.0
+        # The exponent's rounding errors are as large as it is
+        np.testing.assert_allclose(density[there], expected[there], rtol=2e-5)
+        assert (density[slope2 > 90.0] == 0.0).all()
+        a = z[1:] / np.hypot(alpha[0] * x, alpha[1] * y)[1:]
+        hidden = np.array([(math.erf(b) - 1.0) / 2.0 + math.exp(-b * b) / (2.0 * b * math.sqrt(math.pi)) for b in a])
+        np.testing.assert_allclose(seen[1:], 1.0 / (1.0 + hidden), rtol=4e-3, atol=1e-6)
 
 
 def turned(x: float, y: float) -> dict[str, Any]:

@@ -16,10 +16,7 @@ __all__ = ["SurfaceReader"]
 
 _BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
 _BECKMANN: Final = (
-    "microfacets of Beckmann's distribution are read as GGX of the same alpha, whose highlights reach further"
-)
-_MULTIPLE: Final = (
-    "rough metals and glass return the light that Mitsuba loses between their facets: wide lobes are brighter"
+    "plastic of Beckmann's microfacets is read as of GGX of the same alpha, whose highlights reach further"
 )
 
 
@@ -64,11 +61,17 @@ class SurfaceReader:
             )
         return DIELECTRICS[material]
 
-    def _alpha(self, plugin: Plugin, default_distribution: str = "beckmann") -> Any:
-        """Our roughness; for a texture of alpha that of 0.1."""
-        if plugin.text("distribution", default_distribution) != "ggx":
-            self._staging.note(_BECKMANN)
+    def _microfacets(self, plugin: Plugin) -> dict[str, Any]:
+        """Of rough metal and glass, which lose the light that meets a second facet there."""
+        distribution = plugin.text("distribution", "beckmann").lower()
+        if distribution not in ("beckmann", "ggx"):
+            self._staging.note(f"microfacets of the distribution {quoted(distribution)} are read as Beckmann's")
+            distribution = "beckmann"
         plugin.ignore("sample_visible")
+        return {"roughness": self._roughness(plugin), "microfacets": distribution, "multiple_scattering": False}
+
+    def _roughness(self, plugin: Plugin) -> float:
+        """Ours; for a texture of alpha that of 0.1."""
         if any(plugin.child(name) is not None for name in ("alpha", "alpha_u", "alpha_v")):
             self._staging.note("textures of alpha are left out: alpha is 0.1 there")
             return roughness_of(0.1)
@@ -78,8 +81,6 @@ class SurfaceReader:
             alpha = max(u * v, 0.0) ** 0.5
             if u != v:
                 self._staging.note("alpha along u and along v is read as one: the root of their product")
-        if alpha > 0.1:
-            self._staging.note(_MULTIPLE)
         return roughness_of(alpha)
 
     def dielectric(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
@@ -95,7 +96,7 @@ class SurfaceReader:
         if plugin.type == "thindielectric":
             made["thin"] = True
         elif plugin.type == "roughdielectric":
-            made["roughness"] = self._alpha(plugin)
+            made |= self._microfacets(plugin)
         return made
 
     def _metal(self, plugin: Plugin) -> tuple[Color, Color]:
@@ -123,29 +124,25 @@ class SurfaceReader:
     def conductor(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
         """Smooth or rough metal."""
         eta, k = self._metal(plugin)
-        roughness = self._alpha(plugin) if plugin.type == "roughconductor" else 0.0
-        made: dict[str, Any] = {"type": "conductor", "roughness": roughness, "two_sided": two_sided}
+        rough = self._microfacets(plugin) if plugin.type == "roughconductor" else {"roughness": 0.0}
+        made: dict[str, Any] = {"type": "conductor", **rough, "two_sided": two_sided}
         plain = max(eta) <= 1e-3 and set(k) == {1.0}  # "none": reflects everything
         tint = self._textures.color(plugin, "specular_reflectance", 1.0, texture=plain)
-        if plain and roughness == 0.0:
+        if plain and rough["roughness"] == 0.0:
             return {"type": "mirror", "reflectance": tint, "two_sided": two_sided}
         if plain:
             return {**made, "f0": tint}
-        made |= {"eta": list(eta), "k": list(k)}
+        measured = made | {"eta": list(eta), "k": list(k)}
         if tint == [1.0] * 3:
-            return made
+            return measured
         if max(tint) == min(tint):
-            return self.dimmed(plugin, made, tint[0])
+            return self.dimmed(plugin, measured, tint[0])
         self._staging.note(
             "the colour of a metal's specular_reflectance is put into its reflectance straight on (Schlick)"
         )
         straight = [((n - 1.0) ** 2 + x * x) / ((n + 1.0) ** 2 + x * x) for n, x in zip(eta, k, strict=True)]
-        return {
-            "type": "conductor",
-            "roughness": roughness,
-            "two_sided": two_sided,
-            "f0": [a * b for a, b in zip(straight, tint, strict=True)],
-        }
+        made["f0"] = [a * b for a, b in zip(straight, tint, strict=True)]
+        return made
 
     def dimmed(self, plugin: Plugin, whole: dict[str, Any], share: float) -> dict[str, Any]:
         """Exactly a share of what a material reflects: a mixture with black."""
@@ -165,7 +162,12 @@ class SurfaceReader:
                 inner = internal_reflectance(ior)
                 base = [x * (1.0 - inner) / (1.0 - x * inner) for x in base]
         specular = self._textures.color(plugin, "specular_reflectance", 1.0, texture=False)
-        roughness = self._alpha(plugin) if plugin.type == "roughplastic" else 0.0
+        roughness = 0.0
+        if plugin.type == "roughplastic":
+            roughness = self._roughness(plugin)
+            if plugin.text("distribution", "beckmann") != "ggx":
+                self._staging.note(_BECKMANN)
+            plugin.ignore("sample_visible")
         if not ior >= 1.0:
             self._staging.note("plastic thinner than what is around it is read as of index 1")
         return {

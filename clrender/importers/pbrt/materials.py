@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
@@ -12,10 +12,6 @@ from clrender.importers.shared.staging import Staging, roughness_of
 from clrender.scene.wording import quoted, suggestion
 
 __all__ = ["MaterialReader"]
-
-_MULTIPLE: Final = (
-    "rough metals and glass return the light that pbrt loses between their facets: wide lobes are brighter"
-)
 
 
 class MaterialReader:
@@ -102,11 +98,10 @@ class MaterialReader:
         parameters.ignore("transmittance", "scale")
         return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.25)}
 
-    def _roughness(self, parameters: Parameters, prefix: str = "", default: float = 0.0) -> float:
-        alpha = self._textures.alpha(parameters, prefix, default)
-        if alpha > 0.1:
-            self._staging.note(_MULTIPLE)
-        return roughness_of(alpha)
+    def _microfacets(self, parameters: Parameters, prefix: str = "") -> dict[str, Any]:
+        """Of metal and glass, which lose the light that meets a second facet there."""
+        roughness = roughness_of(self._textures.alpha(parameters, prefix))
+        return {"roughness": roughness, "multiple_scattering": False} if roughness else {"roughness": 0.0}
 
     def _coated_diffuse(self, parameters: Parameters) -> dict[str, Any]:
         ior = max(self._textures.index(parameters), 1.0)
@@ -140,19 +135,19 @@ class MaterialReader:
         return {"eta": [min(max(x, 1e-3), 1000.0) for x in eta], "k": [min(max(x, 0.0), 1000.0) for x in k]}
 
     def _conductor(self, parameters: Parameters) -> dict[str, Any]:
-        return {"type": "conductor", **self._metal(parameters, ""), "roughness": self._roughness(parameters)}
+        return {"type": "conductor", **self._metal(parameters, ""), **self._microfacets(parameters)}
 
     def _coated_conductor(self, parameters: Parameters) -> dict[str, Any]:
         self._staging.note('"coatedconductor" is read as a conductor: without its coat')
         self._textures.index(parameters, "interface.eta")
         self._textures.alpha(parameters, "interface.")
         self._layers(parameters)
-        roughness = self._roughness(parameters, "conductor.")
-        return {"type": "conductor", **self._metal(parameters, "conductor."), "roughness": roughness}
+        microfacets = self._microfacets(parameters, "conductor.")
+        return {"type": "conductor", **self._metal(parameters, "conductor."), **microfacets}
 
     def _dielectric(self, parameters: Parameters) -> dict[str, Any]:
         ior = min(max(self._textures.index(parameters), 1e-3), 1000.0)
-        return {"type": "dielectric", "ior": ior, "roughness": self._roughness(parameters)}
+        return {"type": "dielectric", "ior": ior, **self._microfacets(parameters)}
 
     def _mix(self, parameters: Parameters) -> dict[str, Any]:
         names = parameters.texts("materials")

@@ -9,16 +9,17 @@
 #define MATERIAL_LOBE_GLASS_H
 
 #include "material/albedo.h"
+#include "material/beckmann.h"
 #include "material/dielectric.h"
 #include "material/fresnel.h"
-#include "material/ggx.h"
 
 typedef struct {
     vmask there, thin;
+    vmask beckmann;          // the facets' distribution; else GGX
     vec3 color;              // of what passes
     vfloat share;            // of the surface
     vfloat alpha, eta;       // index beyond over index on this side; thin: of the wall over the outside
-    vfloat missing;          // 1 − E(μo)
+    vfloat missing;          // 1 − E(μo); 0 where light meets one facet only
     vfloat passes;           // of what both lobes leave over, the share that is transmitted
     vfloat back, through;    // scales of the diffuse lobes: r / (π (1 − E_avg)), s / π
     vfloat squeezed;         // 1/eta², thin: 1
@@ -134,7 +135,8 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
     const vfloat hidden = splat(1.0f) + ggx_lambda(a, wo);
     const vfloat common = lit & g->there ? part * ggx_distribution(a, m) * jacobian / wo.z : splat(0.0f);
     *pdf = common / hidden;
-    const vfloat once = common / ((hidden + ggx_lambda(a, up)) * cosine);
+    vfloat once = common / ((hidden + ggx_lambda(a, up)) * cosine);
+    if (lane_any(g->beckmann)) once = g->beckmann ? once * beckmann_over_ggx(a, wo, up, m) : once;
 
     // Diffuse lobes
     const vfloat missing = glass_missing(g, tables, above == (g->eta < 1.0f), cosine);

@@ -1,4 +1,4 @@
-// Reflection by microfacets (material/ggx.h): of metals by Fresnel's equations for a complex index of refraction, and of anything by
+// Reflection by microfacets (material/ggx.h, beckmann.h): of metals by Fresnel's equations for a complex index of refraction, and of anything by
 // Schlick's approximation. What metals reflect more than once between facets is added by a second, diffuse lobe (Kulla & Conti,
 // SIGGRAPH course 2017), so that roughness loses no energy; below other surfaces it goes to what lies there.
 // Frame: local, z = shading normal on the side of `wo`. eval: f in 1/sr, without the cosine. pdf: per steradian.
@@ -6,15 +6,16 @@
 #define MATERIAL_LOBE_REFLECTION_H
 
 #include "material/albedo.h"
+#include "material/beckmann.h"
 #include "material/fresnel.h"
-#include "material/ggx.h"
 
 typedef struct {
     vmask there;
     vmask measured;          // by eta and k; else Schlick
+    vmask beckmann;          // the facets' distribution; else GGX
     vec3 f0, f90;            // times their share of the surface; where measured: eta and k
     vec3 multiple;           // scale of the second lobe: F_ms / (π (1 − E_avg)) times the share of metal
-    vfloat missing;          // 1 − E(μo)
+    vfloat missing;          // 1 − E(μo); 0 where facets reflect once only
 } Reflection;
 
 // Scale of the second lobe of a metal with that average Fresnel term.
@@ -34,7 +35,8 @@ static vec3 reflection_fresnel(const Reflection* r, vfloat cosine) {
 
 // `m`: the normal between `wo` and `wi`. `missing`: 1 − E(μi). The density is that of the first lobe.
 static vec3 reflection_eval(const Reflection* r, Alpha a, vec3 m, vec3 wo, vec3 wi, vfloat missing, vfloat* pdf) {
-    const vfloat once = ggx_reflection(a, wo, wi, m, pdf);
+    vfloat once = ggx_reflection(a, wo, wi, m, pdf);
+    if (lane_any(r->beckmann)) once = r->beckmann ? once * beckmann_over_ggx(a, wo, wi, m) : once;
     const vec3 f = scale(reflection_fresnel(r, bounded(inner(wo, m), 0.0f, 1.0f)), once);
     *pdf = r->there ? *pdf : splat(0.0f);
     return choose(r->there, along(f, r->multiple, r->missing * missing), vec3_all(0.0f));
