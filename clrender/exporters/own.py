@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Mesh, Scene
-from clrender.scene.description import put_at
+from clrender.scene.content_hash import put_at
 from clrender.scene.environment import ENDINGS
 from clrender.scene.load import SCENE_FILE_LIMIT
 from clrender.scene.wording import place, quoted

@@ -1,4 +1,4 @@
-"""What a scene is: the validated model behind a scene file, without any file access.
+"""What a scene is: the validated model behind a scene file.
 
 Every table of the file is one frozen pydantic model with unknown keys forbidden, so that a misspelt key is an error
 and never ignored. Numbers are finite and bounded here; what needs more than one number (a camera that looks at itself,
@@ -7,22 +7,21 @@ a transform that squashes a sphere) is checked by the model that holds them. `va
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+from typing import Annotated, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import FailFast, Field, PrivateAttr, Strict, create_model, model_validator
+from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
 
 from clrender.errors import SceneError
-from clrender.exposure import PHOTOGRAPHIC, photographic_stops
-from clrender.integrators import INTEGRATORS
+from clrender.exposure import photographic_stops
 from clrender.scene.camera import Camera
+from clrender.scene.content_hash import content_sha256
+from clrender.scene.defaults import Image, Render
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
 from clrender.scene.ies import IesProfile, read_ies
@@ -37,22 +36,17 @@ from clrender.scene.light_kinds import (
     SunSkyLight,
 )
 from clrender.scene.materials import (
-    BASE_COLORS,
     MATERIAL_TYPES,
-    MIX_DEPTH,
     Dielectric,
     Lambert,
     Material,
     Mirror,
-    Mix,
-    Principled,
-    Subsurface,
-    material_without_color,
 )
 from clrender.scene.medium import Medium
 from clrender.scene.mesh_data import MeshData, inline_mesh
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.named_files import open_named_file
+from clrender.scene.references import check_references
 from clrender.scene.shapes import AnyShape, Mesh
 from clrender.scene.texels import StoredPicture, TexelStore
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
@@ -61,12 +55,9 @@ from clrender.scene.values import (
     SHAPE_LIMIT,
     Name,
     Part,
-    SettingValue,
-    fault,
 )
 from clrender.scene.vertex_colors import VertexColors
-from clrender.scene.wording import place, quoted, suggestion
-from clrender.settings import PIXEL_LIMIT, SETTINGS, not_taken
+from clrender.scene.wording import place, quoted
 
 __all__ = [
     "LIGHT_TYPES",
@@ -87,60 +78,6 @@ __all__ = [
     "SpotLight",
     "SunSkyLight",
 ]
-
-# --- image, render ---------------------------------------------------------------------------------------------------
-
-
-def _keys(section: str) -> dict[str, Any]:
-    """What a table of the scene file may hold, of the table of settings."""
-    of_it = [setting for setting in SETTINGS.values() if setting.section == section]
-    return {setting.name: (Annotated[Any, SettingValue(setting)], setting.default) for setting in of_it}
-
-
-class _Size(Part):
-    @model_validator(mode="after")
-    def _fits(self) -> _Size:
-        assert isinstance(self, Image)
-        if self.width * self.height > PIXEL_LIMIT:
-            size = f"{self.width} x {self.height} is {self.width * self.height} pixels"
-            raise fault("image", f"is too large: {size}, but {PIXEL_LIMIT} is the most")
-        return self
-
-
-class _Defaults(Part):
-    @model_validator(mode="after")
-    def _go_together(self) -> _Defaults:
-        values = self.model_dump()
-        for name, allowed in INTEGRATORS[values["integrator"]].takes.items():
-            if values[name] not in allowed:
-                raise fault("setting", not_taken(name, values[name], values["integrator"]), name)
-        return self
-
-
-if TYPE_CHECKING:
-
-    class Image(_Size):
-        """Size of the image."""
-
-        width: int = 800
-        height: int = 800
-
-    class Render(_Defaults):
-        """Defaults of a render's settings; the command line wins."""
-
-        def __getattr__(self, name: str) -> Any: ...
-
-else:
-    Image = create_model("Image", __base__=_Size, __doc__="Size of the image.", **_keys("image"))
-    Render = create_model(
-        "Render",
-        __base__=_Defaults,
-        __doc__="Defaults of a render's settings; the command line wins.",
-        **_keys("render"),
-    )
-
-
-# --- the whole -------------------------------------------------------------------------------------------------------
 
 
 def _working_folder() -> Path:
@@ -185,90 +122,8 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
-        for at, shape in self.all_shapes():
-            if shape.material is not None and shape.material not in self.materials:
-                sentence = f"names a material {quoted(shape.material)} that does not exist"
-                raise fault("reference", sentence + suggestion(shape.material, self.materials), *at, "material")
-            if shape.material is not None and shape.emission is not None and _shines(self.materials[shape.material]):
-                other = place(("materials", shape.material, "emission"))
-                raise fault("reference", f"is given beside {other}; keep one of them", *at, "emission")
-        for i, instance in self.instances():
-            if instance.group not in self.groups:
-                sentence = f"names a group {quoted(instance.group)} that does not exist"
-                raise fault("reference", sentence + suggestion(instance.group, self.groups), "shapes", i, "group")
-        self._media_resolve()
-        self._mixtures_resolve()
-        self._colors_have_materials()
-        environments = [i for i, light in enumerate(self.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
-        for i in environments[1:]:
-            sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
-            raise fault("light", sentence, "lights", i)
+        check_references(self)
         return self
-
-    def _media_resolve(self) -> None:
-        """The media that shapes and the fog name exist, and light gets into them."""
-        named: list[tuple[str | None, tuple[str | int, ...]]] = [(self.fog, ("fog",))]
-        named += [(shape.interior, (*at, "interior")) for at, shape in self.all_shapes()]
-        for name, at in named:
-            if name is not None and name not in self.media:
-                sentence = f"names a medium {quoted(name)} that does not exist"
-                raise fault("reference", sentence + suggestion(name, self.media), *at)
-        for at, shape in self.all_shapes():
-            if shape.interior is None or shape.material is None:
-                continue
-            material = self.materials[shape.material]
-            if isinstance(material, Subsurface):
-                sentence = f"is given, but the material {quoted(shape.material)} is subsurface and fills its shapes"
-                raise fault("reference", f"{sentence}; leave one of them out", *at, "interior")
-            if not isinstance(material, Dielectric | Principled) or not material.solid:
-                sentence = f"is given, but the material {quoted(shape.material)} lets no light inside"
-                cure = "give the shape a dielectric, or leave its material out"
-                raise fault("reference", f"{sentence}; {cure}", *at, "interior")
-            if material.attenuation_color is not None:
-                other = place(("materials", shape.material, "attenuation_color"))
-                raise fault("reference", f"is given beside {other}; keep one of them", *at, "interior")
-
-    def _mixtures_resolve(self) -> None:
-        """Each material of a mixture exists, and none contains itself."""
-        for name, material in self.materials.items():
-            if not isinstance(material, Mix):
-                continue
-            for i, part in enumerate(material.materials):
-                if part not in self.materials:
-                    sentence = f"names a material {quoted(part)} that does not exist"
-                    sentence += suggestion(part, self.materials)
-                    raise fault("reference", sentence, "materials", name, "materials", i)
-                if self.materials[part].masked:
-                    sentence = f"names {quoted(part)}, which has an opacity; give the mixture one instead"
-                    raise fault("reference", sentence, "materials", name, "materials", i)
-                if isinstance(self.materials[part], Subsurface):
-                    sentence = f"names {quoted(part)}, which is subsurface: what fills a shape cannot be mixed"
-                    raise fault("reference", f"{sentence}; name another", "materials", name, "materials", i)
-                if _shines(self.materials[part]):
-                    sentence = f"names {quoted(part)}, which has emission; in a mixture it must have none"
-                    sentence += ": give the emission to the shapes instead"
-                    raise fault("reference", sentence, "materials", name, "materials", i)
-        for name in self.materials:
-            parts, depth = {name}, 0
-            while mixed := {p for n in parts if isinstance(m := self.materials[n], Mix) for p in m.materials}:
-                parts, depth = mixed, depth + 1
-                if name in parts or depth > MIX_DEPTH:
-                    reason = "contains itself" if name in parts else f"is nested more than {MIX_DEPTH} deep"
-                    raise fault("reference", f"{reason}; give two other materials", "materials", name, "materials")
-
-    def _colors_have_materials(self) -> None:
-        """What colours of vertices multiply is there."""
-        for at, shape in self.all_shapes():
-            if not isinstance(shape, Mesh) or shape.color_key is None:
-                continue
-            if shape.material is None:
-                sentence = "is given, but the shape has no material whose colour it could multiply; name one"
-                raise fault("mesh", sentence, *at, shape.color_key)
-            plain = material_without_color(self.materials, shape.material)
-            if plain is not None:
-                sentence = f"would multiply the colour of the material {quoted(plain)}, which has none"
-                cure = f"give it one of {', '.join(BASE_COLORS)}, or leave {shape.color_key} out"
-                raise fault("mesh", f"{sentence}; {cure}", *at, shape.color_key)
 
     def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
         """Its shapes and those of its groups, each with its place in the scene's description; no instances."""
@@ -634,41 +489,11 @@ class Scene(Part):
             64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels,
             an IES file by its intensities, none by its name.
         """
-        return self._hash_without({"title", "render"})
+        return content_sha256(self, {"title", "render"})
 
     def content_sha256(self) -> str:
         """The same of shapes, materials and lights alone: whoever looks at them, and however."""
-        return self._hash_without({"title", "camera", "image", "render"})
-
-    def _hash_without(self, left_out: set[str]) -> str:
-        content = self.model_dump(mode="json", exclude=left_out)
-        for key in PHOTOGRAPHIC:
-            content.get("camera", {}).pop(key, None)
-        if not self.camera.mirrored:  # a key that is younger than hashes in films
-            content.get("camera", {}).pop("mirrored", None)
-        if not self.groups:  # likewise
-            content.pop("groups", None)
-        for index in range(len(self.shapes)):
-            content["shapes"][index].pop("name", None)
-        for at, shape in self.all_shapes():
-            if at[0] == "groups":
-                content["groups"][at[1]]["shapes"][at[3]].pop("name", None)
-            if isinstance(shape, Mesh) and shape.file is not None:
-                put_at(content, (*at, "file"), self.mesh_of(at, shape).sha256())
-        for index, instance in self.instances():
-            if instance.file is not None:
-                content["shapes"][index]["transforms"] = self.transforms(index).sha256()
-        picture = self.environment_picture()
-        for light in content["lights"]:
-            if light["type"] == "environment" and picture is not None:
-                light["file"] = picture.sha256()
-        for index, _ in self.ies_lights():
-            content["lights"][index]["file"] = self.ies_profile(index).sha256()
-        if named := self.texture_files():
-            store = self.textures()
-            for at, texture in named:
-                put_at(content, at, store.picture(texture).sha256)
-        return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+        return content_sha256(self, {"title", "camera", "image", "render"})
 
 
 def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:
@@ -680,14 +505,3 @@ def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str,
     path = Path(asked).absolute()
     picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
     return EnvironmentLight(type="environment", file=str(path)), {str(path): picture}
-
-
-def _shines(material: Material) -> bool:
-    return isinstance(material, Principled) and material.shines
-
-
-def put_at(description: Any, at: tuple[str | int, ...], value: str) -> None:
-    """Write a text into nested tables and lists."""
-    for step in at[:-1]:
-        description = description[step]
-    description[at[-1]] = value

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
-from clrender.scene.description import Scene, put_at
+from clrender.scene.content_hash import put_at
+from clrender.scene.description import Scene
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile

@@ -1,0 +1,129 @@
+"""Whether the names that the parts of a scene give each other exist, and go together."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from clrender.scene.light_kinds import EnvironmentLight, SunSkyLight
+from clrender.scene.materials import (
+    BASE_COLORS,
+    MIX_DEPTH,
+    Dielectric,
+    Material,
+    Mix,
+    Principled,
+    Subsurface,
+    material_without_color,
+)
+from clrender.scene.shapes import Mesh
+from clrender.scene.values import fault
+from clrender.scene.wording import place, quoted, suggestion
+
+if TYPE_CHECKING:
+    from clrender.scene.description import Scene
+
+__all__ = ["check_references"]
+
+
+def check_references(scene: Scene) -> None:
+    """Complain of the first name that names nothing, or nothing that fits.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Raises
+    ------
+    pydantic_core.PydanticCustomError
+        With the place of the name, as of `clrender.scene.values.fault`.
+    """
+    for at, shape in scene.all_shapes():
+        if shape.material is not None and shape.material not in scene.materials:
+            sentence = f"names a material {quoted(shape.material)} that does not exist"
+            raise fault("reference", sentence + suggestion(shape.material, scene.materials), *at, "material")
+        if shape.material is not None and shape.emission is not None and _shines(scene.materials[shape.material]):
+            other = place(("materials", shape.material, "emission"))
+            raise fault("reference", f"is given beside {other}; keep one of them", *at, "emission")
+    for i, instance in scene.instances():
+        if instance.group not in scene.groups:
+            sentence = f"names a group {quoted(instance.group)} that does not exist"
+            raise fault("reference", sentence + suggestion(instance.group, scene.groups), "shapes", i, "group")
+    _check_media(scene)
+    _check_mixtures(scene)
+    _check_colors(scene)
+    environments = [i for i, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
+    for i in environments[1:]:
+        sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
+        raise fault("light", sentence, "lights", i)
+
+
+def _check_media(scene: Scene) -> None:
+    """The media that shapes and the fog name exist, and light gets into them."""
+    named: list[tuple[str | None, tuple[str | int, ...]]] = [(scene.fog, ("fog",))]
+    named += [(shape.interior, (*at, "interior")) for at, shape in scene.all_shapes()]
+    for name, at in named:
+        if name is not None and name not in scene.media:
+            sentence = f"names a medium {quoted(name)} that does not exist"
+            raise fault("reference", sentence + suggestion(name, scene.media), *at)
+    for at, shape in scene.all_shapes():
+        if shape.interior is None or shape.material is None:
+            continue
+        material = scene.materials[shape.material]
+        if isinstance(material, Subsurface):
+            sentence = f"is given, but the material {quoted(shape.material)} is subsurface and fills its shapes"
+            raise fault("reference", f"{sentence}; leave one of them out", *at, "interior")
+        if not isinstance(material, Dielectric | Principled) or not material.solid:
+            sentence = f"is given, but the material {quoted(shape.material)} lets no light inside"
+            cure = "give the shape a dielectric, or leave its material out"
+            raise fault("reference", f"{sentence}; {cure}", *at, "interior")
+        if material.attenuation_color is not None:
+            other = place(("materials", shape.material, "attenuation_color"))
+            raise fault("reference", f"is given beside {other}; keep one of them", *at, "interior")
+
+
+def _check_mixtures(scene: Scene) -> None:
+    """Each material of a mixture exists, and none contains itscene."""
+    for name, material in scene.materials.items():
+        if not isinstance(material, Mix):
+            continue
+        for i, part in enumerate(material.materials):
+            if part not in scene.materials:
+                sentence = f"names a material {quoted(part)} that does not exist"
+                sentence += suggestion(part, scene.materials)
+                raise fault("reference", sentence, "materials", name, "materials", i)
+            if scene.materials[part].masked:
+                sentence = f"names {quoted(part)}, which has an opacity; give the mixture one instead"
+                raise fault("reference", sentence, "materials", name, "materials", i)
+            if isinstance(scene.materials[part], Subsurface):
+                sentence = f"names {quoted(part)}, which is subsurface: what fills a shape cannot be mixed"
+                raise fault("reference", f"{sentence}; name another", "materials", name, "materials", i)
+            if _shines(scene.materials[part]):
+                sentence = f"names {quoted(part)}, which has emission; in a mixture it must have none"
+                sentence += ": give the emission to the shapes instead"
+                raise fault("reference", sentence, "materials", name, "materials", i)
+    for name in scene.materials:
+        parts, depth = {name}, 0
+        while mixed := {p for n in parts if isinstance(m := scene.materials[n], Mix) for p in m.materials}:
+            parts, depth = mixed, depth + 1
+            if name in parts or depth > MIX_DEPTH:
+                reason = "contains itself" if name in parts else f"is nested more than {MIX_DEPTH} deep"
+                raise fault("reference", f"{reason}; give two other materials", "materials", name, "materials")
+
+
+def _check_colors(scene: Scene) -> None:
+    """What colours of vertices multiply is there."""
+    for at, shape in scene.all_shapes():
+        if not isinstance(shape, Mesh) or shape.color_key is None:
+            continue
+        if shape.material is None:
+            sentence = "is given, but the shape has no material whose colour it could multiply; name one"
+            raise fault("mesh", sentence, *at, shape.color_key)
+        plain = material_without_color(scene.materials, shape.material)
+        if plain is not None:
+            sentence = f"would multiply the colour of the material {quoted(plain)}, which has none"
+            cure = f"give it one of {', '.join(BASE_COLORS)}, or leave {shape.color_key} out"
+            raise fault("mesh", f"{sentence}; {cure}", *at, shape.color_key)
+
+
+def _shines(material: Material) -> bool:
+    return isinstance(material, Principled) and material.shines
