@@ -27,6 +27,7 @@ __all__: list[str] = []
 
 _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     **{scene: (scene, {}) for scene in SCENES},
+    "avenue": ("avenue", {}),
     "room, reuse": ("room", {"integrator": "reuse"}),
     "room, photon": ("room", {"integrator": "photon", "photons": 20000}),
     "room-diffuse, radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 1000}),

@@ -259,7 +259,9 @@ def load(one: Job) -> Any:
             "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,
             "bsdf": material(part.material, folder), **around,
         }  # fmt: skip
-    return mitsuba.load_dict({**scene, **placed(one)})
+    # Version 3.9.1 forgets merged meshes in the scene's bounding box, and shadow rays to a sky then end too early
+    sky = any(described["type"] in ("environment", "sun_sky") for described in lights_of(one))
+    return mitsuba.load_dict({**scene, **placed(one)}, optimize=not sky)
 
 
 def placed(one: Job) -> dict[str, Any]:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
-import math
-import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
@@ -21,6 +18,7 @@ from clrender.files import atomic_write, check_writable, open_input
 from clrender.image.display import PIXEL_LIMIT, check_size, jpeg_bytes, png_note, read_display
 from clrender.image.display import png_bytes as display_png
 from clrender.image.tone_map import to_display
+from clrender.npy import read_npy_header, read_npy_items
 
 if TYPE_CHECKING:
     from clrender.image.exr_write import ExrFormat
@@ -246,28 +244,12 @@ def _read_exr(file: IO[bytes], most: int) -> _Image:
 
 
 def _read_npy(file: IO[bytes], most: int) -> _Image:
-    """NumPy's format, "NEP 1: a simple file format for NumPy arrays"; its own reader evaluates and warns too much."""
-    start = file.read(8)
-    if len(start) < 8 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
-        raise ValueError("it does not begin as NumPy's files do")
-    width = 2 if start[6] == 1 else 4
-    length = int.from_bytes(file.read(width), "little")
-    if length > _NPY_HEADER_LIMIT:
-        raise ValueError(f"its header is longer than {_NPY_HEADER_LIMIT} bytes")
-    try:
-        header = ast.literal_eval(file.read(length).decode("latin-1").strip())
-        kind, shape, fortran = np.dtype(str(header["descr"])), tuple(header["shape"]), bool(header["fortran_order"])
-    except Exception:
-        raise ValueError("its header cannot be read") from None
-    integers = all(type(size) is int for size in shape)
-    if not integers or len(shape) != 3 or shape[2] != 3 or kind.kind != "f" or kind.itemsize > 8:
-        raise ValueError(f"it holds {str(kind)[:20]} {str(shape)[:60]}, not float32 (height, width, 3)")
+    header = read_npy_header(file)
+    shape, kind = header.shape, header.kind
+    if len(shape) != 3 or shape[2] != 3 or kind.kind != "f" or kind.itemsize > 8:
+        raise ValueError(f"it holds {header}, not float32 (height, width, 3)")
     check_size(shape[1], shape[0], most)
-    size = math.prod(shape) * kind.itemsize
-    held = os.fstat(file.fileno()).st_size - 8 - width - length
-    if held != size:
-        raise ValueError(f"it has {max(held, 0)} bytes of pixels, but its header promises {size}")
-    pixels = np.frombuffer(file.read(size), kind).reshape(shape, order="F" if fortran else "C")
+    pixels = read_npy_items(file, header)
     with np.errstate(over="ignore"):
         return _as_image(pixels)
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, FailFast, Field, Tag, model_validator
 
 from clrender.errors import SceneError
+from clrender.npy import read_npy_header, read_npy_items
 from clrender.scene.geometry import affine
 from clrender.scene.named_files import open_named_file
 from clrender.scene.shapes import AnyShape, Shape, Transform
@@ -119,11 +120,7 @@ class TransformArray:
         SceneError
             If it is no such array, or one of its maps is not affine, is out of range or cannot be inverted.
         """
-        if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)) or array.dtype.kind != "f" or not len(array):
-            text = f"holds an array {array.shape} of {array.dtype}, but must hold (n, 3, 4) or (n, 4, 4) floating-point"
-            raise SceneError(f"{place} {text} numbers")
-        if len(array) > INSTANCE_LIMIT:
-            raise SceneError(f"{place} holds {len(array)} transforms, but {INSTANCE_LIMIT} is the most")
+        cls._check_shape(array.shape, array.dtype, place)
         if problem := _problem(array):
             raise SceneError(f"{place}[{problem[0]}] {problem[1]}")
         return cls(np.array(array[:, :3], np.float64))
@@ -140,13 +137,22 @@ class TransformArray:
         file, _ = open_named_file(name, base_folder, allow_paths, f"{place}: {name!r}", _FILE_LIMIT)
         with file:
             try:
-                array = np.lib.format.read_array(file, allow_pickle=False)
-            except (ValueError, EOFError, OSError, MemoryError, SyntaxError, TypeError, KeyError) as error:
-                reason = str(error).split("\n", 1)[0][:200]
+                header = read_npy_header(file)
+                cls._check_shape(header.shape, header.kind, f"{place}: {name!r}")
+                array = read_npy_items(file, header)
+            except (ValueError, OSError, MemoryError) as error:
                 raise SceneError(
-                    f"{place}: {name!r} is no sound NumPy file ({reason}); write it with numpy.save"
+                    f"{place}: {name!r} is no sound NumPy file ({error}); write it with numpy.save"
                 ) from None
         return cls.checked(array, f"{place}: {name!r}")
+
+    @staticmethod
+    def _check_shape(shape: tuple[int, ...], kind: np.dtype[Any], place: str) -> None:
+        if len(shape) != 3 or shape[1:] not in ((3, 4), (4, 4)) or kind.kind != "f" or not shape[0]:
+            text = f"holds an array {shape} of {kind}, but must hold (n, 3, 4) or (n, 4, 4) floating-point"
+            raise SceneError(f"{place} {text} numbers")
+        if shape[0] > INSTANCE_LIMIT:
+            raise SceneError(f"{place} holds {shape[0]} transforms, but {INSTANCE_LIMIT} is the most")
 
     @classmethod
     def of(cls, instance: Instance) -> TransformArray:
@@ -159,8 +165,8 @@ class TransformArray:
 
 def _problem(array: NDArray[Any]) -> tuple[int, str] | None:
     """The first map that cannot be one, and why."""
-    linear = np.asarray(array[:, :3, :3], np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
+        linear = np.asarray(array[:, :3, :3], np.float64)
         wild = ~np.isfinite(array).all(axis=(1, 2)) | (np.abs(array[:, :3]).max(axis=(1, 2)) > COORDINATE_LIMIT)
         bent = (
             (array[:, 3] != np.array([0.0, 0.0, 0.0, 1.0])).any(axis=1) if array.shape[1] == 4 else np.zeros_like(wild)

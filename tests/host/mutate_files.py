@@ -31,12 +31,15 @@ from clrender.film import Film
 from clrender.flatten import flatten
 from clrender.image.files import read_image, read_provenance, write_image
 from clrender.importers import load
+from clrender.scene import Scene
 from clrender.scene.ies import read_ies
 from clrender.scene.lamp_tables import lamp_table
 from clrender.scene.mesh_io import read_mesh
 
 __all__ = ["main"]
 
+PLACES = "-places.npy"
+"""The one ending that is not a format's: `.npy` alone is an image."""
 SECONDS = 10
 WORDS = [b"nan", b"-1", b"1e999", b"99999999999", b"\n", b" ", b"/", b"-", b"\\\n", b"#", b"0", b"(", b"'", b"\0", b"="]
 NUMBERS = [0, 1, 2, 127, 128, 255, 256, 32767, 65535, 65536, 2**20, 2**31 - 1, 2**31, 2**32 - 1]
@@ -141,6 +144,13 @@ def originals(folder: Path, ending: str) -> list[bytes]:
         film = Film(6, 5)
         film.save(path, {"seed": 1})
         return [path.read_bytes()]
+    if ending == PLACES:
+        maps = np.tile(np.eye(4)[:3], (5, 1, 1)) + np.arange(60).reshape(5, 3, 4) * 0.01
+        found = []
+        for array in (maps, np.asfortranarray(maps.astype(np.float32)), np.tile(np.eye(4, dtype=np.int8), (2, 1, 1))):
+            np.save(path.with_suffix(".npy"), array)
+            found.append(path.with_suffix(".npy").read_bytes())
+        return found
     write_image(path, image, {"seed": 1})
     found = [path.read_bytes()]
     if ending == ".exr":
@@ -277,6 +287,17 @@ def _scene(path: Path) -> Any:
     return flatten(scene, 8, 8) if zlib.crc32(path.read_bytes()) % 8 == 0 else scene
 
 
+def _placements(path: Path) -> Any:
+    """As placements of instances."""
+    box = {"type": "box", "size": [0.1, 0.1, 0.1]}
+    described = {
+        "camera": {"position": [0, 0, 5], "target": [0, 0, 0]},
+        "groups": {"a": {"shapes": [box]}},
+        "shapes": [{"type": "instance", "group": "a", "transforms": path.name}],
+    }
+    return flatten(Scene.model_validate(described).placed("here", path.parent), 8, 8)
+
+
 READERS: dict[str, Callable[[Path], Any]] = {
     ".ply": _mesh,
     ".obj": _mesh,
@@ -288,6 +309,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     ".glb": _scene,
     ".xml": _scene,
     ".pbrt": _scene,
+    PLACES: _placements,
 }
 
 

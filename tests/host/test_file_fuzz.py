@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 FILES = [".npy", ".exr", ".png", ".hdr", ".ies", ".film"]
-SCENES = [".ply", ".obj", ".mtl", ".stl", ".gltf", ".glb", ".xml", ".pbrt"]
+SCENES = [".ply", ".obj", ".mtl", ".stl", ".gltf", ".glb", ".xml", ".pbrt", "-places.npy"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""

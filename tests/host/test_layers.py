@@ -37,7 +37,7 @@ LAYERS = (
     ("integrators",),
     ("limits", "exposure"),
     ("image",),
-    ("files",),
+    ("files", "npy"),
     ("resources",),
     ("pixel_filter",),
     ("layout",),

@@ -1,0 +1,85 @@
+"""Arrays in NumPy's file format (NEP 1, "A simple file format for NumPy arrays"), of which nothing is evaluated.
+
+NumPy's own reader tokenises headers and warns about them, and believes what they say of sizes.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import os
+from dataclasses import dataclass
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["NpyHeader", "read_npy_header", "read_npy_items"]
+
+_HEADER_LIMIT: Final = 4096
+
+
+@dataclass(frozen=True)
+class NpyHeader:
+    """What a file says of its array.
+
+    Attributes
+    ----------
+    kind : numpy.dtype
+    shape : tuple of int
+    fortran : bool
+        Whether the first index runs fastest.
+    """
+
+    kind: np.dtype[Any]
+    shape: tuple[int, ...]
+    fortran: bool
+
+    def __str__(self) -> str:
+        return f"{str(self.kind)[:20]} {str(self.shape)[:60]}"
+
+
+def read_npy_header(file: IO[bytes]) -> NpyHeader:
+    """Read up to where the numbers begin.
+
+    Raises
+    ------
+    ValueError
+        It is no such header.
+    """
+    start = file.read(8)
+    if len(start) < 8 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
+        raise ValueError("it does not begin as NumPy's files do")
+    length = int.from_bytes(file.read(2 if start[6] == 1 else 4), "little")
+    if length > _HEADER_LIMIT:
+        raise ValueError(f"its header is longer than {_HEADER_LIMIT} bytes")
+    try:
+        header = ast.literal_eval(file.read(length).decode("latin-1").strip())
+        kind, shape, fortran = np.dtype(str(header["descr"])), tuple(header["shape"]), bool(header["fortran_order"])
+    except Exception:
+        raise ValueError("its header cannot be read") from None
+    if kind.hasobject or not all(type(size) is int and size >= 0 for size in shape):
+        raise ValueError(f"it holds {str(kind)[:20]} {str(shape)[:60]}")
+    return NpyHeader(kind, shape, fortran)
+
+
+def read_npy_items(file: IO[bytes], header: NpyHeader) -> NDArray[Any]:
+    """Read what the header promises.
+
+    Parameters
+    ----------
+    file : binary file
+        A real one, behind its header.
+    header : NpyHeader
+
+    Raises
+    ------
+    ValueError
+        The file has less or more than that.
+    """
+    size = math.prod(header.shape) * header.kind.itemsize
+    held = os.fstat(file.fileno()).st_size - file.tell()
+    if held != size:
+        raise ValueError(f"it has {max(held, 0)} bytes of numbers, but its header promises {size}")
+    order = "F" if header.fortran else "C"
+    return np.frombuffer(file.read(size), header.kind).reshape(header.shape, order=order)  # type: ignore[call-overload,no-any-return]
