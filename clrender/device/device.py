@@ -204,7 +204,9 @@ class Device:
         self._check_size(array.nbytes)
         flags = self._cl.mem_flags.READ_ONLY | self._cl.mem_flags.USE_HOST_PTR
         handle = self._call(
-            "allocate", f"a buffer of {_mib(array.nbytes)}", lambda: self._cl.Buffer(self._context, flags, hostbuf=array)
+            "allocate",
+            f"a buffer of {_mib(array.nbytes)}",
+            lambda: self._cl.Buffer(self._context, flags, hostbuf=array),
         )
         return self._held(handle, array.nbytes)
 

@@ -210,7 +210,9 @@ def _without(ours: Ranges, theirs: Ranges) -> Ranges:
     for start, stop in theirs:
         place = next((at for at, (first, end) in enumerate(left) if first <= start and stop <= end), None)
         if place is None:
-            raise UsageError(f"samples {start} to {stop - 1} of some pixels are not all held; they cannot be taken out.")
+            raise UsageError(
+                f"samples {start} to {stop - 1} of some pixels are not all held; they cannot be taken out."
+            )
         first, end = left[place]
         left[place : place + 1] = [each for each in ((first, start), (stop, end)) if each[0] < each[1]]
     return tuple(left)

@@ -98,10 +98,11 @@ def go(
     film: Film,
     on_progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    check_share: float = 0.0,
 ) -> Tally:
-    """Run a plan with these workers, all of which can be set up."""
+    """Run a plan with these workers, all of which can be set up; nothing is done twice unless that is asked for."""
     candidates = [Candidate(worker.name, partial(lambda each: each, worker)) for worker in workers]
-    return run(plan, candidates, film, on_progress, should_stop)
+    return run(plan, candidates, film, on_progress, should_stop, None, check_share)
 
 
 def plan_for(width: int, height: int, spp: int, tile: int = 64) -> Plan:
