@@ -198,7 +198,8 @@ class _Run:
                 self._tally.recovered.append(error)
             if self._apart is not None and self._sampler is not None:
                 self._apart.add(worker, task.unit, result)
-                if (piece := self._sampler.piece(worker, task.unit, result)) is not None:
+                piece = self._sampler.piece(worker, task.unit, result, self._work.room(worker))
+                if piece is not None:
                     self._work.check(piece)
         elif task.kind is Kind.CHECK and task.piece is not None and isinstance(result, UnitSums):
             if not finished(task.piece.unit, result):

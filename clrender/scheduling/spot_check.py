@@ -7,6 +7,7 @@ them. What share of its results has to be wrong to be found with which probabili
 from __future__ import annotations
 
 import hashlib
+import math
 import random
 from collections import defaultdict
 from dataclasses import dataclass, replace
@@ -89,12 +90,8 @@ class Sampler:
         self._allowed: dict[int, float] = defaultdict(float)
         self._units: dict[int, int] = defaultdict(int)
 
-    def forget(self, worker: int) -> None:
-        """A worker starts anew."""
-        self._units.pop(worker, None)
-
-    def piece(self, worker: int, unit: Unit, result: UnitSums) -> Piece | None:
-        """A part of what a worker has done, or None where nothing is to be checked this time."""
+    def piece(self, worker: int, unit: Unit, result: UnitSums, most: float = math.inf) -> Piece | None:
+        """A part of what a worker has done, of `most` samples, or None where nothing is to be checked this time."""
         if not finished(unit, result) or self._share <= 0.0:
             return None
         pixels = unit.pixels(self._plan.width, self._plan.height)
@@ -103,8 +100,8 @@ class Sampler:
         self._units[worker] += 1
         if self._plan.sample_by_sample and number % _APART:
             return None
-        blocks = int(self._allowed[worker] // (BLOCK_SLOTS * unit.sample_count))
-        blocks = min(len(pixels), max(blocks, int(number == 0)))
+        blocks = int(min(self._allowed[worker], most) // (BLOCK_SLOTS * unit.sample_count))
+        blocks = min(len(pixels), max(blocks, int(number == 0 and most > 0.0)))
         if blocks < 1 or not pixels.any():
             return None
         # The unit in runs of so many blocks, and one of these: near the edge of the image it may hold few pixels

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Final
 
 from clrender.film.unit import Unit
 from clrender.scheduling.policy import Remaining
@@ -17,8 +18,10 @@ from clrender.scheduling.spot_check import Piece
 
 __all__ = ["Kind", "Task", "Work"]
 
-_MOST_CHECKS = 2
-"""Pieces of one worker that may wait: where the other is much slower, more would keep everybody waiting at the end."""
+_MOST_CHECKS: Final = 64
+"""Pieces that may wait to be checked."""
+_CHECK_SECONDS: Final = 1.0
+"""Of the fastest other worker, what the pieces of one may take that wait: at the end all wait for them."""
 
 
 class Kind(Enum):
@@ -69,6 +72,7 @@ class Work:
         self._checks: deque[Piece] = deque()
         self._checked_last: set[int] = set()
         self._in_service = set(range(workers))
+        self._rates: dict[int, float] = {}
         self._waiting: set[int] = set()
         self._resting: set[int] = set()
         self._retired: set[int] = set()
@@ -108,6 +112,7 @@ class Work:
     def measured(self, worker: int, unit: Unit, seconds: float) -> None:
         """How long a worker took for a unit."""
         with self._changed:
+            self._rates[worker] = unit.slot_count * unit.sample_count / max(seconds, 1e-6)
             self._remaining.measured(worker, unit, seconds)
 
     def dismissed(self, worker: int) -> bool:
@@ -140,13 +145,22 @@ class Work:
                 self._remaining.put_back(unit)
             self._changed.notify_all()
 
-    def check(self, piece: Piece) -> None:
-        """Have another worker do a piece again, if there is one, and it can keep up."""
+    def room(self, worker: int) -> float:
+        """Samples of a worker that others can check in good time, beside those that they have yet to check."""
         with self._changed:
-            waiting = sum(each.worker == piece.worker for each in self._checks)
-            if waiting < _MOST_CHECKS and self._in_service - {piece.worker}:
-                self._checks.append(piece)
-                self._changed.notify_all()
+            others = self._in_service - {worker}
+            if not others or len(self._checks) >= _MOST_CHECKS:
+                return 0.0
+            if not others <= self._rates.keys():
+                return math.inf
+            waiting = sum(piece.samples for piece in self._checks if piece.worker == worker)
+            return _CHECK_SECONDS * max(self._rates[other] for other in others) - waiting
+
+    def check(self, piece: Piece) -> None:
+        """Have another worker do a piece again."""
+        with self._changed:
+            self._checks.append(piece)
+            self._changed.notify_all()
 
     def order(self, worker: int, kind: Kind, piece: Piece | None = None) -> None:
         """Have this very worker do something, before all else."""
