@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import sys
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.compiled import Sentinel
+from clrender.device.compiled import Sentinel, leave
 from clrender.device.compiler import build, program_key, store
 from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.info import DeviceInfo
@@ -22,7 +24,7 @@ from clrender.errors import DeviceError, DeviceFailure, RenderError
 if TYPE_CHECKING:
     import pyopencl as cl
 
-__all__ = ["Argument", "Buffer", "Device", "Program"]
+__all__ = ["Argument", "Buffer", "Device", "Program", "leave_lost_devices"]
 
 _T = TypeVar("_T")
 _WORTH_SHARING: Final = 1 << 20
@@ -131,6 +133,11 @@ class Device:
         self._programs.clear()
         self.release_but(())
         self._context, self._queue = self._call("open", "opening it again", self._opened)
+
+    def lose(self) -> None:
+        """Ask the driver for nothing more: one of its calls did not come back. The next ones would not, either."""
+        self.lost = True
+        _KEPT.append(self)
 
     def pulse(self) -> tuple[int, bool]:
         """How many calls of the driver began or ended so far, and whether its compiler is at work.
@@ -404,6 +411,15 @@ class Device:
             raise DeviceFailure(f"{self.info.title} failed at {what}: {error}{_hint(str(error))}") from error
         finally:
             self._calls += 1
+
+
+def leave_lost_devices(code: int) -> None:
+    """End the process, where a device was lost, without its driver's exit handlers: these might wait for ever."""
+    if _KEPT:
+        leave()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _mib(nbytes: int) -> str:

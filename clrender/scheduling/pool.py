@@ -68,7 +68,7 @@ class WorkerPool:
             driver=f"{device.info.platform} {device.info.version} {device.info.driver}",
             restart=partial(self._start_over, number, device),
             pulse=device.pulse,
-            lose=partial(_lose, device),
+            lose=device.lose,
             prove=None if self._prove is None else partial(self._prove, device),
         )
 
@@ -86,7 +86,3 @@ class WorkerPool:
             worker.release()
         if self._restart is not None:
             self._restart(device)
-
-
-def _lose(device: Device) -> None:
-    device.lost = True
