@@ -106,4 +106,4 @@ class Dispute:
     def after_probe(self, undecided: Collection[int]) -> set[int]:
         """Of those that the probe was put to, who is wrong: all, where it cannot tell."""
         failed = {worker for worker in undecided if not self.passed.get(worker, False)}
-        return failed if len(failed) < len(undecided) else set(undecided)
+        return failed if 0 < len(failed) < len(undecided) else set(undecided)

@@ -1,6 +1,6 @@
 """Devices that fail, hang, lie or come back, through the one way on which every call of a driver goes.
 
-Whatever happens to one device, the image has the bits of an undisturbed render, the render ends, and says what happened.
+Whatever happens to one device, the image keeps its bits, the render ends, and it says what happened.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def test_the_only_device_comes_back(device: Device, expected: str, call: str) ->
 
 def test_the_only_device_is_given_up_in_the_end(device: Device) -> None:
     alone = FaultyDevice(device, Fault("launch", 400, "gone"), name="alone")
-    with pytest.raises(IncompleteRender, match="alone .* failed at .*OUT_OF_RESOURCES") as caught:
+    with pytest.raises(IncompleteRender, match=r"alone .* failed at .*OUT_OF_RESOURCES") as caught:
         share(alone, spp=2048)
     image = caught.value.image
     assert image.interrupted and image.film.samples == image.film.ledger.samples > 0
@@ -148,7 +148,7 @@ def test_the_only_device_is_given_up_in_the_end(device: Device) -> None:
 def test_a_device_that_hangs_alone_keeps_what_it_did(device: Device, threads: None) -> None:
     alone = FaultyDevice(device, fault := Fault("read", 90, "hang"), name="alone")
     begun = time.monotonic()
-    with pytest.raises(IncompleteRender, match="alone .* hangs: a call of its driver did not come back") as caught:
+    with pytest.raises(IncompleteRender, match=r"alone .* hangs: a call of its driver did not come back") as caught:
         share(alone, spp=2048)
     assert time.monotonic() - begun < 20.0
     assert caught.value.image.film.samples > 0
