@@ -5,12 +5,13 @@ from __future__ import annotations
 import random
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from clrender.device.compiled import Sentinel
 from clrender.device.device import Buffer, Device
 
 __all__ = ["CALLS", "Fault", "FaultyDevice", "Lie"]
@@ -130,10 +131,9 @@ class FaultyDevice(Device):
     """
 
     def __init__(self, device: Device, *faults: Fault | Lie, name: str = "") -> None:
-        from dataclasses import replace
-
         self.__dict__.update(device.__dict__)
         self._programs, self._buffers, self._held_bytes = {}, set(), 0
+        self._sentinel = Sentinel()
         self.faults = [each for each in faults if isinstance(each, Fault)]
         self.lies = [each for each in faults if isinstance(each, Lie)]
         if name:

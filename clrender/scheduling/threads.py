@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from clrender.errors import DeviceFailure
+from clrender.errors import DeviceError, DeviceFailure
 from clrender.film.unit import UnitSums
 from clrender.scheduling.watch import Patience
 from clrender.scheduling.work import Kind, Task, Work
@@ -125,14 +125,20 @@ class Crew:
             except BaseException as error:
                 failures += 1
                 pause = self._patience.pause * 2.0 ** (failures - 1)
-                again = isinstance(error, DeviceFailure) and failures <= self._patience.retries
-                again = again and not self._stop.is_set()
+                again = failures <= self._retries(error) and not self._stop.is_set()
                 self._post(Event(number, task=task, error=error, retry=pause if again else None))
                 task = None
                 if not again or not self._work.rest(number, pause):
                     break
                 self._post(Event(number, back=True))
         self._post(Event(number))
+
+    def _retries(self, error: BaseException) -> int:
+        """How many failures in a row are forgiven, given the last one."""
+        if isinstance(error, DeviceFailure):
+            return self._patience.retries
+        # A compiler that refuses a kernel will do so again, unless it lacked memory or room
+        return min(1, self._patience.retries) if isinstance(error, DeviceError) else 0
 
     def _do(self, worker: Worker, task: Task) -> None:
         number = task.worker
