@@ -155,8 +155,11 @@ class Crew:
             lambda: self._stop.is_set() or self._work.dismissed(number),
         )
         # Before anybody has dealt with the result: this thread wants its next unit now
+        seconds = time.perf_counter() - begin
         if of_image:
-            self._work.measured(number, task.unit, time.perf_counter() - begin)
+            self._work.measured(number, task.unit, seconds)
+        elif task.piece is not None:
+            self._work.timed(number, task.piece.samples, seconds)
         self._post(Event(number, task=task, result=result))
 
     def _post(self, event: Event) -> None:

@@ -22,6 +22,12 @@ _MOST_CHECKS: Final = 64
 """Pieces that may wait to be checked."""
 _CHECK_SECONDS: Final = 1.0
 """Of the fastest other worker, what the pieces of one may take that wait: at the end all wait for them."""
+_CHECK_SAMPLES: Final = 1 << 18
+"""What they may have while nobody knows how fast the others are."""
+
+
+_LONGEST_CHECKS: Final = 10.0
+"""Seconds that a worker spends on pieces that wait."""
 
 
 class Kind(Enum):
@@ -115,6 +121,11 @@ class Work:
             self._rates[worker] = unit.slot_count * unit.sample_count / max(seconds, 1e-6)
             self._remaining.measured(worker, unit, seconds)
 
+    def timed(self, worker: int, samples: int, seconds: float) -> None:
+        """How long it took to check a piece: tells how fast a worker is that has done no unit yet."""
+        with self._changed:
+            self._rates.setdefault(worker, samples / max(seconds, 1e-6))
+
     def dismissed(self, worker: int) -> bool:
         """Whether nobody wants anything of this worker any more."""
         return worker in self._dismissed
@@ -151,9 +162,9 @@ class Work:
             others = self._in_service - {worker}
             if not others or len(self._checks) >= _MOST_CHECKS:
                 return 0.0
-            if not others <= self._rates.keys():
-                return math.inf
             waiting = sum(piece.samples for piece in self._checks if piece.worker == worker)
+            if not others <= self._rates.keys():
+                return _CHECK_SAMPLES - waiting
             return _CHECK_SECONDS * max(self._rates[other] for other in others) - waiting
 
     def check(self, piece: Piece) -> None:
@@ -226,15 +237,25 @@ class Work:
             return self._task(worker, kind, piece)
         check = next((piece for piece in self._checks if piece.worker != worker), None)
         # A check between two units at most: a slow worker has units of its own to do
-        unit = None if check is not None and worker not in self._checked_last else self._remaining.take(worker)
+        check_first = check is not None and worker in self._rates and worker not in self._checked_last
+        unit = None if check_first else self._remaining.take(worker)
         self._checked_last.discard(worker)
         if unit is not None:
             return Task(next(self._numbers), worker, Kind.UNIT, unit)
         if check is not None:
             self._checked_last.add(worker)
             self._checks.remove(check)
+            self._drop_checks(worker)
             return self._task(worker, Kind.CHECK, check)
         return None
+
+    def _drop_checks(self, worker: int) -> None:
+        """Where a worker turns out to be slow, it checks less than was planned, the latest pieces last."""
+        allowed = _LONGEST_CHECKS * self._rates.get(worker, math.inf)
+        for piece in [each for each in self._checks if each.worker != worker]:
+            allowed -= piece.samples
+            if allowed < 0.0:
+                self._checks.remove(piece)
 
     def _task(self, worker: int, kind: Kind, piece: Piece | None) -> Task:
         return Task(next(self._numbers), worker, kind, None if piece is None else piece.unit, piece)
