@@ -349,3 +349,52 @@ def test_a_call_that_never_returns_does_not_hold_up_the_render(hasty: None, othe
     release.set()  # its late result is nobody's business
     assert no_threads_left(before)
     assert film.samples == samples
+
+
+# --- together they are as fast as the sum of them --------------------------------------------------------------------
+
+
+class Sleeper:
+    """A device of a given speed that leaves the processor alone: samples of nothing."""
+
+    def __init__(self, plan: Plan, rate: float) -> None:
+        self.plan, self.rate = plan, rate
+
+    def render(self, unit: Unit, on_slice: Any = None, should_stop: Any = None) -> UnitSums:
+        pixels = unit.pixels(self.plan.width, self.plan.height)
+        left = int(pixels.sum()) * unit.sample_count
+        end = time.perf_counter()
+        while left > 0:
+            part = min(left, max(256, int(self.rate * 0.15)))
+            end, left = end + part / self.rate, left - part
+            time.sleep(max(0.0, end - time.perf_counter()))
+            if on_slice is not None:
+                on_slice(part, 20 * part)
+        counts = np.repeat(np.minimum(pixels, 1), 16).astype(np.uint32) * np.uint32(unit.sample_count)
+        sums = np.zeros((unit.slot_count, 3, 4), np.uint32)
+        sums[..., 1] = counts[:, None]
+        return UnitSums(sums, counts, np.full(len(pixels), unit.sample_count, np.uint32), 0, 0, 0)
+
+
+def together(plan: Plan, rates: list[float]) -> tuple[float, Tally]:
+    """Speed of devices that share a render, by the sum of their speeds."""
+    candidates = [Candidate(f"{rate}", partial(Sleeper, plan, rate)) for rate in rates]
+    begun = time.perf_counter()
+    tally = run(plan, candidates, Film(plan.width, plan.height))
+    assert tally.complete and tally.differences == 0
+    return plan.samples / sum(rates) / (time.perf_counter() - begun), tally
+
+
+def test_checks_cost_no_more_than_their_share() -> None:
+    plan = Plan(400, 400, 0, 32, 64)
+    share, tally = together(plan, [10e6, 3e6])
+    assert 0.005 * plan.samples < tally.check_samples <= 0.01 * plan.samples
+    assert share > 0.5, "sleeping takes longer on a busy machine, but not twice as long"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rates", [[4.4e6] * 2, [4.4e6, 1.1e6], [4.4e6, 4e5, 1e5], [2.2e6] * 4, [1.4e6] * 2], ids=str)
+def test_devices_that_share_lose_little(rates: list[float]) -> None:
+    """The checks and the merging of results with them, by the clock."""
+    plan = Plan(800, 800, 0, 64, 64)
+    assert max(together(plan, rates)[0] for _ in range(3)) >= 0.95
