@@ -13,8 +13,8 @@ from clrender.scheduling.worker import Candidate
 
 __all__ = ["Court"]
 
-_TIMES: Final = 2
-"""How often each worker does a piece again."""
+_TIMES: Final = 4
+"""How often each worker does a piece again: one that errs now and then is not to be right each time."""
 
 
 class Court:

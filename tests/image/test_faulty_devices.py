@@ -28,8 +28,12 @@ from clrender.scheduling.watch import Patience
 
 ROOT = Path(__file__).resolve().parents[2]
 HOW: Final[dict[str, Any]] = {"size": (96, 64), "spp": 32, "tile": 16, "samples_per_pass": 2}
-HASTE: Final = Patience(call=4.0, compile=12.0, hurry=1.0, pause=0.02)
+HASTE: Final = Patience(call=3.0, compile=9.0, hurry=1.0, pause=0.02)
 """What such small launches take is milliseconds, but the machine may be busy."""
+
+
+# pyopencl makes a name for the code that it generates for each kernel, and these may meet after some thousands
+pytestmark = pytest.mark.filterwarnings("ignore:Overwriting existing generated code")
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +81,7 @@ def random_fault(rng: random.Random) -> Fault:
     call = rng.choice(CALLS)
     # From set-up to well into the samples: about so many calls of a kind there are
     after = rng.randrange({"build": 6, "allocate": 40, "write": 25, "launch": 150, "read": 40, "finish": 2}[call])
-    return Fault(call, after, rng.choice(("error", "error", "gone", "hang")), rng.choice((1, 1, 2, 5)))
+    return Fault(call, after, rng.choice(("error", "error", "error", "gone", "gone", "hang")), rng.choice((1, 1, 2, 5)))
 
 
 def suffer(device: Device, expected: str, seed: int) -> int:
@@ -108,13 +112,15 @@ def test_whatever_fails_the_image_stays(device: Device, expected: str, threads: 
 
 
 @pytest.mark.slow
-def test_five_hundred_faults(device: Device, expected: str, threads: None) -> None:
-    """Of all kinds, at random moments, until 500 have happened; faults that come too late are not counted."""
-    met, seed = 0, 1000
-    while met < 500:
+@pytest.mark.parametrize("part", range(5))
+def test_five_hundred_faults(device: Device, expected: str, threads: None, part: int) -> None:
+    """Of all kinds, at random moments, until 100 have happened in each part; those that come too late do not count."""
+    met, seed = 0, 1000 * (part + 1)
+    while met < 100:
         met += suffer(device, expected, seed)
         seed += 1
-    assert seed < 1000 + 1500
+    print(f"{met} faults in {seed - 1000 * (part + 1)} renders")
+    assert seed < 1000 * (part + 1) + 400
 
 
 @pytest.mark.parametrize("call", CALLS)
@@ -268,6 +274,7 @@ def lie_and_see(device: Device, seed: int) -> tuple[bool, float]:
 def test_a_hundred_lying_devices(device: Device) -> None:
     """Each spoils all or a third of its units, whole or a fifth of their blocks."""
     seen = [lie_and_see(device, seed) for seed in range(100)]
+    print(f"found {sum(found for found, _ in seen)}, most {max(cost for _, cost in seen):.4f} done twice")
     assert sum(found for found, _ in seen) >= 99
     assert max(cost for _, cost in seen) <= 0.01
 
