@@ -28,7 +28,7 @@ from clrender.scheduling.watch import Patience
 
 ROOT = Path(__file__).resolve().parents[2]
 HOW: Final[dict[str, Any]] = {"size": (96, 64), "spp": 32, "tile": 16, "samples_per_pass": 2}
-HASTE: Final = Patience(call=3.0, compile=9.0, hurry=1.0, pause=0.02)
+HASTE: Final = Patience(call=6.0, compile=12.0, hurry=1.0, pause=0.02)
 """What such small launches take is milliseconds, but the machine may be busy."""
 
 
@@ -96,12 +96,12 @@ def suffer(device: Device, expected: str, seed: int) -> int:
     finally:
         for fault in bad.faults:
             fault.released.set()
+    assert not any(line.startswith("warning: good") for line in outcome.told), (seed, kinds, outcome.told)
     assert outcome.image.stats["image_sha256"] == expected and not outcome.image.interrupted, (seed, kinds)
     assert outcome.seconds < 60.0
     met = sum(fault.met > 0 for fault in bad.faults)
     lied = any(lie.told for lie in bad.lies)
     assert bool(met or lied) == any("bad" in line for line in outcome.told), (seed, kinds, outcome.told)
-    assert not any(line.startswith("warning: good") for line in outcome.told), (seed, kinds, outcome.told)
     assert bool(met) <= any(each["failures"] for each in outcome.image.stats["devices"]) | lied
     return met + lied
 
