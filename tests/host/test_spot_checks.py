@@ -351,6 +351,26 @@ def test_a_call_that_never_returns_does_not_hold_up_the_render(hasty: None, othe
     assert film.samples == samples
 
 
+def test_whoever_wants_the_render_to_end_does_not_wait_for_a_call_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scheduling, "PATIENCE", Patience(call=600.0, hurry=0.2))
+    plan, film, before = plan_for(30, 22, 6, 8), Film(30, 22), threading.active_count()
+    release, hanging = threading.Event(), threading.Event()
+
+    def hangs(asked: int, unit: Unit) -> None:
+        if asked == 4:
+            hanging.set()
+            release.wait()
+
+    begun = time.monotonic()
+    with cut_as(small_units):
+        worker = FakeWorker(plan, "bad", hangs)
+        tally = run(plan, [Candidate("bad", lambda: worker)], film, None, hanging.is_set)
+    assert time.monotonic() - begun < 20.0
+    assert tally.workers[0].state == "hung" and 0 < film.samples == tally.samples
+    release.set()
+    assert no_threads_left(before)
+
+
 # --- together they are as fast as the sum of them --------------------------------------------------------------------
 
 
