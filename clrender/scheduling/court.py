@@ -13,8 +13,10 @@ from clrender.scheduling.worker import Candidate
 
 __all__ = ["Court"]
 
-_TIMES: Final = 4
-"""How often each worker does a piece again: one that errs now and then is not to be right each time."""
+_TIMES: Final = 6
+"""How often each worker does a piece again: one that errs now and then is not to err, or to be right, each time."""
+_PROBES: Final = 3
+"""How often each renders the probe's tile, for the same reason."""
 
 
 class Court:
@@ -92,8 +94,9 @@ class Court:
                 self._convict(worker, _reason(dispute.answers[worker]))
             if self._undecided:
                 for worker in sorted(self._undecided):
-                    dispute.ask(worker, 1)
-                    self._work.order(worker, Kind.PROOF)
+                    dispute.ask(worker, _PROBES)
+                    for _ in range(_PROBES):
+                        self._work.order(worker, Kind.PROOF)
                 return
             if not wrong:
                 raise AssertionError("whoever differs once either contradicts itself or differs from another")

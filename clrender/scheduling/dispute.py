@@ -89,7 +89,7 @@ class Dispute:
         """An answer of a worker: what the piece came to, or how its probe went."""
         self.waiting[worker] = max(0, self.waiting.get(worker, 0) - 1)
         if isinstance(answer, bool):
-            self.passed[worker] = answer
+            self.passed[worker] = answer and self.passed.get(worker, True)
         else:
             self.answers[worker].append(answer)
 

@@ -266,10 +266,16 @@ def lie_and_see(device: Device, seed: int) -> tuple[bool, float]:
     rng = random.Random(seed)
     lie = Lie(share=rng.choice((1.0, 0.3)), blocks=rng.choice((1.0, 0.2)), constant=rng.random() < 0.3, seed=seed)
     liar, honest = FaultyDevice(device, lie, name="liar"), FaultyDevice(device, name="honest")
-    outcome = share(*((liar, honest) if seed % 2 else (honest, liar)), spp=512, size=(192, 128))
+    try:
+        outcome = share(*((liar, honest) if seed % 2 else (honest, liar)), spp=512, size=(192, 128))
+    except clrender.RenderError as error:
+        print(f"seed {seed}: {lie}: {error}")
+        return False, 0.0  # it was seen that one of them lies, but not which
     check = outcome.image.stats["spot_check"]
     found = outcome.states[1 - seed % 2] == "wrong"
     assert outcome.states[seed % 2] == "ok", seed
+    if lie.told and not found:
+        print(f"seed {seed}: {lie}: not found")
     return found or not lie.told, check["samples"] / outcome.image.stats["samples"]
 
 
