@@ -23,6 +23,11 @@ def main() -> None:
         command()
     except KeyboardInterrupt:
         sys.exit(130)
+    except SystemExit as end:
+        device = sys.modules.get("clrender.device.device")
+        if device is not None and isinstance(end.code, int):
+            device.leave_lost_devices(end.code)
+        raise
     finally:
         # Where Ctrl-C came in code made from a string, as dataclasses make theirs, CPython remembers it although it
         # was caught, and ends the process by the signal in place of the exit code. It forgets when more such code runs.

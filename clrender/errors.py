@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["ClrenderError", "DeviceError", "RenderError", "SceneError", "UsageError"]
+__all__ = ["ClrenderError", "DeviceError", "DeviceFailure", "RenderError", "SceneError", "UsageError"]
 
 
 class ClrenderError(Exception):
@@ -21,6 +21,10 @@ class RenderError(ClrenderError):
     """A render that had started could not be finished."""
 
     exit_code = 1
+
+
+class DeviceFailure(RenderError):
+    """A driver refused a call that it may well accept later: the device is worth another try."""
 
 
 class SceneError(ClrenderError):

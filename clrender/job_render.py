@@ -15,6 +15,7 @@ import numpy.typing as npt
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits, matte_names
 from clrender.device import Device
 from clrender.device.preparation import Prepared, Request
+from clrender.device.probe import passes_probe
 from clrender.device.worker import DeviceWorker, LaunchConfig, most_lanes
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
@@ -28,6 +29,7 @@ from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool
 from clrender.scheduling.run import Tally, run
+from clrender.scheduling.tally import failures_told
 
 if TYPE_CHECKING:
     from clrender.session import Session
@@ -94,10 +96,14 @@ class JobRender:
         self._film = film = Film(settings.width, settings.height, {**job.request(), "arrays_sha256": flat.sha256})
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
+        sharing = session.devices
         with self._pool(prepared) as pool:
-            tally = run(self._plan(), pool.candidates, film, self._advance, self._stops)
+            tally = run(self._plan(), pool.candidates, film, self._advance, self._stops, session.tell)
             finished = time.perf_counter()
             workers = pool.workers
+        if self._dismissed(sharing, tally) and first and not tally.all_failed:
+            with self._timed("aov_seconds"):  # they may be wrong as well
+                first = self._layers(flat)
         self._check_progress(tally)
         if self._started is not None:
             self._seconds["setup_seconds"] = self._started - self._begin - self._seconds["aov_seconds"]
@@ -114,15 +120,15 @@ class JobRender:
             "write_seconds": 0.0,
             "wall_seconds": time.perf_counter() - self._begin,
         }
-        stats = render_stats(job, flat, film, linear, tally, devices, workers, measured)
+        stats = render_stats(job, flat, film, linear, tally, sharing, workers, measured)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
         layers = {name: first[name] for name in job.aov if name in first}
         mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers}
         image = RenderedImage(linear, stats, film, not tally.complete, denoised, layers, mattes)
         if tally.all_failed and not tally.complete:
             raise IncompleteRender(str(tally.failures[-1]), image) from tally.failures[-1]
-        for failure in tally.failures:
-            session.tell(f"warning: {failure}; its work was done by the others")
+        for line in failures_told(tally):
+            session.tell(line)
         if lost := stats["nonfinite_samples"]:
             session.tell(
                 f"warning: {lost} of {tally.samples} samples were not finite, or brighter than 2^43, and are left out: "
@@ -181,7 +187,14 @@ class JobRender:
             self._started = self._started or time.perf_counter()
             return worker
 
-        return WorkerPool(self._session.devices, ready)
+        return WorkerPool(self._session.devices, ready, self._session.restart, passes_probe)
+
+    def _dismissed(self, devices: Sequence[Device], tally: Tally) -> bool:
+        """Devices that no later render should use are left out of the session; gives whether results were wrong."""
+        for device, done in zip(devices, tally.workers, strict=True):
+            if done.state in ("hung", "wrong"):
+                self._session.dismiss(device)
+        return any(done.state == "wrong" for done in tally.workers)
 
     def _layers(self, flat: FlatScene) -> _Arrays:
         """What is seen first. It comes before the image, so that one stopped early has its layers whole."""

@@ -76,6 +76,12 @@ def render_stats(
         "peak_rss_bytes": peak_rss(),
         "device_bytes": sum(device.allocated_bytes for device in devices),
         "triangles": flat.triangle_count,
+        "spot_check": {
+            "samples": tally.check_samples,
+            "pieces": tally.checks,
+            "differences": tally.differences,
+        },
+        "failures": [str(error) for error in (*tally.failures, *tally.recovered)],
         "devices": [
             {
                 "name": device.info.name,
@@ -85,6 +91,9 @@ def render_stats(
                 "samples": done.samples,
                 "seconds": workers[number].busy_seconds if number in workers else 0.0,
                 "requeued": done.requeued,
+                "failures": done.failures,
+                "state": done.state,
+                "checked": done.checked,
             }
             for number, (device, done) in enumerate(zip(devices, tally.workers, strict=True))
         ],

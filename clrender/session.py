@@ -16,7 +16,7 @@ from clrender.device import Buffer, Device, select
 from clrender.device.preparation import DevicePreparation
 from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker, LaunchConfig, Scratch
-from clrender.errors import UsageError
+from clrender.errors import DeviceError, UsageError
 from clrender.flatten import FlatScene, flatten, scene_origin, seen_by
 from clrender.integrators.descriptor import Pipeline
 from clrender.job import RenderJob
@@ -65,6 +65,7 @@ class Session:
         self._notify = notify or (lambda line: None)
         self._devices: list[Device] | None = None
         self._borrowed: list[Device] = []
+        self._dismissed: set[Device] = set()
         self._flat: tuple[_Geometry, FlatScene] | None = None
         self._before: dict[Device, frozenset[Buffer]] = {}
         self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
@@ -79,12 +80,15 @@ class Session:
 
     @property
     def devices(self) -> list[Device]:
-        """The session's devices; opened when they are first asked for."""
+        """The session's devices; opened when they are first asked for. Those that were found unusable are left out."""
         if self._closed:
             raise UsageError("the session is closed; open another")
         if self._devices is None:
             self._devices = self._open()
-        return self._devices
+        usable = [device for device in self._devices if not (device.lost or device in self._dismissed)]
+        if not usable:
+            raise DeviceError("every device of the session hangs or computes wrong results; open another session")
+        return usable
 
     def close(self) -> None:
         """Release everything on the devices, and those that the session opened. A second call does nothing."""
@@ -177,6 +181,16 @@ class Session:
         self._uploaded.pop(device, None)
         self._scratch.pop(device, None)
         device.release_but(before)
+
+    def restart(self, device: Device) -> None:
+        """Make a device that failed ready for another try: nothing of before is on it, or is used."""
+        self._forget(device, self._before[device])
+        if device not in self._borrowed:
+            device.reopen()
+
+    def dismiss(self, device: Device) -> None:
+        """Use a device no more in this session: it hangs, or its results are wrong."""
+        self._dismissed.add(device)
 
     def tell(self, line: str) -> None:
         """Pass a line on to whoever is to be notified."""

@@ -23,6 +23,7 @@ from clrender.scene.surfaces import flat_surfaces
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool
 from clrender.scheduling.run import Receiver, run
+from clrender.scheduling.tally import failures_told
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -129,10 +130,10 @@ class _Passes:
         """One kind of what is seen first, of the whole image or of some rows of tiles sample by sample."""
         self.asked.kind = LAYER_KINDS[what]
         plan = Plan(self.settings.width, self.settings.height, 0, samples, self.tile, rows is not None, rows)
-        tally = run(plan, self.pool.candidates, receiver, None, self.should_stop)
+        tally = run(plan, self.pool.candidates, receiver, None, self.should_stop, self.notify)
         tally.raise_failure()
-        for failure in tally.failures:
-            self.notify(f"warning: {failure}; its work was done by the others")
+        for line in failures_told(tally):
+            self.notify(line)
 
     def mean(self, what: str, samples: int) -> tuple[_Array, npt.NDArray[np.bool_]]:
         """The mean of each pixel, and where there is one. The film's sums are given back at once."""

@@ -200,7 +200,7 @@ class Sentinel:
 
     @classmethod
     def _collect(cls, base: Path) -> None:
-        own = {sentinel._path for sentinel in cls._up}
+        own = {sentinel._path for sentinel in list(cls._up)}  # other devices' threads put theirs up meanwhile
         dead = []
         for entry in _entries(base / "busy"):
             node, pid = _owner(entry)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,21 +14,23 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.compiled import Sentinel
+from clrender.device.compiled import Sentinel, leave
 from clrender.device.compiler import build, program_key, store
 from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
-from clrender.errors import DeviceError, RenderError
+from clrender.errors import DeviceError, DeviceFailure, RenderError
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
-__all__ = ["Argument", "Buffer", "Device", "Program"]
+__all__ = ["Argument", "Buffer", "Device", "Program", "leave_lost_devices"]
 
 _T = TypeVar("_T")
 _WORTH_SHARING: Final = 1 << 20
 """Bytes from which on it matters that nothing is copied."""
+_KEPT: Final[list[Any]] = []
+"""What belongs to devices that are lost: to forget it would be to ask their drivers to release it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +75,8 @@ class Device:
         Most memory held in buffers at one time.
     launches, builds : int
         How often a kernel was launched and a program built.
+    lost : bool
+        A call never came back. Whatever else is asked of the driver may not come back either, so nothing is.
 
     Raises
     ------
@@ -85,9 +92,7 @@ class Device:
         self.info = info
         self.is_cpu = info.type == "cpu"
         try:
-            self._context = cl.Context([handle])
-            profiling = cl.command_queue_properties.PROFILING_ENABLE
-            self._queue = cl.CommandQueue(self._context, handle, properties=profiling)
+            self._context, self._queue = self._opened()
             self.max_allocation_bytes = int(handle.max_mem_alloc_size)
             self.max_work_group = int(handle.max_work_group_size)
             rounded = int(handle.single_fp_config) & int(cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT)
@@ -104,10 +109,42 @@ class Device:
         self.allocated_bytes = 0
         self.launches = 0
         self.builds = 0
+        self.lost = False
+        self._calls = 0
+        self._compiling = False
         self._held_bytes = 0
         self._buffers: set[Buffer] = set()
         self._sentinel = Sentinel()
         self._programs: dict[tuple[str, tuple[tuple[str, str], ...]], Program] = {}
+
+    def _opened(self) -> tuple[cl.Context, cl.CommandQueue]:
+        context = self._cl.Context([self._handle])
+        profiling = self._cl.command_queue_properties.PROFILING_ENABLE
+        return context, self._cl.CommandQueue(context, self._handle, properties=profiling)
+
+    def reopen(self) -> None:
+        """Give up context, programs and buffers, and begin with a new context: the old one may be beyond help.
+
+        Raises
+        ------
+        DeviceFailure
+            When the driver cannot make another.
+        """
+        self._programs.clear()
+        self.release_but(())
+        self._context, self._queue = self._call("open", "opening it again", self._opened)
+
+    def lose(self) -> None:
+        """Ask the driver for nothing more: one of its calls did not come back. The next ones would not, either."""
+        self.lost = True
+        _KEPT.append(self)
+
+    def pulse(self) -> tuple[int, bool]:
+        """How many calls of the driver began or ended so far, and whether its compiler is at work.
+
+        Any thread may ask: who sees that nothing changes knows that a call does not come back.
+        """
+        return self._calls, self._compiling
 
     def program(self, entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
         """Build a kernel file, or take the build of an earlier call.
@@ -134,9 +171,15 @@ class Device:
     def _build(self, source: Source) -> Program:
         begin = time.perf_counter()
         self._sentinel.put(program_key(self.info, self.options, source))
+        self._compiling = True
         try:
-            handle = build(self._context, self._handle, self.info, self.options, source)
+            handle = self._call(
+                "build",
+                f"building {source.entry}",
+                lambda: build(self._context, self._handle, self.info, self.options, source),
+            )
         finally:
+            self._compiling = False
             self.compile_seconds += time.perf_counter() - begin
         self.builds += 1
         return Program(source, handle)
@@ -168,7 +211,9 @@ class Device:
         self._check_size(array.nbytes)
         flags = self._cl.mem_flags.READ_ONLY | self._cl.mem_flags.USE_HOST_PTR
         handle = self._call(
-            f"a buffer of {_mib(array.nbytes)}", lambda: self._cl.Buffer(self._context, flags, hostbuf=array)
+            "allocate",
+            f"a buffer of {_mib(array.nbytes)}",
+            lambda: self._cl.Buffer(self._context, flags, hostbuf=array),
         )
         return self._held(handle, array.nbytes)
 
@@ -182,7 +227,7 @@ class Device:
         """
         self._check_size(nbytes)
         size = max(nbytes, 16)  # OpenCL knows no empty buffer
-        return self._held(self._call(f"a buffer of {_mib(size)}", lambda: self._create(size)), size)
+        return self._held(self._call("allocate", f"a buffer of {_mib(size)}", lambda: self._create(size)), size)
 
     def _check_size(self, nbytes: int) -> None:
         if nbytes > self.max_allocation_bytes:
@@ -209,10 +254,17 @@ class Device:
         return handle
 
     def release(self, buffer: Buffer) -> None:
-        """Give the memory of a buffer back; the buffer must not be used again."""
+        """Give the memory of a buffer back; the buffer must not be used again.
+
+        What the driver says to that is of no use to anybody: of a device that failed, it may be an error.
+        """
         self._buffers.discard(buffer)
         self._held_bytes -= buffer.nbytes
-        buffer.handle.release()
+        if self.lost:
+            _KEPT.append(buffer.handle)
+            return
+        with contextlib.suppress(self._cl.Error):
+            buffer.handle.release()
 
     @property
     def buffers(self) -> frozenset[Buffer]:
@@ -261,9 +313,13 @@ class Device:
             return event
 
         if (kernel, local_size) in program.launched:
-            self._call(what, enqueue)
+            self._call("launch", what, enqueue)
         else:
-            self._call(what, lambda: self._first_launch(program, enqueue))
+            self._compiling = True
+            try:
+                self._call("launch", what, lambda: self._first_launch(program, enqueue))
+            finally:
+                self._compiling = False
             program.launched.add((kernel, local_size))
         self.launches += 1
 
@@ -297,6 +353,7 @@ class Device:
         """
         if array.nbytes:
             self._call(
+                "read",
                 f"a read of {_mib(array.nbytes)}",
                 lambda: self._cl.enqueue_copy(self._queue, array, buffer.handle, is_blocking=True),
             )
@@ -312,6 +369,7 @@ class Device:
         """
         if array.nbytes:
             self._call(
+                "write",
                 f"a write of {_mib(array.nbytes)}",
                 lambda: self._cl.enqueue_copy(self._queue, buffer.handle, array, is_blocking=True),
             )
@@ -324,19 +382,44 @@ class Device:
         RenderError
             When work in the queue fails.
         """
-        self._call("waiting for its queue", self._queue.finish)
+        self._call("finish", "waiting for its queue", self._queue.finish)
         self._sentinel.take()
 
     def close(self) -> None:
         """Give programs, queue and context back; the device must not be used again."""
+        if self.lost:
+            _KEPT.extend((self._programs, self._queue, self._context))
+            self._programs = {}
         self._programs.clear()
         del self._queue, self._context
 
-    def _call(self, what: str, function: Callable[[], _T]) -> _T:
+    def _call(self, kind: str, what: str, function: Callable[[], _T]) -> _T:
+        """The one way to the driver for all that may fail there.
+
+        Parameters
+        ----------
+        kind : str
+            ``open``, ``build``, ``allocate``, ``write``, ``launch``, ``read`` or ``finish``.
+        what : str
+            For messages.
+        function : callable
+        """
+        self._calls += 1
         try:
             return function()
         except self._cl.Error as error:
-            raise RenderError(f"{self.info.title} failed at {what}: {error}{_hint(str(error))}") from error
+            raise DeviceFailure(f"{self.info.title} failed at {what}: {error}{_hint(str(error))}") from error
+        finally:
+            self._calls += 1
+
+
+def leave_lost_devices(code: int) -> None:
+    """End the process, where a device was lost, without its driver's exit handlers: these might wait for ever."""
+    if _KEPT:
+        leave()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _mib(nbytes: int) -> str:

@@ -57,6 +57,9 @@ class FakeDevice(Device):
         self.allocated_bytes = 0
         self.launches = 0
         self.builds = 0
+        self.lost = False
+        self._calls = 0
+        self._compiling = False
         self.kernels = dict(kernels or {})
         self.fail_from = fail_from
         self.fail_build = fail_build

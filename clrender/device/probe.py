@@ -19,13 +19,16 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 from clrender.device import cache, compiled
 from clrender.device.discover import Driver, driver_variables, drivers, fingerprint
 from clrender.device.info import DeviceInfo
 from clrender.device.source import kernels_sha256
 from clrender.errors import RenderError
+
+if TYPE_CHECKING:
+    from clrender.device.device import Device
 
 __all__ = [
     "MARK",
@@ -39,6 +42,7 @@ __all__ = [
     "expected_hash",
     "inventory",
     "judge",
+    "passes_probe",
     "probe",
     "survey",
 ]
@@ -383,6 +387,19 @@ def _probe_seconds() -> float:
         return float(os.environ["CLRENDER_PROBE_SECONDS"])
     except (KeyError, ValueError):
         return PROBE_SECONDS
+
+
+def passes_probe(device: Device) -> bool:
+    """Whether an open device, in this process, computes the probe's tile right.
+
+    Raises
+    ------
+    RenderError, DeviceError
+        When it fails at that, or the installation lacks the tile's hash.
+    """
+    from clrender.device.worker import probe_hash
+
+    return probe_hash(device) == expected_hash()
 
 
 def judge(answer: Answer, expected: str) -> tuple[str, str]:

@@ -30,6 +30,8 @@ __all__ = ["DeviceWorker", "LaunchConfig", "most_lanes", "probe_hash"]
 SLICE_SECONDS: Final = 0.15
 """What a launch should last: short enough for progress, Ctrl-C and drivers with a watchdog."""
 
+_SHORT_SECONDS: Final = 0.005
+
 _CPU_LANES: Final = 16
 _CPU_WORK_GROUP: Final = 4
 _GPU_WORK_GROUP: Final = 64
@@ -348,7 +350,9 @@ class DeviceWorker:
         device.read(stats, counted)
         seconds = time.perf_counter() - begin
         self.busy_seconds += seconds
-        self._rate = part.slot_count * part.sample_count / max(seconds, 1e-4)
+        rate = part.slot_count * part.sample_count / max(seconds, 1e-4)
+        # A launch that was over at once, such as a spot check's, does not say that the device is slow
+        self._rate = rate if seconds > _SHORT_SECONDS else max(rate, self._rate)
         return (
             rays + int(counted[:, 0].sum(dtype=np.uint64)),
             int(counted[:, 1].sum(dtype=np.uint64)),

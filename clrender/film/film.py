@@ -242,6 +242,29 @@ class Film:
                     rows = slice(top, top + len(band))
                     _accumulate(band, self.counts[rows], more, other.counts[rows])
 
+    def take_out(self, other: Film) -> None:
+        """Subtract a film of this size whose samples are all in this one: exactly as if they had never come in.
+
+        Raises
+        ------
+        UsageError
+            Some of its samples are not here. This film is then unchanged.
+        RenderError
+            After `develop`.
+        """
+        with other._whole, self._whole:
+            bands, taken = self.bands(), other.bands()
+            self.ledger.take_out(other.ledger)
+            for index, (band, less) in enumerate(zip(bands, taken, strict=True)):
+                top = index * self.band_rows
+                rows = slice(top, top + len(band))
+                with self._pixels:
+                    low, high = band[..., 0], band[..., 1]
+                    high -= less[..., 1]
+                    high -= low < less[..., 0]
+                    low -= less[..., 0]
+                    self.counts[rows] -= other.counts[rows]
+
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None) -> None:
         """Write the film to a `.film` file, all of it or nothing.
 

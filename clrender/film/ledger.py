@@ -113,6 +113,19 @@ class Ledger:
         united = [_united(self._sets[k // len(other._sets)], other._sets[k % len(other._sets)]) for k in pairs.tolist()]
         self._blocks[:] = self._keep(united)[inverse.reshape(-1)]
 
+    def take_out(self, other: Ledger) -> None:
+        """Remove what another ledger of an image of this size holds.
+
+        Raises
+        ------
+        UsageError
+            Some of it is not held here. The ledger is then unchanged.
+        """
+        keys = self._blocks.astype(np.int64) * len(other._sets) + other._blocks
+        pairs, inverse = np.unique(keys, return_inverse=True)
+        left = [_without(self._sets[k // len(other._sets)], other._sets[k % len(other._sets)]) for k in pairs.tolist()]
+        self._blocks[:] = self._keep(left)[inverse.reshape(-1)]
+
     def _keep(self, sets: Iterable[Ranges]) -> npt.NDArray[np.uint32]:
         """Numbers of these sets, in the table from now on."""
         numbers = []
@@ -183,6 +196,26 @@ def _united(ours: Ranges, theirs: Ranges) -> Ranges:
         else:
             merged.append((start, stop))
     return tuple(merged)
+
+
+def _without(ours: Ranges, theirs: Ranges) -> Ranges:
+    """Our set of samples without theirs.
+
+    Raises
+    ------
+    UsageError
+        Not all of theirs are ours.
+    """
+    left = list(ours)
+    for start, stop in theirs:
+        place = next((at for at, (first, end) in enumerate(left) if first <= start and stop <= end), None)
+        if place is None:
+            raise UsageError(
+                f"samples {start} to {stop - 1} of some pixels are not all held; they cannot be taken out."
+            )
+        first, end = left[place]
+        left[place : place + 1] = [each for each in ((first, start), (stop, end)) if each[0] < each[1]]
+    return tuple(left)
 
 
 def _checked(ranges: Any) -> Ranges:

@@ -23,33 +23,66 @@ class WorkerPool:
     devices : sequence of Device
     make : callable
         Sets a device up for the render.
-
-    Attributes
-    ----------
-    candidates : list of Candidate
-        In the order of the devices. A candidate that is asked again gives the worker it made.
+    restart : callable, optional
+        Makes a device that failed ready to be set up again.
+    prove : callable, optional
+        Has a device compute something whose result is known; gives whether that came out.
     """
 
-    def __init__(self, devices: Sequence[Device], make: Callable[[Device], DeviceWorker]) -> None:
+    def __init__(
+        self,
+        devices: Sequence[Device],
+        make: Callable[[Device], DeviceWorker],
+        restart: Callable[[Device], None] | None = None,
+        prove: Callable[[Device], bool] | None = None,
+    ) -> None:
+        self._devices = devices
         self._make = make
+        self._restart = restart
+        self._prove = prove
         self._made: dict[int, DeviceWorker] = {}
-        self.candidates = [
-            Candidate(device.info.title, partial(self._worker, number, device)) for number, device in enumerate(devices)
-        ]
 
     def __enter__(self) -> WorkerPool:
         return self
 
     def __exit__(self, *details: Any) -> None:
         while self._made:
-            self._made.popitem()[1].release()
+            number, worker = self._made.popitem()
+            if not self._devices[number].lost:
+                worker.release()
+
+    @property
+    def candidates(self) -> list[Candidate]:
+        """In the order of the devices. One that is asked again gives the worker it made."""
+        return [self._candidate(number, device) for number, device in enumerate(self._devices) if not device.lost]
 
     @property
     def workers(self) -> dict[int, DeviceWorker]:
         """Those that could be set up, by the place of their device."""
         return dict(self._made)
 
+    def _candidate(self, number: int, device: Device) -> Candidate:
+        return Candidate(
+            device.info.title,
+            partial(self._worker, number, device),
+            driver=f"{device.info.platform} {device.info.version} {device.info.driver}",
+            restart=partial(self._start_over, number, device),
+            pulse=device.pulse,
+            lose=device.lose,
+            prove=None if self._prove is None else partial(self._prove, device),
+        )
+
     def _worker(self, number: int, device: Device) -> DeviceWorker:
         if number not in self._made:
-            self._made[number] = self._make(device)
+            worker = self._make(device)
+            if device.lost:
+                return worker  # it came back when nobody waited any more, and may be used by another thread
+            self._made[number] = worker
         return self._made[number]
+
+    def _start_over(self, number: int, device: Device) -> None:
+        worker = self._made.pop(number, None)
+        if worker is not None:
+            worker.release()
+        if self._restart is not None:
+            self._restart(device)

@@ -1,30 +1,34 @@
 """Who computes which samples when: workers in threads, a queue, and what happens when a device fails.
 
-No unit is lost: one whose worker failed goes back into the queue for the others. The film does not depend on any of
-it, because its sums are exact.
+No unit is lost: one whose worker failed goes back into the queue for the others, and so does all that a worker did
+whose results turn out to be wrong. The film does not depend on any of it, because its sums are exact.
 """
 
 from __future__ import annotations
 
-import contextlib
 import queue
-import threading
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, Protocol
 
-from clrender.errors import ClrenderError
+from clrender.errors import ClrenderError, DeviceFailure, RenderError
+from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
+from clrender.scheduling.contributions import Contributions
+from clrender.scheduling.court import Court
 from clrender.scheduling.policy import Plan, Remaining
+from clrender.scheduling.spot_check import SHARE, Sampler, finished
+from clrender.scheduling.tally import Tally, WorkerTally
+from clrender.scheduling.threads import Crew, Event
+from clrender.scheduling.watch import Patience, Watch
+from clrender.scheduling.work import Kind, Task, Work
 from clrender.scheduling.worker import Candidate
 
-__all__ = ["Receiver", "Tally", "WorkerTally", "run"]
+__all__ = ["PATIENCE", "Receiver", "Tally", "WorkerTally", "run"]
 
-_UNREAD: Final = 8
-"""Events that may wait to be dealt with: results are large, and a fast device must not pile up an image of them."""
+PATIENCE: Final = Patience()
 
-_PATIENCE: Final = 0.05
+_POLL: Final = 0.05
 """Seconds between two questions whether to stop, where nothing else happens."""
 
 
@@ -35,93 +39,13 @@ class Receiver(Protocol):
         """Take in what was done of a unit; gives its samples, over all pixels of the image."""
 
 
-@dataclass
-class WorkerTally:
-    """What one worker did."""
-
-    name: str
-    units: int = 0
-    samples: int = 0
-    requeued: int = 0
-
-
-@dataclass
-class Tally:
-    """What a run came to.
-
-    Attributes
-    ----------
-    samples, rays, shadow_rays, deepest : int
-    complete : bool
-        Every sample of the plan was taken.
-    workers : list of WorkerTally
-        In the order given.
-    failures : list of ClrenderError
-        Why workers failed, each with the name of its device in the message.
-    """
-
-    samples: int = 0
-    rays: int = 0
-    shadow_rays: int = 0
-    deepest: int = 0
-    complete: bool = False
-    workers: list[WorkerTally] = field(default_factory=list)
-    failures: list[ClrenderError] = field(default_factory=list)
-
-    @property
-    def all_failed(self) -> bool:
-        """Whether nobody is left who could go on."""
-        return len(self.failures) == len(self.workers)
-
-    def raise_failure(self) -> None:
-        """Raise why the last worker failed, where all did before the work was done."""
-        if self.all_failed and not self.complete:
-            raise self.failures[-1]
-
-
 @dataclass(frozen=True)
-class _Event:
-    """Something a worker's thread says: progress, a result, or, with neither, that it ends, and why."""
+class Listeners:
+    """Who is told of a run, and asked. All in the calling thread."""
 
-    worker: int
-    progress: tuple[int, int] | None = None
-    unit: Unit | None = None
-    result: UnitSums | None = None
-    error: BaseException | None = None
-
-
-class _Queue:
-    """Work shared by the workers' threads. A worker waits while others may yet give units back."""
-
-    def __init__(self, plan: Plan, workers: int) -> None:
-        self._remaining = Remaining(plan, workers)
-        self._out = 0
-        self._changed = threading.Condition()
-
-    def take(self, worker: int) -> Unit | None:
-        with self._changed:
-            while True:
-                unit = self._remaining.take(worker)
-                if unit is not None:
-                    self._out += 1
-                    return unit
-                if self._out == 0:
-                    return None
-                self._changed.wait()
-
-    def done(self, worker: int, unit: Unit, seconds: float) -> None:
-        with self._changed:
-            self._out -= 1
-            self._remaining.measured(worker, unit, seconds)
-            self._changed.notify_all()
-
-    def failed(self, worker: int, unit: Unit | None) -> None:
-        with self._changed:
-            if unit is not None:
-                self._out -= 1
-                self._remaining.put_back(unit)
-            self._remaining.retire(worker)
-            self._changed.notify_all()
+    on_progress: Callable[[int, int], None] | None = None
+    should_stop: Callable[[], bool] | None = None
+    tell: Callable[[str], None] | None = None
 
 
 def run(
@@ -130,6 +54,8 @@ def run(
     film: Receiver,
     on_progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    tell: Callable[[str], None] | None = None,
+    check_share: float = SHARE,
 ) -> Tally:
     """Have workers do the work of a plan, and commit it to the film.
 
@@ -139,11 +65,16 @@ def run(
     candidates : sequence of Candidate
         At least one; each gets a thread, in which it is set up and works.
     film : Receiver
-        A `clrender.film.Film` of the plan's size, or the like, without any of its samples.
+        A `clrender.film.Film` of the plan's size, or the like, without any of the plan's samples.
     on_progress : callable, optional
         Told, in the calling thread, how many samples and rays are done in all.
     should_stop : callable, optional
         Asked in the calling thread, twenty times a second at least; after a yes, the film keeps what is done by then.
+    tell : callable, optional
+        Told in a line when a device failed and will be tried again.
+    check_share : float
+        Of the samples, those that a second worker does again for comparison, where there are several and the receiver
+        is a film.
 
     Returns
     -------
@@ -153,95 +84,195 @@ def run(
     Raises
     ------
     Exception
-        What `on_progress` or `should_stop` raised, or a worker that is no `ClrenderError`. No thread is left then.
+        What `on_progress` or `should_stop` raised, or a worker that is no `ClrenderError`. No thread is left then, but
+        those whose driver does not return.
     """
-    work, events = _Queue(plan, len(candidates)), queue.Queue[_Event](_UNREAD)
-    stop = threading.Event()
-    threads = [
-        threading.Thread(target=_work, args=(number, candidate, work, events, stop), daemon=True)
-        for number, candidate in enumerate(candidates)
-    ]
-    tally = Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
-    seen = [0, 0]
+    listeners = Listeners(on_progress, should_stop, tell)
     if should_stop is not None and should_stop():
+        return Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
+    return _Run(plan, candidates, film, listeners, check_share).tally_of_all()
+
+
+class _Run:
+    """One run: all that is decided, in the calling thread."""
+
+    def __init__(
+        self, plan: Plan, candidates: Sequence[Candidate], film: Receiver, listeners: Listeners, share: float
+    ) -> None:
+        self._plan = plan
+        self._candidates = candidates
+        self._film = film
+        self._listeners = listeners
+        count = len(candidates)
+        self._tally = Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
+        self._work = Work(Remaining(plan, count), count)
+        self._crew = Crew(candidates, self._work, PATIENCE)
+        self._watch = Watch([candidate.pulse for candidate in candidates], PATIENCE)
+        self._alive = set(range(count))
+        self._told = [(0, 0)] * count
+        self._seen = (0, 0)
+        self._pending: dict[int, ClrenderError] = {}
+        checked = count > 1 and share > 0.0 and isinstance(film, Film)
+        self._sampler = Sampler(plan, share) if checked else None
+        self._apart = Contributions(film, count) if checked and isinstance(film, Film) else None
+        self._court = Court(candidates, self._work, self._convict)
+
+    def tally_of_all(self) -> Tally:
+        """Do the work."""
+        self._crew.start()
+        try:
+            while self._alive:
+                self._ask_to_stop()
+                try:
+                    event = self._crew.events.get(timeout=_POLL)
+                except queue.Empty:
+                    event = None
+                if event is not None:
+                    self._deal_with(event)
+                self._look_for_hung()
+        finally:
+            self._crew.stop()
+            while self._crew.end(self._alive):
+                self._look_for_hung()
+        tally = self._tally
+        for worker, error in self._pending.items():
+            tally.workers[worker].state = "failed"
+            tally.failures.append(error)
+        if self._court.undecided:
+            self._say(
+                f"warning: {self._court.undecided} give different results for the same samples, and the render ended "
+                "before it was found which are wrong; the image may be"
+            )
+        tally.complete = tally.samples == self._plan.samples
         return tally
-    for thread in threads:
-        thread.start()
-    try:
-        alive = len(threads)
-        while alive:
-            if not stop.is_set() and should_stop is not None and should_stop():
-                stop.set()
-            try:
-                event = events.get(timeout=_PATIENCE)
-            except queue.Empty:
-                continue
-            if event.progress is not None:
-                seen = [seen[0] + event.progress[0], seen[1] + event.progress[1]]
-                if on_progress is not None:
-                    on_progress(*seen)
-            elif event.unit is not None and event.result is not None:
-                _commit(tally, film, event.worker, event.unit, event.result)
-            else:
-                alive -= 1
-                if event.error is not None:
-                    _record_failure(tally, event)
-    finally:
-        stop.set()
-        _end(threads, events)
-    tally.complete = tally.samples == plan.samples
-    return tally
 
+    def _ask_to_stop(self) -> None:
+        asked = self._listeners.should_stop
+        if not self._crew.stopping and asked is not None and asked():
+            self._crew.stop()
 
-def _end(threads: Sequence[threading.Thread], events: queue.Queue[_Event]) -> None:
-    """Wait for the threads; nobody listens any more, but none may be kept waiting for that."""
-    for thread in threads:
-        while thread.is_alive():
-            with contextlib.suppress(queue.Empty):
-                while True:
-                    events.get_nowait()
-            thread.join(0.05)
+    def _say(self, line: str) -> None:
+        if self._listeners.tell is not None:
+            self._listeners.tell(line)
 
+    def _deal_with(self, event: Event) -> None:
+        """Take in what a worker's thread says."""
+        worker = event.worker
+        if worker not in self._alive:
+            return
+        self._watch.beat(worker, slice_done=event.progress is not None or event.result is not None)
+        if event.progress is not None:
+            if not self._work.dismissed(worker):
+                self._advance(worker, *event.progress)
+        elif event.error is not None:
+            self._failed(event)
+        elif event.back:
+            self._work.enlist(worker)
+            self._watch.start_over(worker)
+        elif event.task is None:
+            self._alive.discard(worker)
+            self._work.pause(worker)
+        elif self._work.is_out(event.task):
+            self._done(event.task, event.result)
+            self._work.settle(event.task)
 
-def _work(number: int, candidate: Candidate, work: _Queue, events: queue.Queue[_Event], stop: threading.Event) -> None:
-    """Life of a worker's thread: set the device up, take a unit, do it, say what came of it."""
-    told = [0, 0]
-    unit: Unit | None = None
+    def _advance(self, worker: int, samples: int, rays: int) -> None:
+        before, seen = self._told[worker], self._seen
+        self._told[worker] = (before[0] + samples, before[1] + rays)
+        self._seen = (seen[0] + samples, seen[1] + rays)
+        if self._listeners.on_progress is not None:
+            self._listeners.on_progress(*self._seen)
 
-    def on_slice(samples: int, rays: int) -> None:
-        told[0] += samples
-        told[1] += rays
-        events.put(_Event(number, progress=(samples, rays)))
+    def _forget_progress(self, worker: int) -> None:
+        """What a worker said of a unit that it will not deliver."""
+        samples, rays = self._told[worker]
+        if samples or rays:
+            self._advance(worker, -samples, -rays)
 
-    try:
-        worker = candidate.set_up()
-        while not stop.is_set() and (unit := work.take(number)) is not None:
-            told = [0, 0]
-            begin = time.perf_counter()
-            result = worker.render(unit, on_slice, stop.is_set)
-            events.put(_Event(number, unit=unit, result=result))
-            work.done(number, unit, time.perf_counter() - begin)
-            unit = None
-    except BaseException as error:
-        events.put(_Event(number, progress=(-told[0], -told[1])))
-        work.failed(number, unit)
-        events.put(_Event(number, unit=unit, error=error))
-    else:
-        events.put(_Event(number))
+    def _done(self, task: Task, result: UnitSums | bool | None) -> None:
+        worker = task.worker
+        if task.kind is Kind.UNIT and task.unit is not None and isinstance(result, UnitSums):
+            self._tally.workers[worker].add(result, self._film.commit(task.unit, result))
+            self._told[worker] = (0, 0)
+            if (error := self._pending.pop(worker, None)) is not None:
+                self._tally.recovered.append(error)
+            if self._apart is not None and self._sampler is not None:
+                self._apart.add(worker, task.unit, result)
+                piece = self._sampler.piece(worker, task.unit, result, self._work.room(worker))
+                if piece is not None:
+                    self._work.check(piece)
+        elif task.kind is Kind.CHECK and task.piece is not None and isinstance(result, UnitSums):
+            if not finished(task.piece.unit, result):
+                return  # somebody wants the render to end
+            self._tally.checks += 1
+            self._tally.check_samples += task.piece.samples
+            self._tally.workers[task.piece.worker].checked += task.piece.samples
+            if not task.piece.agrees(result):
+                self._tally.differences += 1
+                self._court.open(task.piece, worker, result)
+        else:
+            self._court.hear(task, result)
 
+    def _failed(self, event: Event) -> None:
+        """A worker failed: others do what it was doing. It may come back."""
+        worker, error = event.worker, event.error
+        if not isinstance(error, ClrenderError):
+            raise error or AssertionError("a worker failed without a reason")
+        if self._work.dismissed(worker):
+            return
+        tally = self._tally.workers[worker]
+        tally.failures += 1
+        if event.task is not None and self._work.give_back(event.task):
+            tally.requeued += event.task.kind is Kind.UNIT
+        self._forget_progress(worker)
+        self._pending.pop(worker, None)
+        if event.retry is None:
+            self._end_of(worker, error, "failed")
+        else:
+            self._pending[worker] = error
+            self._work.pause(worker)
+            self._say(f"warning: {error}; it is set up again in {event.retry:g} s")
+        self._leaves_court(worker)
 
-def _commit(tally: Tally, film: Receiver, worker: int, unit: Unit, result: UnitSums) -> None:
-    samples = film.commit(unit, result)
-    tally.samples += samples
-    tally.rays += result.rays
-    tally.shadow_rays += result.shadow_rays
-    tally.deepest = max(tally.deepest, result.deepest)
-    tally.workers[worker].units += 1
-    tally.workers[worker].samples += samples
+    def _leaves_court(self, worker: int) -> None:
+        """Where somebody wants the render to end nothing is settled any more."""
+        if not self._crew.stopping:
+            self._court.left(worker)
 
+    def _end_of(self, worker: int, error: ClrenderError, state: str) -> None:
+        self._tally.workers[worker].state = state
+        self._tally.failures.append(error)
+        self._pending.pop(worker, None)
+        self._work.retire(worker)
 
-def _record_failure(tally: Tally, event: _Event) -> None:
-    if not isinstance(event.error, ClrenderError):
-        raise event.error or AssertionError("a worker failed without a reason")
-    tally.workers[event.worker].requeued += event.unit is not None
-    tally.failures.append(event.error)
+    def _look_for_hung(self) -> None:
+        busy, others_wait = self._work.busy(self._alive)
+        for worker in self._watch.silent(busy, waited_for=others_wait, hurry=self._crew.stopping):
+            self._alive.discard(worker)
+            lose = self._candidates[worker].lose
+            if lose is not None:
+                lose()
+            tally = self._tally.workers[worker]
+            tally.failures += 1
+            tally.requeued += sum(task.kind is Kind.UNIT for task in self._work.dismiss(worker))
+            self._forget_progress(worker)
+            hangs = f"{tally.name} hangs: a call of its driver did not come back"
+            if tally.state == "ok":
+                self._end_of(worker, DeviceFailure(hangs), "hung")
+            self._leaves_court(worker)
+
+    def _convict(self, worker: int, why: str) -> None:
+        """A worker's results are wrong: what it did is taken out of the film, and done again by others."""
+        tally = self._tally.workers[worker]
+        if tally.state == "wrong":
+            return
+        self._work.dismiss(worker)
+        self._forget_progress(worker)
+        samples, rays = self._tally.samples, self._tally.rays
+        for number, units in (self._apart.withdraw(worker) if self._apart else {}).items():
+            self._tally.workers[number].withdraw(units)
+            self._work.redo(units)
+        self._seen = (self._seen[0] - samples + self._tally.samples, self._seen[1] - rays + self._tally.rays)
+        if tally.state == "ok":
+            self._end_of(worker, RenderError(f"{tally.name} computes wrong results: {why}"), "wrong")
+        tally.state = "wrong"

@@ -43,9 +43,24 @@ class Candidate:
     name : str
         For messages and statistics.
     set_up : callable
-        Compiles, uploads and builds what the render needs, and gives the worker. It is called once, in the worker's
-        own thread: one device that fails there, with a `ClrenderError`, leaves the others to do the work.
+        Compiles, uploads and builds what the render needs, and gives the worker. It is called in the worker's own
+        thread: one device that fails there, with a `ClrenderError`, leaves the others to do the work.
+    driver : str
+        Whose compiler makes its programs: devices of one driver make the same mistakes.
+    restart : callable, optional
+        Before it is set up once more after a failure: forget what was on the device.
+    pulse : callable, optional
+        As `clrender.device.Device.pulse`; asked in any thread.
+    lose : callable, optional
+        A call never came back: ask the driver for nothing more.
+    prove : callable, optional
+        Do something whose result is known, and say whether that came out.
     """
 
     name: str
     set_up: Callable[[], Worker]
+    driver: str = ""
+    restart: Callable[[], None] | None = None
+    pulse: Callable[[], tuple[int, bool]] | None = None
+    lose: Callable[[], None] | None = None
+    prove: Callable[[], bool] | None = None

@@ -98,10 +98,11 @@ def go(
     film: Film,
     on_progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    check_share: float = 0.0,
 ) -> Tally:
-    """Run a plan with these workers, all of which can be set up."""
+    """Run a plan with these workers, all of which can be set up; nothing is done twice unless that is asked for."""
     candidates = [Candidate(worker.name, partial(lambda each: each, worker)) for worker in workers]
-    return run(plan, candidates, film, on_progress, should_stop)
+    return run(plan, candidates, film, on_progress, should_stop, None, check_share)
 
 
 def plan_for(width: int, height: int, spp: int, tile: int = 64) -> Plan:
@@ -179,8 +180,11 @@ SIZES = [
 ]
 
 
-def taken(plan: Plan, rates: Sequence[float]) -> list[tuple[int, Unit, float]]:
-    """(worker, unit, second at which it is done) by workers of given speeds, slots times samples a second."""
+def taken(plan: Plan, rates: Sequence[float], cost: float = 0.0) -> list[tuple[int, Unit, float]]:
+    """(worker, unit, second at which it is done) by workers of given speeds, slots times samples a second.
+
+    A unit costs so many seconds beside its samples.
+    """
     remaining, clock = Remaining(plan, len(rates)), [(0.0, worker) for worker in range(len(rates))]
     done = []
     while clock:
@@ -188,7 +192,7 @@ def taken(plan: Plan, rates: Sequence[float]) -> list[tuple[int, Unit, float]]:
         now, worker = clock.pop(0)
         unit = remaining.take(worker)
         if unit is not None:
-            seconds = unit.slot_count * unit.sample_count / rates[worker]
+            seconds = unit.slot_count * unit.sample_count / rates[worker] + cost
             remaining.measured(worker, unit, seconds)
             done.append((worker, unit, now + seconds))
             clock.append((now + seconds, worker))
@@ -226,6 +230,18 @@ def test_a_slow_device_does_not_hold_up_a_fast_one(slow: float) -> None:
     # One tile of one sample is the least that anybody can be given
     assert max(ends) <= work / sum(rates) * 1.1 + 4096 / slow
     assert len(done) < 600, "and units do not become too small for what each costs"
+
+
+@pytest.mark.parametrize("rate", [4.4e6, 1.37e6], ids=["S1", "S3-1M"])
+@pytest.mark.parametrize(
+    "speeds", [[1.0, 1.0], [1.0, 0.1], [1.0, 0.02], [4.0, 1.0], [1.0, 0.5, 0.1], [1.0, 1.0, 1.0, 1.0]], ids=str
+)
+def test_several_devices_are_as_fast_as_the_sum_of_their_speeds(rate: float, speeds: list[float]) -> None:
+    """800 x 800 at 64 samples, by devices of a part of the speed that two cores have, and 2 ms beside each unit."""
+    plan, rates = Plan(800, 800, 0, 64, 64), [rate * speed for speed in speeds]
+    done = taken(plan, rates, 0.002)
+    work = sum(unit.slot_count * unit.sample_count for _, unit, _ in done)
+    assert work / sum(rates) >= 0.95 * max(end for _, _, end in done)
 
 
 def test_no_unit_is_longer_than_it_should_be_where_devices_share() -> None:

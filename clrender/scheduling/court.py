@@ -1,0 +1,131 @@
+"""Where pieces that came out differently are settled: who is asked what, and what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from clrender.film.unit import UnitSums
+from clrender.scheduling.dispute import Dispute, judge
+from clrender.scheduling.spot_check import Piece, digest, finished
+from clrender.scheduling.work import Kind, Task, Work
+from clrender.scheduling.worker import Candidate
+
+__all__ = ["Court"]
+
+_TIMES: Final = 6
+"""How often each worker does a piece again: one that errs now and then is not to err, or to be right, each time."""
+_PROBES: Final = 3
+"""How often each renders the probe's tile, for the same reason."""
+
+
+class Court:
+    """Disputes between workers, one after the other.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+    work : Work
+        Through which workers are asked.
+    convict : callable
+        Told which worker is wrong, and why.
+    """
+
+    def __init__(self, candidates: Sequence[Candidate], work: Work, convict: Callable[[int, str], None]) -> None:
+        self._candidates = candidates
+        self._work = work
+        self._convict = convict
+        self._dispute: Dispute | None = None
+        self._later: list[tuple[Piece, int, bytes]] = []
+        self._undecided: set[int] = set()
+
+    @property
+    def undecided(self) -> str:
+        """Names of those between whom it is still open; empty where nothing is."""
+        return self._names(self._dispute.parties) if self._dispute else ""
+
+    def open(self, piece: Piece, other: int, result: UnitSums) -> None:
+        """A piece came out differently when another worker did it."""
+        self._open(piece, other, digest(result.sums, result.counts))
+
+    def _open(self, piece: Piece, other: int, answer: bytes) -> None:
+        if any(self._work.dismissed(each) for each in (piece.worker, other)):
+            return
+        if self._dispute is not None:
+            self._later.append((piece, other, answer))
+            return
+        self._dispute = dispute = Dispute(piece, other)
+        jurors = self._work.in_service()
+        for worker in jurors:
+            dispute.ask(worker, _TIMES)
+            for _ in range(_TIMES):
+                self._work.order(worker, Kind.TRIAL, piece)
+        for party, said in zip(dispute.parties, (piece.answer, answer), strict=True):
+            dispute.answers.setdefault(party, []).append(said)
+        for party in set(dispute.parties) - jurors:
+            self.left(party)
+
+    def hear(self, task: Task, result: UnitSums | bool | None) -> None:
+        """What a worker that was asked answers."""
+        dispute = self._dispute
+        if dispute is None:
+            return
+        if task.kind is Kind.PROOF:
+            dispute.heard(task.worker, bool(result))
+        elif isinstance(result, UnitSums) and task.piece is dispute.piece and finished(task.piece.unit, result):
+            dispute.heard(task.worker, digest(result.sums, result.counts))
+        else:
+            return
+        self._decide()
+
+    def left(self, worker: int) -> None:
+        """A worker failed or is gone."""
+        if self._dispute is not None:
+            self._dispute.left(worker)
+            self._decide()
+
+    def _decide(self) -> None:
+        dispute = self._dispute
+        if dispute is None or not dispute.answered:
+            return
+        if not self._undecided:
+            wrong, self._undecided = judge(dispute.answers, [each.driver for each in self._candidates])
+            for worker in sorted(wrong):
+                self._convict(worker, _reason(dispute.answers[worker]))
+            if self._undecided:
+                for worker in sorted(self._undecided):
+                    dispute.ask(worker, _PROBES)
+                    for _ in range(_PROBES):
+                        self._work.order(worker, Kind.PROOF)
+                return
+            if not wrong:
+                raise AssertionError("whoever differs once either contradicts itself or differs from another")
+        else:
+            wrong = dispute.after_probe(self._undecided)
+            between = self._names(sorted(self._undecided))
+            why = "it fails the probe that every device has to pass"
+            if wrong == self._undecided:
+                why = (
+                    f"{between} give different results for the same samples, each the same every time, and the probe "
+                    "does not tell which is right; render on one of them alone, or on a third"
+                )
+            for worker in sorted(wrong):
+                self._convict(worker, why)
+        self._close()
+
+    def _close(self) -> None:
+        self._dispute, self._undecided = None, set()
+        later, self._later = self._later, []
+        for piece, other, answer in later:
+            self._open(piece, other, answer)
+
+    def _names(self, workers: Sequence[int]) -> str:
+        return " and ".join(self._candidates[worker].name for worker in workers)
+
+
+def _reason(answers: Sequence[bytes]) -> str:
+    if not answers:
+        return "another device gets a different one, and it failed when it was to do that again"
+    if len(set(answers)) > 1:
+        return "it gets different ones each time"
+    return "other drivers agree on different ones"

@@ -1,0 +1,273 @@
+"""The work that workers' threads share: units, pieces to check, and who is busy with what."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+from clrender.film.unit import Unit
+from clrender.scheduling.policy import Remaining
+from clrender.scheduling.spot_check import Piece
+
+__all__ = ["Kind", "Task", "Work"]
+
+_MOST_CHECKS: Final = 64
+"""Pieces that may wait to be checked."""
+_CHECK_SECONDS: Final = 1.0
+"""Of the fastest other worker, what the pieces of one may take that wait: at the end all wait for them."""
+_CHECK_SAMPLES: Final = 1 << 18
+"""What they may have while nobody knows how fast the others are."""
+
+
+_LONGEST_CHECKS: Final = 10.0
+"""Seconds that a worker spends on pieces that wait."""
+
+
+class Kind(Enum):
+    """What a worker is to do."""
+
+    UNIT = "unit"
+    CHECK = "check"
+    TRIAL = "trial"
+    PROOF = "proof"
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Something that one worker was given to do.
+
+    Attributes
+    ----------
+    number : int
+        No other task of the run has it.
+    worker : int
+    kind : Kind
+        A unit; a piece of another's unit, to check it or to settle a dispute; or a probe.
+    unit : Unit or None
+        None for a probe.
+    piece : Piece or None
+        That the unit is of.
+    """
+
+    number: int
+    worker: int
+    kind: Kind
+    unit: Unit | None = None
+    piece: Piece | None = None
+
+
+class Work:
+    """Work shared by the workers' threads. One that has nothing to do waits while there may yet be something.
+
+    Threads take tasks; all else is said by whoever commits results. A task is out from being taken until it is settled
+    or given back, so that none is counted twice, and none lost.
+    """
+
+    def __init__(self, remaining: Remaining, workers: int) -> None:
+        self._remaining = remaining
+        self._numbers = itertools.count()
+        self._out: dict[int, Task] = {}
+        self._orders: dict[int, deque[tuple[Kind, Piece | None]]] = {number: deque() for number in range(workers)}
+        self._checks: deque[Piece] = deque()
+        self._checked_last: set[int] = set()
+        self._in_service = set(range(workers))
+        self._rates: dict[int, float] = {}
+        self._waiting: set[int] = set()
+        self._resting: set[int] = set()
+        self._retired: set[int] = set()
+        self._dismissed: set[int] = set()
+        self._ended = False
+        self._changed = threading.Condition()
+
+    # Asked by workers' threads
+
+    def take(self, worker: int) -> Task | None:
+        """The next task of a worker; waits for it. None when it is to end."""
+        with self._changed:
+            self._waiting.add(worker)
+            while not self._ended and worker not in self._dismissed:
+                task = self._next(worker)
+                if task is not None:
+                    self._waiting.discard(worker)
+                    self._out[task.number] = task
+                    return task
+                if self._over():
+                    self._ended = True
+                    self._changed.notify_all()
+                    break
+                self._changed.wait()
+            return None
+
+    def rest(self, worker: int, seconds: float) -> bool:
+        """Wait before trying again; gives whether there is still something to try for."""
+        end = time.monotonic() + seconds
+        with self._changed:
+            self._resting.add(worker)
+            while not self._ended and worker not in self._dismissed and (left := end - time.monotonic()) > 0.0:
+                self._changed.wait(left)
+            self._resting.discard(worker)
+            return not self._ended and worker not in self._dismissed
+
+    def measured(self, worker: int, unit: Unit, seconds: float) -> None:
+        """How long a worker took for a unit."""
+        with self._changed:
+            self._rates[worker] = unit.slot_count * unit.sample_count / max(seconds, 1e-6)
+            self._remaining.measured(worker, unit, seconds)
+
+    def timed(self, worker: int, samples: int, seconds: float) -> None:
+        """How long it took to check a piece: tells how fast a worker is that has done no unit yet."""
+        with self._changed:
+            self._rates.setdefault(worker, samples / max(seconds, 1e-6))
+
+    def dismissed(self, worker: int) -> bool:
+        """Whether nobody wants anything of this worker any more."""
+        return worker in self._dismissed
+
+    # Said by whoever commits results
+
+    def is_out(self, task: Task) -> bool:
+        """Whether this is the one who does it."""
+        return task.number in self._out
+
+    def settle(self, task: Task) -> None:
+        """A task is done, and all that follows from it is said."""
+        self._change(lambda: self._out.pop(task.number, None))
+
+    def give_back(self, task: Task) -> bool:
+        """A task was not done; gives whether it was this worker's to do."""
+        with self._changed:
+            mine = self._out.pop(task.number, None) is not None
+            if mine:
+                self._put_back(task)
+            self._changed.notify_all()
+        return mine
+
+    def redo(self, units: Collection[Unit]) -> None:
+        """Units whose results are no longer there."""
+        with self._changed:
+            for unit in reversed(list(units)):
+                self._remaining.put_back(unit)
+            self._changed.notify_all()
+
+    def room(self, worker: int) -> float:
+        """Samples of a worker that others can check in good time, beside those that they have yet to check."""
+        with self._changed:
+            others = self._in_service - {worker}
+            if not others or len(self._checks) >= _MOST_CHECKS:
+                return 0.0
+            waiting = sum(piece.samples for piece in self._checks if piece.worker == worker)
+            if not others <= self._rates.keys():
+                return _CHECK_SAMPLES - waiting
+            return _CHECK_SECONDS * max(self._rates[other] for other in others) - waiting
+
+    def check(self, piece: Piece) -> None:
+        """Have another worker do a piece again."""
+        with self._changed:
+            self._checks.append(piece)
+            self._changed.notify_all()
+
+    def order(self, worker: int, kind: Kind, piece: Piece | None = None) -> None:
+        """Have this very worker do something, before all else."""
+        self._change(lambda: self._orders[worker].append((kind, piece)))
+
+    def pause(self, worker: int) -> None:
+        """A worker failed and may come back: nobody waits for it."""
+        with self._changed:
+            self._in_service.discard(worker)
+            self._orders[worker].clear()
+            self._changed.notify_all()
+
+    def enlist(self, worker: int) -> None:
+        """It is back."""
+        self._change(lambda: self._in_service.add(worker))
+
+    def retire(self, worker: int) -> None:
+        """A worker takes no more work."""
+        self.pause(worker)
+        with self._changed:
+            if worker not in self._retired:
+                self._retired.add(worker)
+                self._remaining.retire(worker)
+
+    def dismiss(self, worker: int) -> list[Task]:
+        """Let a worker go, whatever it is doing; gives what it was, which others will do."""
+        with self._changed:
+            tasks = [task for task in self._out.values() if task.worker == worker]
+            for task in tasks:
+                del self._out[task.number]
+                self._put_back(task)
+            self._checks = deque(piece for piece in self._checks if piece.worker != worker)
+            self._dismissed.add(worker)
+            self._changed.notify_all()
+        self.retire(worker)
+        return tasks
+
+    def end(self) -> None:
+        """Nobody gets anything to do any more."""
+        self._change(lambda: setattr(self, "_ended", True))
+
+    def in_service(self) -> set[int]:
+        """Workers that work or wait for work."""
+        with self._changed:
+            return set(self._in_service)
+
+    def busy(self, workers: Collection[int]) -> tuple[set[int], bool]:
+        """Those of some workers that have something to do, and whether all others wait for them, or no longer do."""
+        with self._changed:
+            busy = set(workers) - self._waiting - self._resting
+            return busy, self._ended or (len(busy) == 1 < len(workers) and not self._resting)
+
+    # With the lock held
+
+    def _change(self, change: Callable[[], Any]) -> None:
+        with self._changed:
+            change()
+            self._changed.notify_all()
+
+    def _next(self, worker: int) -> Task | None:
+        if self._orders[worker]:
+            kind, piece = self._orders[worker].popleft()
+            return self._task(worker, kind, piece)
+        check = next((piece for piece in self._checks if piece.worker != worker), None)
+        # A check between two units at most: a slow worker has units of its own to do
+        check_first = check is not None and worker in self._rates and worker not in self._checked_last
+        unit = None if check_first else self._remaining.take(worker)
+        self._checked_last.discard(worker)
+        if unit is not None:
+            return Task(next(self._numbers), worker, Kind.UNIT, unit)
+        if check is not None:
+            self._checked_last.add(worker)
+            self._checks.remove(check)
+            self._drop_checks(worker)
+            return self._task(worker, Kind.CHECK, check)
+        return None
+
+    def _drop_checks(self, worker: int) -> None:
+        """Where a worker turns out to be slow, it checks less than was planned, the latest pieces last."""
+        allowed = _LONGEST_CHECKS * self._rates.get(worker, math.inf)
+        for piece in [each for each in self._checks if each.worker != worker]:
+            allowed -= piece.samples
+            if allowed < 0.0:
+                self._checks.remove(piece)
+
+    def _task(self, worker: int, kind: Kind, piece: Piece | None) -> Task:
+        return Task(next(self._numbers), worker, kind, None if piece is None else piece.unit, piece)
+
+    def _put_back(self, task: Task) -> None:
+        if task.kind is Kind.UNIT and task.unit is not None:
+            self._remaining.put_back(task.unit)
+        elif task.kind is Kind.CHECK and task.piece is not None:
+            self._checks.append(task.piece)
+
+    def _over(self) -> bool:
+        """Whether nothing can come any more: nothing is out or ordered, and nobody is there for what is to check."""
+        if self._out or any(self._orders.values()):
+            return False
+        return not any(self._in_service - {piece.worker} for piece in self._checks)

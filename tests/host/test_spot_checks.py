@@ -1,0 +1,420 @@
+"""What is done twice, who is wrong when that differs, and how long silence may last."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from test_scheduling import FakeWorker, assert_whole, cut_as, no_threads_left, plan_for, small_units
+
+from clrender.errors import DeviceFailure, RenderError, UsageError
+from clrender.film import Film
+from clrender.film.unit import Unit, UnitSums
+from clrender.scheduling import run as scheduling
+from clrender.scheduling.contributions import Contributions
+from clrender.scheduling.dispute import judge
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.run import Tally, run
+from clrender.scheduling.spot_check import SHARE, Sampler
+from clrender.scheduling.tally import failures_told
+from clrender.scheduling.watch import Patience, Watch
+from clrender.scheduling.worker import Candidate
+
+
+def sums(unit: Unit, seed: int = 0) -> UnitSums:
+    rng = np.random.default_rng([unit.first_slot, unit.first_sample, seed])
+    words = rng.integers(0, 2**32, (unit.slot_count, 3, 4), dtype=np.uint32)
+    words[..., 3] %= 1000
+    count, done = (np.full(n, unit.sample_count, np.uint32) for n in (unit.slot_count, unit.slot_count // 16))
+    return UnitSums(words, count, done, 0, 0, 0)
+
+
+# --- films that give samples back ------------------------------------------------------------------------------------
+
+
+def test_a_film_gives_back_what_came_in() -> None:
+    """Whatever came before, between and after: sums, counts and ledger are as if it had never been there."""
+    units = [Unit(0, 256, 0, 4, 16), Unit(0, 256, 4, 3, 16), Unit(256, 256, 0, 7, 16), Unit(0, 256, 7, 2, 16)]
+    whole, gone, left = Film(30, 13), Film(30, 13), Film(30, 13)
+    for number, unit in enumerate(units):
+        whole.commit(unit, sums(unit))
+        (gone if number in (1, 2) else left).commit(unit, sums(unit))
+    whole.take_out(gone)
+    assert whole.ledger == left.ledger and (whole.counts == left.counts).all()
+    for band, expected in zip(whole.bands(), left.bands(), strict=True):
+        np.testing.assert_array_equal(band, expected)
+    with pytest.raises(UsageError, match=r"samples 4 to 6 of some pixels are not all held"):
+        whole.take_out(gone)
+    assert whole.ledger == left.ledger
+    whole.merge(gone)
+    assert whole.ledger.holds(0, 7) is False and whole.samples == gone.samples + left.samples
+
+
+@pytest.mark.parametrize("shared", [False, True], ids=["a film each", "one for all"])
+def test_what_a_worker_did_is_withdrawn(monkeypatch: pytest.MonkeyPatch, shared: bool) -> None:
+    """A film may hold samples of before; with one film for all, all that came since is done again."""
+    if shared:
+        monkeypatch.setattr("clrender.scheduling.contributions._MOST_BYTES", 0)
+    before, units = Unit(0, 256, 90, 4, 16), [Unit(0, 256, sample, 1, 16) for sample in range(6)]
+    film, expected = Film(16, 16), Film(16, 16)
+    apart = Contributions(film, 2)
+    for each in (film, expected):
+        each.commit(before, sums(before))
+    for number, unit in enumerate(units):
+        film.commit(unit, sums(unit))
+        apart.add(number % 2, unit, sums(unit))
+        if number % 2 and not shared:
+            expected.commit(unit, sums(unit))
+    gone = apart.withdraw(0)
+    assert gone == ({0: units[::2], 1: units[1::2]} if shared else {0: units[::2]})
+    assert film.ledger == expected.ledger
+    np.testing.assert_array_equal(film.bands()[0], expected.bands()[0])
+    assert not any(apart.withdraw(0).values())
+
+
+# --- what is checked -------------------------------------------------------------------------------------------------
+
+
+def pieces(plan: Plan, units: list[Unit], share: float = SHARE, seed: int = 1) -> tuple[list[Any], Sampler]:
+    sampler = Sampler(plan, share, random.Random(seed))
+    return [sampler.piece(0, unit, sums(unit)) for unit in units], sampler
+
+
+def test_a_piece_is_a_part_of_its_unit_with_the_same_sums() -> None:
+    plan = Plan(800, 800, 0, 64, 64)
+    units = [Unit(4096 * 8 * k, 4096 * 8, 0, 16, 64) for k in range(10)]
+    for piece, unit in zip(*(pieces(plan, units)[0], units), strict=True):
+        assert piece is not None, "of every unit"
+        at = piece.unit.first_slot - unit.first_slot
+        assert at % 16 == 0 and 0 <= at < unit.slot_count and piece.unit.slot_count % 16 == 0
+        assert (piece.unit.first_sample, piece.unit.sample_count) == (unit.first_sample, unit.sample_count)
+        part = slice(at, at + piece.unit.slot_count)
+        assert piece.agrees(UnitSums(sums(unit).sums[part], sums(unit).counts[part], sums(unit).done, 0, 0, 0))
+        assert piece.samples == piece.unit.slot_count * 16
+
+
+@pytest.mark.parametrize(("width", "height", "tile", "samples"), [(800, 800, 64, 16), (64, 48, 16, 2), (37, 21, 8, 1)])
+def test_the_share_is_kept(width: int, height: int, tile: int, samples: int) -> None:
+    plan = plan_for(width, height, 64, tile)
+    units = list(small_units(plan, samples))
+    found = [piece for piece in pieces(plan, units)[0] if piece is not None]
+    total = sum(int(unit.pixels(width, height).sum()) * unit.sample_count for unit in units)
+    least = int(units[0].pixels(width, height)[:1].sum()) * samples
+    assert 0.5 * SHARE * total <= sum(piece.samples for piece in found) <= SHARE * total + least
+
+
+def test_the_first_unit_is_checked_however_small_it_is() -> None:
+    plan = plan_for(5, 3, 1, 8)
+    (piece,), _ = pieces(plan, [Unit(0, 64, 0, 1, 8)])
+    assert piece.samples > 0
+    assert pieces(plan, [Unit(0, 64, 0, 1, 8)], share=0.0)[0] == [None]
+
+
+def test_every_block_of_the_image_has_its_chance() -> None:
+    plan, unit = plan_for(40, 24, 64, 16), Unit(0, 6 * 256, 0, 16, 16)
+    hits = np.zeros(unit.slot_count // 16, int)
+    for seed in range(1500):
+        (piece,), _ = pieces(plan, [unit], 0.02, seed)
+        first = piece.unit.first_slot // 16
+        hits[first : first + piece.unit.slot_count // 16] += 1
+    inside = unit.pixels(40, 24) > 0
+    expected = hits[inside].mean()
+    assert hits[inside].min() > 0.4 * expected and hits[inside].max() < 1.8 * expected
+
+
+def test_units_that_were_stopped_are_not_checked() -> None:
+    unit = Unit(0, 256, 0, 4, 16)
+    half = sums(unit)
+    half.done[3] = 2
+    assert Sampler(plan_for(16, 16, 4, 16)).piece(0, unit, half) is None
+
+
+# --- who is wrong ----------------------------------------------------------------------------------------------------
+
+A, B, C = b"a", b"b", b"c"
+
+
+@pytest.mark.parametrize(
+    ("answers", "drivers", "wrong", "undecided"),
+    [
+        ({0: [A, B, B], 1: [B, B, B]}, "xx", {0}, set()),
+        ({0: [A, A, A], 1: [B, A, A]}, "xx", {1}, set()),
+        ({0: [A, B, C], 1: [C, B, A]}, "xy", {0, 1}, set()),
+        ({0: [A, A, A], 1: [B, B, B]}, "xy", set(), {0, 1}),
+        ({0: [A, A, A], 1: []}, "xy", {1}, set()),
+        ({0: [], 1: []}, "xy", {0, 1}, set()),
+        ({0: [A, A, A], 1: [B, B, B], 2: [B, B]}, "xyz", {0}, set()),
+        ({0: [A, A, A], 1: [B, B, B], 2: [B, B]}, "xxx", {0}, set()),
+        # two devices of one driver are one witness against another driver
+        ({0: [A, A, A], 1: [B, B, B], 2: [B, B]}, "xyy", set(), {0, 1, 2}),
+        ({0: [A, A, A], 1: [B, B, B], 2: [C, A]}, "xyz", {2}, {0, 1}),
+        ({0: [A, A, A], 1: [B, B, B], 2: [C, C]}, "xyz", set(), {0, 1, 2}),
+    ],
+)
+def test_who_is_wrong(answers: dict[int, list[bytes]], drivers: str, wrong: set[int], undecided: set[int]) -> None:
+    assert judge(answers, list(drivers)) == (wrong, undecided)
+
+
+class Liar(FakeWorker):
+    """Its sums are wrong: in each block of a share of its units."""
+
+    def __init__(self, plan: Plan, share: float, constant: bool, seed: int = 0) -> None:
+        super().__init__(plan, "liar")
+        self.rng, self.share, self.constant = random.Random(seed), share, constant
+
+    def render(self, unit: Unit, on_slice: Any = None, should_stop: Any = None) -> UnitSums:
+        result = super().render(unit, on_slice, should_stop)
+        if self.rng.random() < self.share:
+            result.sums[::16, 1, 0] ^= np.uint32(1 if self.constant else self.rng.randrange(1, 256))
+        return result
+
+
+def meet(plan: Plan, film: Film, *workers: FakeWorker, proof: Callable[[FakeWorker], bool] | None = None) -> Tally:
+    candidates = [
+        Candidate(worker.name, partial(lambda each: each, worker), prove=proof and partial(proof, worker))
+        for worker in workers
+    ]
+    return run(plan, candidates, film)
+
+
+@pytest.mark.parametrize("constant", [False, True])
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_liar_is_found_and_its_units_are_done_again(constant: bool, order: int) -> None:
+    plan, film = plan_for(40, 24, 12, 8), Film(40, 24)
+    pair = [Liar(plan, 1.0, constant), FakeWorker(plan, "honest")][::order]
+    with cut_as(small_units):
+        tally = meet(plan, film, *pair, proof=lambda worker: worker.name == "honest")
+    assert_whole(plan, film)
+    assert tally.complete and tally.samples == 40 * 24 * 12
+    states = {each.name: each.state for each in tally.workers}
+    assert states == {"liar": "wrong", "honest": "ok"} and tally.differences >= 1
+    (line,) = failures_told(tally)
+    assert line.startswith("warning: liar computes wrong results: it ")
+
+
+def test_when_nobody_can_tell_both_are_named() -> None:
+    plan, film = plan_for(40, 24, 12, 8), Film(40, 24)
+    with cut_as(small_units):
+        tally = meet(plan, film, Liar(plan, 1.0, True), FakeWorker(plan, "honest"), proof=lambda worker: True)
+    assert tally.all_failed and not tally.complete
+    with pytest.raises(RenderError, match=r"liar and honest give different results .* render on one of them alone"):
+        tally.raise_failure()
+    assert film.samples == 0
+
+
+def test_a_liar_that_dies_when_it_is_asked_again_is_not_believed() -> None:
+    plan, film = plan_for(40, 24, 12, 8), Film(40, 24)
+
+    class Coward(Liar):
+        def render(self, unit: Unit, *more: Any) -> UnitSums:
+            if unit.slot_count < 64:  # a piece
+                raise RenderError("coward is gone")
+            return super().render(unit, *more)
+
+    with cut_as(small_units):
+        tally = meet(plan, film, Coward(plan, 1.0, True), FakeWorker(plan, "honest"))
+    assert_whole(plan, film)
+    assert tally.complete and tally.workers[0].state in ("wrong", "failed")
+
+
+# --- devices that come back, and those that never do -----------------------------------------------------------------
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scheduling, "PATIENCE", Patience(pause=0.01, call=0.5, compile=0.6, hurry=0.3))
+
+
+def test_a_device_that_failed_is_set_up_again(hasty: None) -> None:
+    plan, film = plan_for(30, 22, 6, 8), Film(30, 22)
+    restarts: list[int] = []
+    told: list[str] = []
+
+    def fails_twice(asked: int, unit: Unit) -> None:
+        if asked in (3, 4):
+            raise DeviceFailure("out of resources")
+
+    worker = FakeWorker(plan, "alone", fails_twice)
+    candidate = Candidate("alone", lambda: worker, restart=lambda: restarts.append(1))
+    with cut_as(small_units):
+        tally = run(plan, [candidate], film, tell=told.append)
+    assert_whole(plan, film)
+    assert tally.complete and not tally.failures and len(restarts) == 2 and len(told) == 2
+    assert [str(error) for error in tally.recovered] == ["out of resources"]
+    assert (tally.workers[0].failures, tally.workers[0].requeued, tally.workers[0].state) == (2, 2, "ok")
+
+
+def test_a_device_that_always_fails_is_given_up(hasty: None) -> None:
+    plan, before = plan_for(30, 22, 6, 8), threading.active_count()
+
+    def fails(asked: int, unit: Unit) -> None:
+        if asked > 2:
+            raise DeviceFailure("out of resources")
+
+    film = Film(30, 22)
+    with cut_as(small_units):
+        tally = run(plan, [Candidate("alone", lambda: FakeWorker(plan, "alone", fails))], film)
+    # Each time two units are done; then it fails once more
+    assert tally.all_failed and tally.workers[0].failures == 1 + scheduling.PATIENCE.retries
+    assert film.samples == tally.samples > 0
+    assert no_threads_left(before)
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_silence_is_measured_against_what_calls_took() -> None:
+    clock, calls = Clock(), [0]
+    watch = Watch([lambda: (calls[0], False)], Patience(), clock)
+
+    def pass_time(seconds: float, **how: Any) -> bool:
+        late: list[int] = []
+        for _ in range(round(seconds * 10)):
+            clock.now += 0.1
+            late += watch.silent({0}, **how)
+        return bool(late)
+
+    assert not pass_time(1700.0), "it may compile, or be slow: nothing is known yet"
+    watch.beat(0, slice_done=True)
+    assert not pass_time(59.0)
+    watch.beat(0)
+    assert not pass_time(600.0), "a call took 59 s, so twenty times as much is no fault"
+    calls[0] += 1
+    assert pass_time(13000.0)
+
+
+def test_time_in_which_the_process_did_not_run_does_not_count() -> None:
+    """Stopped by a signal or a debugger, or starved: the device was not asked."""
+    clock = Clock()
+    watch = Watch([None], Patience(), clock)
+    watch.beat(0, slice_done=True)
+    clock.now = 1e6
+    assert watch.silent({0}) == []
+    clock.now += 30.0
+    assert watch.silent({0}) == []
+    for _ in range(61):
+        clock.now += 1.0
+        late = watch.silent({0})
+    assert late == [0]
+
+
+def test_compilers_have_time_unless_all_others_wait() -> None:
+    clock = Clock()
+    watch = Watch([lambda: (7, True)], Patience(), clock)
+    watch.beat(0, slice_done=True)
+    for _ in range(100):
+        clock.now += 1.0
+        assert watch.silent({0}) == []
+    clock.now += 1.0
+    assert watch.silent({0}, waited_for=True) == [0]
+    assert watch.silent(set(), waited_for=True) == []
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_a_call_that_never_returns_does_not_hold_up_the_render(hasty: None, others: int) -> None:
+    plan, film, before = plan_for(30, 22, 6, 8), Film(30, 22), threading.active_count()
+    release, lost = threading.Event(), []
+
+    def hangs(asked: int, unit: Unit) -> None:
+        if asked == 4:
+            release.wait()
+
+    bad, good = (
+        FakeWorker(plan, "bad", hangs),
+        FakeWorker(plan, "good", lambda asked, unit: time.sleep(0.02)),
+    )
+    candidates = [
+        Candidate("bad", lambda: bad, lose=lambda: lost.append("bad")),
+        Candidate("good", lambda: good, lose=lambda: lost.append("good")),
+    ]
+    with cut_as(small_units):
+        tally = run(plan, candidates[: 1 + others], film)
+    assert lost == ["bad"] and tally.workers[0].state == "hung" and tally.workers[0].requeued == 1
+    assert [str(error) for error in tally.failures] == ["bad hangs: a call of its driver did not come back"]
+    if others:
+        assert_whole(plan, film)
+    samples = film.samples
+    assert tally.complete == bool(others) and film.samples == tally.samples
+    release.set()  # its late result is nobody's business
+    assert no_threads_left(before)
+    assert film.samples == samples
+
+
+def test_whoever_wants_the_render_to_end_does_not_wait_for_a_call_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scheduling, "PATIENCE", Patience(call=600.0, hurry=0.2))
+    plan, film, before = plan_for(30, 22, 6, 8), Film(30, 22), threading.active_count()
+    release, hanging = threading.Event(), threading.Event()
+
+    def hangs(asked: int, unit: Unit) -> None:
+        if asked == 4:
+            hanging.set()
+            release.wait()
+
+    begun = time.monotonic()
+    with cut_as(small_units):
+        worker = FakeWorker(plan, "bad", hangs)
+        tally = run(plan, [Candidate("bad", lambda: worker)], film, None, hanging.is_set)
+    assert time.monotonic() - begun < 20.0
+    assert tally.workers[0].state == "hung" and 0 < film.samples == tally.samples
+    release.set()
+    assert no_threads_left(before)
+
+
+# --- together they are as fast as the sum of them --------------------------------------------------------------------
+
+
+class Sleeper:
+    """A device of a given speed that leaves the processor alone: samples of nothing."""
+
+    def __init__(self, plan: Plan, rate: float) -> None:
+        self.plan, self.rate = plan, rate
+
+    def render(self, unit: Unit, on_slice: Any = None, should_stop: Any = None) -> UnitSums:
+        pixels = unit.pixels(self.plan.width, self.plan.height)
+        left = int(pixels.sum()) * unit.sample_count
+        end = time.perf_counter()
+        while left > 0:
+            part = min(left, max(256, int(self.rate * 0.15)))
+            end, left = end + part / self.rate, left - part
+            time.sleep(max(0.0, end - time.perf_counter()))
+            if on_slice is not None:
+                on_slice(part, 20 * part)
+        counts = np.repeat(np.minimum(pixels, 1), 16).astype(np.uint32) * np.uint32(unit.sample_count)
+        sums = np.zeros((unit.slot_count, 3, 4), np.uint32)
+        sums[..., 1] = counts[:, None]
+        return UnitSums(sums, counts, np.full(len(pixels), unit.sample_count, np.uint32), 0, 0, 0)
+
+
+def together(plan: Plan, rates: list[float]) -> tuple[float, Tally]:
+    """Speed of devices that share a render, by the sum of their speeds."""
+    candidates = [Candidate(f"{rate}", partial(Sleeper, plan, rate)) for rate in rates]
+    begun = time.perf_counter()
+    tally = run(plan, candidates, Film(plan.width, plan.height))
+    assert tally.complete and tally.differences == 0
+    return plan.samples / sum(rates) / (time.perf_counter() - begun), tally
+
+
+def test_checks_cost_no_more_than_their_share() -> None:
+    plan = Plan(400, 400, 0, 32, 64)
+    share, tally = together(plan, [10e6, 3e6])
+    assert 0.005 * plan.samples < tally.check_samples <= 0.01 * plan.samples
+    assert share > 0.1, "nobody waits for nothing"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rates", [[4.4e6] * 2, [4.4e6, 1.1e6], [4.4e6, 4e5, 1e5], [2.2e6] * 4, [1.4e6] * 2], ids=str)
+def test_devices_that_share_lose_little(rates: list[float]) -> None:
+    """The checks and the merging of results with them, by the clock."""
+    plan = Plan(800, 800, 0, 64, 64)
+    assert max(together(plan, rates)[0] for _ in range(3)) >= 0.95
