@@ -14,19 +14,19 @@ from typing import Final, Protocol
 from clrender.errors import ClrenderError, DeviceFailure, RenderError
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
+from clrender.scheduling.arbitration import Arbitration
 from clrender.scheduling.contributions import Contributions
-from clrender.scheduling.court import Court
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.spot_check import SHARE, Sampler, finished
 from clrender.scheduling.tally import Tally, WorkerTally
-from clrender.scheduling.threads import Crew, Event
-from clrender.scheduling.watch import Patience, Watch
+from clrender.scheduling.threads import Event, WorkerThreads
+from clrender.scheduling.watchdog import TimeLimits, Watchdog
 from clrender.scheduling.work import Kind, Task, Work
 from clrender.scheduling.worker import Candidate
 
-__all__ = ["PATIENCE", "Receiver", "Tally", "WorkerTally", "run"]
+__all__ = ["TIME_LIMITS", "Receiver", "Tally", "WorkerTally", "run"]
 
-PATIENCE: Final = Patience()
+TIME_LIMITS: Final = TimeLimits()
 
 _POLL: Final = 0.05
 """Seconds between two questions whether to stop, where nothing else happens."""
@@ -106,8 +106,8 @@ class _Run:
         count = len(candidates)
         self._tally = Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
         self._work = Work(Remaining(plan, count), count)
-        self._crew = Crew(candidates, self._work, PATIENCE)
-        self._watch = Watch([candidate.pulse for candidate in candidates], PATIENCE)
+        self._threads = WorkerThreads(candidates, self._work, TIME_LIMITS)
+        self._watchdog = Watchdog([candidate.pulse for candidate in candidates], TIME_LIMITS)
         self._alive = set(range(count))
         self._told = [(0, 0)] * count
         self._seen = (0, 0)
@@ -115,41 +115,41 @@ class _Run:
         checked = count > 1 and share > 0.0 and isinstance(film, Film)
         self._sampler = Sampler(plan, share) if checked else None
         self._apart = Contributions(film, count) if checked and isinstance(film, Film) else None
-        self._court = Court(candidates, self._work, self._convict)
+        self._arbitration = Arbitration(candidates, self._work, self._exclude)
 
     def tally_of_all(self) -> Tally:
         """Do the work."""
-        self._crew.start()
+        self._threads.start()
         try:
             while self._alive:
                 self._ask_to_stop()
                 try:
-                    event = self._crew.events.get(timeout=_POLL)
+                    event = self._threads.events.get(timeout=_POLL)
                 except queue.Empty:
                     event = None
                 if event is not None:
                     self._deal_with(event)
                 self._look_for_hung()
         finally:
-            self._crew.stop()
-            while self._crew.end(self._alive):
+            self._threads.stop()
+            while self._threads.end(self._alive):
                 self._look_for_hung()
         tally = self._tally
         for worker, error in self._pending.items():
             tally.workers[worker].state = "failed"
             tally.failures.append(error)
-        if self._court.undecided:
+        if self._arbitration.undecided:
             self._say(
-                f"warning: {self._court.undecided} give different results for the same samples, and the render ended "
-                "before it was found which are wrong; the image may be"
+                f"warning: {self._arbitration.undecided} give different results for the same samples, and the render "
+                "ended before it was found which are wrong; the image may be"
             )
         tally.complete = tally.samples == self._plan.samples
         return tally
 
     def _ask_to_stop(self) -> None:
         asked = self._listeners.should_stop
-        if not self._crew.stopping and asked is not None and asked():
-            self._crew.stop()
+        if not self._threads.stopping and asked is not None and asked():
+            self._threads.stop()
 
     def _say(self, line: str) -> None:
         if self._listeners.tell is not None:
@@ -160,7 +160,7 @@ class _Run:
         worker = event.worker
         if worker not in self._alive:
             return
-        self._watch.beat(worker, slice_done=event.progress is not None or event.result is not None)
+        self._watchdog.beat(worker, slice_done=event.progress is not None or event.result is not None)
         if event.progress is not None:
             if not self._work.dismissed(worker):
                 self._advance(worker, *event.progress)
@@ -168,7 +168,7 @@ class _Run:
             self._failed(event)
         elif event.back:
             self._work.enlist(worker)
-            self._watch.start_over(worker)
+            self._watchdog.start_over(worker)
         elif event.task is None:
             self._alive.discard(worker)
             self._work.pause(worker)
@@ -209,9 +209,9 @@ class _Run:
             self._tally.workers[task.piece.worker].checked += task.piece.samples
             if not task.piece.agrees(result):
                 self._tally.differences += 1
-                self._court.open(task.piece, worker, result)
+                self._arbitration.open(task.piece, worker, result)
         else:
-            self._court.hear(task, result)
+            self._arbitration.hear(task, result)
 
     def _failed(self, event: Event) -> None:
         """A worker failed: others do what it was doing. It may come back."""
@@ -232,12 +232,12 @@ class _Run:
             self._pending[worker] = error
             self._work.pause(worker)
             self._say(f"warning: {error}; it is set up again in {event.retry:g} s")
-        self._leaves_court(worker)
+        self._leaves_arbitration(worker)
 
-    def _leaves_court(self, worker: int) -> None:
+    def _leaves_arbitration(self, worker: int) -> None:
         """Where somebody wants the render to end nothing is settled any more."""
-        if not self._crew.stopping:
-            self._court.left(worker)
+        if not self._threads.stopping:
+            self._arbitration.left(worker)
 
     def _end_of(self, worker: int, error: ClrenderError, state: str) -> None:
         self._tally.workers[worker].state = state
@@ -247,7 +247,7 @@ class _Run:
 
     def _look_for_hung(self) -> None:
         busy, others_wait = self._work.busy(self._alive)
-        for worker in self._watch.silent(busy, waited_for=others_wait, hurry=self._crew.stopping):
+        for worker in self._watchdog.silent(busy, waited_for=others_wait, hurry=self._threads.stopping):
             self._alive.discard(worker)
             lose = self._candidates[worker].lose
             if lose is not None:
@@ -259,9 +259,9 @@ class _Run:
             hangs = f"{tally.name} hangs: a call of its driver did not come back"
             if tally.state == "ok":
                 self._end_of(worker, DeviceFailure(hangs), "hung")
-            self._leaves_court(worker)
+            self._leaves_arbitration(worker)
 
-    def _convict(self, worker: int, why: str) -> None:
+    def _exclude(self, worker: int, why: str) -> None:
         """A worker's results are wrong: what it did is taken out of the film, and done again by others."""
         tally = self._tally.workers[worker]
         if tally.state == "wrong":

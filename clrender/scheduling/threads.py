@@ -12,11 +12,11 @@ from typing import Final
 
 from clrender.errors import DeviceError, DeviceFailure
 from clrender.film.unit import UnitSums
-from clrender.scheduling.watch import Patience
+from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.work import Kind, Task, Work
 from clrender.scheduling.worker import Candidate, Worker
 
-__all__ = ["Crew", "Event"]
+__all__ = ["Event", "WorkerThreads"]
 
 _UNREAD: Final = 8
 """Events that may wait to be dealt with: results are large, and a fast device must not pile up an image of them."""
@@ -51,14 +51,14 @@ class Event:
     back: bool = False
 
 
-class Crew:
+class WorkerThreads:
     """A thread for each worker.
 
     Parameters
     ----------
     candidates : sequence of Candidate
     work : Work
-    patience : Patience
+    limits : TimeLimits
 
     Attributes
     ----------
@@ -66,11 +66,11 @@ class Crew:
         What they say.
     """
 
-    def __init__(self, candidates: Sequence[Candidate], work: Work, patience: Patience) -> None:
+    def __init__(self, candidates: Sequence[Candidate], work: Work, limits: TimeLimits) -> None:
         self.events: queue.Queue[Event] = queue.Queue(_UNREAD)
         self._candidates = candidates
         self._work = work
-        self._patience = patience
+        self._limits = limits
         self._stop = threading.Event()
         # A thread whose driver does not return cannot be ended; the process can, and does not wait for it
         self._threads = [
@@ -120,11 +120,11 @@ class Crew:
                 while not self._stop.is_set() and (task := self._work.take(number)) is not None:
                     self._do(worker, task)
                     task, steady = None, steady + 1
-                    failures = 0 if steady >= self._patience.steady else failures
+                    failures = 0 if steady >= self._limits.steady else failures
                 break
             except BaseException as error:
                 failures += 1
-                pause = self._patience.pause * 2.0 ** (failures - 1)
+                pause = self._limits.pause * 2.0 ** (failures - 1)
                 again = failures <= self._retries(error) and not self._stop.is_set()
                 self._post(Event(number, task=task, error=error, retry=pause if again else None))
                 task = None
@@ -136,13 +136,13 @@ class Crew:
     def _retries(self, error: BaseException) -> int:
         """How many failures in a row are forgiven, given the last one."""
         if isinstance(error, DeviceFailure):
-            return self._patience.retries
+            return self._limits.retries
         # A compiler that refuses a kernel will do so again, unless it lacked memory or room
-        return min(1, self._patience.retries) if isinstance(error, DeviceError) else 0
+        return min(1, self._limits.retries) if isinstance(error, DeviceError) else 0
 
     def _do(self, worker: Worker, task: Task) -> None:
         number = task.worker
-        if task.kind is Kind.PROOF:
+        if task.kind is Kind.PROBE:
             prove = self._candidates[number].prove
             self._post(Event(number, task=task, result=prove() if prove is not None else True))
             return

@@ -35,8 +35,8 @@ class Kind(Enum):
 
     UNIT = "unit"
     CHECK = "check"
-    TRIAL = "trial"
-    PROOF = "proof"
+    REPEAT = "repeat"
+    PROBE = "probe"
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from clrender.scheduling.worker import Candidate
 OnSlice = Callable[[int, int], None] | None
 ShouldStop = Callable[[], bool] | None
 
-PATIENCE: Final = 30.0
+TIME_LIMITS: Final = 30.0
 """Seconds after which a thread that still waits counts as hanging."""
 
 
@@ -161,7 +161,7 @@ def cut_as(units: Callable[[Plan], Iterator[Unit]]) -> AbstractContextManager[An
 
 
 def no_threads_left(before: int) -> bool:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIME_LIMITS
     while threading.active_count() > before and time.monotonic() < end:
         time.sleep(0.01)
     return threading.active_count() == before
@@ -361,7 +361,7 @@ def test_units_of_a_dead_worker_are_done_by_the_others(number: int, error: Excep
     def in_step(asked: int, unit: Unit) -> None:
         if asked <= number:
             with suppress(threading.BrokenBarrierError):
-                together.wait(PATIENCE)
+                together.wait(TIME_LIMITS)
 
     def badly(asked: int, unit: Unit) -> None:
         in_step(asked, unit)
@@ -388,12 +388,12 @@ def test_idle_workers_wait_for_units_that_may_come_back() -> None:
 
     def dies_last(asked: int, unit: Unit) -> None:
         began.set()
-        other_idle.wait(PATIENCE)
+        other_idle.wait(TIME_LIMITS)
         time.sleep(0.05)
         raise RenderError("at last")
 
     def does_the_rest(asked: int, unit: Unit) -> None:
-        began.wait(PATIENCE)
+        began.wait(TIME_LIMITS)
         if asked == 3:
             other_idle.set()
 
@@ -515,7 +515,7 @@ def test_an_exception_of_whoever_is_asked_to_stop_ends_all_threads(calls: int) -
     begun = time.monotonic()
     with cut_as(small_units), pytest.raises(ZeroDivisionError, match="in the callback"):
         go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), None, stops)
-    assert time.monotonic() - begun < PATIENCE
+    assert time.monotonic() - begun < TIME_LIMITS
     assert no_threads_left(before)
 
 
@@ -528,7 +528,7 @@ def test_an_exception_of_whoever_watches_ends_all_threads() -> None:
     begun = time.monotonic()
     with cut_as(small_units), pytest.raises(KeyboardInterrupt):
         go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), tell)
-    assert time.monotonic() - begun < PATIENCE
+    assert time.monotonic() - begun < TIME_LIMITS
     assert no_threads_left(before)
 
 

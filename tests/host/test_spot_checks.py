@@ -23,7 +23,7 @@ from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import Tally, run
 from clrender.scheduling.spot_check import SHARE, Sampler
 from clrender.scheduling.tally import failures_told
-from clrender.scheduling.watch import Patience, Watch
+from clrender.scheduling.watchdog import TimeLimits, Watchdog
 from clrender.scheduling.worker import Candidate
 
 
@@ -228,7 +228,7 @@ def test_a_liar_that_dies_when_it_is_asked_again_is_not_believed() -> None:
 
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduling, "PATIENCE", Patience(pause=0.01, call=0.5, compile=0.6, hurry=0.3))
+    monkeypatch.setattr(scheduling, "TIME_LIMITS", TimeLimits(pause=0.01, call=0.5, compile=0.6, hurry=0.3))
 
 
 def test_a_device_that_failed_is_set_up_again(hasty: None) -> None:
@@ -261,7 +261,7 @@ def test_a_device_that_always_fails_is_given_up(hasty: None) -> None:
     with cut_as(small_units):
         tally = run(plan, [Candidate("alone", lambda: FakeWorker(plan, "alone", fails))], film)
     # Each time two units are done; then it fails once more
-    assert tally.all_failed and tally.workers[0].failures == 1 + scheduling.PATIENCE.retries
+    assert tally.all_failed and tally.workers[0].failures == 1 + scheduling.TIME_LIMITS.retries
     assert film.samples == tally.samples > 0
     assert no_threads_left(before)
 
@@ -276,7 +276,7 @@ class Clock:
 
 def test_silence_is_measured_against_what_calls_took() -> None:
     clock, calls = Clock(), [0]
-    watch = Watch([lambda: (calls[0], False)], Patience(), clock)
+    watch = Watchdog([lambda: (calls[0], False)], TimeLimits(), clock)
 
     def pass_time(seconds: float, **how: Any) -> bool:
         late: list[int] = []
@@ -297,7 +297,7 @@ def test_silence_is_measured_against_what_calls_took() -> None:
 def test_time_in_which_the_process_did_not_run_does_not_count() -> None:
     """Stopped by a signal or a debugger, or starved: the device was not asked."""
     clock = Clock()
-    watch = Watch([None], Patience(), clock)
+    watch = Watchdog([None], TimeLimits(), clock)
     watch.beat(0, slice_done=True)
     clock.now = 1e6
     assert watch.silent({0}) == []
@@ -311,7 +311,7 @@ def test_time_in_which_the_process_did_not_run_does_not_count() -> None:
 
 def test_compilers_have_time_unless_all_others_wait() -> None:
     clock = Clock()
-    watch = Watch([lambda: (7, True)], Patience(), clock)
+    watch = Watchdog([lambda: (7, True)], TimeLimits(), clock)
     watch.beat(0, slice_done=True)
     for _ in range(100):
         clock.now += 1.0
@@ -352,7 +352,7 @@ def test_a_call_that_never_returns_does_not_hold_up_the_render(hasty: None, othe
 
 
 def test_whoever_wants_the_render_to_end_does_not_wait_for_a_call_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduling, "PATIENCE", Patience(call=600.0, hurry=0.2))
+    monkeypatch.setattr(scheduling, "TIME_LIMITS", TimeLimits(call=600.0, hurry=0.2))
     plan, film, before = plan_for(30, 22, 6, 8), Film(30, 22), threading.active_count()
     release, hanging = threading.Event(), threading.Event()
 

@@ -24,13 +24,13 @@ from clrender.device.faults import CALLS, Fault, FaultyDevice, Lie
 from clrender.errors import DeviceError
 from clrender.rendered_image import IncompleteRender, RenderedImage
 from clrender.scheduling import run as scheduling
-from clrender.scheduling.watch import Patience
+from clrender.scheduling.watchdog import TimeLimits
 
 ROOT = Path(__file__).resolve().parents[2]
 HOW: Final[dict[str, Any]] = {"size": (96, 64), "spp": 32, "tile": 16, "samples_per_pass": 2}
 _SLOW: Final = pytest.mark.slow
 _REST: Final = ("write", "launch", "allocate")
-HASTE: Final = Patience(call=6.0, compile=12.0, hurry=1.0, pause=0.02)
+HASTE: Final = TimeLimits(call=6.0, compile=12.0, hurry=1.0, pause=0.02)
 """What such small launches take is milliseconds, but the machine may be busy."""
 
 
@@ -40,7 +40,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:Overwriting existing generated c
 
 @pytest.fixture(autouse=True)
 def haste(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scheduling, "PATIENCE", HASTE)
+    monkeypatch.setattr(scheduling, "TIME_LIMITS", HASTE)
 
 
 @pytest.fixture(scope="module")
@@ -177,9 +177,9 @@ import sys, clrender
 from clrender.device import select
 from clrender.device.faults import Fault, FaultyDevice
 from clrender.scheduling import run
-from clrender.scheduling.watch import Patience
+from clrender.scheduling.watchdog import TimeLimits
 import clrender.session
-run.PATIENCE = Patience(call=1.0, compile=4.0)
+run.TIME_LIMITS = TimeLimits(call=1.0, compile=4.0)
 real = clrender.session.select
 def faulty(*given, **more):
     (device,) = real(*given, **more)

@@ -11,7 +11,7 @@ from clrender.scheduling.spot_check import Piece, digest, finished
 from clrender.scheduling.work import Kind, Task, Work
 from clrender.scheduling.worker import Candidate
 
-__all__ = ["Court"]
+__all__ = ["Arbitration"]
 
 _TIMES: Final = 6
 """How often each worker does a piece again: one that errs now and then is not to err, or to be right, each time."""
@@ -19,7 +19,7 @@ _PROBES: Final = 3
 """How often each renders the probe's tile, for the same reason."""
 
 
-class Court:
+class Arbitration:
     """Disputes between workers, one after the other.
 
     Parameters
@@ -27,14 +27,14 @@ class Court:
     candidates : sequence of Candidate
     work : Work
         Through which workers are asked.
-    convict : callable
+    exclude : callable
         Told which worker is wrong, and why.
     """
 
-    def __init__(self, candidates: Sequence[Candidate], work: Work, convict: Callable[[int, str], None]) -> None:
+    def __init__(self, candidates: Sequence[Candidate], work: Work, exclude: Callable[[int, str], None]) -> None:
         self._candidates = candidates
         self._work = work
-        self._convict = convict
+        self._exclude = exclude
         self._dispute: Dispute | None = None
         self._later: list[tuple[Piece, int, bytes]] = []
         self._undecided: set[int] = set()
@@ -55,14 +55,14 @@ class Court:
             self._later.append((piece, other, answer))
             return
         self._dispute = dispute = Dispute(piece, other)
-        jurors = self._work.in_service()
-        for worker in jurors:
+        voters = self._work.in_service()
+        for worker in voters:
             dispute.ask(worker, _TIMES)
             for _ in range(_TIMES):
-                self._work.order(worker, Kind.TRIAL, piece)
+                self._work.order(worker, Kind.REPEAT, piece)
         for party, said in zip(dispute.parties, (piece.answer, answer), strict=True):
             dispute.answers.setdefault(party, []).append(said)
-        for party in set(dispute.parties) - jurors:
+        for party in set(dispute.parties) - voters:
             self.left(party)
 
     def hear(self, task: Task, result: UnitSums | bool | None) -> None:
@@ -70,7 +70,7 @@ class Court:
         dispute = self._dispute
         if dispute is None:
             return
-        if task.kind is Kind.PROOF:
+        if task.kind is Kind.PROBE:
             dispute.heard(task.worker, bool(result))
         elif isinstance(result, UnitSums) and task.piece is dispute.piece and finished(task.piece.unit, result):
             dispute.heard(task.worker, digest(result.sums, result.counts))
@@ -91,12 +91,12 @@ class Court:
         if not self._undecided:
             wrong, self._undecided = judge(dispute.answers, [each.driver for each in self._candidates])
             for worker in sorted(wrong):
-                self._convict(worker, _reason(dispute.answers[worker]))
+                self._exclude(worker, _reason(dispute.answers[worker]))
             if self._undecided:
                 for worker in sorted(self._undecided):
                     dispute.ask(worker, _PROBES)
                     for _ in range(_PROBES):
-                        self._work.order(worker, Kind.PROOF)
+                        self._work.order(worker, Kind.PROBE)
                 return
             if not wrong:
                 raise AssertionError("whoever differs once either contradicts itself or differs from another")
@@ -110,7 +110,7 @@ class Court:
                     "does not tell which is right; render on one of them alone, or on a third"
                 )
             for worker in sorted(wrong):
-                self._convict(worker, why)
+                self._exclude(worker, why)
         self._close()
 
     def _close(self) -> None:

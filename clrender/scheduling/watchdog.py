@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["Patience", "Watch"]
+__all__ = ["TimeLimits", "Watchdog"]
 
 _LONGEST_STEP: Final = 1.0
 """Seconds that count between two looks. More have passed where this process itself was stopped or starved."""
@@ -15,7 +15,7 @@ _BETWEEN: Final = 0.02
 
 
 @dataclass(frozen=True)
-class Patience:
+class TimeLimits:
     """How long to wait for a device, and how often to try again.
 
     Attributes
@@ -45,7 +45,7 @@ class Patience:
     steady: int = 16
 
 
-class Watch:
+class Watchdog:
     """How long workers have been silent.
 
     Signs of life are the calls of a device that begin or end, and whatever a worker's thread says.
@@ -54,7 +54,7 @@ class Watch:
     ----------
     pulses : sequence of callable or None
         One for each worker.
-    patience : Patience
+    limits : TimeLimits
     clock : callable
         Seconds; one that stands still while the machine sleeps.
     """
@@ -62,11 +62,11 @@ class Watch:
     def __init__(
         self,
         pulses: Sequence[Callable[[], tuple[int, bool]] | None],
-        patience: Patience,
+        limits: TimeLimits,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._pulses = pulses
-        self._patience = patience
+        self._limits = limits
         self._clock = clock
         self._last = clock()
         self._silent = [0.0] * len(pulses)
@@ -118,9 +118,9 @@ class Watch:
         return late
 
     def _limit(self, worker: int, compiling: bool, hurry: bool) -> float:
-        patience = self._patience
+        limits = self._limits
         if hurry:
-            return patience.call if compiling else max(patience.hurry, patience.factor * self._longest[worker] / 4.0)
+            return limits.call if compiling else max(limits.hurry, limits.factor * self._longest[worker] / 4.0)
         if compiling:
-            return max(patience.compile, patience.call)
-        return max(patience.call, patience.factor * self._longest[worker])
+            return max(limits.compile, limits.call)
+        return max(limits.call, limits.factor * self._longest[worker])
