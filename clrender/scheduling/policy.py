@@ -153,8 +153,7 @@ class Remaining:
         if not self._plan.short_units and (alone or self._plan.sample_by_sample):
             return self._slots(strip, self._most_tiles), strip.sample_count
         if worker not in self._rates:
-            first = max(1, _FIRST_SLOTS // self._area)
-            return self._slots(strip, self._most_tiles if self._plan.sample_by_sample else first), 1
+            return self._slots(strip, _FIRST_SLOTS // self._area), 1
         rate = self._rates[worker]
         if self._plan.sample_by_sample:
             return self._slots(strip, int(rate * LONGEST_SECONDS / self._area)), 1
