@@ -214,7 +214,7 @@ class Checkpoint:
             return
         if self._taken != self._held:
             self._copy = None
-            self._write(self._film, dict(self._about))
+            self._write(self._film, dict(self._about), self._clock(), time.thread_time())
             self._account(last=True)
         self._held = -1
 
@@ -237,23 +237,30 @@ class Checkpoint:
     def _write_copy(self, about: dict[str, Any]) -> None:
         began = self._clock()
         try:
+            if self._copy is None:
+                self._copy = self._fresh_copy()
+            cpu = time.thread_time()
             with self._whole:
                 if self._film is None:
                     return
-                if self._copy is None:
-                    self._copy = Film(self._film.width, self._film.height)
                 self._film.copy_to(self._copy)
         except MemoryError:
             self._save = _Save(began, -1, error=f"{self.path}: there is no memory for a copy of the film")
             return
-        self._write(self._copy, about, began)
+        self._write(self._copy, about, began, cpu)
 
-    def _write(self, film: Film, about: dict[str, Any], began: float | None = None) -> None:
-        """Write a film, and note how that went; a copy was begun when it is said."""
-        start = self._clock()
-        copied = 0.0 if began is None else start - began
-        cpu = time.thread_time()
-        save = _Save(start - copied, film.ledger.samples)
+    def _fresh_copy(self) -> Film:
+        """A film to copy to, whose memory is really there: nobody waits for that while the copy is made."""
+        assert self._film is not None
+        copy = Film(self._film.width, self._film.height)
+        copy.counts.fill(0)
+        for band in copy.bands():
+            band.fill(0)
+        return copy
+
+    def _write(self, film: Film, about: dict[str, Any], began: float, cpu: float) -> None:
+        """Write a film, and note how that went, counted from a moment and from this thread's processor time then."""
+        save = _Save(began, film.ledger.samples)
         try:
             told = {**about, "samples": save.samples, "nonfinite_samples": save.samples - film.samples}
             film.save(self.path, told, beside=f".{Path(os.path.realpath(self.path)).name}.part")
@@ -261,9 +268,9 @@ class Checkpoint:
             save.error = str(error).rstrip(".")
         except MemoryError:
             save.error = f"{self.path}: there is no memory to write it"
-        # The render waits while the copy is made, and lacks the processor that this thread works on
-        save.cost = copied + (time.thread_time() - cpu) / processors()
-        save.elapsed = self._clock() - save.began
+        # Workers go on all the while; what they lack is the processor that this thread works on, not the time it waits
+        save.cost = (time.thread_time() - cpu) / processors()
+        save.elapsed = self._clock() - began
         self._save = save
 
     def _account(self, last: bool = False) -> None:

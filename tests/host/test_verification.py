@@ -1,4 +1,4 @@
-"""`verify` finds what it says it finds, as often as it says, and tells what is wrong: around a renderer that is none."""
+"""`verify` finds what it says, as often as it says, and tells what is wrong: around a renderer that is none."""
 
 from __future__ import annotations
 
@@ -305,7 +305,7 @@ def test_what_a_scene_was_loaded_with_is_kept(folder: Path) -> None:
 # --- images ----------------------------------------------------------------------------------------------------------
 
 
-def image(path: str, more: Mapping[str, Any] | None = None, spoil: int = 0, **how: Any) -> Path:
+def image(path: str, how: Mapping[str, str], more: Mapping[str, Any] | None = None, spoil: int = 0) -> Path:
     """A picture of the film as `RenderedImage.save` writes it, of which a pixel may be changed."""
     job = job_of()
     film = truth(job)
@@ -324,9 +324,9 @@ def image(path: str, more: Mapping[str, Any] | None = None, spoil: int = 0, **ho
     [("a.exr", {}), ("a.exr", {"exr_type": "half"}), ("a.exr", {"exr_compression": "piz"}), ("a.png", {})],
 )
 def test_pictures(folder: Path, name: str, how: dict[str, str]) -> None:
-    found = verify(image(name, **how), 1.0)
+    found = verify(image(name, how), 1.0)
     assert found.sound and found.checked == TILES
-    found = verify(image(name, spoil=1, **how), 1.0)
+    found = verify(image(name, how, spoil=1), 1.0)
     assert found.pixels == ((30, 20),) and found.differing == ((16, 16, 32, 32),)
 
 
@@ -346,7 +346,7 @@ def test_pictures_that_are_no_renders(
     folder: Path, name: str, more: dict[str, Any], how: dict[str, str], words: str
 ) -> None:
     with pytest.raises(UsageError, match=words):
-        verify(image(name, more, **how))
+        verify(image(name, how, more))
 
 
 def test_files_that_say_nothing(folder: Path) -> None:
@@ -362,7 +362,7 @@ def test_files_that_say_nothing(folder: Path) -> None:
 
 
 def test_another_hash_than_it_says(folder: Path) -> None:
-    assert "another hash than it says" in sentence(image("a.exr", {"image_sha256": "0" * 64}), 0.1)
+    assert "another hash than it says" in sentence(image("a.exr", {}, {"image_sha256": "0" * 64}), 0.1)
 
 
 # --- how surely ------------------------------------------------------------------------------------------------------
