@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from clrender.rendering import render as render
     from clrender.scene import Scene as Scene
     from clrender.session import Session as Session
+    from clrender.verification import verify as verify
 
 # What each name comes from. They are fetched when first used: `clrender --version` must not load NumPy.
 _HOMES = {
@@ -41,6 +42,7 @@ _HOMES = {
     "devices": "clrender.device",
     "load": "clrender.importers",
     "render": "clrender.rendering",
+    "verify": "clrender.verification",
 }
 
 __all__ = ["__version__", *_HOMES]  # noqa: PLE0604

@@ -49,11 +49,18 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextmanager
-def atomic_write(path: str | Path) -> Iterator[IO[bytes]]:
+def atomic_write(path: str | Path, beside: str | None = None) -> Iterator[IO[bytes]]:
     """Binary file that takes the place of `path` when the block ends well, and vanishes when it does not.
 
     The data is written beside, flushed to the disk and renamed, so that `path` is the old or the new file, whole,
     whenever the program or the machine dies.
+
+    Parameters
+    ----------
+    path : path
+    beside : str, optional
+        Name of the file until then, for a caller who knows that nobody else uses it: what a killed process has left
+        there is replaced, so that no more than one such file is ever left. By default no two are called alike.
 
     Raises
     ------
@@ -65,7 +72,7 @@ def atomic_write(path: str | Path) -> Iterator[IO[bytes]]:
     path = Path(path)
     try:
         _refuse_special(path)
-        with _beside(path) as (file, temporary):
+        with _beside(path, beside) as (file, temporary):
             yield file
             file.flush()
             os.fsync(file.fileno())
@@ -160,13 +167,15 @@ def remove_temporaries() -> None:
 
 
 @contextmanager
-def _beside(path: Path) -> Iterator[tuple[IO[bytes], Path]]:
+def _beside(path: Path, name: str | None = None) -> Iterator[tuple[IO[bytes], Path]]:
     """New file in the folder where `path` really lies, removed at the end unless it was renamed."""
     folder = Path(os.path.realpath(path)).parent
-    temporary = folder / f".clrender-{os.getpid()}-{secrets.token_hex(6)}.part"
+    temporary = folder / (name or f".clrender-{os.getpid()}-{secrets.token_hex(6)}.part")
     try:
         with _beginning:
             _temporaries.add(temporary)
+            if name is not None:
+                temporary.unlink(missing_ok=True)  # not opened and emptied: it may be a link
             # Not `tempfile`: the final file shall have the rights that the user's umask gives.
             descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         with os.fdopen(descriptor, "wb") as file:

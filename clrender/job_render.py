@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -19,16 +20,18 @@ from clrender.device.probe import passes_probe
 from clrender.device.worker import DeviceWorker, LaunchConfig, most_lanes
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
+from clrender.film.checkpoint import Checkpoint
+from clrender.film.ledger import Ledger
 from clrender.film.unit import tile_side
 from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
-from clrender.render_stats import peak_rss, render_stats
+from clrender.render_stats import job_stats, peak_rss, render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool
-from clrender.scheduling.run import Tally, run
+from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 
 if TYPE_CHECKING:
@@ -50,6 +53,8 @@ class JobRender:
     job : RenderJob
     on_progress, should_stop : callable, optional
         As of `Session.render`.
+    checkpoint : Checkpoint, optional
+        Open.
     """
 
     def __init__(
@@ -58,6 +63,7 @@ class JobRender:
         job: RenderJob,
         on_progress: Callable[[Progress], None] | None,
         should_stop: Callable[[], bool] | None,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         self._begin = time.perf_counter()
         self._session = session
@@ -65,6 +71,9 @@ class JobRender:
         self._settings: RenderSettings = job.settings
         self._on_progress = on_progress
         self._should_stop = should_stop or (lambda: False)
+        self._checkpoint = checkpoint
+        self._plan = _plan_of(job)
+        self._total = self._plan.samples
         self._launch = LaunchConfig(
             self._settings.lanes,
             self._settings.work_group,
@@ -79,32 +88,22 @@ class JobRender:
         """Render it; `Session.render` says what is returned and raised."""
         job, settings, session = self._job, self._settings, self._session
         denoiser = Denoiser() if job.denoise else None
-        with self._timed("read_seconds"):
-            job.scene.read_named()
-        memory = {"read_peak_rss_bytes": peak_rss()}
-        with self._timed("flatten_seconds"):
-            flat = session.flat(job)
-        memory |= {"flatten_peak_rss_bytes": peak_rss(), "flat_bytes": flat.nbytes}
-        for warning in flat.warnings:
-            session.tell(warning)
+        flat, memory = self._flat()
+        self._film = film = self._new_film(flat)
         devices = session.devices
         _check_lanes(settings, devices)
         compiled = sum(device.compile_seconds for device in devices)
         with self._timed("aov_seconds"):
             first = self._layers(flat)
-        prepared = self._prepared(flat)
-        self._film = film = Film(settings.width, settings.height, {**job.request(), "arrays_sha256": flat.sha256})
+        prepared = self._prepared(flat) if self._plan.samples else None
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
         sharing = session.devices
-        with self._pool(prepared) as pool:
-            tally = run(self._plan(), pool.candidates, film, self._advance, self._stops, session.tell)
-            finished = time.perf_counter()
-            workers = pool.workers
+        tally, workers, finished = self._run(prepared, film)
         if self._dismissed(sharing, tally) and first and not tally.all_failed:
             with self._timed("aov_seconds"):  # they may be wrong as well
                 first = self._layers(flat)
-        self._check_progress(tally)
+        self._check_progress(tally, film)
         if self._started is not None:
             self._seconds["setup_seconds"] = self._started - self._begin - self._seconds["aov_seconds"]
         linear = film.mean() if keep_film else film.develop()
@@ -120,7 +119,7 @@ class JobRender:
             "write_seconds": 0.0,
             "wall_seconds": time.perf_counter() - self._begin,
         }
-        stats = render_stats(job, flat, film, linear, tally, sharing, workers, measured)
+        stats = render_stats(job, flat, film, linear, tally, sharing, workers, measured, self._checkpoint)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
         layers = {name: first[name] for name in job.aov if name in first}
         mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers}
@@ -131,10 +130,84 @@ class JobRender:
             session.tell(line)
         if lost := stats["nonfinite_samples"]:
             session.tell(
-                f"warning: {lost} of {tally.samples} samples were not finite, or brighter than 2^43, and are left out: "
-                "the image is too dark where they were"
+                f"warning: {lost} of {stats['samples']} samples were not finite, or brighter than 2^43, and are left "
+                "out: the image is too dark where they were"
             )
         return image
+
+    def part(self, wanted: Ledger, check: Callable[[Mapping[str, Any]], None]) -> Film:
+        """Render some samples of some blocks of pixels alone.
+
+        Parameters
+        ----------
+        wanted : Ledger
+            Of samples that the job has.
+        check : callable
+            Told the request of the job's film before anything is rendered; it may raise.
+
+        Returns
+        -------
+        Film
+            With less than what is wanted where `should_stop` said yes.
+        """
+        flat, _ = self._flat()
+        check(self._request(flat))
+        self._film = film = Film(wanted.width, wanted.height, self._request(flat))
+        self._want(wanted)
+        tally, _, _ = self._run(self._prepared(flat) if self._plan.samples else None, film)
+        tally.raise_failure()
+        return film
+
+    def _flat(self) -> tuple[FlatScene, dict[str, float]]:
+        """The scene as arrays, and what memory that took."""
+        with self._timed("read_seconds"):
+            self._job.scene.read_named()
+        memory: dict[str, float] = {"read_peak_rss_bytes": peak_rss()}
+        with self._timed("flatten_seconds"):
+            flat = self._session.flat(self._job)
+        memory |= {"flatten_peak_rss_bytes": peak_rss(), "flat_bytes": flat.nbytes}
+        for warning in flat.warnings:
+            self._session.tell(warning)
+        return flat, memory
+
+    def _request(self, flat: FlatScene) -> dict[str, Any]:
+        """Of the film."""
+        return {**self._job.request(), "arrays_sha256": flat.sha256}
+
+    def _new_film(self, flat: FlatScene) -> Film:
+        """The film to be filled: an empty one, or that of the checkpoint."""
+        job, settings = self._job, self._settings
+        request = self._request(flat)
+        if self._checkpoint is None:
+            return Film(settings.width, settings.height, request)
+        samples = range(job.first_sample, job.first_sample + job.sample_count)
+        film = self._checkpoint.begin(request, samples, job_stats(job, request))
+        self._plan = dataclasses.replace(self._plan, short_units=True)
+        if film.ledger.samples:
+            self._want(film.ledger.lacking(samples.start, samples.stop))
+        return film
+
+    def _want(self, wanted: Ledger) -> None:
+        """Render only some samples."""
+        self._plan = dataclasses.replace(self._plan, wanted=wanted)
+        self._total = self._plan.samples
+
+    def _run(self, prepared: Prepared | None, film: Film) -> tuple[Tally, dict[int, DeviceWorker], float]:
+        """Take the samples of the plan; the workers are those that could be set up, the time that of the last result.
+
+        Of a plan without samples nothing need be prepared.
+        """
+        if prepared is None:
+            names = [WorkerTally(device.info.title) for device in self._session.devices]
+            return Tally(complete=True, workers=names), {}, time.perf_counter()
+        with self._pool(prepared) as pool:
+            receiver = self._checkpoint or film
+            tally = run(self._plan, pool.candidates, receiver, self._advance, self._stops, self._session.tell)
+            finished = time.perf_counter()
+            workers = pool.workers
+        if self._checkpoint is not None:
+            self._checkpoint.finish()
+        return tally, workers, finished
 
     def _prepared(self, flat: FlatScene) -> Prepared:
         """What the integrator renders with."""
@@ -149,6 +222,8 @@ class JobRender:
         return prepared
 
     def _stops(self) -> bool:
+        if self._checkpoint is not None:
+            self._checkpoint.tick()
         limit = self._settings.time_limit
         late = limit is not None and time.perf_counter() - self._begin >= limit
         return late or self._should_stop()
@@ -157,22 +232,13 @@ class JobRender:
         if self._on_progress is not None:
             begun = self._started or time.perf_counter()
             seconds = time.perf_counter() - begun
-            self._on_progress(Progress(samples, self._plan().samples, seconds, rays, self._film))
-
-    def _plan(self) -> Plan:
-        settings, job = self._settings, self._job
-        return Plan(
-            settings.width,
-            settings.height,
-            job.first_sample,
-            job.sample_count,
-            tile_side(settings.tile, settings.width, settings.height),
-            job.integrator.pipeline.sample_by_sample,
-        )
+            resumed = self._checkpoint.resumed_samples if self._checkpoint is not None else 0
+            total = resumed + self._total
+            self._on_progress(Progress(resumed + samples, total, seconds, rays, self._film, resumed))
 
     def _pool(self, prepared: Prepared) -> WorkerPool:
         """The devices as workers; the render begins when the first of them is ready."""
-        settings = self._settings.struct(self._plan().tile, self._job.integrator.fixed)
+        settings = self._settings.struct(self._plan.tile, self._job.integrator.fixed)
         make = partial(
             self._session.worker,
             flat=prepared.flat,
@@ -200,7 +266,7 @@ class JobRender:
         """What is seen first. It comes before the image, so that one stopped early has its layers whole."""
         job = self._job
         make = partial(
-            self._session.worker, flat=flat, settings=self._settings.struct(self._plan().tile), launch=self._launch
+            self._session.worker, flat=flat, settings=self._settings.struct(self._plan.tile), launch=self._launch
         )
         names = [*job.aov, *(GUIDES if job.denoise else ())]
         most = LAYER_SAMPLES if job.aov else GUIDE_SAMPLES
@@ -216,9 +282,9 @@ class JobRender:
             self._session.tell,
         )
 
-    def _check_progress(self, tally: Tally) -> None:
+    def _check_progress(self, tally: Tally, film: Film) -> None:
         """An image without any sample is none: say why there is nothing to show."""
-        if tally.samples:
+        if tally.samples or film.ledger.samples:
             return
         if tally.all_failed:
             raise tally.failures[-1]
@@ -245,6 +311,19 @@ class JobRender:
         begin = time.perf_counter()
         yield
         self._seconds[name] = time.perf_counter() - begin
+
+
+def _plan_of(job: RenderJob) -> Plan:
+    """All of a job's samples."""
+    settings = job.settings
+    return Plan(
+        settings.width,
+        settings.height,
+        job.first_sample,
+        job.sample_count,
+        tile_side(settings.tile, settings.width, settings.height),
+        job.integrator.pipeline.sample_by_sample,
+    )
 
 
 def _check_lanes(settings: RenderSettings, devices: Sequence[Device]) -> None:

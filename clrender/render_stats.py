@@ -18,11 +18,39 @@ if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.device.worker import DeviceWorker
     from clrender.film import Film
+    from clrender.film.checkpoint import Checkpoint
     from clrender.flatten import FlatScene
     from clrender.job import RenderJob
     from clrender.scheduling.run import Tally
 
-__all__ = ["peak_rss", "render_stats"]
+__all__ = ["job_stats", "peak_rss", "render_stats"]
+
+
+def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
+    """What a job says of its image, before it is rendered.
+
+    Parameters
+    ----------
+    job : RenderJob
+    request : mapping
+        Of its film.
+    """
+    settings = job.settings
+    return {
+        "camera_exposure": job.scene.camera.exposure,
+        "scene": job.scene.origin,
+        "scene_sha256": request["scene_sha256"],
+        "kernel_sha256": request["kernel_sha256"],
+        "version": request["version"],
+        "width": settings.width,
+        "height": settings.height,
+        "spp": settings.spp,
+        "seed": settings.seed,
+        "integrator": settings.integrator,
+        "settings": {**settings.request(), "spp": settings.spp},
+        "first_sample": job.first_sample,
+        "sample_count": job.sample_count,
+    }
 
 
 def render_stats(
@@ -34,6 +62,7 @@ def render_stats(
     devices: Sequence[Device],
     workers: Mapping[int, DeviceWorker],
     measured: Mapping[str, float],
+    checkpoint: Checkpoint | None = None,
 ) -> dict[str, Any]:
     """What ``--stats`` writes of a render.
 
@@ -47,29 +76,21 @@ def render_stats(
         Those that could be set up, by the place of their device.
     measured : mapping
         The keys that end in ``_seconds``, and those about the memory of reading and flattening.
+    checkpoint : Checkpoint, optional
+        Whose samples count, too, but not in what this render's devices did.
     """
     seconds = max(measured["render_seconds"], 1e-9)
-    settings, request = job.settings, film.request
+    resumed, earlier = (checkpoint.resumed_samples, checkpoint.earlier) if checkpoint else (0, {})
     return {
         "image_sha256": image_sha256(linear),
         "denoised": False,
-        "camera_exposure": job.scene.camera.exposure,
-        "scene_sha256": request["scene_sha256"],
-        "kernel_sha256": request["kernel_sha256"],
-        "version": request["version"],
-        "width": settings.width,
-        "height": settings.height,
-        "spp": settings.spp,
-        "seed": settings.seed,
-        "integrator": settings.integrator,
-        "settings": {**settings.request(), "spp": settings.spp},
-        "first_sample": job.first_sample,
-        "sample_count": job.sample_count,
-        "samples": tally.samples,
-        "rays": tally.rays,
-        "shadow_rays": tally.shadow_rays,
-        "max_depth": tally.deepest,
-        "nonfinite_samples": tally.samples - film.samples,
+        **job_stats(job, film.request),
+        "samples": tally.samples + resumed,
+        "rays": tally.rays + earlier.get("rays", 0),
+        "shadow_rays": tally.shadow_rays + earlier.get("shadow_rays", 0),
+        "max_depth": max(tally.deepest, earlier.get("max_depth", 0)),
+        "nonfinite_samples": tally.samples + resumed - film.samples,
+        **(checkpoint.stats() if checkpoint else {}),
         **measured,
         "msamples_per_second": tally.samples / seconds / 1e6,
         "mrays_per_second": tally.rays / seconds / 1e6,

@@ -33,6 +33,8 @@ class Progress:
     rays : int
     film : Film or None
         What is committed so far, where one render is watched: `Film.snapshot` of it is cheap, in any thread.
+    samples_resumed : int
+        Of `samples_done`, those that came from a checkpoint.
     """
 
     samples_done: int
@@ -40,6 +42,7 @@ class Progress:
     seconds: float
     rays: int
     film: Film | None = None
+    samples_resumed: int = 0
 
     @property
     def fraction(self) -> float:
@@ -49,7 +52,7 @@ class Progress:
     @property
     def samples_per_second(self) -> float:
         """Mean so far."""
-        return self.samples_done / self.seconds if self.seconds > 0.0 else 0.0
+        return (self.samples_done - self.samples_resumed) / self.seconds if self.seconds > 0.0 else 0.0
 
     @property
     def seconds_left(self) -> float:
@@ -135,9 +138,13 @@ class RenderedImage:
             check_mattes(self.aovs, exr)
             exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
             channels = exr_channels(self.aovs)
-            write_image(path, self.picture, self.stats, channels=channels, exr=exr, exact=exact, attributes=attributes)
+            stored = {"exr_type": exr_type, "exr_compression": exr_compression}
+            told = {**self.stats, "stored": stored}
+            write_image(path, self.picture, told, channels=channels, exr=exr, exact=exact, attributes=attributes)
         else:
-            write_image(path, self.picture, self.stats, tone_map, exposure + self.camera_stops)
+            exposure += self.camera_stops
+            told = {**self.stats, "stored": {"tone_map": tone_map, "exposure": exposure}}
+            write_image(path, self.picture, told, tone_map, exposure)
 
     def _repr_png_(self) -> bytes:
         return png_bytes(self.picture, exposure=self.camera_stops)

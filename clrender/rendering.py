@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clrender.job import RenderJob
@@ -27,6 +28,8 @@ def render(
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
     keep_film: bool = True,
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
     **settings: Any,
 ) -> RenderedImage:
     """Render a scene on devices that are opened for it and released at its end.
@@ -36,9 +39,16 @@ def render(
     scene : Scene or RenderJob
     device : str, int, Device, sequence of them, optional
         As ``--device``; default: ``CLRENDER_DEVICE``, else the best that works.
-    on_progress, should_stop, notify, keep_film, **settings
+    on_progress, should_stop, notify, keep_film, checkpoint, resume, **settings
         As `Session.render`, which says what is returned and raised, too.
     """
     job = RenderJob.given(scene, **settings)
     with Session(device, notify=notify) as session:
-        return session.render(job, on_progress=on_progress, should_stop=should_stop, keep_film=keep_film)
+        return session.render(
+            job,
+            on_progress=on_progress,
+            should_stop=should_stop,
+            keep_film=keep_film,
+            checkpoint=checkpoint,
+            resume=resume,
+        )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from clrender.device.preparation import DevicePreparation
 from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker, LaunchConfig, Scratch
 from clrender.errors import DeviceError, UsageError
+from clrender.film import Film
+from clrender.film.checkpoint import Checkpoint
+from clrender.film.ledger import Ledger
 from clrender.flatten import FlatScene, flatten, scene_origin, seen_by
 from clrender.integrators.descriptor import Pipeline
 from clrender.job import RenderJob
@@ -106,6 +110,8 @@ class Session:
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
         keep_film: bool = True,
+        checkpoint: str | Path | None = None,
+        resume: bool = False,
         **settings: Any,
     ) -> RenderedImage:
         """Render a scene, or a job.
@@ -119,6 +125,12 @@ class Session:
             Asked in this thread, twenty times a second; a yes ends the render with what is done.
         keep_film : bool
             Keep the exact sums, 52 bytes a pixel, in the result.
+        checkpoint : path, optional
+            A film that the render is saved to every five seconds, or less often where that would take more than 2 % of
+            its time, and at its end, whatever ends it. Another 52 bytes a pixel.
+        resume : bool
+            Go on from what the checkpoint holds, if it is there yet; it must be of the same image, and may have been
+            made with fewer samples per pixel.
         **settings
             Of a scene: as `RenderJob.of` takes them, ``size``, ``samples``, ``aov``, ``denoise`` and the fields of
             `RenderSettings`.
@@ -130,14 +142,32 @@ class Session:
         Raises
         ------
         SceneError, UsageError
-            When the scene or a setting makes no sense, or what denoising needs is not installed.
+            When the scene or a setting makes no sense, or what denoising needs is not installed. When there is a file
+            in the checkpoint's place that is not to be resumed, or is of another image, or another render saves itself
+            there.
         DeviceError
             When no device works.
         RenderError
             When every device fails; `IncompleteRender`, with the image so far, when samples were finished by then.
         """
         job = RenderJob.given(scene, **settings)
-        return JobRender(self, job, on_progress, should_stop).image(keep_film)
+        if checkpoint is None:
+            if resume:
+                raise UsageError("resume has no effect without a checkpoint; name its file")
+            return JobRender(self, job, on_progress, should_stop).image(keep_film)
+        with Checkpoint(checkpoint, resume, self.tell) as saved:
+            return JobRender(self, job, on_progress, should_stop, saved).image(keep_film)
+
+    def render_part(
+        self,
+        job: RenderJob,
+        wanted: Ledger,
+        check: Callable[[Mapping[str, Any]], None],
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Film:
+        """Some samples of some pixels of a job, as of `clrender.job_render.JobRender.part`."""
+        return JobRender(self, job, on_progress, should_stop).part(wanted, check)
 
     def flat(self, job: RenderJob) -> FlatScene:
         """The job's scene as arrays; those of the session's last job where only the camera is another."""

@@ -38,6 +38,7 @@ COMMANDS: Final[dict[str, str]] = {
     "furnace": "Measure the physics of materials: energy, reciprocity, sampling.",
     "report": "Reproduce the founding report: its table, figures and conclusions.",
     "merge": "Merge films of one render into one.",
+    "verify": "Render random parts of an image again and compare bits.",
     "radiosity": "Animate a diffuse scene in which a shape moves.",
     "bench": "Benchmark clrender, beside other renderers if wanted.",
 }

@@ -78,6 +78,13 @@ __all__ = ["render"]
     metavar="I/N",
     help="The I-th of N disjoint parts of the samples, to a .film for `clrender merge`.",
 )
+@click.option(
+    "--checkpoint",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Save what is done to this film every few seconds, and at the end, whatever ends it.",
+)
+@click.option("--resume", is_flag=True, help="Go on from the checkpoint, if there is one yet; --spp may be more.")
 @click.option("--denoise", is_flag=True, help="Remove noise with Open Image Denoise; introduces bias.")
 @click.option(
     "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
@@ -105,6 +112,8 @@ def render(
     exr_compression: str,
     exr_tile: int | None,
     shard: tuple[int, int] | None,
+    checkpoint: Path | None,
+    resume: bool,
     denoise: bool,
     stats: Path | None,
     quiet: bool,
@@ -118,8 +127,9 @@ def render(
     Defaults, in parentheses, hold where neither the command line nor the scene says anything else. Ctrl-C stops within
     a second, writes the image so far and exits with 130.
     """
-    written = [*outputs, *([stats] if stats else [])]
+    written = [*outputs, *(path for path in (stats, checkpoint) if path)]
     _check_outputs(ctx, outputs, stats)
+    saving = _saving(checkpoint, resume)
     check_distinct(written, [Path(scene)])
     layers = _layers(aov, outputs)
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
@@ -142,7 +152,7 @@ def render(
         keep_film = any(path.suffix.lower() == ".film" for path in outputs)
         failure = None
         try:
-            image = _run(job, devices, interrupt, quiet, keep_film)
+            image = _run(job, devices, interrupt, quiet, keep_film, saving)
         except IncompleteRender as error:
             failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
@@ -209,7 +219,26 @@ def _check_exr(layers: Sequence[str], exr: Mapping[str, Any]) -> None:
         check_mattes(layers, ExrFormat(*exr.values()))
 
 
-def _run(job: RenderJob, devices: Sequence[str], interrupt: Interrupt, quiet: bool, keep_film: bool) -> RenderedImage:
+def _saving(checkpoint: Path | None, resume: bool) -> dict[str, Any]:
+    """Arguments of the renderer about a checkpoint, which can be written."""
+    if checkpoint is None:
+        if resume:
+            raise UsageError("--resume: there is nothing to go on from; name the film with --checkpoint FILE")
+        return {}
+    from clrender.film.checkpoint import check_checkpoint
+
+    check_checkpoint(checkpoint, resume)
+    return {"checkpoint": checkpoint, "resume": resume}
+
+
+def _run(
+    job: RenderJob,
+    devices: Sequence[str],
+    interrupt: Interrupt,
+    quiet: bool,
+    keep_film: bool,
+    saving: Mapping[str, Any],
+) -> RenderedImage:
     from clrender.rendering import render as render_scene
 
     with ProgressDisplay(quiet=quiet) as display:
@@ -226,6 +255,7 @@ def _run(job: RenderJob, devices: Sequence[str], interrupt: Interrupt, quiet: bo
             should_stop=interrupt.wanted,
             notify=display.say,
             keep_film=keep_film,
+            **saving,
         )
 
 
@@ -269,8 +299,11 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
         parts.append(f"stopped early with {held} of {total} samples ({held / (width * height):.3g} a pixel)")
     else:
         parts.append(f"{wanted} samples per pixel")
+    resumed = numbers.get("resumed_samples", 0)
+    if resumed:
+        parts.append(f"{resumed / total:.3g} of them from the checkpoint")
     seconds = numbers["render_seconds"]
-    speed = quantity(held / seconds) if seconds > 0 else "-"
+    speed = quantity((held - resumed) / seconds) if seconds > 0 else "-"
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))
     parts.append(f"{speed} samples/s on {', '.join(device['name'] for device in numbers['devices'])}")
     if numbers.get("nonfinite_samples"):

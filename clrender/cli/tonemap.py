@@ -49,6 +49,11 @@ def tonemap(
     linear, provenance = read_linear(image)
     check_image_size(outputs, linear.shape[1], linear.shape[0])
     exposure += photographic_stops(**camera_exposure(provenance, photograph))
+    if provenance is not None:
+        provenance = {
+            **provenance,
+            "stored": {**provenance.get("stored", {}), "tone_map": tone_map, "exposure": exposure},
+        }
     for output in outputs:
         write_image(output, linear, provenance, tone_map, exposure)
         click.echo(f"{output}: {linear.shape[1]}x{linear.shape[0]}, {tone_map}, exposure {exposure:g}")

@@ -55,6 +55,7 @@ def write_film(
     blocks: npt.NDArray[np.uint32],
     counts: npt.NDArray[np.uint32],
     bands: Sequence[npt.NDArray[np.uint64]],
+    beside: str | None = None,
 ) -> None:
     """Write a film, all of it or nothing.
 
@@ -69,6 +70,8 @@ def write_film(
     counts : (H, W) uint32
     bands : sequence of (rows, W, 3, 2) uint64
         Sums, top first.
+    beside : str, optional
+        As of `clrender.files.atomic_write`.
 
     Raises
     ------
@@ -76,7 +79,10 @@ def write_film(
         The file cannot be written.
     """
     text = json.dumps({"format": FORMAT, **header}, sort_keys=True).encode()
-    with atomic_write(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+    with (
+        atomic_write(path, beside) as file,
+        zipfile.ZipFile(file, "w", zipfile.ZIP_STORED, allowZip64=True) as archive,
+    ):
         _write_member(archive, "header", (len(text),), [np.frombuffer(text, np.uint8)])
         _write_member(archive, "ledger", blocks.shape, [blocks])
         _write_member(archive, "counts", counts.shape, [counts])

@@ -133,16 +133,17 @@ class Film:
             raise RenderError(f"a unit of {unit.sample_count} samples came with {int(result.done.max())}.")
         words = np.ascontiguousarray(result.sums, "<u4").view("<u8").astype(np.uint64, copy=False)  # (slots, 3, 2)
         area, across = unit.tile * unit.tile, -(-self.width // unit.tile)
+        words, counts, first_tile = _whole_tiles(unit, words, result.counts)
         with self._whole:
             self.bands()
             self.ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
-            for first in range(0, slots, area):
-                row, column = divmod((unit.first_slot + first) // area, across)
+            for first in range(0, len(counts), area):
+                row, column = divmod(first_tile + first // area, across)
                 top, left = row * unit.tile, column * unit.tile
                 rows, columns = min(unit.tile, self.height - top), min(unit.tile, self.width - left)
                 if rows > 0:
                     order = first + tile_slots(unit.tile).reshape(unit.tile, unit.tile)[:rows, :columns]
-                    self._add(top, left, words[order], result.counts[order])
+                    self._add(top, left, words[order], counts[order])
         return int((unit.pixels(self.width, self.height) * result.done).sum())
 
     def mean(self) -> npt.NDArray[np.float32]:
@@ -161,6 +162,19 @@ class Film:
         """
         with self._whole:
             return self._mean(self.bands(), release=False)
+
+    def mean_of(self, rows: slice, columns: slice) -> npt.NDArray[np.float32]:
+        """The same of a rectangle of pixels: (h, w, 3) float32.
+
+        Parameters
+        ----------
+        rows, columns : slice
+            From a first row or column to one that is not included, within the image.
+        """
+        bands = self.bands()
+        places = [divmod(row, self.band_rows) for row in range(rows.start, rows.stop)]
+        sums = np.stack([bands[band][row, columns] for band, row in places])
+        return _mean_of(sums, self.counts[rows, columns])
 
     def develop(self) -> npt.NDArray[np.float32]:
         """Same picture as `mean`, giving back the memory of the sums on the way: 52 bytes a pixel at most.
@@ -265,7 +279,19 @@ class Film:
                     low -= less[..., 0]
                     self.counts[rows] -= other.counts[rows]
 
-    def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None) -> None:
+    def copy_to(self, other: Film) -> None:
+        """Make another film of this size hold what this one holds at this moment.
+
+        Whoever commits waits for as long as the copy takes; `other`, which nobody else may use meanwhile, keeps its
+        memory.
+        """
+        with self._whole:
+            other.request, other.provenance, other.ledger = self.request, self.provenance, self.ledger.copy()
+            np.copyto(other.counts, self.counts)
+            for mine, copy in zip(self.bands(), other.bands(), strict=True):
+                np.copyto(copy, mine)
+
+    def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None, *, beside: str | None = None) -> None:
         """Write the film to a `.film` file, all of it or nothing.
 
         Parameters
@@ -274,6 +300,8 @@ class Film:
             Where to; an existing film is replaced.
         provenance : mapping, optional
             JSON-able; by default what the film was loaded with.
+        beside : str, optional
+            As of `clrender.files.atomic_write`.
 
         Raises
         ------
@@ -289,7 +317,7 @@ class Film:
                 "ledger": table,
                 "provenance": self.provenance if provenance is None else dict(provenance),
             }
-            write_film(Path(path), header, blocks, self.counts, self.bands())
+            write_film(Path(path), header, blocks, self.counts, self.bands(), beside)
 
     @classmethod
     def load(cls, path: str | Path) -> Film:
@@ -345,6 +373,19 @@ class Film:
                 self._bands[index] = None
                 bands[index] = np.empty((0, 0, 3, 2), np.uint64)
         return image.reshape(self.height, self.width, 3)
+
+
+def _whole_tiles(unit: Unit, words: _Sums, counts: _Counts) -> tuple[_Sums, _Counts, int]:
+    """Sums and counts of the tiles that a unit has a part of, nothing elsewhere, and the number of the first tile."""
+    area = unit.tile * unit.tile
+    tile, offset = divmod(unit.first_slot, area)
+    slots = -(-(offset + unit.slot_count) // area) * area
+    if slots == unit.slot_count:
+        return words, counts, tile
+    whole = np.zeros((slots, 3, 2), np.uint64), np.zeros(slots, np.uint32)
+    part = slice(offset, offset + unit.slot_count)
+    whole[0][part], whole[1][part] = words, counts
+    return *whole, tile
 
 
 def _mean_of(sums: _Sums, counts: _Counts) -> npt.NDArray[np.float32]:

@@ -75,6 +75,41 @@ class Ledger:
         wanted: Ranges = ((start, stop),) if stop > start else ()
         return all(self._sets[number] == wanted for number in np.unique(self._blocks))
 
+    def sets_of(self, blocks: npt.NDArray[np.integer[Any]]) -> tuple[list[Ranges], npt.NDArray[np.uint32]]:
+        """The distinct sets of samples, and which of them each of some blocks has.
+
+        Parameters
+        ----------
+        blocks : (n,) integers
+
+        Returns
+        -------
+        sets : list of Ranges
+        numbers : (n,) uint32
+            Indices into `sets`.
+        """
+        return list(self._sets), self._blocks[blocks]
+
+    def lacking(self, start: int, stop: int) -> Ledger:
+        """What each block lacks of the samples from `start` to `stop`, not included."""
+        return self._with_sets([_missing(start, stop, each) for each in self._sets])
+
+    def restricted(self, blocks: npt.NDArray[np.bool_]) -> Ledger:
+        """The same for some blocks, (blocks,) bool, and nothing for the others."""
+        part = self._with_sets([*self._sets, ()])
+        part._blocks[~blocks] = part._numbers[()]
+        return part
+
+    def copy(self) -> Ledger:
+        """The same ledger, apart from this one."""
+        return self._with_sets(self._sets)
+
+    def _with_sets(self, sets: Sequence[Ranges]) -> Ledger:
+        """A ledger whose blocks have other sets in the place of those of the table."""
+        other = Ledger(self.width, self.height)
+        other._blocks[:] = other._keep(sets)[self._blocks]
+        return other
+
     def add(self, blocks: npt.NDArray[np.integer[Any]], start: int, counts: npt.NDArray[np.integer[Any]]) -> None:
         """Record samples of some blocks.
 
@@ -216,6 +251,18 @@ def _without(ours: Ranges, theirs: Ranges) -> Ranges:
         first, end = left[place]
         left[place : place + 1] = [each for each in ((first, start), (stop, end)) if each[0] < each[1]]
     return tuple(left)
+
+
+def _missing(start: int, stop: int, held: Ranges) -> Ranges:
+    """The samples from `start` to `stop` that are not among those held."""
+    missing: list[tuple[int, int]] = []
+    for first, end in held:
+        if start < min(first, stop):
+            missing.append((start, min(first, stop)))
+        start = max(start, end)
+    if start < stop:
+        missing.append((start, stop))
+    return tuple(missing)
 
 
 def _checked(ranges: Any) -> Ranges:

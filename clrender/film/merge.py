@@ -14,6 +14,7 @@ __all__ = ["merge_films"]
 
 _SUMMED: Final = ("samples", "rays", "shadow_rays", "render_seconds", "render_cpu_seconds")
 _SAME: Final = (
+    "scene",
     "scene_sha256",
     "kernel_sha256",
     "version",

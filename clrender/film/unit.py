@@ -28,7 +28,8 @@ LARGEST_TILE: Final = 1024
 class Unit:
     """Samples [first_sample, first_sample + sample_count) of slots [first_slot, first_slot + slot_count).
 
-    It covers whole tiles of side `tile`. Doing it twice gives the same bits, so a unit that was lost is done again.
+    It covers whole tiles of side `tile`, or whole blocks of one. Doing it twice gives the same bits, so a unit that was
+    lost is done again.
     """
 
     first_slot: int

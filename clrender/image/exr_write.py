@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 
-__all__ = ["COMPRESSIONS", "ExrFormat", "write_exr"]
+__all__ = ["COMPRESSIONS", "ExrFormat", "half_of", "write_exr"]
 
 COMPRESSIONS: Final[Mapping[str, bool]] = {
     "none": False,
@@ -117,7 +117,7 @@ def write_exr(
     half = layout.type == "half"
     held = {"RGB": image, **channels}
     planes = {
-        name: _as_half(plane) if half and name not in exact else np.ascontiguousarray(plane)
+        name: half_of(plane) if half and name not in exact else np.ascontiguousarray(plane)
         for name, plane in held.items()
     }
     # Into the open file and not to a name: then a disk that is full is an OSError.
@@ -125,7 +125,7 @@ def write_exr(
         picture.write(file)
 
 
-def _as_half(plane: npt.NDArray[np.float32]) -> npt.NDArray[np.float16]:
+def half_of(plane: npt.NDArray[np.float32]) -> npt.NDArray[np.float16]:
     """Rounded to nearest; only what is infinite before is so afterwards."""
     result = np.empty(plane.shape, np.float16)
     for first in range(0, len(plane), _ROWS):

@@ -80,8 +80,11 @@ def load(
     if time_at is not None and not math.isfinite(time_at):
         raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
     reader = _READERS.get(ending)
+    origin = {"name": str(path_or_name), "time_at": time_at, "variant": variant}
+    origin |= {"environment": str(environment) if isinstance(environment, Path) else environment}
+    origin = {key: value for key, value in origin.items() if value is not None}
     if reader is None:
-        own = load_own(path_or_name, allow_paths=allow_paths)
+        own = load_own(path_or_name, allow_paths=allow_paths).with_origin(origin)
         return own if environment is None else own.with_environment(environment)
     read: Callable[..., Draft] = import_module(reader).read
     folders = [Path(folder) for folder in allow_paths]
@@ -90,4 +93,5 @@ def load(
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders)
     scene = completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files)
+    scene = scene.with_origin(origin)
     return scene if environment is None else scene.with_environment(environment)

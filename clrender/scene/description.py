@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Annotated, BinaryIO
+from typing import Annotated, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,6 +119,7 @@ class Scene(Part):
     _notes: tuple[str, ...] = PrivateAttr(default=())
     _read_files: tuple[Path, ...] = PrivateAttr(default=())
     _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
+    _origin: dict[str, Any] | None = PrivateAttr(default=None)
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -164,6 +165,17 @@ class Scene(Part):
     def source(self) -> str:
         """Name of the scene file for messages."""
         return self._source
+
+    @property
+    def origin(self) -> dict[str, Any] | None:
+        """Arguments of `clrender.load` that gave this scene, or the one that it was made from; None: made in code."""
+        return self._origin
+
+    def with_origin(self, origin: Mapping[str, Any]) -> Scene:
+        """The same scene, which was loaded with these arguments, JSON-able."""
+        scene = self.model_copy()
+        scene._origin = dict(origin)
+        return scene
 
     def placed(self, source: str, base_folder: Path, allow_paths: Sequence[Path] = ()) -> Scene:
         """The same scene, looking for its files in another folder.

@@ -6,6 +6,7 @@ from typing import Final
 
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
+from clrender.scheduling.receiver import Reversible
 
 __all__ = ["Contributions"]
 
@@ -22,12 +23,12 @@ class Contributions:
 
     Parameters
     ----------
-    film : Film
+    film : Reversible
         It may hold other samples already.
     workers : int
     """
 
-    def __init__(self, film: Film, workers: int) -> None:
+    def __init__(self, film: Reversible, workers: int) -> None:
         self._film = film
         self._shared = film.width * film.height * _PIXEL_BYTES * workers > _MOST_BYTES
         self._apart: dict[int, Film] = {}

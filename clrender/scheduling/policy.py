@@ -8,15 +8,24 @@ Polychronopoulos and Kuck, IEEE Transactions on Computers C-36(12), 1987). No cu
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
-from clrender.film.unit import Unit, slot_count
+import numpy as np
+import numpy.typing as npt
+
+from clrender.film.ledger import Ledger, Ranges
+from clrender.film.unit import BLOCK_SLOTS, Unit, slot_count
 
 __all__ = ["Plan", "Remaining"]
 
 UNIT_SECONDS: Final = 1.0
 """What a unit should last: long enough to hide what it costs beside its samples, short enough to lose."""
+
+LONGEST_SECONDS: Final = 3.0
+"""What a part of a sample should last at most where samples should stay whole, and work may be lost."""
 
 _UNIT_SLOTS: Final = 1 << 17
 _LARGE_UNIT_SLOTS: Final = 1 << 23
@@ -41,6 +50,11 @@ class Plan:
         Units of one sample, as large as memory allows: the integrator computes something for all pixels of a sample.
     rows : (int, int) or None
         Of the image's rows of tiles, the first and the first that is not part of the work; None: all.
+    wanted : Ledger or None
+        Which samples of which blocks of pixels are the work, all of them among those of the plan; None: all of the
+        plan's. It must not change any more.
+    short_units : bool
+        Units of one worker last no longer than those of several: what is lost with a process that dies is a unit.
     """
 
     width: int
@@ -50,10 +64,14 @@ class Plan:
     tile: int
     sample_by_sample: bool = False
     rows: tuple[int, int] | None = None
+    wanted: Ledger | None = field(default=None, compare=False)
+    short_units: bool = False
 
     @property
     def samples(self) -> int:
         """Samples of all pixels together."""
+        if self.wanted is not None:
+            return self.wanted.samples
         first, end = (0, self.height) if self.rows is None else (row * self.tile for row in self.rows)
         return self.width * (min(end, self.height) - first) * self.sample_count
 
@@ -89,20 +107,20 @@ class Remaining:
         self._area = plan.tile * plan.tile
         self._most_tiles = max(1, (_LARGE_UNIT_SLOTS if plan.sample_by_sample else _UNIT_SLOTS) // self._area)
         self._rates: dict[int, float] = {}
-        depth, stop = 1 if plan.sample_by_sample else _UNIT_SAMPLES, plan.first_sample + plan.sample_count
-        self._strips = deque(
-            Unit(plan.first_tile * self._area, plan.tiles * self._area, sample, min(depth, stop - sample), plan.tile)
-            for sample in range(plan.first_sample, stop, depth)
-        )
-        self._left = sum(strip.slot_count * strip.sample_count for strip in self._strips)
+        self._bands = _whole_bands(plan) if plan.wanted is None else _wanted_bands(plan, plan.wanted)
+        self._strips: deque[Unit] = deque()
+        self._left = plan.tiles * self._area * plan.sample_count if plan.wanted is None else plan.samples
 
     def take(self, worker: int) -> Unit | None:
         """The next unit for a worker, or None when nothing is left."""
-        if not self._strips:
-            return None
+        while not self._strips:
+            band = next(self._bands, None)
+            if band is None:
+                return None
+            self._strips.extend(band)
         strip = self._strips.popleft()
-        tiles, samples = self._size(worker, strip)
-        unit = Unit(strip.first_slot, tiles * self._area, strip.first_sample, samples, strip.tile)
+        slots, samples = self._size(worker, strip)
+        unit = Unit(strip.first_slot, slots, strip.first_sample, samples, strip.tile)
         # What is cut off comes next: first the other samples of the same tiles, then the other tiles
         if rest := strip.slot_count - unit.slot_count:
             self._strips.appendleft(
@@ -130,15 +148,81 @@ class Remaining:
         self._workers -= 1
 
     def _size(self, worker: int, strip: Unit) -> tuple[int, int]:
-        """Tiles and samples of the next unit of a worker, from this strip."""
-        tiles = min(strip.slot_count // self._area, self._most_tiles)
-        if self._workers <= 1 or self._plan.sample_by_sample:
-            return tiles, strip.sample_count
+        """Slots and samples of the next unit of a worker, from this strip."""
+        alone = self._workers <= 1
+        if not self._plan.short_units and (alone or self._plan.sample_by_sample):
+            return self._slots(strip, self._most_tiles), strip.sample_count
         if worker not in self._rates:
-            return min(tiles, max(1, _FIRST_SLOTS // self._area)), 1
+            return self._slots(strip, _FIRST_SLOTS // self._area), 1
         rate = self._rates[worker]
+        if self._plan.sample_by_sample:
+            return self._slots(strip, int(rate * LONGEST_SECONDS / self._area)), 1
         # Half of the worker's share of what is left: the other half makes up for what the next units are off
         share = self._left * rate / (2.0 * (sum(self._rates.values()) + 1e-9))
-        wanted = min(rate * UNIT_SECONDS, share)
-        tiles = min(tiles, max(1, int(wanted / (self._area * strip.sample_count))))
-        return tiles, max(1, min(strip.sample_count, int(wanted / (self._area * tiles))))
+        wanted = rate * UNIT_SECONDS if alone else min(rate * UNIT_SECONDS, share)
+        slots = self._slots(strip, int(wanted / (self._area * strip.sample_count)))
+        return slots, max(1, min(strip.sample_count, int(wanted / slots)))
+
+    def _slots(self, strip: Unit, tiles: int) -> int:
+        """Slots of so many tiles, but one at least, of a strip; it may be a part of a tile, which stays together."""
+        if strip.slot_count < self._area:
+            return strip.slot_count
+        return max(1, min(tiles, self._most_tiles, strip.slot_count // self._area)) * self._area
+
+
+def _depth(plan: Plan) -> int:
+    """Samples of the strips that the image is refined by."""
+    return 1 if plan.sample_by_sample else _UNIT_SAMPLES
+
+
+def _whole_bands(plan: Plan) -> Iterator[list[Unit]]:
+    """Strips of all tiles, some samples after the other."""
+    area, depth, stop = plan.tile * plan.tile, _depth(plan), plan.first_sample + plan.sample_count
+    for sample in range(plan.first_sample, stop, depth):
+        yield [Unit(plan.first_tile * area, plan.tiles * area, sample, min(depth, stop - sample), plan.tile)]
+
+
+def _wanted_bands(plan: Plan, wanted: Ledger) -> Iterator[list[Unit]]:
+    """The same of what is wanted alone: strips of neighbouring blocks that want the same samples."""
+    area, depth, stop = plan.tile * plan.tile, _depth(plan), plan.first_sample + plan.sample_count
+    blocks = Unit(plan.first_tile * area, plan.tiles * area, 0, 1, plan.tile).blocks(plan.width, plan.height)
+    # Outside the image, a block goes with the one before it; the first block of a tile is inside
+    before = np.maximum.accumulate(np.where(blocks >= 0, np.arange(len(blocks)), 0))
+    sets, numbers = wanted.sets_of(blocks[before])
+    for sample in range(plan.first_sample, stop, depth):
+        parts = [_clipped(each, sample, min(sample + depth, stop)) for each in sets]
+        distinct = {part: key for key, part in enumerate(dict.fromkeys(parts))}
+        if any(distinct):
+            yield _strips(plan, np.array([distinct[part] for part in parts])[numbers], list(distinct))
+
+
+def _strips(plan: Plan, keys: npt.NDArray[np.int64], ranges: list[Ranges]) -> list[Unit]:
+    """Strips of blocks of equal keys, each of whole tiles or of a part of one.
+
+    Parameters
+    ----------
+    plan : Plan
+    keys : (n,) integers
+        Of the plan's blocks, in the order of its slots: indices into `ranges`.
+    ranges : list of Ranges
+        The samples that blocks want.
+    """
+    along = plan.tile * plan.tile // BLOCK_SLOTS
+    first_slot = plan.first_tile * plan.tile * plan.tile
+    ends = [*(np.flatnonzero(np.diff(keys)) + 1).tolist(), len(keys)]
+    strips, start = [], 0
+    for end in ends:
+        wanted = ranges[int(keys[start])]
+        # Up to the next tile, the whole tiles after it, and what is left of the last
+        cuts = sorted({start, min(-(-start // along) * along, end), max(end // along * along, start), end})
+        for a, b in pairwise(cuts):
+            slots = (first_slot + BLOCK_SLOTS * a, BLOCK_SLOTS * (b - a))
+            strips += [Unit(*slots, low, high - low, plan.tile) for low, high in wanted]
+        start = end
+    return strips
+
+
+def _clipped(ranges: Ranges, start: int, stop: int) -> Ranges:
+    """The samples from `start` to `stop` among some."""
+    clipped = ((max(low, start), min(high, stop)) for low, high in ranges)
+    return tuple((low, high) for low, high in clipped if low < high)

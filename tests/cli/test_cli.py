@@ -24,7 +24,7 @@ RENDER_OPTIONS = (
     "output spp size seed device integrator filter shadow-rays indirect-rays max-depth roulette absorption sampling "
     "light-sampler reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
     "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet "
-    "allow-path exr-type exr-compression exr-tile"
+    "allow-path exr-type exr-compression exr-tile checkpoint resume"
 )
 
 
@@ -220,7 +220,8 @@ def test_tonemap_makes_the_display_image(tmp_path: Path) -> None:
     write_image(tmp_path / "a.exr", image, {"seed": 1})
     result = run("tonemap", "a.exr", "-o", "a.png", "--tone-map", "agx", "--exposure", "1.5", folder=tmp_path)
     assert result.returncode == 0 and "7x5" in result.stdout and not result.stderr
-    write_image(tmp_path / "b.png", image, {"seed": 1}, "agx", 1.5)
+    stored = {"tone_map": "agx", "exposure": 1.5}
+    write_image(tmp_path / "b.png", image, {"seed": 1, "stored": stored}, "agx", 1.5)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 

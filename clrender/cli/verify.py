@@ -1,0 +1,110 @@
+"""`clrender verify`: is an image what it says it is."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from clrender.cli.options import EnvironmentType, allow_path_option, number
+from clrender.cli.progress import ProgressDisplay
+
+if TYPE_CHECKING:
+    from clrender.verification import Verification
+
+__all__ = ["verify"]
+
+
+@click.command()
+@click.argument("image", type=click.Path(path_type=Path))
+@click.option(
+    "--fraction",
+    type=number(0.0, 1.0, above=True),
+    default=0.1,
+    show_default=True,
+    metavar="F",
+    help="Share of its tiles of 16 by 16 pixels to render again, at random.",
+)
+@click.option("--scene", metavar="SCENE", help="What it was made from (the scene that it names).")
+@click.option(
+    "--environment",
+    type=EnvironmentType(),
+    metavar="FILE",
+    help="Likewise, of `render --environment` (as it names it).",
+)
+@click.option(
+    "-d", "--device", "devices", metavar="SPEC", multiple=True, help="As of `render`: any will do, and more than one."
+)
+@click.option(
+    "--seed",
+    type=number(0, 2**32 - 1, whole=True),
+    metavar="N",
+    help="Of the choice of tiles, to repeat it (chosen by the system's randomness).",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print numbers as JSON.")
+@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@allow_path_option
+def verify(
+    image: Path,
+    fraction: float,
+    scene: str | None,
+    environment: Path | float | None,
+    devices: tuple[str, ...],
+    seed: int | None,
+    as_json: bool,
+    quiet: bool,
+    allow_paths: tuple[Path, ...],
+) -> None:
+    """Render random tiles of IMAGE (.film .exr .png) again, from its own settings, and compare bits.
+
+    Says how many wrong tiles would have been noticed, and how surely. Exits with 1 if anything differs, and with 2 if
+    the file cannot be verified here: without its scene, by other kernels, or with pixels that are no render's any more.
+    """
+    from clrender.verification import verify as verify_image
+
+    with ProgressDisplay(quiet=quiet) as display:
+        found = verify_image(
+            image,
+            fraction,
+            scene=scene,
+            environment=environment,
+            allow_paths=allow_paths,
+            device=list(devices) or None,
+            seed=seed,
+            on_progress=display,
+            notify=display.say,
+        )
+    if as_json:
+        click.echo(json.dumps(_numbers(found), indent=2))
+    elif found.sound:
+        click.echo(f"{image}: {_confidence(found)}")
+    if not found.sound:
+        for fault in found.faults:
+            click.echo(f"error: {image}: is not what it says: {fault}", err=True)
+        sys.exit(1)
+
+
+def _numbers(found: Verification) -> dict[str, object]:
+    least = found.detected() if found.sound else None
+    return {
+        **dataclasses.asdict(found),
+        "sound": found.sound,
+        "detected_95": least,
+        "detection_of_one": found.detection(1),
+    }
+
+
+def _confidence(found: Verification) -> str:
+    """What can be said after nothing was found."""
+    done = f"{found.checked} of {found.tiles} tiles rendered again ({found.samples} samples)"
+    if found.checked == found.tiles:
+        return f"{done}, every bit is the same"
+    least = found.detected()
+    return (
+        f"{done}, every bit of them is the same; if {least} or more of the {found.tiles} were wrong, that would have "
+        f"been seen with a probability of {found.detection(least):.1%}, and a single one with {found.detection(1):.1%}"
+    )

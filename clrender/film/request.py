@@ -1,0 +1,60 @@
+"""What makes one image another than a second one, in words."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+from clrender.settings import SETTINGS
+
+__all__ = ["differences", "options_for"]
+
+_HASHES: Final = {
+    "scene_sha256": "the scene is another one, or was changed",
+    "kernel_sha256": "the kernels are others",
+    "sampler_sha256": "the kernels are others",
+}
+_ARRAYS: Final = "the arrays made of the scene are others, as of another version of clrender or NumPy"
+
+
+def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, str]:
+    """In what two requests differ.
+
+    Parameters
+    ----------
+    there, here : mapping
+        `clrender.film.Film.request`; that of a file, and another one.
+
+    Returns
+    -------
+    dict of str to str
+        Key of the request to a clause: ``seed is 0 there and 1 here``. Empty for requests of one image.
+    """
+    a, b = _plain(there), _plain(here)
+    keys = [key for key in {**a, **b} if a.get(key) != b.get(key)]
+    found = {key: _HASHES.get(key, f"{key} is {a.get(key)} there and {b.get(key)} here") for key in keys}
+    found.pop("arrays_sha256", None)
+    if keys and not found:
+        found = {"arrays_sha256": _ARRAYS}
+    if "kernel_sha256" in found:
+        found.pop("sampler_sha256", None)
+    return found
+
+
+def options_for(request: Mapping[str, Any], keys: Mapping[str, Any]) -> str:
+    """Options of the command line that give settings of a request, as far as there are some."""
+    words = []
+    if {"width", "height"} & set(keys):
+        words.append(f"--size {request.get('width')}x{request.get('height')}")
+    for key in keys:
+        option = SETTINGS[key].option if key in SETTINGS else None
+        if option is not None and request.get(key) is not None:
+            words.append(f"{option} {request[key]}")
+    return " ".join(words)
+
+
+def _plain(request: Mapping[str, Any]) -> dict[str, Any]:
+    """As it is after a way through a file."""
+    plain: dict[str, Any] = json.loads(json.dumps(request))
+    return plain

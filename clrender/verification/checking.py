@@ -1,0 +1,234 @@
+"""`verify()`: renders random tiles of an image again, with all their samples, and compares bits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import UsageError
+from clrender.film.request import differences
+from clrender.film.unit import BLOCK, blocks_across
+from clrender.importers import load
+from clrender.job import RenderJob
+from clrender.session import Session
+from clrender.verification.claim import Claim, claim_of
+from clrender.verification.confidence import detection_probability, least_detected
+from clrender.verification.findings import Comparison, explanation
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.rendered_image import Progress
+    from clrender.scene import Scene
+
+__all__ = ["Verification", "verify"]
+
+TILE: Final = 16
+"""Side of the squares of pixels that are drawn and judged: small, so that a share of them says much of the rest."""
+
+_ANIMATED: Final = (".gltf", ".glb")
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What came of it.
+
+    Attributes
+    ----------
+    tiles : int
+        Squares of 16 by 16 pixels that have samples.
+    checked : int
+        Of them, drawn at random and rendered again.
+    differing : tuple of (int, int, int, int)
+        Those that differ: the first column and row, and those after the last.
+    pixels : tuple of (int, int)
+        Pixels of them that differ, column and row.
+    faults : tuple of str
+        What is wrong with the file, in sentences; empty where nothing is.
+    samples : int
+        Rendered again, over all pixels.
+    """
+
+    tiles: int
+    checked: int
+    differing: tuple[tuple[int, int, int, int], ...]
+    pixels: tuple[tuple[int, int], ...]
+    faults: tuple[str, ...]
+    samples: int
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing is wrong, as far as was looked."""
+        return not self.faults
+
+    def detection(self, wrong: int) -> float:
+        """Probability that a fault would have been found in an image of which so many tiles are wrong."""
+        return detection_probability(self.tiles, self.checked, wrong)
+
+    def detected(self, confidence: float = 0.95) -> int:
+        """The least number of wrong tiles that would have been noticed with that probability."""
+        return least_detected(self.tiles, self.checked, confidence)
+
+
+def verify(
+    path: str | Path,
+    fraction: float = 0.1,
+    *,
+    scene: Scene | str | Path | None = None,
+    environment: str | Path | float | None = None,
+    allow_paths: Sequence[str | Path] = (),
+    device: str | int | Device | Sequence[str | int | Device] | None = None,
+    seed: int | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> Verification:
+    """Render random tiles of an image again, with all their samples, and compare bits.
+
+    Parameters
+    ----------
+    path : path
+        A `.film`, or an `.exr` or `.png` that was finished.
+    fraction : float
+        Of the tiles that have samples, above 0 and at most 1; of one at least.
+    scene : Scene or path, optional
+        What the image was made from; by default the scene that it names, from the working folder or beside it.
+    environment : path or float, optional
+        Likewise, where the render was given one.
+    allow_paths : sequence of path
+        As of `clrender.load`.
+    device
+        As of `clrender.render`; any will do.
+    seed : int, optional
+        Of the choice of tiles; by default the system's randomness, which nobody can foresee.
+    on_progress, notify : callable, optional
+        As of `clrender.render`.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    UsageError
+        The file does not say how it was made, its scene is not here, or is another one, or the kernels here are others.
+    SceneError, DeviceError, RenderError
+        As of `clrender.render`.
+    """
+    path = Path(path)
+    if not 0.0 < fraction <= 1.0:
+        raise UsageError(f"fraction is {fraction}; it must be above 0 and at most 1")
+    claim = claim_of(path)
+    tiles = _tiles_with_samples(claim)
+    count = min(len(tiles), math.ceil(fraction * len(tiles)))
+    if claim.faults or not count:
+        faults = claim.faults or ["it holds no sample"]
+        return Verification(len(tiles), 0, (), (), tuple(faults), 0)
+    chosen = tiles[np.sort(np.random.default_rng(seed).choice(len(tiles), count, replace=False))]
+    wanted = claim.ledger.restricted(_blocks_of(claim, chosen))
+    job = _job(path, claim, _scene(path, claim, scene, environment, allow_paths))
+    with Session(device, notify=notify) as session:
+        film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
+    comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()])
+    faults = [explanation(comparison)] if comparison.differing else []
+    return Verification(len(tiles), count, comparison.differing, comparison.pixels, tuple(faults), film.ledger.samples)
+
+
+def _across(claim: Claim) -> int:
+    return -(-claim.ledger.width // TILE)
+
+
+def _tile_of_blocks(claim: Claim) -> npt.NDArray[np.int64]:
+    """Of every block the number of its tile, row by row."""
+    row, column = np.divmod(np.arange(len(claim.ledger.taken())), blocks_across(claim.ledger.width))
+    numbers: npt.NDArray[np.int64] = row * BLOCK // TILE * _across(claim) + column * BLOCK // TILE
+    return numbers
+
+
+def _tiles_with_samples(claim: Claim) -> npt.NDArray[np.int64]:
+    return np.unique(_tile_of_blocks(claim)[claim.ledger.taken() > 0])
+
+
+def _blocks_of(claim: Claim, tiles: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    return np.isin(_tile_of_blocks(claim), tiles)
+
+
+def _rectangle(claim: Claim, tile: int) -> tuple[int, int, int, int]:
+    """Of a tile, the first column and row, and those after the last."""
+    row, column = divmod(tile, _across(claim))
+    right, bottom = min((column + 1) * TILE, claim.ledger.width), min((row + 1) * TILE, claim.ledger.height)
+    return column * TILE, row * TILE, right, bottom
+
+
+def _scene(
+    path: Path,
+    claim: Claim,
+    given: Scene | str | Path | None,
+    environment: str | Path | float | None,
+    allow_paths: Sequence[str | Path],
+) -> Scene:
+    """The scene that a file was made from."""
+    if given is not None and not isinstance(given, (str, Path)):
+        return given
+    origin = claim.provenance.get("scene")
+    origin = dict(origin) if isinstance(origin, Mapping) else {}
+    named = origin.get("name")
+    if given is None and not isinstance(named, str):
+        raise UsageError(f"{path}: does not say which scene it was made from; name that with --scene (scene=…)")
+    source = given if given is not None else _found(path, str(named), "--scene")
+    if Path(source).suffix.lower() not in _ANIMATED:
+        origin = {**origin, "time_at": None, "variant": None}
+    around = environment if environment is not None else origin.get("environment")
+    if environment is None and isinstance(around, str):
+        around = _found(path, around, "--environment")
+    return load(
+        source,
+        allow_paths=allow_paths,
+        time_at=origin.get("time_at"),
+        variant=origin.get("variant"),
+        environment=around,
+    )
+
+
+def _found(path: Path, name: str, option: str) -> str | Path:
+    """A file that an image names: from the working folder, or beside the image; or the name of a built-in scene."""
+    if option == "--scene" and not Path(name).suffix:
+        return name
+    for place in (Path(name), path.parent / name, path.parent / Path(name).name):
+        if place.is_file():
+            return place
+    raise UsageError(f"{path}: was made from {name!r}, which is not here; say where it is with {option} FILE")
+
+
+def _job(path: Path, claim: Claim, scene: Scene) -> RenderJob:
+    """The render that made a file, of this scene."""
+    said = {name: value for name, value in claim.request.items() if name not in _NOT_SETTINGS}
+    size = said.pop("width", None), said.pop("height", None)
+    try:
+        return RenderJob.of(scene, size=size, spp=claim.samples_end, **said)
+    except (UsageError, TypeError) as error:
+        raise UsageError(f"{path}: cannot be rendered here as it says ({error})") from None
+
+
+_NOT_SETTINGS: Final = ("scene_sha256", "kernel_sha256", "sampler_sha256", "arrays_sha256", "version")
+
+
+def _check(path: Path, claim: Claim, here: Mapping[str, Any]) -> None:
+    """Make sure that a render here is of the same image, as far as the file says what it is of."""
+    found = differences(claim.request, {key: here[key] for key in claim.request if key in here})
+    if "scene_sha256" in found:
+        raise UsageError(
+            f"{path}: was made from another scene than this one, or the scene was changed since; name the one that it "
+            "was made from with --scene"
+        )
+    if {"kernel_sha256", "sampler_sha256", "version"} & set(found):
+        raise UsageError(
+            f"{path}: was made by other kernels, those of clrender {claim.request.get('version')}; this is clrender "
+            f"{here['version']}, which need not give the same bits: verify it with the one that made it"
+        )
+    if found:
+        raise UsageError(f"{path}: cannot be rendered here as it says: {'; '.join(found.values())}")

@@ -1,0 +1,184 @@
+"""What a file says of the image that it holds, and the bits that a render of that has to give."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import UsageError
+from clrender.film import Film
+from clrender.film.ledger import Ledger
+from clrender.image.exr_write import COMPRESSIONS, half_of
+from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, image_sha256, read_image, read_provenance
+from clrender.image.tone_map import srgb_decode, to_display
+
+__all__ = ["Claim", "FilmClaim", "ImageClaim", "claim_of"]
+
+_HASHES: Final = ("scene_sha256", "kernel_sha256", "version")
+_NAMED_TWICE: Final = ("width", "height", "seed", "integrator", *_HASHES)
+_Mask = npt.NDArray[np.bool_]
+
+
+class Claim(ABC):
+    """What a file says.
+
+    Attributes
+    ----------
+    request : dict
+        What made the image, as of `clrender.job.RenderJob.request`, as far as the file knows it.
+    ledger : Ledger
+        The samples that it holds.
+    provenance : mapping
+    faults : list of str
+        Where it contradicts itself, a sentence each.
+    """
+
+    def __init__(self, request: Mapping[str, Any], ledger: Ledger, provenance: Mapping[str, Any]) -> None:
+        self.request = dict(request)
+        self.ledger = ledger
+        self.provenance = provenance
+        self.faults: list[str] = []
+        said = {name: provenance[name] for name in _NAMED_TWICE if name in provenance}
+        settings = provenance.get("settings", {})
+        for name, value in self.request.items():
+            for other in (said.get(name, value), settings.get(name, value)):
+                if other != value:
+                    self.faults.append(f"it says both that {name} is {value} and that it is {other}")
+                    break
+
+    @property
+    def samples_end(self) -> int:
+        """The first sample number after all that it holds."""
+        sets, numbers = self.ledger.sets_of(np.arange(len(self.ledger.taken())))
+        return max((sets[number][-1][1] for number in np.unique(numbers).tolist() if sets[number]), default=0)
+
+    @abstractmethod
+    def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
+        """Hold a rectangle against what was rendered anew.
+
+        Parameters
+        ----------
+        film : Film
+            Holds the same samples of these pixels.
+        rows, columns : slice
+
+        Returns
+        -------
+        differs : (h, w) bool
+            Pixels whose bits are others.
+        pair : (2, h, w, 3) float64
+            Pixels of the file and of the film, to tell how far apart they are.
+        """
+
+
+class FilmClaim(Claim):
+    """Of a `.film`: exact sums, and the ledger of the samples in them."""
+
+    def __init__(self, path: Path) -> None:
+        self._film = Film.load(path)
+        super().__init__(self._film.request, self._film.ledger, self._film.provenance)
+        self._mean = self._film.mean()
+        self._sums = self._film.bands()
+        said = self.provenance.get("image_sha256")
+        if said is not None and said != image_sha256(self._mean):
+            self.faults.append("its pixels have another hash than it says (image_sha256)")
+        dark = self._film.counts == 0
+        for index, band in enumerate(self._sums):
+            top = index * self._film.band_rows
+            if band[dark[top : top + len(band)]].any():
+                self.faults.append("pixels have light in it without having a sample")
+                break
+        if self._film.samples < self._film.ledger.samples and self.provenance.get("nonfinite_samples") == 0:
+            self.faults.append("it holds fewer samples than its ledger, and says that none was left out")
+
+    def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
+        differs = self._film.counts[rows, columns] != film.counts[rows, columns]
+        for row in range(rows.start, rows.stop):
+            band, inside = divmod(row, film.band_rows)
+            there, here = self._sums[band][inside, columns], film.bands()[band][inside, columns]
+            differs[row - rows.start] |= (there != here).any(axis=(1, 2))
+        pair = np.stack([self._mean[rows, columns], film.mean_of(rows, columns)]).astype(np.float64)
+        return differs, pair
+
+
+class ImageClaim(Claim):
+    """Of an `.exr` or `.png` with the settings that made it: pixels that have all samples of a render."""
+
+    def __init__(self, path: Path, provenance: Mapping[str, Any]) -> None:
+        missing = [key for key in ("settings", "first_sample", "sample_count", *_HASHES) if key not in provenance]
+        if missing:
+            raise UsageError(f"{path}: does not say how it was made ({missing[0]} is missing); render it again")
+        self._image = read_image(path)
+        height, width = self._image.shape[:2]
+        settings = {name: value for name, value in provenance["settings"].items() if name != "spp"}
+        if (settings.get("width"), settings.get("height")) != (width, height):
+            raise UsageError(
+                f"{path}: has {width} x {height} pixels, and was rendered in another size; verify that one"
+            )
+        first, count = provenance["first_sample"], provenance["sample_count"]
+        if provenance.get("denoised"):
+            raise UsageError(f"{path}: is denoised, which is no render; verify an image or a .film made without")
+        if provenance.get("samples") != width * height * count:
+            raise UsageError(
+                f"{path}: was stopped early, and only a .film says which samples each pixel has; verify that, or an "
+                "image that was finished"
+            )
+        self._stored = provenance.get("stored", {})
+        self._display = path.suffix.lower() in DISPLAY_ENDINGS
+        self._check_stored(path)
+        ledger = Ledger(width, height)
+        blocks = np.arange(len(ledger.taken()))
+        ledger.add(blocks, first, np.full(len(blocks), count))
+        super().__init__({**settings, **{key: provenance[key] for key in _HASHES}}, ledger, provenance)
+        whole = not self._display and self._stored["exr_type"] == "float"
+        if whole and provenance.get("image_sha256") != image_sha256(self._image):
+            self.faults.append("its pixels have another hash than it says (image_sha256)")
+
+    def _check_stored(self, path: Path) -> None:
+        """Its numbers are those of the render, or follow from them."""
+        wanted = ("tone_map", "exposure") if self._display else ("exr_type", "exr_compression")
+        if any(key not in self._stored for key in wanted):
+            raise UsageError(f"{path}: does not say how its pixels were stored ({wanted[0]}); render it again")
+        compression = self._stored.get("exr_compression", "none")
+        if COMPRESSIONS.get(compression, True):
+            raise UsageError(
+                f"{path}: the compression {compression} has changed its numbers; verify the .film, or an .exr that was "
+                "written with another"
+            )
+
+    def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
+        there, here = np.ascontiguousarray(self._image[rows, columns]), film.mean_of(rows, columns)
+        if self._stored.get("exr_type") == "half":
+            here = half_of(here).astype(np.float32)
+        if self._display:
+            shown = to_display(here, self._stored["tone_map"], self._stored["exposure"])
+            here = srgb_decode(np.arange(256) / 255).astype(np.float32)[shown]
+        differs: _Mask = (there.view(np.uint32) != np.ascontiguousarray(here).view(np.uint32)).any(axis=2)
+        return differs, np.stack([there, here]).astype(np.float64)
+
+
+def claim_of(path: Path) -> Claim:
+    """What a file says of its image.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read, does not say how it was made, or is no longer what a render gives.
+    """
+    ending = path.suffix.lower()
+    if ending in FILM_ENDINGS:
+        return FilmClaim(path)
+    if ending not in (".exr", ".png"):
+        raise UsageError(f"{path}: only .film, .exr and .png files say how they were made; verify one of those")
+    provenance = read_provenance(path)
+    if provenance is None:
+        raise UsageError(f"{path}: does not say how it was made, so it cannot be verified; give a file of clrender's")
+    try:
+        return ImageClaim(path, provenance)
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise UsageError(f"{path}: what it says of its making makes no sense ({error}); render it again") from None

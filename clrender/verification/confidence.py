@@ -1,0 +1,53 @@
+"""What a sample without a fault says of the whole: the hypergeometric distribution."""
+
+from __future__ import annotations
+
+__all__ = ["detection_probability", "least_detected"]
+
+
+def detection_probability(total: int, checked: int, wrong: int) -> float:
+    """Probability that at least one wrong part is among those checked.
+
+    Parameters
+    ----------
+    total : int
+        Parts there are.
+    checked : int
+        Of them, different ones, drawn at random.
+    wrong : int
+        Of all.
+
+    Returns
+    -------
+    float
+        1 - C(total - wrong, checked) / C(total, checked).
+    """
+    if wrong <= 0 or checked <= 0:
+        return 0.0
+    if wrong > total - checked:
+        return 1.0
+    missed = 1.0
+    # Each of the wrong parts in turn is not among the checked ones; the formula is symmetric in both numbers
+    for number in range(min(wrong, checked)):
+        missed *= (total - max(wrong, checked) - number) / (total - number)
+    return 1.0 - missed
+
+
+def least_detected(total: int, checked: int, confidence: float) -> int:
+    """The least number of wrong parts of which one is found with a probability of at least `confidence`.
+
+    Parameters
+    ----------
+    total, checked : int
+        As of `detection_probability`; at least one is checked.
+    confidence : float
+        Below 1.
+    """
+    low, high = 0, total
+    while high - low > 1:
+        middle = (low + high) // 2
+        if detection_probability(total, checked, middle) >= confidence:
+            high = middle
+        else:
+            low = middle
+    return high

@@ -1,0 +1,92 @@
+"""What differs between an image and its render, and what that looks like."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from clrender.film import Film
+    from clrender.verification.claim import Claim
+
+__all__ = ["Comparison", "Rectangle", "explanation"]
+
+Rectangle = tuple[int, int, int, int]
+"""The first column and row, and those after the last."""
+
+_ROUNDING: Final = 1e-4
+_NOISE: Final = 5.0
+_FEW: Final = 8
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Tiles of an image beside the same ones rendered anew.
+
+    Attributes
+    ----------
+    checked : int
+        Tiles.
+    differing : tuple of Rectangle
+        Those with pixels whose bits are others.
+    pixels : tuple of (int, int)
+        Such pixels: column and row.
+    means : (checked, 2) float64
+        Of each tile in the file and in the render.
+    relative : float
+        Median relative difference of the channels that differ at all.
+    """
+
+    checked: int
+    differing: tuple[Rectangle, ...]
+    pixels: tuple[tuple[int, int], ...]
+    means: npt.NDArray[np.float64]
+    relative: float
+
+    @classmethod
+    def of(cls, claim: Claim, film: Film, tiles: Sequence[Rectangle]) -> Comparison:
+        """Compare these tiles."""
+        differing, pixels, means, ratios = [], [], [], [np.zeros(0)]
+        for left, top, right, bottom in tiles:
+            differs, pair = claim.compare(film, slice(top, bottom), slice(left, right))
+            means.append(pair.mean(axis=(1, 2, 3)))
+            if differs.any():
+                differing.append((left, top, right, bottom))
+                pixels += [(left + column, top + row) for row, column in np.argwhere(differs).tolist()]
+                there, here = pair[:, differs].reshape(2, -1)
+                other = there != here
+                scale = np.maximum(np.abs(there), np.abs(here))[other]
+                ratios.append(np.abs(there - here)[other] / scale)
+        every = np.concatenate(ratios)
+        relative = float(np.median(every)) if len(every) else 0.0
+        return cls(len(tiles), tuple(differing), tuple(pixels), np.array(means), relative)
+
+
+def explanation(comparison: Comparison) -> str:
+    """One sentence on what differs, and, where most does, on what that looks like."""
+    wrong, checked = len(comparison.differing), comparison.checked
+    left, top, right, bottom = comparison.differing[0]
+    where = f"columns {left} to {right - 1} of rows {top} to {bottom - 1}"
+    if len(comparison.pixels) == 1:
+        where = "the pixel in column {} of row {}".format(*comparison.pixels[0])
+    first = f"{wrong} of {checked} tiles rendered again {'differs' if wrong == 1 else 'differ'}"
+    first += f", first {where}" if wrong > 1 else f": {where}"
+    if 2 * wrong < checked or wrong < 2:
+        return f"{first}: samples were changed, or a device computed them wrongly"
+    if comparison.relative < _ROUNDING:
+        return f"{first}, by no more than rounding: other kernels, or a device that rounds otherwise, made it"
+    if checked >= _FEW and _like_noise(comparison.means):
+        return f"{first}, and on average not: it looks like other noise, made with another seed than it says"
+    return f"{first}, and on average too: it looks like another scene, or other settings than it says"
+
+
+def _like_noise(means: npt.NDArray[np.float64]) -> bool:
+    """Whether tiles differ no more on average than chance would have it."""
+    difference = means[:, 0] - means[:, 1]
+    spread = float(difference.std(ddof=1)) / math.sqrt(len(difference))
+    return abs(float(difference.mean())) <= _NOISE * spread
