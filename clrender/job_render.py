@@ -201,8 +201,7 @@ class JobRender:
             names = [WorkerTally(device.info.title) for device in self._session.devices]
             return Tally(complete=True, workers=names), {}, time.perf_counter()
         with self._pool(prepared) as pool:
-            receiver = self._checkpoint or film
-            tally = run(self._plan, pool.candidates, receiver, self._advance, self._stops, self._session.tell)
+            tally = run(self._plan, pool.candidates, film, self._advance, self._stops, self._session.tell)
             finished = time.perf_counter()
             workers = pool.workers
         if self._checkpoint is not None:
@@ -232,7 +231,7 @@ class JobRender:
         if self._on_progress is not None:
             begun = self._started or time.perf_counter()
             seconds = time.perf_counter() - begun
-            resumed = self._checkpoint.resumed_samples if self._checkpoint is not None else 0
+            resumed = self._checkpoint.resumed["samples"] if self._checkpoint is not None else 0
             total = resumed + self._total
             self._on_progress(Progress(resumed + samples, total, seconds, rays, self._film, resumed))
 

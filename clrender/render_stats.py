@@ -80,16 +80,16 @@ def render_stats(
         Whose samples count, too, but not in what this render's devices did.
     """
     seconds = max(measured["render_seconds"], 1e-9)
-    resumed, earlier = (checkpoint.resumed_samples, checkpoint.earlier) if checkpoint else (0, {})
+    resumed = checkpoint.resumed if checkpoint else dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
     return {
         "image_sha256": image_sha256(linear),
         "denoised": False,
         **job_stats(job, film.request),
-        "samples": tally.samples + resumed,
-        "rays": tally.rays + earlier.get("rays", 0),
-        "shadow_rays": tally.shadow_rays + earlier.get("shadow_rays", 0),
-        "max_depth": max(tally.deepest, earlier.get("max_depth", 0)),
-        "nonfinite_samples": tally.samples + resumed - film.samples,
+        "samples": tally.samples + resumed["samples"],
+        "rays": tally.rays + resumed["rays"],
+        "shadow_rays": tally.shadow_rays + resumed["shadow_rays"],
+        "max_depth": max(tally.deepest, resumed["max_depth"]),
+        "nonfinite_samples": tally.samples + resumed["samples"] - film.samples,
         **(checkpoint.stats() if checkpoint else {}),
         **measured,
         "msamples_per_second": tally.samples / seconds / 1e6,

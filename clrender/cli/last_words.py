@@ -11,7 +11,8 @@ __all__ = ["LastWords"]
 
 _SENTENCE: Final = (
     "error: the program was ended in the midst of its work, by a crash inside an OpenCL driver, for want of memory, or "
-    "by another program, and wrote nothing; `clrender doctor` checks the drivers, `--device` chooses another"
+    "by another program, and wrote no image (`--resume` goes on from a checkpoint); `clrender doctor` checks the "
+    "drivers, `--device` chooses another"
 )
 # `read` fails at the end of its input, which comes when whoever holds the other end is gone.
 _WAIT: Final = 'trap "" INT TERM HUP; read -r word || printf "\\n%s\\n" "$0" >&2'

@@ -301,7 +301,7 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
         parts.append(f"{wanted} samples per pixel")
     resumed = numbers.get("resumed_samples", 0)
     if resumed:
-        parts.append(f"{resumed / total:.3g} of them from the checkpoint")
+        parts.append(f"{resumed / held:.0%} of them from the checkpoint")
     seconds = numbers["render_seconds"]
     speed = quantity((held - resumed) / seconds) if seconds > 0 else "-"
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))

@@ -13,19 +13,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final
+from typing import Any
 
 from clrender.errors import ClrenderError, UsageError
 from clrender.files import check_writable
 from clrender.film.cadence import Cadence, processors
-from clrender.film.film import Film
 from clrender.film.lock import FileLock
 from clrender.film.request import differences, options_for
-from clrender.film.unit import Unit, UnitSums
+from clrender.film.running import RunningFilm
 
 __all__ = ["Checkpoint", "check_checkpoint"]
-
-_SUMMED: Final = ("rays", "shadow_rays")
 
 
 def check_checkpoint(path: Path, resume: bool) -> None:
@@ -55,16 +52,16 @@ class _Save:
     """A save on its way, or done."""
 
     began: float
-    samples: int
+    changes: int = 0
+    samples: int = 0
     elapsed: float = 0.0
     cost: float = 0.0
     error: str | None = None
+    broken: bool = False
 
 
 class Checkpoint:
     """The checkpoint of a render: a context manager that holds the file's lock.
-
-    It takes the units of the render in the place of the film.
 
     Parameters
     ----------
@@ -79,10 +76,9 @@ class Checkpoint:
 
     Attributes
     ----------
-    resumed_samples : int
-        Samples that came from the file, over all pixels, those left out included.
-    earlier : mapping
-        What the file says of them: ``rays``, ``shadow_rays`` and ``max_depth``.
+    resumed : mapping
+        What came from the file: ``samples`` over all pixels, those left out included, and what it says of them,
+        ``rays``, ``shadow_rays`` and ``max_depth``.
 
     Raises
     ------
@@ -98,17 +94,16 @@ class Checkpoint:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.path = Path(path)
-        self.resumed_samples = 0
-        self.earlier: dict[str, int] = {}
+        self.resumed: Mapping[str, int] = {"samples": 0, "rays": 0, "shadow_rays": 0, "max_depth": 0}
         self._resume, self._notify, self._clock = resume, notify, clock
-        self._film: Film | None = None
+        self._film: RunningFilm | None = None
         self._about: dict[str, Any] = {}
-        self._copy: Film | None = None
+        self._copy: RunningFilm | None = None
         self._saving: threading.Thread | None = None
         self._save: _Save | None = None
-        self._taken = 0  # samples in the film
-        self._held = -1  # samples in the file; below 0 before the render begins, and after its end
-        self._whole = threading.Lock()  # nobody commits while it is held
+        self._running = False
+        self._saved_changes = 0  # of the film, as it is in the file
+        self._held = 0  # samples there
         self._failing = False
         self._writes = self._failures = 0
         self._seconds = self._cost = 0.0
@@ -121,7 +116,7 @@ class Checkpoint:
             # What another render has just begun to write counts, too: so only now
             check_checkpoint(self.path, self._resume)
             if self.path.exists():
-                self._film = Film.load(self.path)
+                self._film = RunningFilm.load(self.path)
             elif self._resume:
                 self._notify(f"{self.path}: is not there yet, so the render starts from its beginning")
         except BaseException:
@@ -139,7 +134,7 @@ class Checkpoint:
         finally:
             self._lock.release()
 
-    def begin(self, request: Mapping[str, Any], samples: range, about: Mapping[str, Any]) -> Film:
+    def begin(self, request: Mapping[str, Any], samples: range, about: Mapping[str, Any]) -> RunningFilm:
         """The film to go on with.
 
         Parameters
@@ -158,7 +153,7 @@ class Checkpoint:
         """
         film = self._film
         if film is None:
-            film = self._film = Film(request["width"], request["height"], request)
+            film = self._film = RunningFilm(request["width"], request["height"], request)
         elif found := differences(film.request, request):
             cure = options_for(film.request, found)
             raise UsageError(
@@ -173,116 +168,67 @@ class Checkpoint:
                 f"from {samples.start} to {samples.stop - 1}; ask for as many as it has (--spp) or more, and for the "
                 "same part of them (--shard), or name another file with --checkpoint"
             )
-        self.resumed_samples = self._held = self._taken = film.ledger.samples
-        self.earlier = {name: int(film.provenance.get(name, 0)) for name in (*_SUMMED, "max_depth")}
-        self._about = {**about, **self.earlier}
+        self.resumed = film.take_up()
+        self._held = self.resumed["samples"]
+        self._about = dict(about)
         self._cadence = Cadence(self._clock())
+        self._running = True
         return film
-
-    def commit(self, unit: Unit, result: UnitSums) -> int:
-        """Add what was done of a unit to the film, as `Film.commit` does."""
-        assert self._film is not None
-        with self._whole:
-            try:
-                samples = self._film.commit(unit, result)
-            except BaseException:
-                self._film = None  # it may hold a part of the unit: what is saved stays as it is
-                raise
-        self._taken += samples
-        for name in _SUMMED:
-            self._about[name] += getattr(result, name)
-        self._about["max_depth"] = max(self._about["max_depth"], result.deepest)
-        return samples
-
-    def take_out(self, other: Film) -> None:
-        """Subtract what a device did that turned out to be wrong, as `Film.take_out` does."""
-        assert self._film is not None
-        with self._whole:
-            self._film.take_out(other)
-        self._taken -= other.ledger.samples
-
-    @property
-    def width(self) -> int:
-        """Of the image, pixels."""
-        assert self._film is not None
-        return self._film.width
-
-    @property
-    def height(self) -> int:
-        """Of the image, pixels."""
-        assert self._film is not None
-        return self._film.height
 
     def tick(self) -> None:
         """Save, if it is time and something has come in; called often, by the thread that commits."""
-        if self._film is None or self._held < 0:
+        if self._film is None or not self._running:
             return
         if self._saving is not None:
             if self._saving.is_alive():
                 return
             self._account()
-        if self._taken != self._held and self._cadence.due(self._clock()):
-            self._start()
+        if self._film.changes != self._saved_changes and self._cadence.due(self._clock()):
+            self._saving = threading.Thread(target=self._write_copy, args=(self._film,), daemon=True)
+            self._saving.start()
 
     def finish(self) -> None:
         """Save what is not saved yet, and wait for it. Nothing may be committed after that."""
         if self._saving is not None:
             self._saving.join()
             self._account()
-        if self._film is None or self._held < 0:
+        if self._film is None or not self._running:
             return
-        if self._taken != self._held:
+        self._running = False
+        if self._film.changes != self._saved_changes and self._film.intact:
             self._copy = None
-            self._write(self._film, dict(self._about), self._clock(), time.thread_time())
+            self._write(self._film, self._clock(), time.thread_time())
             self._account(last=True)
-        self._held = -1
 
     def stats(self) -> dict[str, Any]:
         """Of ``--stats``: what was resumed, how often the film was saved, and what that took."""
         return {
-            "resumed_samples": self.resumed_samples,
+            "resumed_samples": self.resumed["samples"],
             "checkpoint_writes": self._writes,
             "checkpoint_failures": self._failures,
             "checkpoint_seconds": self._seconds,
             "checkpoint_cost_seconds": self._cost,
         }
 
-    def _start(self) -> None:
-        assert self._film is not None
-        self._saving = threading.Thread(target=self._write_copy, args=(dict(self._about),), daemon=True)
-        self._save = None
-        self._saving.start()
-
-    def _write_copy(self, about: dict[str, Any]) -> None:
+    def _write_copy(self, film: RunningFilm) -> None:
         began = self._clock()
         try:
             if self._copy is None:
-                self._copy = self._fresh_copy()
+                self._copy = _fresh_copy(film)
             cpu = time.thread_time()
-            with self._whole:
-                if self._film is None:
-                    return
-                self._film.copy_to(self._copy)
+            if film.copy_if_whole(self._copy):
+                self._write(self._copy, began, cpu)
+            else:
+                self._save = _Save(began, broken=True)
         except MemoryError:
-            self._save = _Save(began, -1, error=f"{self.path}: there is no memory for a copy of the film")
-            return
-        self._write(self._copy, about, began, cpu)
+            self._save = _Save(began, error=f"{self.path}: there is no memory for a copy of the film")
 
-    def _fresh_copy(self) -> Film:
-        """A film to copy to, whose memory is really there: nobody waits for that while the copy is made."""
-        assert self._film is not None
-        copy = Film(self._film.width, self._film.height)
-        copy.counts.fill(0)
-        for band in copy.bands():
-            band.fill(0)
-        return copy
-
-    def _write(self, film: Film, about: dict[str, Any], began: float, cpu: float) -> None:
+    def _write(self, film: RunningFilm, began: float, cpu: float) -> None:
         """Write a film, and note how that went, counted from a moment and from this thread's processor time then."""
-        save = _Save(began, film.ledger.samples)
+        account = film.account()
+        save = _Save(began, film.changes, account["samples"])
         try:
-            told = {**about, "samples": save.samples, "nonfinite_samples": save.samples - film.samples}
-            film.save(self.path, told, beside=f".{Path(os.path.realpath(self.path)).name}.part")
+            film.save(self.path, {**self._about, **account}, beside=f".{Path(os.path.realpath(self.path)).name}.part")
         except ClrenderError as error:
             save.error = str(error).rstrip(".")
         except MemoryError:
@@ -295,16 +241,16 @@ class Checkpoint:
     def _account(self, last: bool = False) -> None:
         """Take note of a save that has ended, and say what the user should know."""
         save, self._save, self._saving = self._save, None, None
-        if save is None and self._film is None:  # there is nothing to save any more
-            return
         if save is None:  # its thread died of something that nobody foresaw
-            save = _Save(self._clock(), -1, error=f"{self.path}: cannot be written")
+            save = _Save(self._clock(), error=f"{self.path}: cannot be written")
+        if save.broken:
+            return
         self._cadence.saved(save.began, save.cost)
         self._seconds += save.elapsed
         self._cost += save.cost
         if save.error is None:
             self._writes += 1
-            self._held = save.samples
+            self._saved_changes, self._held = save.changes, save.samples
             if self._failing and not last:
                 self._notify(f"{self.path}: is being written again")
         else:
@@ -317,3 +263,12 @@ class Checkpoint:
                     f"{self._cadence.interval:.0f} s"
                 )
         self._failing = save.error is not None
+
+
+def _fresh_copy(film: RunningFilm) -> RunningFilm:
+    """A film to copy to, whose memory is really there: nobody waits for that while the copy is made."""
+    copy = RunningFilm(film.width, film.height)
+    copy.counts.fill(0)
+    for band in copy.bands():
+        band.fill(0)
+    return copy

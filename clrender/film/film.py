@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,7 @@ _CHUNK: Final = 1 << 16
 
 _Sums = npt.NDArray[np.uint64]
 _Counts = npt.NDArray[np.uint32]
+_Film = TypeVar("_Film", bound="Film")
 
 
 class Film:
@@ -320,7 +321,7 @@ class Film:
             write_film(Path(path), header, blocks, self.counts, self.bands(), beside)
 
     @classmethod
-    def load(cls, path: str | Path) -> Film:
+    def load(cls: type[_Film], path: str | Path) -> _Film:
         """Film from a `.film` file.
 
         Raises

@@ -92,7 +92,7 @@ class Ledger:
 
     def lacking(self, start: int, stop: int) -> Ledger:
         """What each block lacks of the samples from `start` to `stop`, not included."""
-        return self._with_sets([_missing(start, stop, each) for each in self._sets])
+        return self._with_sets([_lacked(start, stop, each) for each in self._sets])
 
     def restricted(self, blocks: npt.NDArray[np.bool_]) -> Ledger:
         """The same for some blocks, (blocks,) bool, and nothing for the others."""
@@ -253,7 +253,7 @@ def _without(ours: Ranges, theirs: Ranges) -> Ranges:
     return tuple(left)
 
 
-def _missing(start: int, stop: int, held: Ranges) -> Ranges:
+def _lacked(start: int, stop: int, held: Ranges) -> Ranges:
     """The samples from `start` to `stop` that are not among those held."""
     missing: list[tuple[int, int]] = []
     for first, end in held:

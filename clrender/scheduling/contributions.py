@@ -6,7 +6,6 @@ from typing import Final
 
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
-from clrender.scheduling.receiver import Reversible
 
 __all__ = ["Contributions"]
 
@@ -23,12 +22,12 @@ class Contributions:
 
     Parameters
     ----------
-    film : Reversible
+    film : Film
         It may hold other samples already.
     workers : int
     """
 
-    def __init__(self, film: Reversible, workers: int) -> None:
+    def __init__(self, film: Film, workers: int) -> None:
         self._film = film
         self._shared = film.width * film.height * _PIXEL_BYTES * workers > _MOST_BYTES
         self._apart: dict[int, Film] = {}

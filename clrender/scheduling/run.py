@@ -9,14 +9,14 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 from clrender.errors import ClrenderError, DeviceFailure, RenderError
-from clrender.film.unit import UnitSums
+from clrender.film import Film
+from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling.arbitration import Arbitration
 from clrender.scheduling.contributions import Contributions
 from clrender.scheduling.policy import Plan, Remaining
-from clrender.scheduling.receiver import Receiver, Reversible
 from clrender.scheduling.spot_check import SHARE, Sampler, finished
 from clrender.scheduling.tally import Tally, WorkerTally
 from clrender.scheduling.threads import Event, WorkerThreads
@@ -30,6 +30,13 @@ TIME_LIMITS: Final = TimeLimits()
 
 _POLL: Final = 0.05
 """Seconds between two questions whether to stop, where nothing else happens."""
+
+
+class Receiver(Protocol):
+    """Where units go when they are done: a film, or whatever adds them up in another way."""
+
+    def commit(self, unit: Unit, result: UnitSums) -> int:
+        """Take in what was done of a unit; gives its samples, over all pixels of the image."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,7 @@ def run(
         Told in a line when a device failed and will be tried again.
     check_share : float
         Of the samples, those that a second worker does again for comparison, where there are several and the receiver
-        is a `Reversible`.
+        is a film.
 
     Returns
     -------
@@ -106,7 +113,7 @@ class _Run:
         self._seen = (0, 0)
         self._pending: dict[int, ClrenderError] = {}
         checked = count > 1 and share > 0.0
-        self._apart = Contributions(film, count) if checked and isinstance(film, Reversible) else None
+        self._apart = Contributions(film, count) if checked and isinstance(film, Film) else None
         self._sampler = Sampler(plan, share) if self._apart is not None else None
         self._arbitration = Arbitration(candidates, self._work, self._exclude)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -16,6 +17,7 @@ from clrender.film.request import differences
 from clrender.film.unit import BLOCK, blocks_across
 from clrender.importers import load
 from clrender.job import RenderJob
+from clrender.scene import builtin_names
 from clrender.session import Session
 from clrender.verification.claim import Claim, claim_of
 from clrender.verification.confidence import detection_probability, least_detected
@@ -174,12 +176,10 @@ def _scene(
     """The scene that a file was made from."""
     if given is not None and not isinstance(given, (str, Path)):
         return given
-    origin = claim.provenance.get("scene")
-    origin = dict(origin) if isinstance(origin, Mapping) else {}
-    named = origin.get("name")
-    if given is None and not isinstance(named, str):
+    origin = _origin(claim)
+    if given is None and "name" not in origin:
         raise UsageError(f"{path}: does not say which scene it was made from; name that with --scene (scene=…)")
-    source = given if given is not None else _found(path, str(named), "--scene")
+    source = given if given is not None else _found(path, origin["name"], "--scene")
     if Path(source).suffix.lower() not in _ANIMATED:
         origin = {**origin, "time_at": None, "variant": None}
     around = environment if environment is not None else origin.get("environment")
@@ -194,13 +194,23 @@ def _scene(
     )
 
 
+def _origin(claim: Claim) -> dict[str, Any]:
+    """Arguments of `clrender.load`, as far as a file names such."""
+    said = claim.provenance.get("scene")
+    kinds = {"name": (str,), "time_at": (int, float), "variant": (str,), "environment": (str, int, float)}
+    if not isinstance(said, Mapping):
+        return {}
+    return {key: said[key] for key, kind in kinds.items() if isinstance(said.get(key), kind)}
+
+
 def _found(path: Path, name: str, option: str) -> str | Path:
     """A file that an image names: from the working folder, or beside the image; or the name of a built-in scene."""
-    if option == "--scene" and not Path(name).suffix:
+    if option == "--scene" and name in builtin_names():
         return name
-    for place in (Path(name), path.parent / name, path.parent / Path(name).name):
-        if place.is_file():
-            return place
+    with suppress(OSError, ValueError):  # of names that are none
+        for place in (Path(name), path.parent / name, path.parent / Path(name).name):
+            if place.is_file():
+                return place
     raise UsageError(f"{path}: was made from {name!r}, which is not here; say where it is with {option} FILE")
 
 
@@ -210,7 +220,7 @@ def _job(path: Path, claim: Claim, scene: Scene) -> RenderJob:
     size = said.pop("width", None), said.pop("height", None)
     try:
         return RenderJob.of(scene, size=size, spp=claim.samples_end, **said)
-    except (UsageError, TypeError) as error:
+    except (UsageError, TypeError, ValueError, OverflowError) as error:
         raise UsageError(f"{path}: cannot be rendered here as it says ({error})") from None
 
 

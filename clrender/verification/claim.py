@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +16,7 @@ from clrender.film import Film
 from clrender.film.ledger import Ledger
 from clrender.image.exr_write import COMPRESSIONS, half_of
 from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, image_sha256, read_image, read_provenance
-from clrender.image.tone_map import srgb_decode, to_display
+from clrender.image.tone_map import EXPOSURE_LIMIT, TONE_MAPS, srgb_decode, to_display
 
 __all__ = ["Claim", "FilmClaim", "ImageClaim", "claim_of"]
 
@@ -141,9 +142,12 @@ class ImageClaim(Claim):
 
     def _check_stored(self, path: Path) -> None:
         """Its numbers are those of the render, or follow from them."""
-        wanted = ("tone_map", "exposure") if self._display else ("exr_type", "exr_compression")
-        if any(key not in self._stored for key in wanted):
-            raise UsageError(f"{path}: does not say how its pixels were stored ({wanted[0]}); render it again")
+        stored = self._stored
+        known = stored.get("exr_type", "float") in ("float", "half")
+        if self._display:
+            known &= stored.get("tone_map") in TONE_MAPS and abs(stored.get("exposure", math.inf)) <= EXPOSURE_LIMIT
+        if not known or not (self._display or {"exr_type", "exr_compression"} <= {*stored}):
+            raise UsageError(f"{path}: does not say how its pixels were stored; render it again")
         compression = self._stored.get("exr_compression", "none")
         if COMPRESSIONS.get(compression, True):
             raise UsageError(
@@ -171,14 +175,12 @@ def claim_of(path: Path) -> Claim:
         It cannot be read, does not say how it was made, or is no longer what a render gives.
     """
     ending = path.suffix.lower()
-    if ending in FILM_ENDINGS:
-        return FilmClaim(path)
-    if ending not in (".exr", ".png"):
+    if ending not in (*FILM_ENDINGS, ".exr", ".png"):
         raise UsageError(f"{path}: only .film, .exr and .png files say how they were made; verify one of those")
-    provenance = read_provenance(path)
-    if provenance is None:
+    provenance = None if ending in FILM_ENDINGS else read_provenance(path)
+    if provenance is None and ending not in FILM_ENDINGS:
         raise UsageError(f"{path}: does not say how it was made, so it cannot be verified; give a file of clrender's")
     try:
-        return ImageClaim(path, provenance)
+        return FilmClaim(path) if provenance is None else ImageClaim(path, provenance)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise UsageError(f"{path}: what it says of its making makes no sense ({error}); render it again") from None

@@ -213,6 +213,11 @@ def same(film: Film, other: Film) -> bool:
     return equal and np.array_equal(film.counts, other.counts) and film.ledger == other.ledger
 
 
+def film_of(checkpoint: Checkpoint) -> Film:
+    assert checkpoint._film is not None
+    return checkpoint._film
+
+
 def settle(checkpoint: Checkpoint) -> None:
     """Wait for the save that is on its way."""
     while checkpoint._saving is not None:
@@ -234,7 +239,7 @@ def test_it_is_saved_every_five_seconds_and_at_the_end(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), opened(path, told, clock) as checkpoint:
         for second in range(1, 5):
             clock.now = 100.0 + second
-            checkpoint.commit(unit := next(work), sums(unit))
+            film_of(checkpoint).commit(unit := next(work), sums(unit))
             checkpoint.tick()
         assert not path.exists()
         clock.now = 105.0
@@ -242,7 +247,7 @@ def test_it_is_saved_every_five_seconds_and_at_the_end(tmp_path: Path) -> None:
         settle(checkpoint)
         assert same(Film.load(path), whole(4))
         clock.now = 109.9
-        checkpoint.commit(unit := next(work), sums(unit))
+        film_of(checkpoint).commit(unit := next(work), sums(unit))
         checkpoint.tick()
         settle(checkpoint)
         assert Film.load(path).ledger.holds(0, 4)
@@ -258,7 +263,7 @@ def test_it_is_saved_every_five_seconds_and_at_the_end(tmp_path: Path) -> None:
 def test_nothing_is_written_where_nothing_came_in(tmp_path: Path) -> None:
     path, clock, told = tmp_path / "a.film", Clock(), list[str]()
     with opened(path, told, clock) as checkpoint:
-        checkpoint.commit(unit := next(units(range(1))), sums(unit))
+        film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
     before = path.stat()
     with Checkpoint(path, True, told.append, clock) as checkpoint:
         checkpoint.begin(REQUEST, range(8), {})
@@ -272,7 +277,7 @@ def test_a_save_is_of_one_moment_though_others_commit_meanwhile(tmp_path: Path) 
     clock, told = Clock(), list[str]()
     with opened(tmp_path / "a.film", told, clock) as checkpoint:
         for count, unit in enumerate(units(range(8)), 1):
-            checkpoint.commit(unit, sums(unit))
+            film_of(checkpoint).commit(unit, sums(unit))
             clock.now += 60.0
             checkpoint.tick()  # begins to save
             if count % 3 == 0:
@@ -301,7 +306,7 @@ def test_a_disk_that_fails_for_a_while(
 
     def go_on(count: int = 1) -> None:
         for _ in range(count):
-            checkpoint.commit(unit := next(work), sums(unit))
+            film_of(checkpoint).commit(unit := next(work), sums(unit))
         clock.now += 10.0
         checkpoint.tick()
         settle(checkpoint)
@@ -328,7 +333,7 @@ def test_a_disk_that_fails_for_a_while(
 def test_a_disk_that_is_full_to_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, clock, told = tmp_path / "a.film", Clock(), list[str]()
     with opened(path, told, clock) as checkpoint:
-        checkpoint.commit(unit := next(units(range(1))), sums(unit))
+        film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
         monkeypatch.setattr("os.fsync", fail(FULL))
     assert len(told) == 1 and "no room is left" in told[0] and "holds 0 samples" in told[0]
     assert not list(tmp_path.iterdir())
@@ -339,13 +344,13 @@ def test_a_film_that_broke_is_not_saved(tmp_path: Path, monkeypatch: pytest.Monk
     path, clock, told = tmp_path / "a.film", Clock(), list[str]()
     (first, second), expected = units(range(2)), whole(1)
     with pytest.raises(KeyboardInterrupt), opened(path, told, clock) as checkpoint:
-        checkpoint.commit(first, sums(first))
+        film_of(checkpoint).commit(first, sums(first))
         clock.now += 10.0
         checkpoint.tick()
         settle(checkpoint)
         result = sums(second)
         monkeypatch.setattr(Film, "_add", fail(KeyboardInterrupt()))
-        checkpoint.commit(second, result)
+        film_of(checkpoint).commit(second, result)
     assert same(Film.load(path), expected) and not told
 
 
@@ -357,16 +362,16 @@ def saved(tmp_path: Path) -> Path:
     """A checkpoint of four samples of eight."""
     with opened(tmp_path / "a.film", [], Clock()) as checkpoint:
         for unit in units(range(4)):
-            checkpoint.commit(unit, sums(unit))
+            film_of(checkpoint).commit(unit, sums(unit))
     return tmp_path / "a.film"
 
 
 def test_what_was_there_counts(saved: Path) -> None:
     with Checkpoint(saved, True, fail(FULL)) as checkpoint:
         film = checkpoint.begin(REQUEST, range(6), {})
-        assert checkpoint.resumed_samples == 4 * 23 * 14 and same(film, whole(4))
+        assert checkpoint.resumed["samples"] == 4 * 23 * 14 and same(film, whole(4))
         for unit in units(range(4, 6)):
-            checkpoint.commit(unit, sums(unit))
+            film_of(checkpoint).commit(unit, sums(unit))
     loaded = Film.load(saved)
     assert same(loaded, whole(6)) and loaded.provenance["rays"] == 3 * 6 * 23 * 14
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from scipy.stats import binomtest, hypergeom
 
 import clrender
 from clrender.cli import main
-from clrender.errors import UsageError
+from clrender.errors import ClrenderError, UsageError
 from clrender.film import Film
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums, tile_side
@@ -359,6 +361,55 @@ def test_files_that_say_nothing(folder: Path) -> None:
     for fraction in (0.0, 1.1, math.nan):
         with pytest.raises(UsageError, match="above 0 and at most 1"):
             verify(saved(), fraction)
+
+
+JUNK: list[Any] = [None, 3, -1, 2**70, 0.5, "x", "\0", [], [1], {}, {"x": 1}, True, 1e300]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.exr", "a.film"])
+def test_whatever_a_file_says_ends_in_a_sentence(folder: Path, name: str) -> None:
+    """Anything in the place of anything: an error that users understand, a fault, or no matter."""
+    job = job_of()
+    film = truth(job)
+    stored = {"tone_map": "srgb", "exposure": -2.0} if name == "a.png" else {"exr_type": "float"}
+    good = {**told(job, film), "stored": {**stored, "exr_compression": "zip"}, "scene": {"name": "scene.toml"}}
+    good["scene"] = {**good["scene"], "time_at": 1.0, "variant": "x"}
+    if name != "a.film":
+        write_image(name, film.mean(), good, "srgb", -2.0)
+    else:
+        film.save(name, good)
+    assert verify(name).sound
+    rng, ends = np.random.default_rng(3), 0
+    for _ in range(150):
+        said, place = json.loads(json.dumps({**good, "request": film.request})), str(rng.choice(sorted(good)))
+        inner = said[place]
+        junk = JUNK[int(rng.integers(len(JUNK)))]
+        if isinstance(inner, dict) and inner and rng.random() < 0.7:
+            inner[str(rng.choice(sorted(inner)))] = junk
+        else:
+            said[place] = junk
+        claim = {key: value for key, value in said.items() if key != "request"}
+        try:
+            with monkeypatched_provenance(name, claim, film):
+                ends += not verify(name).sound
+        except ClrenderError as error:
+            ends += 1
+            assert name in str(error) or "scene.toml" in str(error)
+    assert ends > 30
+
+
+@contextmanager
+def monkeypatched_provenance(name: str, claim: dict[str, Any], film: Film) -> Iterator[None]:
+    """While it lasts, a file says something else, and so does a film's request."""
+    settings = claim.get("settings")
+    request = {**film.request, **(settings if isinstance(settings, dict) else {})}
+    request.pop("spp", None)
+    if name == "a.film":
+        film.request, before = request, film.request
+        film.save(name, claim)
+        film.request = before
+    with patch("clrender.verification.claim.read_provenance", lambda path: claim):
+        yield
 
 
 def test_another_hash_than_it_says(folder: Path) -> None:
