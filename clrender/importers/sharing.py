@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.importers.draft import Draft
@@ -14,7 +15,7 @@ from clrender.scene.geometry import affine
 from clrender.scene.groups import TransformArray
 from clrender.scene.shapes import Transform
 
-__all__ = ["share_meshes"]
+__all__ = ["place_group", "share_meshes"]
 
 _WORTH: Final = 2**17
 """Triangles that are spared: a ray's way into an instance takes time, which so few are not worth."""
@@ -37,7 +38,7 @@ def share_meshes(draft: Draft) -> None:
             shared = {key: value for key, value in shape.items() if key not in _OWN_KEYS}
             alike.setdefault(json.dumps(shared, sort_keys=True), []).append(index)
     placed: dict[int, dict[str, Any] | None] = {}
-    groups: dict[str, Any] = {}
+    groups: dict[str, Any] = {**draft.description.get("groups", {})}
     for key, indices in alike.items():
         shared = json.loads(key)
         triangles = len(draft.meshes[shared["file"]].triangles)
@@ -47,10 +48,7 @@ def share_meshes(draft: Draft) -> None:
             named = _places(shapes, indices)
         except SceneError:  # of a scale that instances do not take
             continue
-        group = shared["file"][:190]
-        while group in groups:
-            group = f"{group[:190]}'"
-        groups[group] = {"shapes": [shared]}
+        group = _named(groups, [shared])
         placed |= dict.fromkeys(indices)
         for first, name, array in named:
             places = f"places of {group} {first}"
@@ -60,7 +58,51 @@ def share_meshes(draft: Draft) -> None:
     if groups:
         every = [placed.get(index, shape) for index, shape in enumerate(shapes)]
         draft.description["shapes"] = [shape for shape in every if shape is not None]
-        draft.description["groups"] = {**draft.description.get("groups", {}), **groups}
+        draft.description["groups"] = groups
+
+
+def place_group(draft: Draft, shapes: list[dict[str, Any]], maps: NDArray[np.float64], name: str = "") -> bool:
+    """Put shapes in many places, as instances of a group, where that spares many triangles.
+
+    Parameters
+    ----------
+    draft : Draft
+        Gets a shape of type ``instance``, its group and its places.
+    shapes : list of dict
+        Meshes of the draft, as a scene file would describe them, without place and name.
+    maps : (n, 3, 4) float64
+        Affine maps into the world.
+    name : str
+        Of the instances; default: none.
+
+    Returns
+    -------
+    bool
+        Whether it did.
+    """
+    triangles = sum(len(draft.meshes[shape["file"]].triangles) for shape in shapes)
+    if (len(maps) - 1) * triangles < _WORTH:
+        return False
+    description = draft.description
+    try:
+        array = TransformArray.checked(maps, "places")
+    except SceneError:  # of a scale that instances do not take
+        return False
+    group = _named(description.setdefault("groups", {}), shapes)
+    places = f"places of {group} {len(description['shapes'])}"
+    draft.places[places] = array
+    instance = {"type": "instance", "group": group, "transforms": places}
+    description["shapes"].append({**instance, "name": name} if name else instance)
+    return True
+
+
+def _named(groups: dict[str, Any], shapes: list[dict[str, Any]]) -> str:
+    """The name of a group of these shapes, which is made if there is none."""
+    group: str = shapes[0]["file"][:190]
+    while group in groups and groups[group]["shapes"] != shapes:
+        group = f"{group[:190]}'"
+    groups.setdefault(group, {"shapes": shapes})
+    return group
 
 
 def _places(shapes: list[dict[str, Any]], indices: list[int]) -> list[tuple[int, str | None, TransformArray]]:

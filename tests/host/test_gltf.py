@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,66 @@ def test_instances_of_a_node(tmp_path: Path) -> None:
     scene = loaded(tmp_path, model)
     assert len(scene.shapes) == 2 and any("/nodes/0: a mesh was left out" in note for note in scene.notes)
     np.testing.assert_allclose(scene_bounds(scene)[1], (24, 4, 0))
+
+
+def crowd(count: int, **node: Any) -> Model:
+    """A quad and a smaller one beside it, many times, some of them mirrored."""
+    random, model = np.random.default_rng(5), Model()
+    model.extend("EXT_mesh_gpu_instancing", required=True)
+    mesh = model.quad()
+    points = np.array(QUAD) * 0.3 + (0.0, 0.0, 0.5)
+    beside = {"attributes": {"POSITION": model.accessor(points)}, "indices": model.accessor([0, 1, 2], "uint16")}
+    model.root["meshes"][mesh]["primitives"].append(beside)
+    sizes = random.uniform(0.5, 2.0, (count, 3)) * np.where(random.random((count, 1)) < 0.3, -1.0, 1.0)
+    attributes = {
+        "TRANSLATION": model.accessor(random.uniform(-20.0, 20.0, (count, 3))),
+        "ROTATION": model.accessor(random.uniform(-0.9, 0.9, (count, 4))),
+        "SCALE": model.accessor(sizes),
+    }
+    model.node(mesh=mesh, extensions={"EXT_mesh_gpu_instancing": {"attributes": attributes}}, **node)
+    return model
+
+
+def test_instances_have_the_matrices_of_nodes(tmp_path: Path) -> None:
+    """Those of the same transforms as nodes of their own, computed one by one, bit for bit."""
+    placing: dict[str, Any] = {"translation": [1, 2, 3], "rotation": [0.1, 0.7, 0.2, 0.4], "scale": [2, -1, 0.3]}
+    model = crowd(40, **placing)
+    node = model.root["nodes"][0]
+    attributes = node["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]
+    model.node(children=list(range(2, 42)), **placing)
+    for i in range(40):
+        values = {}
+        for key, number in attributes.items():
+            view = model.root["bufferViews"][model.root["accessors"][number]["bufferView"]]
+            row = np.frombuffer(model.data, "<f4", view["byteLength"] // 4, view["byteOffset"]).reshape(40, -1)[i]
+            values[key.lower()] = row.astype(float).tolist()
+        model.add("nodes", {"mesh": node["mesh"], **values})
+    shapes = loaded(tmp_path, model).shapes
+    assert len(shapes) == 2 * 2 * 40
+    for one, other in zip(shapes[:80], shapes[80:], strict=True):
+        assert one.model_dump() == other.model_dump() and one.transform.matrix is not None
+
+
+def test_a_million_instances_are_one_array(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of both primitives in one group; the places are those of the shapes written out."""
+    some = loaded(tmp_path, crowd(500, name="leaf", scale=[2, 1, 1]), "some.glb").shapes
+    monkeypatch.setattr("clrender.importers.sharing._WORTH", 1000)
+    model = crowd(500, name="leaf", scale=[2, 1, 1])
+    model.node(mesh=0)
+    scene = loaded(tmp_path, model)
+    assert len(some) == 1000
+    placed, *alone = scene.shapes
+    assert placed.type == "instance" and placed.name == "leaf" and len(alone) == 2
+    (group,) = scene.groups.values()
+    assert [shape.model_dump(exclude={"name", "transform"}) for shape in group.shapes] == [
+        shape.model_dump(exclude={"name", "transform"}) for shape in some[:2]
+    ]
+    expected = [shape.transform.matrix for shape in some[::2]]
+    np.testing.assert_array_equal(scene.transforms(0).maps, np.array(expected)[:, :3])
+    monkeypatch.undo()
+    started = time.process_time()
+    assert len(loaded(tmp_path, crowd(10**6)).shapes) == 1
+    assert time.process_time() - started < 8.0  # a dict for each took half a minute
 
 
 # --- animation, morph targets, skins ---------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 import pytest
+from gltf_files import Model
 from PIL import Image
 
 import clrender
@@ -198,3 +199,22 @@ def test_one_hash_on_every_device_and_cut(all_devices: list[Device], pictures: P
             cuts: list[dict[str, Any]] = [{}] if one_lane else [{}, {"lanes": 1}, {"lanes": 8}, {"traversal": "single"}]
             hashes |= {render(what, each, size=(40, 30), spp=4, **cut).tobytes() for cut in cuts}
         assert len(hashes) == 1
+
+
+def test_instances_of_a_gltf_node(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a group, and as a shape for each."""
+    random, model = np.random.default_rng(3), Model()
+    model.extend("EXT_mesh_gpu_instancing", required=True)
+    attributes = {
+        "TRANSLATION": model.accessor(random.uniform(-3.0, 3.0, (60, 3))),
+        "ROTATION": model.accessor(random.normal(size=(60, 4))),
+        "SCALE": model.accessor(random.uniform(0.3, 1.0, (60, 3))),
+    }
+    model.node(mesh=model.quad(), extensions={"EXT_mesh_gpu_instancing": {"attributes": attributes}})
+    shapes = clrender.load(model.write(tmp_path / "m.glb"))
+    monkeypatch.setattr("clrender.importers.sharing._WORTH", 1)
+    group = clrender.load(tmp_path / "m.glb")
+    assert (len(shapes.shapes), len(group.shapes)) == (60, 1)
+    one, other = render(group, device), render(shapes, device)
+    assert abs(one.mean() / other.mean() - 1.0) < 2e-3
+    assert np.mean(np.abs(one - other).max(axis=2) / other.mean() < 1e-3) > 0.9

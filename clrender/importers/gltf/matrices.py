@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
-__all__ = ["IDENTITY", "Matrix", "composed", "determinant_is_zero", "from_columns", "product"]
+__all__ = ["IDENTITY", "Matrix", "composed", "from_columns", "product"]
 
 Matrix: TypeAlias = tuple[tuple[float, ...], ...]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -46,21 +46,3 @@ def product(a: Matrix, b: Matrix) -> Matrix:
             )
         )
     return (*rows, IDENTITY[3])
-
-
-def _cofactors(m: Matrix) -> list[list[float]]:
-    return [
-        [
-            m[(i + 1) % 3][(j + 1) % 3] * m[(i + 2) % 3][(j + 2) % 3]
-            - m[(i + 1) % 3][(j + 2) % 3] * m[(i + 2) % 3][(j + 1) % 3]
-            for j in range(3)
-        ]
-        for i in range(3)
-    ]
-
-
-def determinant_is_zero(m: Matrix) -> bool:
-    """Whether the linear part flattens things, as `clrender.scene.Transform` sees it."""
-    sizes = [math.sqrt(sum(x * x for x in row[:3])) for row in m[:3]]
-    volume = sum(a * b for a, b in zip(m[0][:3], _cofactors(m)[0], strict=True))
-    return abs(volume) <= 1e-12 * sizes[0] * sizes[1] * sizes[2]

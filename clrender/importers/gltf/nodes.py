@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final
 
-from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.animation import Moved
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import IDENTITY, Matrix, composed, from_columns, product
 from clrender.scene.values import COORDINATE_LIMIT
 
-__all__ = ["Nodes", "instance_transforms"]
+__all__ = ["TRS", "Nodes"]
 
-_TRS: Final = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+TRS: Final = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+"""What moves a node, and its values by default."""
 
 
 class Nodes:
@@ -82,37 +82,5 @@ class Nodes:
         node = self._nodes[index]
         if "matrix" in node:
             return from_columns(node["matrix"])
-        parts = [self._moved.get((index, key), node.get(key, default)) for key, default in _TRS.items()]
+        parts = [self._moved.get((index, key), node.get(key, default)) for key, default in TRS.items()]
         return composed(*parts)
-
-
-def instance_transforms(document: Document, accessors: Accessors, index: int) -> list[Matrix] | None:
-    """Transforms of the instances of a node's mesh (EXT_mesh_gpu_instancing), within the node; None where it has none.
-
-    Raises
-    ------
-    SceneError
-        Their numbers differ, or they are of another kind.
-    """
-    instancing = document.extension(document.items("nodes")[index], "EXT_mesh_gpu_instancing")
-    if instancing is None:
-        return None
-    at = f"/nodes/{index}/extensions/EXT_mesh_gpu_instancing/attributes"
-    columns: dict[str, list[Any]] = {}
-    for key, number in instancing["attributes"].items():
-        path = key.lower()
-        if path not in _TRS:
-            document.note(f"{at}/{key[:40]} was left out: instances have translation, rotation and scale only")
-            continue
-        accessor = document.items("accessors")[number]
-        if accessor.get("type") != ("VEC4" if path == "rotation" else "VEC3"):
-            raise document.fault(
-                f"{at}/{key}", f"is of type {accessor.get('type')}, which no {path} is; export it again"
-            )
-        columns[path] = accessors.floats(number).astype(float).tolist()
-    counts = {len(column) for column in columns.values()}
-    if len(counts) != 1:
-        raise document.fault(at, "do not have the same number of instances; export it again")
-    count = counts.pop()
-    rows = (columns.get(key) or [default] * count for key, default in _TRS.items())
-    return [composed(*parts) for parts in zip(*rows, strict=True)]

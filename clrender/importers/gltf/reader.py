@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
@@ -16,13 +18,15 @@ from clrender.importers.gltf.container import opened
 from clrender.importers.gltf.deform import joint_transforms
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.draco import decode_draco
+from clrender.importers.gltf.instancing import flattening, instance_maps, placed
 from clrender.importers.gltf.lights import add_lights
 from clrender.importers.gltf.materials import Materials
-from clrender.importers.gltf.matrices import IDENTITY, Matrix, determinant_is_zero, product
-from clrender.importers.gltf.meshes import Meshes
-from clrender.importers.gltf.nodes import Nodes, instance_transforms
+from clrender.importers.gltf.matrices import IDENTITY, Matrix
+from clrender.importers.gltf.meshes import Meshes, Part
+from clrender.importers.gltf.nodes import Nodes
 from clrender.importers.gltf.textures import Textures
 from clrender.importers.gltf.validator import validate
+from clrender.importers.sharing import place_group
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
 
 __all__ = ["read"]
@@ -76,23 +80,29 @@ def _add_shapes(
     parts = meshes.parts(node["mesh"], weights, joints, index)
     # Skinned vertices are in the world already, wherever their node is
     world = IDENTITY if joints else nodes.world[index]
-    name = node.get("name") or document.items("meshes")[node["mesh"]].get("name")
-    placed = [product(world, each) for each in instance_transforms(document, accessors, index) or [IDENTITY]]
-    sound = [matrix for matrix in placed if not determinant_is_zero(matrix)]
-    if len(sound) < len(placed):
-        document.note(f"/nodes/{index}: {_times(len(placed) - len(sound))} left out, which its transform flattens")
-    if len(shapes) + len(sound) * len(parts) > SHAPE_LIMIT:
+    name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]
+    maps = instance_maps(document, accessors, index)
+    places = np.array([world[:3]]) if maps is None else placed(world, maps)
+    flat = flattening(places)
+    if flat.any():
+        document.note(f"/nodes/{index}: {_times(int(np.count_nonzero(flat)))} left out, which its transform flattens")
+        places = places[~flat]
+    made = [_shape(part) for part in parts]
+    if maps is not None and place_group(document.draft, made, places, name):
+        return
+    if len(shapes) + len(places) * len(made) > SHAPE_LIMIT:
         raise document.fault(f"/nodes/{index}", f"makes more than {SHAPE_LIMIT} shapes of the scene; export fewer")
-    for matrix in sound:
-        for part in parts:
-            shape: dict[str, Any] = {"type": "mesh", "file": part.mesh, "material": part.material.name}
-            if name:
-                shape["name"] = name[:NAME_LIMIT]
-            if part.colored:
-                shape["vertex_colors"] = "linear"
-            if matrix != IDENTITY:
-                shape["transform"] = {"matrix": matrix}
-            shapes.append(shape)
+    for rows in places.tolist():
+        matrix = (*(tuple(row) for row in rows), IDENTITY[3])
+        for shape in made:
+            where = {} if matrix == IDENTITY else {"transform": {"matrix": matrix}}
+            shapes.append({**shape, **({"name": name} if name else {}), **where})
+
+
+def _shape(part: Part) -> dict[str, Any]:
+    """A primitive, without its place and name."""
+    shape: dict[str, Any] = {"type": "mesh", "file": part.mesh, "material": part.material.name}
+    return {**shape, "vertex_colors": "linear"} if part.colored else shape
 
 
 def _times(count: int) -> str:
