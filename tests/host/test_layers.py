@@ -19,7 +19,7 @@ LAYERS = (
     ("bench",),
     ("report",),
     ("__init__",),
-    ("agreement", "furnace"),
+    ("agreement", "furnace", "verification"),
     ("rendering",),
     ("session",),
     ("job_render",),

@@ -22,6 +22,7 @@ import clrender
 from clrender.device import Device
 from clrender.device.faults import CALLS, Fault, FaultyDevice, Lie
 from clrender.errors import DeviceError
+from clrender.film import Film
 from clrender.rendered_image import IncompleteRender, RenderedImage
 from clrender.scheduling import run as scheduling
 from clrender.scheduling.watchdog import TimeLimits
@@ -226,6 +227,24 @@ def test_a_lying_device_is_found_and_its_work_done_again(
     (line,) = [line for line in outcome.told if line.startswith("warning: ")]
     why = "it fails the probe that every device has to pass" if constant else "it gets different ones each time"
     assert line.startswith("warning: liar (") and f"computes wrong results: {why}" in line
+
+
+def test_a_checkpoint_keeps_nothing_of_a_liar(device: Device, tmp_path: Path) -> None:
+    """Nor does what is resumed: the film gives samples back while it is saved."""
+    honest, path = FaultyDevice(device, name="honest"), tmp_path / "a.film"
+    outcome = share(FaultyDevice(device, Lie(), name="liar"), honest, spp=128, checkpoint=path)
+    truth = share(honest, spp=128).image
+    assert outcome.states == ["wrong", "ok"]
+    saved = Film.load(path)
+    assert saved.mean().tobytes() == truth.linear.tobytes() and saved.ledger == truth.film.ledger
+    more = share(honest, spp=160, checkpoint=path, resume=True).image
+    assert more.stats["resumed_samples"] == saved.ledger.samples
+    assert more.stats["image_sha256"] == share(honest, spp=160).image.stats["image_sha256"]
+    # And one that lies about what a checkpoint lacks, in parts of tiles
+    liar = FaultyDevice(device, Lie(), name="liar")
+    last = share(liar, honest, spp=256, tile=8, checkpoint=path, resume=True)
+    assert last.states == ["wrong", "ok"]
+    assert last.image.stats["image_sha256"] == share(honest, spp=256).image.stats["image_sha256"]
 
 
 def test_layers_that_a_liar_may_have_made_are_made_again(device: Device) -> None:
