@@ -21,7 +21,7 @@ CORNER_LIMIT: Final = 4096
 
 _TOLERANCE: Final = 1e-6
 """Share of the polygon's area that a triangle may be turned over by: rounding of coordinates, not a concave corner."""
-_CHUNK: Final = 2**20
+_CHUNK: Final = 2**18
 _FAN_LIMIT: Final = 16
 """Corners up to which fans from each of them are tried."""
 
@@ -57,70 +57,121 @@ def triangulate(
     first_corner = np.cumsum(sizes) - sizes
     first_triangle = first_corner - 2 * np.arange(len(sizes))
     triangles = np.empty((int(np.sum(sizes)) - 2 * len(sizes), 3), np.int64)
+    coordinates = np.ascontiguousarray(points.T, np.float64)
     crossed = 0
-    for size in np.unique(sizes):
-        count = int(size)
+    for count in np.flatnonzero(np.bincount(sizes)).tolist():
         of_size = np.flatnonzero(sizes == count)
         fan = np.stack([np.zeros(count - 2, np.int64), np.arange(1, count - 1), np.arange(2, count)], axis=1)
         step = max(1, _CHUNK // count)
         for start in range(0, len(of_size), step):
             some = of_size[start : start + step]
-            local = np.broadcast_to(fan, (len(some), count - 2, 3))
+            first, rows = first_corner[some, None], first_triangle[some, None] + np.arange(count - 2)
+            triangles[rows] = first[:, None] + fan
             if count > 3:
-                places = first_corner[some, None] + np.arange(count)
-                local, crossing = _split(points[corners[places]].astype(np.float64), fan, label)
+                polygons = corners[first + np.arange(count)]
+                others, local, crossing = _other_triangles(coordinates, polygons, fan, label)
+                triangles[rows[others]] = first[others, None] + local
                 crossed += crossing
-            rows = first_triangle[some, None] + np.arange(count - 2)
-            triangles[rows] = first_corner[some, None, None] + local
     return triangles, crossed
 
 
-def _split(outlines: NDArray[np.float64], fan: NDArray[np.int64], label: str) -> tuple[NDArray[np.int64], int]:
-    """Triangles (F, n - 2, 3) of polygons of one size, and how many of them cross themselves.
+def _other_triangles(
+    coordinates: NDArray[np.float64], polygons: NDArray[np.integer], fan: NDArray[np.int64], label: str
+) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
+    """Which of the polygons of one size the fan from corner 0 does not cover, and triangles that do.
 
     Parameters
     ----------
-    outlines : (F, n, 3) float64
+    coordinates : (3, V) float64
+    polygons : (F, n) integer
+        Their vertices.
     fan : (n - 2, 3) int64
         The fan from corner 0.
+
+    Returns
+    -------
+    others : (k,) int64
+    triangles : (k, n - 2, 3) int64
+        Theirs; of those that cross themselves the fan.
+    crossed : int
+        How many of all cross themselves.
     """
-    flat, area = _projected(outlines)
-    count = flat.shape[1]
-    local = np.repeat(fan[None], len(flat), axis=0)
-    left = np.flatnonzero(~_covers(flat, area, fan))
+    count = polygons.shape[1]
+    signed, axis, turns, area = _fan_areas(coordinates, polygons)
+    others = left = np.flatnonzero(~_covered(signed, area))
+    local = np.repeat(fan[None], len(others), axis=0)
+    flat = _projected(coordinates, polygons[others], axis[others], turns[others])
     for turn in range(1, count if count <= _FAN_LIMIT else 1):
         if not len(left):
             break
-        turned = (fan + turn) % count
-        good = _covers(flat[left], area[left], turned)
-        local[left[good]] = turned
+        turned, at = (fan + turn) % count, np.searchsorted(others, left)
+        good = _covered(_areas(flat[at], turned).T, area[left])
+        local[at[good]] = turned
         left = left[~good]
     if len(left) and count > CORNER_LIMIT:
         what = f"has a concave polygon of {count} corners, but at most {CORNER_LIMIT} are split"
         raise SceneError(f"{label} {what}; export it as triangles")
     fans: list[int] = []
-    for polygon in left:
-        found = _ears(flat[polygon], float(area[polygon]))
+    for polygon, at_one in zip(left.tolist(), np.searchsorted(others, left).tolist(), strict=True):
+        found = _ears(flat[at_one], float(area[polygon]))
         if found is not None:
-            local[polygon] = found
+            local[at_one] = found
         else:
-            fans.append(int(polygon))
+            fans.append(polygon)
     # The two halves of a bow tie may cancel out; only what lies on a line has no area to cover at all.
     fans += np.flatnonzero(area == 0.0).tolist()
-    return local, int((~_on_a_line(outlines[np.unique(np.array(fans, np.int64))])).sum())
+    doubtful = coordinates.T[polygons[np.unique(np.array(fans, np.int64))]]
+    return others, local, int((~_on_a_line(doubtful)).sum())
 
 
-def _projected(outlines: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Polygons along an axis, turning counter-clockwise: (F, n, 2), and twice their areas: (F,)."""
+def _fan_areas(
+    coordinates: NDArray[np.float64], polygons: NDArray[np.integer]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Areas of the triangles of polygons' fans from corner 0, along the axis by which each polygon is judged.
+
+    Parameters
+    ----------
+    coordinates : (3, V) float64
+    polygons : (F, n) integer
+
+    Returns
+    -------
+    signed : (n - 2, F) float64
+        Twice the areas; below 0: turned over.
+    axis : (F,) int64
+        Which coordinate Newell's normal, the sum of the vector areas, is largest in.
+    turns : (F,) float64
+        -1 where that is below zero: polygons that turn clockwise.
+    area : (F,) float64
+        Its size.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused by who asked
-        relative = outlines - outlines[:, :1]
-        normal = np.cross(relative[:, 1:-1], relative[:, 2:]).sum(axis=1)
-    axis = np.argmax(np.abs(normal), axis=1)
-    rows = np.arange(len(outlines))
-    across, along = (axis + 1) % 3, (axis + 2) % 3
-    flat = np.stack([relative[rows, :, across], relative[rows, :, along]], axis=2)
-    flat[normal[rows, axis] < 0.0, :, 0] *= -1.0
-    return flat, np.abs(normal[rows, axis])
+        corners = [each[np.ascontiguousarray(polygons.T)] for each in coordinates]  # side by side for NumPy's loops
+        x, y, z = (each[1:] - each[0] for each in corners)
+        parts = [a[:-1] * b[1:] - b[:-1] * a[1:] for a, b in ((y, z), (z, x), (x, y))]
+        normal = [part.sum(axis=0) for part in parts]
+    sizes = [np.abs(each) for each in normal]
+    # The first of the largest; what is no number counts as largest, as in numpy.argmax
+    axis = np.argmax(sizes, axis=0)
+    signed, along = parts[0], normal[0]
+    for k in (1, 2):
+        chosen = axis == k
+        along = np.where(chosen, normal[k], along)
+        signed = np.where(chosen, parts[k], signed)
+    turns = np.where(along < 0.0, -1.0, 1.0)
+    return signed * turns, axis, turns, np.abs(along)
+
+
+def _projected(
+    coordinates: NDArray[np.float64],
+    polygons: NDArray[np.integer],
+    axis: NDArray[np.int64],
+    turns: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Polygons along an axis, turning counter-clockwise: (F, n, 2)."""
+    across, along = (coordinates[((axis + k) % 3)[:, None], polygons] for k in (1, 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.stack([(across - across[:, :1]) * turns[:, None], along - along[:, :1]], axis=2)
 
 
 def _on_a_line(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -140,10 +191,14 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64
         return np.asarray(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
 
 
-def _covers(flat: NDArray[np.float64], area: NDArray[np.float64], fan: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Of which polygons the triangles all turn the right way."""
-    areas = _cross(flat[:, fan[:, 0]], flat[:, fan[:, 1]], flat[:, fan[:, 2]])
-    return np.asarray((areas >= -_TOLERANCE * area[:, None]).all(axis=1))
+def _areas(flat: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Twice the signed areas of the same triangles of all polygons: (F, k)."""
+    return _cross(flat[:, triangles[:, 0]], flat[:, triangles[:, 1]], flat[:, triangles[:, 2]])
+
+
+def _covered(areas: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Of which polygons the triangles, with the signed areas (k, F), all turn the right way."""
+    return np.asarray((areas >= -_TOLERANCE * area).all(axis=0))
 
 
 def _ears(outline: NDArray[np.float64], area: float) -> NDArray[np.int64] | None:
