@@ -45,22 +45,14 @@ __kernel void material_eval(__global const float* directions, __global const flo
     for (int k = 0; k < 7; ++k) lane_save(out[k], results + (size_t)k * count + at);
 }
 
-// facets: float [3][count]. results: float [2][count]: D and G1 of GGX, or Beckmann's.
-__kernel void material_beckmann(__global const float* facets, float4 alpha, uint count, __global float* results) {
+// facets: float [3][count]. results: float [2][count]: D and G1 of GGX, or of Beckmann's distribution.
+__kernel void material_facets(__global const float* facets, float4 alpha, uint beckmann, uint count, __global float* results) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
     const vec3 m = vec3_of(lane_load(facets + at), lane_load(facets + count + at), lane_load(facets + 2 * count + at));
     Alpha a;
     a.x = splat(alpha.x), a.y = splat(alpha.y);
-    lane_save(beckmann_distribution(a, m), results + at);
-    lane_save(splat(1.0f) / (splat(1.0f) + beckmann_lambda(a, m)), results + count + at);
-}
-__kernel void material_facets(__global const float* facets, float4 alpha, uint count, __global float* results) {
-    const size_t at = get_global_id(0) * LANES;
-    if (at >= count) return;
-    const vec3 m = vec3_of(lane_load(facets + at), lane_load(facets + count + at), lane_load(facets + 2 * count + at));
-    Alpha a;
-    a.x = splat(alpha.x), a.y = splat(alpha.y);
-    lane_save(ggx_distribution(a, m), results + at);
-    lane_save(splat(1.0f) / (splat(1.0f) + ggx_lambda(a, m)), results + count + at);
+    const vfloat lambda = beckmann ? beckmann_lambda(a, m) : ggx_lambda(a, m);
+    lane_save(beckmann ? beckmann_distribution(a, m) : ggx_distribution(a, m), results + at);
+    lane_save(splat(1.0f) / (splat(1.0f) + lambda), results + count + at);
 }

@@ -49,15 +49,19 @@ def numbers(text: str) -> Floats:
     return np.array([float(word) for word in text.split()])
 
 
-def facets(
-    device: Device, along: Floats, alpha: tuple[float, float], kernel: str = "material_facets"
-) -> tuple[Floats, Floats]:
+def facets(device: Device, along: Floats, alpha: tuple[float, float], beckmann: bool = False) -> tuple[Floats, Floats]:
     """D and G1 of directions (n, 3)."""
     count = -(-len(along) // 256) * 256
     padded = np.concatenate([along, np.tile([[0.0, 0.0, 1.0]], (count - len(along), 1))]).T.astype(np.float32)
     buffers = [device.upload(np.ascontiguousarray(padded)), device.empty(8 * count)]
-    given: list[Any] = [buffers[0], np.array([*alpha, 0.0, 0.0], np.float32), np.uint32(count), buffers[1]]
-    device.launch(device.program(SOURCE, {"LANES": 16}), kernel, count // 16, 16, given)
+    given: list[Any] = [
+        buffers[0],
+        np.array([*alpha, 0.0, 0.0], np.float32),
+        np.uint32(beckmann),
+        np.uint32(count),
+        buffers[1],
+    ]
+    device.launch(device.program(SOURCE, {"LANES": 16}), "material_facets", count // 16, 16, given)
     out = np.empty((2, count), np.float32)
     device.read(buffers[1], out)
     for buffer in buffers:
@@ -88,7 +92,7 @@ def test_beckmanns_facets(device: Device) -> None:
     m = m.astype(np.float32).astype(np.float64)
     x, y, z = m.T
     for alpha in ((0.1, 0.1), (0.05, 0.3), (1.0, 1.0)):
-        density, seen = facets(device, m, alpha, "material_beckmann")
+        density, seen = facets(device, m, alpha, beckmann=True)
         slope2 = ((x / alpha[0]) ** 2 + (y / alpha[1]) ** 2) / z**2
         expected = np.exp(-slope2) / (math.pi * alpha[0] * alpha[1] * z**4)
         there = slope2 < 40.0
