@@ -183,7 +183,8 @@ class Checkpoint:
             if self._saving.is_alive():
                 return
             self._account()
-        if self._film.changes != self._saved_changes and self._cadence.due(self._clock()):
+        unsaved = self._running and self._film.changes != self._saved_changes
+        if unsaved and self._cadence.due(self._clock()):
             self._saving = threading.Thread(target=self._write_copy, args=(self._film,), daemon=True)
             self._saving.start()
 
@@ -243,7 +244,8 @@ class Checkpoint:
         save, self._save, self._saving = self._save, None, None
         if save is None:  # its thread died of something that nobody foresaw
             save = _Save(self._clock(), error=f"{self.path}: cannot be written")
-        if save.broken:
+        if save.broken:  # what is saved stays as it is
+            self._running = False
             return
         self._cadence.saved(save.began, save.cost)
         self._seconds += save.elapsed

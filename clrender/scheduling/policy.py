@@ -197,7 +197,7 @@ def _wanted_bands(plan: Plan, wanted: Ledger) -> Iterator[list[Unit]]:
 
 
 def _strips(plan: Plan, keys: npt.NDArray[np.int64], ranges: list[Ranges]) -> list[Unit]:
-    """Strips of blocks of equal keys, each of whole tiles or of a part of one.
+    """Strips of blocks of equal keys, each of which begins a tile or is a part of one.
 
     Parameters
     ----------
@@ -213,9 +213,7 @@ def _strips(plan: Plan, keys: npt.NDArray[np.int64], ranges: list[Ranges]) -> li
     strips, start = [], 0
     for end in ends:
         wanted = ranges[int(keys[start])]
-        # Up to the next tile, the whole tiles after it, and what is left of the last
-        cuts = sorted({start, min(-(-start // along) * along, end), max(end // along * along, start), end})
-        for a, b in pairwise(cuts):
+        for a, b in pairwise(sorted({start, min(-(-start // along) * along, end), end})):
             slots = (first_slot + BLOCK_SLOTS * a, BLOCK_SLOTS * (b - a))
             strips += [Unit(*slots, low, high - low, plan.tile) for low, high in wanted]
         start = end

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import signal
 import subprocess
@@ -27,6 +28,7 @@ from clrender.film import Film
 from clrender.film.cadence import EVERY_SECONDS, SHARE, Cadence
 from clrender.film.checkpoint import Checkpoint
 from clrender.film.ledger import Ledger
+from clrender.film.lock import FileLock
 from clrender.film.request import differences
 from clrender.film.unit import Unit, UnitSums, blocks_across, tile_side
 from clrender.scheduling.policy import Plan, Remaining
@@ -339,19 +341,47 @@ def test_a_disk_that_is_full_to_the_end(tmp_path: Path, monkeypatch: pytest.Monk
     assert not list(tmp_path.iterdir())
 
 
-def test_a_film_that_broke_is_not_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("ticks", [False, True])
+def test_a_film_that_broke_is_not_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ticks: bool) -> None:
     """An interrupt, or an error, in the midst of a commit leaves the file as it was."""
     path, clock, told = tmp_path / "a.film", Clock(), list[str]()
-    (first, second), expected = units(range(2)), whole(1)
-    with pytest.raises(KeyboardInterrupt), opened(path, told, clock) as checkpoint:
+    (first, second, third), expected = units(range(3)), whole(1)
+    with opened(path, told, clock) as checkpoint:
         film_of(checkpoint).commit(first, sums(first))
         clock.now += 10.0
         checkpoint.tick()
         settle(checkpoint)
-        result = sums(second)
+        film_of(checkpoint).commit(second, sums(second))
+        result = sums(third)
         monkeypatch.setattr(Film, "_add", fail(KeyboardInterrupt()))
-        film_of(checkpoint).commit(second, result)
+        with pytest.raises(KeyboardInterrupt):
+            film_of(checkpoint).commit(third, result)
+        if ticks:
+            clock.now += 10.0
+            checkpoint.tick()
+            settle(checkpoint)
+            assert checkpoint.stats()["checkpoint_writes"] == 1
     assert same(Film.load(path), expected) and not told
+
+
+def test_samples_that_are_there_already_break_nothing(tmp_path: Path) -> None:
+    """They are refused, and the film is whole all the same."""
+    path, unit = tmp_path / "a.film", next(units(range(1)))
+    with opened(path, [], Clock()) as checkpoint:
+        film_of(checkpoint).commit(unit, sums(unit))
+        with pytest.raises(UsageError, match="held already"):
+            film_of(checkpoint).commit(unit, sums(unit))
+    assert same(Film.load(path), whole(1))
+
+
+def test_what_a_kill_left_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "other").write_text("precious")
+    (tmp_path / ".a.film.part").symlink_to(tmp_path / "other")
+    (tmp_path / "a.film.lock").write_text("1\n")
+    with opened(tmp_path / "a.film", [], Clock()) as checkpoint:
+        film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.film", "other"]
+    assert (tmp_path / "other").read_text() == "precious" and same(Film.load(tmp_path / "a.film"), whole(1))
 
 
 # --- resuming --------------------------------------------------------------------------------------------------------
@@ -452,6 +482,36 @@ def test_a_second_process_is_refused_until_the_first_is_gone(tmp_path: Path) -> 
     with Checkpoint(path, True, lambda line: None):
         pass
     assert not path.with_name("a.film.lock").exists()
+
+
+def test_a_lock_file_that_is_removed_between_opening_and_locking(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As by one who ends: the lock on what has no name any more would keep nobody out."""
+    path, flock, calls = tmp_path / "a.film.lock", fcntl.flock, list[int]()
+
+    def late(descriptor: int, how: int) -> None:
+        calls.append(descriptor)
+        if len(calls) == 1:
+            path.unlink()
+        flock(descriptor, how)
+
+    monkeypatch.setattr("clrender.film.lock.fcntl.flock", late)
+    first, second = (FileLock(tmp_path / "a.film", "taken") for _ in range(2))
+    first.take()
+    assert len(calls) == 2 and path.exists()
+    with pytest.raises(UsageError, match="taken"):
+        second.take()
+    first.release()
+    assert not path.exists()
+
+
+def test_folders_without_locks_are_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    monkeypatch.setattr("clrender.film.lock.fcntl.flock", fail(OSError(errno.ENOLCK, "no locks")))
+    with opened(tmp_path / "a.film", told, Clock()) as checkpoint:
+        film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
+    assert len(told) == 1 and "cannot be locked" in told[0] and same(Film.load(tmp_path / "a.film"), whole(1))
 
 
 def test_many_threads_race_for_it(tmp_path: Path) -> None:
