@@ -102,7 +102,7 @@ def survive(folder: Path, kills: int, spp: int, size: str, longest: float) -> No
 
 
 def test_a_few_kills(tmp_path: Path) -> None:
-    survive(tmp_path, 3, 5_000, "33x26", 0.4)
+    survive(tmp_path, 3, 30_000, "33x26", 0.3)
 
 
 @pytest.mark.slow
