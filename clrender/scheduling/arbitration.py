@@ -38,6 +38,7 @@ class Arbitration:
         self._dispute: Dispute | None = None
         self._later: list[tuple[Piece, int, bytes]] = []
         self._undecided: set[int] = set()
+        self._excluded: set[int] = set()
 
     @property
     def undecided(self) -> str:
@@ -49,12 +50,13 @@ class Arbitration:
         self._open(piece, other, digest(result.sums, result.counts))
 
     def _open(self, piece: Piece, other: int, answer: bytes) -> None:
-        if any(self._work.dismissed(each) for each in (piece.worker, other)):
-            return
+        if not self._excluded.isdisjoint((piece.worker, other)):
+            return  # what these did is gone; that of one which hangs is not
         if self._dispute is not None:
             self._later.append((piece, other, answer))
             return
         self._dispute = dispute = Dispute(piece, other)
+        self._work.dispute(True)
         voters = self._work.in_service()
         for worker in voters:
             dispute.ask(worker, _TIMES)
@@ -91,6 +93,7 @@ class Arbitration:
         if not self._undecided:
             wrong, self._undecided = judge(dispute.answers, [each.driver for each in self._candidates])
             for worker in sorted(wrong):
+                self._excluded.add(worker)
                 self._exclude(worker, _reason(dispute.answers[worker]))
             if self._undecided:
                 for worker in sorted(self._undecided):
@@ -110,6 +113,7 @@ class Arbitration:
                     "does not tell which is right; render on one of them alone, or on a third"
                 )
             for worker in sorted(wrong):
+                self._excluded.add(worker)
                 self._exclude(worker, why)
         self._close()
 
@@ -118,6 +122,7 @@ class Arbitration:
         later, self._later = self._later, []
         for piece, other, answer in later:
             self._open(piece, other, answer)
+        self._work.dispute(self._dispute is not None)
 
     def _names(self, workers: Sequence[int]) -> str:
         return " and ".join(self._candidates[worker].name for worker in workers)

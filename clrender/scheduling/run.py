@@ -267,12 +267,11 @@ class _Run:
         if tally.state == "wrong":
             return
         self._work.dismiss(worker)
+        self._work.cancel_checks(worker)
         self._forget_progress(worker)
         samples, rays = self._tally.samples, self._tally.rays
         for number, units in (self._apart.withdraw(worker) if self._apart else {}).items():
             self._tally.workers[number].withdraw(units)
             self._work.redo(units)
         self._seen = (self._seen[0] - samples + self._tally.samples, self._seen[1] - rays + self._tally.rays)
-        if tally.state == "ok":
-            self._end_of(worker, RenderError(f"{tally.name} computes wrong results: {why}"), "wrong")
-        tally.state = "wrong"
+        self._end_of(worker, RenderError(f"{tally.name} computes wrong results: {why}"), "wrong")

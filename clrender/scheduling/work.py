@@ -83,6 +83,7 @@ class Work:
         self._resting: set[int] = set()
         self._retired: set[int] = set()
         self._dismissed: set[int] = set()
+        self._disputed = False
         self._ended = False
         self._changed = threading.Condition()
 
@@ -173,6 +174,10 @@ class Work:
             self._checks.append(piece)
             self._changed.notify_all()
 
+    def dispute(self, is_open: bool) -> None:
+        """While it is open who is wrong, nobody is let go: what that worker did will have to be done again."""
+        self._change(lambda: setattr(self, "_disputed", is_open))
+
     def order(self, worker: int, kind: Kind, piece: Piece | None = None) -> None:
         """Have this very worker do something, before all else."""
         self._change(lambda: self._orders[worker].append((kind, piece)))
@@ -197,17 +202,25 @@ class Work:
                 self._remaining.retire(worker)
 
     def dismiss(self, worker: int) -> list[Task]:
-        """Let a worker go, whatever it is doing; gives what it was, which others will do."""
+        """Let a worker go, whatever it is doing; gives what it was, which others will do.
+
+        What it has done already is checked all the same.
+        """
         with self._changed:
             tasks = [task for task in self._out.values() if task.worker == worker]
             for task in tasks:
                 del self._out[task.number]
                 self._put_back(task)
-            self._checks = deque(piece for piece in self._checks if piece.worker != worker)
             self._dismissed.add(worker)
             self._changed.notify_all()
         self.retire(worker)
         return tasks
+
+    def cancel_checks(self, worker: int) -> None:
+        """Nothing that a worker did is there to be checked any more."""
+        with self._changed:
+            self._checks = deque(piece for piece in self._checks if piece.worker != worker)
+            self._changed.notify_all()
 
     def end(self) -> None:
         """Nobody gets anything to do any more."""
@@ -267,7 +280,7 @@ class Work:
             self._checks.append(task.piece)
 
     def _over(self) -> bool:
-        """Whether nothing can come any more: nothing is out or ordered, and nobody is there for what is to check."""
-        if self._out or any(self._orders.values()):
+        """Whether nothing can come any more: nothing is out, ordered or open, and nobody is there for what is to check."""
+        if self._out or self._disputed or any(self._orders.values()):
             return False
         return not any(self._in_service - {piece.worker} for piece in self._checks)

@@ -107,7 +107,7 @@ def test_a_few_kills(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_hundred_kills(tmp_path: Path) -> None:
-    survive(tmp_path, 200, 150_000, "33x26", 0.4)
+    survive(tmp_path, 200, 600_000, "33x26", 0.4)
 
 
 @pytest.mark.slow

@@ -19,11 +19,12 @@ from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling import run as scheduling
 from clrender.scheduling.contributions import Contributions
 from clrender.scheduling.dispute import judge
-from clrender.scheduling.policy import Plan
+from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import Tally, run
 from clrender.scheduling.spot_check import SHARE, Sampler
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.watchdog import TimeLimits, Watchdog
+from clrender.scheduling.work import Kind, Work
 from clrender.scheduling.worker import Candidate
 
 
@@ -418,3 +419,37 @@ def test_devices_that_share_lose_little(rates: list[float]) -> None:
     """The checks and the merging of results with them, by the clock."""
     plan = Plan(800, 800, 0, 64, 64)
     assert max(together(plan, rates)[0] for _ in range(3)) >= 0.95
+
+
+def test_a_liar_that_hangs_when_it_is_asked_again_is_found_all_the_same(hasty: None) -> None:
+    plan, film, release = plan_for(40, 24, 12, 8), Film(40, 24), threading.Event()
+
+    class Hanging(Liar):
+        def render(self, unit: Unit, *more: Any) -> UnitSums:
+            if unit.slot_count < 64:  # a piece
+                release.wait()
+            return super().render(unit, *more)
+
+    with cut_as(small_units):
+        tally = meet(plan, film, Hanging(plan, 1.0, True), FakeWorker(plan, "honest"))
+    release.set()
+    assert_whole(plan, film)
+    assert tally.complete and tally.samples == 40 * 24 * 12 and tally.workers[0].state == "wrong"
+    lines = failures_told(tally)
+    assert len(lines) == 2 and "liar hangs: " in lines[0] and "liar computes wrong results: " in lines[1]
+
+
+def test_what_a_worker_did_before_it_hung_is_still_checked() -> None:
+    plan = plan_for(40, 24, 12, 8)
+    work, unit = Work(Remaining(plan, 2), 2), Unit(0, 64, 0, 12, 8)
+    piece = Sampler(plan).piece(0, unit, FakeWorker(plan, "hung").render(unit))
+    assert piece is not None
+    work.check(piece)
+    work.measured(1, unit, 0.01)
+    work.dismiss(0)
+    task = work.take(1)
+    assert task is not None and task.kind is Kind.CHECK and task.piece is piece
+    work.give_back(task)
+    work.cancel_checks(0)
+    task = work.take(1)
+    assert task is not None and task.kind is Kind.UNIT
