@@ -280,7 +280,7 @@ class Work:
             self._checks.append(task.piece)
 
     def _over(self) -> bool:
-        """Whether nothing can come any more: nothing is out, ordered or open, and nobody is there for what is to check."""
+        """Whether nothing can come any more: nothing is out or open, and nobody is there for what is to check."""
         if self._out or self._disputed or any(self._orders.values()):
             return False
         return not any(self._in_service - {piece.worker} for piece in self._checks)
