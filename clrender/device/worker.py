@@ -15,6 +15,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.device.bvh import STACK
 from clrender.device.preparation import DevicePreparation
+from clrender.device.replicates import ReplicateSums
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
 from clrender.integrators.descriptor import Pipeline
@@ -184,6 +185,8 @@ class DeviceWorker:
             self._pipeline = pipeline
             self._program = device.program(pipeline.entry, {**self._defined, "PACKETS": self._packets})
             self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
+            replicate_spp = int(settings["replicate_spp"][0])
+            self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
             self._rate = 0.0
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             self.scene_arguments = [named[name] for name in scene_array_names()]
@@ -291,6 +294,9 @@ class DeviceWorker:
         slots = unit.slot_count
         sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
         self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
+        if self._replicates is not None:
+            begun = self._replicates.begin(slots, unit.first_sample)
+            self._launch(self._accumulate, "film_clear_squares", slots, begun)
         pixels = unit.pixels(int(self._settings["width"][0]), int(self._settings["height"][0]))
         done = np.zeros(slots // BLOCK_SLOTS, np.uint32)
         rays = shadow_rays = deepest = finished = 0
@@ -299,7 +305,7 @@ class DeviceWorker:
             start = 0
             while start < slots:
                 if should_stop is not None and should_stop():
-                    return UnitSums(*self._read(sums, counts, slots), done, rays, shadow_rays, deepest)
+                    return self._read(sums, counts, slots, done, (rays, shadow_rays, deepest))
                 length = self._slice_slots(slots - start, passes)
                 part = Unit(unit.first_slot + start, length, unit.first_sample + finished, passes, unit.tile)
                 counted = self._slice(part, start, sums, counts)
@@ -312,13 +318,16 @@ class DeviceWorker:
                 if on_slice is not None:
                     on_slice(int(pixels[blocks].sum()) * passes, counted[0] + counted[1])
             finished += passes
-        return UnitSums(*self._read(sums, counts, slots), done, rays, shadow_rays, deepest)
+        return self._read(sums, counts, slots, done, (rays, shadow_rays, deepest))
 
-    def _read(self, sums: Buffer, counts: Buffer, slots: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
+    def _read(
+        self, sums: Buffer, counts: Buffer, slots: int, done: npt.NDArray[np.uint32], rays: tuple[int, int, int]
+    ) -> UnitSums:
         result = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
         self.device.read(sums, result[0])
         self.device.read(counts, result[1])
-        return result
+        squares = None if self._replicates is None else self._replicates.read(*result, done)
+        return UnitSums(*result, done, *rays, squares)
 
     def _slice(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> tuple[int, int, int]:
         """One launch, and its samples added up; gives its nearest-hit rays, shadow rays and deepest path."""
@@ -345,7 +354,11 @@ class DeviceWorker:
             np.uint32(part.slot_count),
         ]
         tail: list[Buffer | np.generic] = [np.uint32(part.sample_count), np.uint32(start), sums, counts]
-        self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail])
+        if self._replicates is None:
+            self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail])
+        else:
+            tail = [np.uint32(part.first_sample), *tail, *self._replicates.buffers]
+            self._launch(self._accumulate, "film_accumulate_replicates", part.slot_count, [*head, *tail])
         counted = np.empty((items, 4), np.uint32)
         device.read(stats, counted)
         seconds = time.perf_counter() - begin

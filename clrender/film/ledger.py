@@ -75,6 +75,11 @@ class Ledger:
         wanted: Ranges = ((start, stop),) if stop > start else ()
         return all(self._sets[number] == wanted for number in np.unique(self._blocks))
 
+    def divides(self, whole: int) -> bool:
+        """Whether every block has had whole runs of so many samples, counted from 0 on."""
+        held = [self._sets[number] for number in np.unique(self._blocks)]
+        return all(bound % whole == 0 for ranges in held for pair in ranges for bound in pair)
+
     def sets_of(self, blocks: npt.NDArray[np.integer[Any]]) -> tuple[list[Ranges], npt.NDArray[np.uint32]]:
         """The distinct sets of samples, and which of them each of some blocks has.
 

@@ -81,6 +81,9 @@ class UnitSums:
         Samples taken of each block, the unit's first ones: fewer than the unit's where it was stopped.
     rays, shadow_rays, deepest : int
         Rays of all kinds, shadow rays, most scattering events of a path.
+    squares : (slot_count, 3, 8) uint32 or None
+        Where samples come in replicates, of which `done` holds whole ones only: sums of the squares of the replicates'
+        sums, 256 bits in quanta of 2**-128, least significant word first.
     """
 
     sums: npt.NDArray[np.uint32]
@@ -89,6 +92,7 @@ class UnitSums:
     rays: int
     shadow_rays: int
     deepest: int
+    squares: npt.NDArray[np.uint32] | None = None
 
 
 def tile_side(tile: int, width: int, height: int) -> int:

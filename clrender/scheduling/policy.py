@@ -55,6 +55,8 @@ class Plan:
         plan's. It must not change any more.
     short_units : bool
         Units of one worker last no longer than those of several: what is lost with a process that dies is a unit.
+    whole : int
+        Samples of a pixel that no unit may part, counted from 0 on: those of a replicate.
     """
 
     width: int
@@ -66,6 +68,7 @@ class Plan:
     rows: tuple[int, int] | None = None
     wanted: Ledger | None = field(default=None, compare=False)
     short_units: bool = False
+    whole: int = 1
 
     @property
     def samples(self) -> int:
@@ -152,8 +155,9 @@ class Remaining:
         alone = self._workers <= 1
         if not self._plan.short_units and (alone or self._plan.sample_by_sample):
             return self._slots(strip, self._most_tiles), strip.sample_count
+        whole = self._plan.whole
         if worker not in self._rates:
-            return self._slots(strip, _FIRST_SLOTS // self._area), 1
+            return self._slots(strip, _FIRST_SLOTS // (self._area * whole)), whole
         rate = self._rates[worker]
         if self._plan.sample_by_sample:
             return self._slots(strip, int(rate * LONGEST_SECONDS / self._area)), 1
@@ -161,7 +165,7 @@ class Remaining:
         share = self._left * rate / (2.0 * (sum(self._rates.values()) + 1e-9))
         wanted = rate * UNIT_SECONDS if alone else min(rate * UNIT_SECONDS, share)
         slots = self._slots(strip, int(wanted / (self._area * strip.sample_count)))
-        return slots, max(1, min(strip.sample_count, int(wanted / slots)))
+        return slots, max(1, min(strip.sample_count, int(wanted / slots)) // whole) * whole
 
     def _slots(self, strip: Unit, tiles: int) -> int:
         """Slots of so many tiles, but one at least, of a strip; it may be a part of a tile, which stays together."""
@@ -172,7 +176,7 @@ class Remaining:
 
 def _depth(plan: Plan) -> int:
     """Samples of the strips that the image is refined by."""
-    return 1 if plan.sample_by_sample else _UNIT_SAMPLES
+    return 1 if plan.sample_by_sample else -(-_UNIT_SAMPLES // plan.whole) * plan.whole
 
 
 def _whole_bands(plan: Plan) -> Iterator[list[Unit]]:
