@@ -36,7 +36,7 @@ class ReplicateSums:
         self._device, self._scratch = device, scratch
 
     def begin(self, slots: int, first_sample: int) -> list[Buffer | np.generic]:
-        """Buffers for a unit: the arguments of `film_clear_squares`.
+        """Buffers for a unit: the arguments of `film_clear_replicates`.
 
         Raises
         ------
@@ -48,7 +48,7 @@ class ReplicateSums:
         self._squares = self._scratch.buffer("squares", 96 * slots)
         self._start_sums = self._scratch.buffer("start_sums", 48 * slots)
         self._start_counts = self._scratch.buffer("start_counts", 4 * slots)
-        return [self._squares, np.uint32(slots)]
+        return [*self.buffers, np.uint32(slots)]
 
     @property
     def buffers(self) -> list[Buffer]:

@@ -296,7 +296,7 @@ class DeviceWorker:
         self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
         if self._replicates is not None:
             begun = self._replicates.begin(slots, unit.first_sample)
-            self._launch(self._accumulate, "film_clear_squares", slots, begun)
+            self._launch(self._accumulate, "film_clear_replicates", slots, begun)
         pixels = unit.pixels(int(self._settings["width"][0]), int(self._settings["height"][0]))
         done = np.zeros(slots // BLOCK_SLOTS, np.uint32)
         rays = shadow_rays = deepest = finished = 0

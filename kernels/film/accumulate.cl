@@ -164,9 +164,11 @@ __kernel void film_accumulate_replicates(__global const Settings* settings, __gl
     start_counts[at] = start_accepted;
 }
 
-// Nor has it any replicate.
-__kernel void film_clear_squares(__global ulong* squares, uint slot_count) {
+// Nor has it any replicate. Slots outside the image keep what is written here.
+__kernel void film_clear_replicates(__global ulong* squares, __global ulong* start_sums, __global uint* start_counts, uint slot_count) {
     const uint slot = (uint)get_global_id(0);
     if (slot >= slot_count) return;
     for (int k = 0; k < 12; ++k) squares[(size_t)slot * 12 + k] = 0;
+    for (int k = 0; k < 6; ++k) start_sums[(size_t)slot * 6 + k] = 0;
+    start_counts[slot] = 0;
 }
