@@ -15,15 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import RenderError, UsageError
+from clrender.film.accumulate import Counts, Rows, Sums, add, rows_of
 from clrender.film.file import FilmReader, write_film
-from clrender.film.fixed_point import QUANTUM_BITS, SAMPLE_LIMIT_BITS, to_float64
+from clrender.film.fixed_point import to_float64
 from clrender.film.ledger import Ledger
-from clrender.film.unit import Unit, UnitSums, tile_slots
+from clrender.film.unit import Unit, UnitSums
 
 __all__ = ["Film"]
-
-_COUNT_LIMIT: Final = 1 << (126 - QUANTUM_BITS - SAMPLE_LIMIT_BITS)
-"""Samples a pixel may hold before its sum has to be watched: fewer cannot pass 2^126 quanta."""
 
 _BAND_BYTES: Final = 64 << 20
 """Bands are larger than any size malloc keeps for itself, so that a released one returns to the system."""
@@ -31,8 +29,6 @@ _BAND_BYTES: Final = 64 << 20
 _CHUNK: Final = 1 << 16
 """Pixels developed at a time: their temporaries stay in the cache."""
 
-_Sums = npt.NDArray[np.uint64]
-_Counts = npt.NDArray[np.uint32]
 _Film = TypeVar("_Film", bound="Film")
 
 
@@ -70,10 +66,10 @@ class Film:
         self.request: dict[str, Any] = dict(request or {})
         self.provenance: dict[str, Any] = {}
         self.ledger = Ledger(width, height)
-        self.counts: _Counts = np.zeros((height, width), np.uint32)
+        self.counts: Counts = np.zeros((height, width), np.uint32)
         self.band_rows = max(1, min(height, _BAND_BYTES // (48 * width)))
         # A band is (rows, width, channel, low/high word); zero pages cost nothing until they are written.
-        self._bands: list[_Sums | None] = [
+        self._bands: list[Sums | None] = [
             np.zeros((min(self.band_rows, height - top), width, 3, 2), np.uint64)
             for top in range(0, height, self.band_rows)
         ]
@@ -90,7 +86,7 @@ class Film:
         """Whether `develop` has released the sums; such a film can be neither added to, saved nor merged."""
         return any(band is None for band in self._bands)
 
-    def bands(self) -> list[_Sums]:
+    def bands(self) -> list[Sums]:
         """Sums of all rows, top first: (rows, width, 3, 2) uint64, low word first, in quanta of 2^-64.
 
         Raises
@@ -133,18 +129,11 @@ class Film:
         if int(result.done.max(initial=0)) > unit.sample_count:
             raise RenderError(f"a unit of {unit.sample_count} samples came with {int(result.done.max())}.")
         words = np.ascontiguousarray(result.sums, "<u4").view("<u8").astype(np.uint64, copy=False)  # (slots, 3, 2)
-        area, across = unit.tile * unit.tile, -(-self.width // unit.tile)
-        words, counts, first_tile = _whole_tiles(unit, words, result.counts)
         with self._whole:
             self.bands()
             self.ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
-            for first in range(0, len(counts), area):
-                row, column = divmod(first_tile + first // area, across)
-                top, left = row * unit.tile, column * unit.tile
-                rows, columns = min(unit.tile, self.height - top), min(unit.tile, self.width - left)
-                if rows > 0:
-                    order = first + tile_slots(unit.tile).reshape(unit.tile, unit.tile)[:rows, :columns]
-                    self._add(top, left, words[order], counts[order])
+            for rows in rows_of(unit, words, result.counts, self.width, self.height):
+                self._add(rows)
         return int((unit.pixels(self.width, self.height) * result.done).sum())
 
     def mean(self) -> npt.NDArray[np.float32]:
@@ -255,7 +244,7 @@ class Film:
                 top = index * self.band_rows
                 with self._pixels:
                     rows = slice(top, top + len(band))
-                    _accumulate(band, self.counts[rows], more, other.counts[rows])
+                    add(band, self.counts[rows], more, other.counts[rows])
 
     def take_out(self, other: Film) -> None:
         """Subtract a film of this size whose samples are all in this one: exactly as if they had never come in.
@@ -346,21 +335,22 @@ class Film:
                 return False
         return True
 
-    def _add(self, top: int, left: int, words: _Sums, counts: _Counts) -> None:
+    def _add(self, rows: Rows) -> None:
         """Add the sums and counts of a rectangle of pixels."""
-        height, width = counts.shape
-        bands = self.bands()
-        row = top
-        while row < top + height:
-            index = row // self.band_rows
-            stop = min(top + height, (index + 1) * self.band_rows)
-            band = bands[index][row - index * self.band_rows : stop - index * self.band_rows, left : left + width]
-            part = slice(row - top, stop - top)
+        height, width = rows.counts.shape
+        top = 0
+        while top < height:
+            index, inside = divmod(rows.top + top, self.band_rows)
+            end = min(height, top + self.band_rows - inside)
+            across = slice(rows.left, rows.left + width)
+            band = self._bands[index]
+            assert band is not None, "nobody develops a film while it is added to"
             with self._pixels:
-                _accumulate(band, self.counts[row:stop, left : left + width], words[part], counts[part])
-            row = stop
+                counts = self.counts[rows.top + top : rows.top + end, across]
+                add(band[inside : inside + end - top, across], counts, rows.sums[top:end], rows.counts[top:end])
+            top = end
 
-    def _mean(self, bands: list[_Sums], *, release: bool) -> npt.NDArray[np.float32]:
+    def _mean(self, bands: list[Sums], *, release: bool) -> npt.NDArray[np.float32]:
         image = np.empty((self.height * self.width, 3), np.float32)
         counts = self.counts.reshape(-1)
         for index in range(len(bands)):
@@ -376,33 +366,6 @@ class Film:
         return image.reshape(self.height, self.width, 3)
 
 
-def _whole_tiles(unit: Unit, words: _Sums, counts: _Counts) -> tuple[_Sums, _Counts, int]:
-    """Sums and counts of the tiles that a unit has a part of, nothing elsewhere, and the number of the first tile."""
-    area = unit.tile * unit.tile
-    tile, offset = divmod(unit.first_slot, area)
-    slots = -(-(offset + unit.slot_count) // area) * area
-    if slots == unit.slot_count:
-        return words, counts, tile
-    whole = np.zeros((slots, 3, 2), np.uint64), np.zeros(slots, np.uint32)
-    part = slice(offset, offset + unit.slot_count)
-    whole[0][part], whole[1][part] = words, counts
-    return *whole, tile
-
-
-def _mean_of(sums: _Sums, counts: _Counts) -> npt.NDArray[np.float32]:
+def _mean_of(sums: Sums, counts: Counts) -> npt.NDArray[np.float32]:
     weights = np.maximum(counts, 1).astype(np.float64)
     return (to_float64(sums) / weights[..., None]).astype(np.float32)
-
-
-def _accumulate(total: _Sums, total_counts: _Counts, words: _Sums, counts: _Counts) -> None:
-    """Add `words` (…, 3, 2) to `total` in place, and the counts (…)."""
-    low, high = total[..., 0], total[..., 1]
-    low += words[..., 0]
-    carry = low < words[..., 0]
-    high += words[..., 1]
-    high += carry
-    total_counts += counts
-    if np.any(total_counts < counts):
-        raise RenderError("a pixel has more than 4294967295 samples, the most a film counts; ask for fewer.")
-    if total_counts.max(initial=0) >= _COUNT_LIMIT and np.any(high.astype(np.int64) + (1 << 62) < 0):
-        raise RenderError("the sum of a pixel's samples is beyond 2^62, the range of a film; use dimmer lights.")
