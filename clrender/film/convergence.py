@@ -1,13 +1,13 @@
 """When a render is good enough: confidence intervals of its pixels, looked at a few times that are fixed beforehand.
 
 Looking after every sample and stopping at the first good look would pick moments at which the error is underestimated.
-Looks are therefore few, and the error probability is spent over them: look l gets α / (l (l + 1)), which sums to α
-over any number of looks (Lan and DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70, 1983).
-So the intervals of a pixel hold at all looks together with the probability that was asked for.
+Looks are therefore few, and each gets its share of the error probability (Bonferroni): the intervals of a pixel hold at
+all looks together with the probability that was asked for. Shares do not depend on the most samples that are asked for.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -18,10 +18,10 @@ import numpy.typing as npt
 from clrender.film.film import Film
 from clrender.film.replicates import replicate_counts, standard_error
 from clrender.image.tone_map import LUMINANCE
-from clrender.settings import FIRST_LOOK, RenderSettings
+from clrender.settings import FIRST_LOOK, SETTINGS, RenderSettings
 from clrender.student import critical_value
 
-__all__ = ["Convergence", "judge", "looks"]
+__all__ = ["Convergence", "judge", "level", "looks"]
 
 _FLOOR_SHARE: Final = 0.1
 """Of the image's mean luminance: below it a pixel's error is not asked to fall with the pixel."""
@@ -39,6 +39,12 @@ def looks(settings: RenderSettings) -> Iterator[int]:
         yield samples
         samples *= 2
     yield settings.spp
+
+
+def level(settings: RenderSettings) -> float:
+    """Error probability of the intervals at each look: that of all, over as many looks as there can be."""
+    most: int = SETTINGS["spp"].schema()["maximum"]
+    return (1.0 - settings.confidence) / len(list(looks(dataclasses.replace(settings, spp=most))))
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ class Convergence:
         return bool(np.count_nonzero(~self.unconverged) >= self.wanted * self.unconverged.size)
 
 
-def judge(film: Film, settings: RenderSettings, look: int) -> Convergence:
+def judge(film: Film, settings: RenderSettings) -> Convergence:
     """Compare the error of each pixel with what `RenderSettings.error` allows.
 
     It follows from the exact contents of the film alone, so that it is the same wherever they came from.
@@ -87,8 +93,6 @@ def judge(film: Film, settings: RenderSettings, look: int) -> Convergence:
         With replicates.
     settings : RenderSettings
         With an error.
-    look : int
-        Its number, from 1.
 
     Raises
     ------
@@ -103,8 +107,7 @@ def judge(film: Film, settings: RenderSettings, look: int) -> Convergence:
     floor = settings.error_floor or _FLOOR_SHARE * float(f"{luminance.mean():.6g}")
     tolerances = settings.error * np.maximum(np.abs(luminance), floor)
     counts, inverse = np.unique(replicate_counts(film), return_inverse=True)
-    level = (1.0 - settings.confidence) / (look * (look + 1))
-    quantiles = np.round(critical_value(level, np.maximum(counts - 1.0, 1.0)), 6)
+    quantiles = np.round(critical_value(level(settings), np.maximum(counts - 1.0, 1.0)), 6)
     # Channels of one pixel may depend on each other in any way: the error of their sum is at most that of all in step
     intervals = quantiles[inverse.reshape(luminance.shape)] * _luminance(errors)
     unconverged = ~(intervals <= tolerances)

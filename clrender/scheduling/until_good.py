@@ -54,11 +54,12 @@ def run_until_good(
     """
     tally = Tally(complete=True, workers=[WorkerTally(candidate.name) for candidate in candidates])
     able = list(range(len(candidates)))
-    look = 0
-    for look, samples in enumerate(looks(settings), 1):
+    found: Convergence | None = None
+    for samples in looks(settings):
         if int(film.ledger.taken().max()) > samples:
             continue
         part = dataclasses.replace(plan, sample_count=samples, wanted=film.ledger.lacking(0, samples))
+        found = None
         if part.samples:
             done, rays = tally.samples, tally.rays
 
@@ -70,7 +71,7 @@ def run_until_good(
             able = [number for number in able if tally.workers[number].state == "ok"]
             if not tally.complete:
                 break
-        found = judge(film, settings, look)
+        found = judge(film, settings)
         if found.reached:
-            return tally, found
-    return tally, judge(film, settings, look)
+            break
+    return tally, found or judge(film, settings)
