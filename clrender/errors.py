@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["ClrenderError", "DeviceError", "DeviceFailure", "RenderError", "SceneError", "UsageError"]
+__all__ = ["ClrenderError", "DeviceError", "DeviceFailure", "MemoryRefused", "RenderError", "SceneError", "UsageError"]
 
 
 class ClrenderError(Exception):
@@ -25,6 +25,12 @@ class RenderError(ClrenderError):
 
 class DeviceFailure(RenderError):
     """A driver refused a call that it may well accept later: the device is worth another try."""
+
+
+class MemoryRefused(RenderError):
+    """Something would take more memory than the user allows."""
+
+    exit_code = 2
 
 
 class SceneError(ClrenderError):

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from clrender.aov import check_aovs
+from clrender.aov import ERRORS, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS, Integrator
@@ -17,7 +17,7 @@ from clrender.resources import kernels_folder
 from clrender.scene import Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.scene.taken import check_materials
-from clrender.settings import RenderSettings, settings_for
+from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, settings_for
 from clrender.version import __version__
 
 __all__ = ["RenderJob"]
@@ -91,11 +91,23 @@ class RenderJob:
         aov: Iterable[str],
         denoise: bool,
     ) -> RenderJob:
+        layers = check_aovs(aov)
+        if "unconverged" in layers and settings.error is None:
+            raise UsageError("aov: the layer unconverged needs error, which says what counts as converged")
+        if not ERRORS.isdisjoint(layers) and settings.replicate_spp is None:
+            settings = dataclasses.replace(settings, replicate_spp=REPLICATE_SPP)
+            check_memory(settings)
         first, stop = samples if samples is not None else (0, settings.spp)
         if not 0 <= first < stop <= settings.spp:
             raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")
+        _check_parts(settings, first, stop)
+        if not ERRORS.isdisjoint(layers) and stop - first < 2 * (settings.replicate_spp or 1):
+            raise UsageError(
+                f"aov: standard errors take two replicates or more, and {stop - first} samples are fewer than two of "
+                f"{settings.replicate_spp}; ask for more samples, or for smaller replicates"
+            )
         check_materials(scene, settings.integrator)
-        return cls(scene, settings, first, stop - first, check_aovs(aov), denoise)
+        return cls(scene, settings, first, stop - first, layers, denoise)
 
     @classmethod
     def given(cls, scene: Scene | RenderJob, **settings: Any) -> RenderJob:
@@ -134,12 +146,20 @@ class RenderJob:
         """
         if not 1 <= number <= count:
             raise UsageError(f"shard {number}/{count}: there are the shards 1/{count} to {count}/{count}")
-        if count > self.sample_count:
+        whole = self.settings.replicate_spp or 1
+        parts = self.sample_count // whole
+        if count > parts:
+            what = "samples" if whole == 1 else f"replicates of {whole} samples"
             raise UsageError(
-                f"shard {number}/{count}: {self.sample_count} samples a pixel make at most {self.sample_count} shards; "
-                "ask for fewer shards or for more samples"
+                f"shard {number}/{count}: {parts} {what} a pixel make at most {parts} shards; ask for fewer shards or "
+                "for more samples"
             )
-        begin, stop = (self.sample_count * part // count for part in (number - 1, number))
+        if self.settings.error is not None:
+            raise UsageError(
+                f"shard {number}/{count}: no part of the samples says when the whole image is good enough; leave out "
+                "the error, or render it in one piece, on as many devices as there are"
+            )
+        begin, stop = (parts * part // count * whole for part in (number - 1, number))
         return dataclasses.replace(self, first_sample=self.first_sample + begin, sample_count=stop - begin)
 
     def request(self) -> dict[str, Any]:
@@ -215,6 +235,15 @@ class RenderJob:
                 "of clrender"
             )
         return job
+
+
+def _check_parts(settings: RenderSettings, first: int, stop: int) -> None:
+    """A part of the samples holds whole replicates, and only the whole stops by its error."""
+    whole = settings.replicate_spp or 1
+    if first % whole or stop % whole:
+        raise UsageError(f"samples is {(first, stop)}; with replicates of {whole} samples both must be multiples of it")
+    if settings.error is not None and (first, stop) != (0, settings.spp):
+        raise UsageError(f"samples is {(first, stop)}; a render that stops by its error takes all of them, from 0 on")
 
 
 def _sampler_sha256() -> str:

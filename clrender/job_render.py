@@ -21,18 +21,21 @@ from clrender.device.worker import DeviceWorker, LaunchConfig, most_lanes
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.checkpoint import Checkpoint
+from clrender.film.convergence import Convergence
 from clrender.film.ledger import Ledger
+from clrender.film.replicates import standard_error
 from clrender.film.unit import tile_side
 from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
-from clrender.render_stats import job_stats, peak_rss, render_stats
+from clrender.render_stats import error_stats, film_layers, job_stats, peak_rss, render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.pool import WorkerPool
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
+from clrender.scheduling.until_good import run_until_good
 
 if TYPE_CHECKING:
     from clrender.session import Session
@@ -83,6 +86,7 @@ class JobRender:
         self._seconds: dict[str, float] = {}
         self._started: float | None = None
         self._film: Film | None = None
+        self._found: Convergence | None = None
 
     def image(self, keep_film: bool) -> RenderedImage:
         """Render it; `Session.render` says what is returned and raised."""
@@ -99,15 +103,16 @@ class JobRender:
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
         sharing = session.devices
-        tally, workers, finished = self._run(prepared, film)
+        tally, workers, finished = self._run(prepared, film, settings.error is not None)
         if self._dismissed(sharing, tally) and first and not tally.all_failed:
             with self._timed("aov_seconds"):  # they may be wrong as well
                 first = self._layers(flat)
         self._check_progress(tally, film)
         if self._started is not None:
             self._seconds["setup_seconds"] = self._started - self._begin - self._seconds["aov_seconds"]
+        errors = self._found.errors if self._found else standard_error(film) if film.replicate_spp else None
         linear = film.mean() if keep_film else film.develop()
-        first["samples"] = film.counts[..., None].astype(np.float32)
+        first |= film_layers(film, errors, self._found)
         measured = {
             "load_seconds": self._seconds["read_seconds"] + self._seconds["flatten_seconds"],
             **self._seconds,
@@ -120,6 +125,8 @@ class JobRender:
             "wall_seconds": time.perf_counter() - self._begin,
         }
         stats = render_stats(job, flat, film, linear, tally, sharing, workers, measured, self._checkpoint)
+        if errors is not None:
+            stats |= error_stats(job, film, errors, self._found, tally.complete)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
         layers = {name: first[name] for name in job.aov if name in first}
         mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers}
@@ -192,16 +199,24 @@ class JobRender:
         self._plan = dataclasses.replace(self._plan, wanted=wanted)
         self._total = self._plan.samples
 
-    def _run(self, prepared: Prepared | None, film: Film) -> tuple[Tally, dict[int, DeviceWorker], float]:
+    def _run(
+        self, prepared: Prepared | None, film: Film, until_good: bool = False
+    ) -> tuple[Tally, dict[int, DeviceWorker], float]:
         """Take the samples of the plan; the workers are those that could be set up, the time that of the last result.
 
         Of a plan without samples nothing need be prepared.
         """
         if prepared is None:
+            if until_good:
+                _, self._found = run_until_good(self._plan, [], film, self._settings)
             names = [WorkerTally(device.info.title) for device in self._session.devices]
             return Tally(complete=True, workers=names), {}, time.perf_counter()
         with self._pool(prepared) as pool:
-            tally = run(self._plan, pool.candidates, film, self._advance, self._stops, self._session.tell)
+            listeners = self._advance, self._stops, self._session.tell
+            if not until_good:
+                tally = run(self._plan, pool.candidates, film, *listeners)
+            else:
+                tally, self._found = run_until_good(self._plan, pool.candidates, film, self._settings, *listeners)
             finished = time.perf_counter()
             workers = pool.workers
         if self._checkpoint is not None:
@@ -322,6 +337,7 @@ def _plan_of(job: RenderJob) -> Plan:
         job.sample_count,
         tile_side(settings.tile, settings.width, settings.height),
         job.integrator.pipeline.sample_by_sample,
+        whole=settings.replicate_spp or 1,
     )
 
 

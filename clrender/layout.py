@@ -431,7 +431,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
             "float",
             "of a sample: integral of the filter's absolute value over that of the filter; 0: a box",
         ),
-        ("padding_0", "uint", ""),
+        ("replicate_spp", "uint", "samples of a replicate, a power of two; 0: a pixel's samples are one sequence"),
         ("filter_lines", "float[256]", "FILTER_LINES times FILTER_LINE_*, from the pixel's centre outwards"),
     ),
 }

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from clrender.film.convergence import Convergence
+from clrender.film.replicates import image_error, replicate_counts
 from clrender.image.files import image_sha256
 
 if TYPE_CHECKING:
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from clrender.job import RenderJob
     from clrender.scheduling.run import Tally
 
-__all__ = ["job_stats", "peak_rss", "render_stats"]
+__all__ = ["error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"]
 
 
 def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,6 +121,57 @@ def render_stats(
             for number, (device, done) in enumerate(zip(devices, tally.workers, strict=True))
         ],
     }
+
+
+def error_stats(
+    job: RenderJob,
+    film: Film,
+    errors: npt.NDArray[np.float64],
+    found: Convergence | None,
+    complete: bool,
+) -> dict[str, Any]:
+    """What ``--stats`` says of a film with replicates.
+
+    Parameters
+    ----------
+    job, film
+        Of the render.
+    errors : (height, width, 3) float64
+        Standard errors of the pixels.
+    found : Convergence, optional
+        Where the render was to stop by its error.
+    complete : bool
+        Whether it did, or took all samples.
+    """
+    known = bool(np.isfinite(errors).all())
+    of_mean = image_error(errors, job.integrator.blocks_share).tolist() if known else None
+    stats: dict[str, Any] = {"replicates": int(replicate_counts(film).min()), "mean_stderr": of_mean}
+    if found is None:
+        return stats
+    settings, taken = job.settings, int(film.ledger.taken().max())
+    if complete:  # these are the samples of the image: whoever verifies it takes so many
+        stats |= {"spp": taken, "sample_count": taken, "settings": {**settings.request(), "spp": taken}}
+    return stats | {
+        "error": settings.error,
+        "confidence": settings.confidence,
+        "share": settings.share,
+        "spp_limit": settings.spp,
+        "converged": found.reached,
+        "unconverged_pixels": int(np.count_nonzero(found.unconverged)),
+        "unconverged_share": 1.0 - found.share,
+    }
+
+
+def film_layers(
+    film: Film, errors: npt.NDArray[np.float64] | None, found: Convergence | None
+) -> dict[str, npt.NDArray[np.float32]]:
+    """The layers that come from the image's own film, each (height, width, channels) float32."""
+    layers = {"samples": film.counts[..., None].astype(np.float32)}
+    if errors is not None:
+        layers["stderr"] = errors.astype(np.float32)
+    if found is not None:
+        layers["unconverged"] = found.unconverged[..., None].astype(np.float32)
+    return layers
 
 
 def peak_rss() -> int:

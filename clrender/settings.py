@@ -20,13 +20,16 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 __all__ = [
+    "FIRST_LOOK",
     "IMAGE",
     "PIXEL_LIMIT",
+    "REPLICATE_SPP",
     "SETTINGS",
     "STOP",
     "WORK",
     "RenderSettings",
     "Setting",
+    "check_memory",
     "not_taken",
     "settings_for",
     "settings_of",
@@ -42,6 +45,15 @@ STOP: Final = "stop"
 PIXEL_LIMIT: Final = 2**30
 _FILM_BYTES: Final = 52
 """Memory of a pixel's exact sums."""
+_REPLICATES_BYTES: Final = 148
+"""The same with the squares of replicates."""
+
+REPLICATE_SPP: Final = 16
+"""Samples of a replicate where one asks for errors and not for replicates."""
+FIRST_LOOK: Final = 16
+"""Replicates of each pixel before their spread says enough to stop by."""
+ERROR_SPP: Final = 16384
+"""Most samples of a pixel where a render stops by its error and nobody says how many."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +213,14 @@ class RenderSettings:
         "Of integrator radiosity: patches of constant radiance, interpolated, or a final gather",
         integrator="radiosity",
     )
+    replicate_spp: int | None = _setting(
+        None,
+        Choice(tuple(2**k for k in range(13))),
+        "Samples of a replicate: each has random numbers of its own, so that standard errors are known",
+        f"no replicates; {REPLICATE_SPP} with --error or --aov stderr",
+        section=None,
+        metavar="N",
+    )
     tile: int = _work(_SIDE, "Side of a tile, pixels", 64)
     samples_per_pass: int | None = _work(Range(1, 2**20, whole=True), "Samples of a pixel in one launch", metavar="K")
     work_group: int | None = _work(Range(1, 4096, whole=True), "Work-items in a group")
@@ -216,6 +236,30 @@ class RenderSettings:
         option="time",
         metavar="S",
     )
+    error: float | None = _setting(
+        None,
+        Range(0.0, 1.0, above=True, below=True),
+        "Stop when the confidence intervals of most pixels are within this part of their luminance; --spp is the most",
+        "no limit",
+        STOP,
+        None,
+        metavar="E",
+    )
+    confidence: float = _setting(
+        0.95, Range(0.0, 1.0, above=True, below=True), "Of --error: level of the intervals", "", STOP, None, metavar="C"
+    )
+    share: float = _setting(
+        0.95, Range(0.0, 1.0, above=True), "Of --error: share of the pixels that have to be within it", "", STOP, None
+    )
+    error_floor: float | None = _setting(
+        None,
+        Range(0.0, above=True),
+        "Of --error: luminance, W/(sr m2), below which the error counts as if the pixel had this",
+        "a tenth of the image's mean",
+        STOP,
+        None,
+        metavar="L",
+    )
 
     def __post_init__(self) -> None:
         for name, setting in SETTINGS.items():
@@ -229,6 +273,27 @@ class RenderSettings:
         for name, allowed in INTEGRATORS[self.integrator].takes.items():
             if getattr(self, name) not in allowed:
                 raise UsageError(f"{name} {not_taken(name, getattr(self, name), self.integrator)}")
+        if self.error is not None and self.replicate_spp is None:
+            object.__setattr__(self, "replicate_spp", REPLICATE_SPP)
+        if self.replicate_spp is not None:
+            self._check_replicates(self.replicate_spp)
+
+    def _check_replicates(self, size: int) -> None:
+        if not INTEGRATORS[self.integrator].has_errors:
+            words = INTEGRATORS[self.integrator].bias
+            raise UsageError(
+                f"the integrator {self.integrator} is {words}: no spread of its samples tells how far its mean is off, "
+                "so it has neither replicates nor standard errors; leave them out, or choose an integrator that is "
+                "unbiased"
+            )
+        if self.spp % size:
+            cure = f"{self.spp // size * size or size} or {(self.spp // size + 1) * size}"
+            raise UsageError(f"spp is {self.spp}, but must be a multiple of replicate_spp, {size}: for example {cure}")
+        if self.error is not None and self.spp < FIRST_LOOK * size:
+            raise UsageError(
+                f"spp is {self.spp}, but with error it is the most samples of a pixel, and errors are first looked at "
+                f"after {FIRST_LOOK} replicates of {size}; ask for {FIRST_LOOK * size} or more, or leave it out"
+            )
 
     def request(self) -> dict[str, Any]:
         """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
@@ -271,6 +336,7 @@ class RenderSettings:
             "light_samples": 0 if self.sampling == "bsdf" and indirect else self.shadow_rays,
             "bsdf_samples": 0 if self.sampling == "light" else indirect,
             "reuse": self.reuse,
+            "replicate_spp": self.replicate_spp or 0,
             **(fixed or {}),
         }
         if self.filter != "box":
@@ -346,6 +412,8 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
             near = nearest(name, SETTINGS) or f"; there are {', '.join(SETTINGS)}"
             raise UsageError(f"there is no setting {shown(name)}{near}")
     values = {**scene.render.model_dump(), **scene.image.model_dump(), **_sides(size), **given}
+    if given.get("error") is not None and given.get("spp") is None:
+        values["spp"] = ERROR_SPP
     integrator = values["integrator"]
     if isinstance(integrator, str) and integrator in INTEGRATORS:
         for name, allowed in INTEGRATORS[integrator].takes.items():
@@ -353,7 +421,7 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
                 values[name] = allowed[0]
     wanted = RenderSettings(**values)
     _refuse_unused(wanted, given)
-    _check_memory(wanted.width, wanted.height)
+    check_memory(wanted)
     return wanted
 
 
@@ -375,16 +443,25 @@ def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
             raise UsageError(f"{name} has no effect with the integrator {wanted.integrator}; it belongs to {owner}")
     if "absorption" in given and wanted.absorption is not None and wanted.roulette != "absorption":
         raise UsageError(f"absorption has no effect with the roulette {wanted.roulette}; it belongs to absorption")
+    for name in ("confidence", "share", "error_floor"):
+        if name in given and getattr(wanted, name) is not None and wanted.error is None:
+            raise UsageError(f"{name} has no effect without error; say how far off pixels may be, such as error 0.05")
 
 
-def _check_memory(width: int, height: int) -> None:
+def check_memory(wanted: RenderSettings) -> None:
+    """Make sure that the machine could hold the film.
+
+    Raises
+    ------
+    UsageError
+    """
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):  # a system that does not tell
         return
-    wanted = width * height * _FILM_BYTES
-    if wanted > memory:
+    size = wanted.width * wanted.height * (_REPLICATES_BYTES if wanted.replicate_spp else _FILM_BYTES)
+    if size > memory:
         raise UsageError(
-            f"an image of {width} x {height} pixels takes {wanted / 2**30:.1f} GiB of memory and this machine has "
-            f"{memory / 2**30:.1f}; ask for a smaller one"
+            f"an image of {wanted.width} x {wanted.height} pixels takes {size / 2**30:.1f} GiB of memory and this "
+            f"machine has {memory / 2**30:.1f}; ask for a smaller one"
         )

@@ -187,7 +187,7 @@ typedef struct {
     uint reuse;                 // pixels that share their indirect light: 1, 2, 4, 8 or 16
     uint filter_negative;       // pixel filter: the first of its lines where it is negative
     float filter_weight;        // of a sample: integral of the filter's absolute value over that of the filter; 0: a box
-    uint padding_0;
+    uint replicate_spp;         // samples of a replicate, a power of two; 0: a pixel's samples are one sequence
     float filter_lines[256];    // FILTER_LINES times FILTER_LINE_*, from the pixel's centre outwards
 } Settings;
 

@@ -13,16 +13,18 @@ from clrender.aov.first_hits import (
     LayerKind,
     first_hits,
 )
-from clrender.aov.names import AOVS, MATTES, check_aovs, exact_channels, exr_channels
+from clrender.aov.names import AOVS, ERRORS, MATTES, OF_FILM, check_aovs, exact_channels, exr_channels
 
 __all__ = [
     "AOVS",
+    "ERRORS",
     "FIRST_HITS",
     "GUIDES",
     "GUIDE_SAMPLES",
     "LAYER_KINDS",
     "LAYER_SAMPLES",
     "MATTES",
+    "OF_FILM",
     "LayerArguments",
     "LayerKind",
     "check_aovs",

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.aov.cryptomatte import matte_names, name_id, ranked
-from clrender.aov.names import MATTES, RANKS
+from clrender.aov.names import MATTES, OF_FILM, RANKS
 from clrender.aov.samples import PrimitiveSamples
 from clrender.device.scene_arrays import scene_array_names
 from clrender.film import Film
@@ -166,7 +166,7 @@ def first_hits(
     settings : RenderSettings
         Those of the image: the layers have its size, seed and camera samples.
     names : iterable of str
-        Of `clrender.aov.AOVS`; ``samples`` is passed over, for only the image knows them.
+        Of `clrender.aov.AOVS`; those of `clrender.aov.OF_FILM` are passed over, for only the image knows them.
     most_samples : int
         Of the image's samples of a pixel, the first so many are looked at.
     should_stop : callable, optional
@@ -197,7 +197,7 @@ def first_hits(
     SceneError
         A mesh file cannot be read.
     """
-    wanted = [name for name in dict.fromkeys(names) if name != "samples"]
+    wanted = [name for name in dict.fromkeys(names) if name not in OF_FILM]
     if not wanted:
         return {}
     asked = LayerKind()

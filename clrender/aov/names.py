@@ -11,7 +11,7 @@ import numpy.typing as npt
 from clrender.errors import UsageError
 from clrender.scene.wording import suggestion
 
-__all__ = ["AOVS", "MATTES", "RANKS", "check_aovs", "exact_channels", "exr_channels"]
+__all__ = ["AOVS", "ERRORS", "MATTES", "OF_FILM", "RANKS", "check_aovs", "exact_channels", "exr_channels"]
 
 _Array = npt.NDArray[np.float32]
 
@@ -29,10 +29,18 @@ AOVS: Final[Mapping[str, str]] = {
     "object": "V",
     "material": "V",
     "samples": "V",
+    "stderr": "RGB",
+    "unconverged": "V",
     "crypto_object": "RGBA",
     "crypto_material": "RGBA",
 }
 """Every layer, and the letters of its channels; of mattes, those of each of their layers."""
+
+ERRORS: Final = frozenset(("stderr", "unconverged"))
+"""The layers that tell how far the image may be off."""
+
+OF_FILM: Final = frozenset(("samples", *ERRORS))
+"""The layers that are not of what is seen first, but of the image's own film."""
 
 MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
 """The layers that are mattes, and what they are called in files."""

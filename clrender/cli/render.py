@@ -69,7 +69,7 @@ __all__ = ["render"]
     "--aov",
     metavar="LIST",
     help="Layers of an .exr: albedo,emission,normal,tangent,depth,position,uv,object,material,samples,crypto_object,"
-    "crypto_material.",
+    "crypto_material,stderr,unconverged.",
 )
 @exr_options
 @click.option(
@@ -299,6 +299,8 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
         parts.append(f"stopped early with {held} of {total} samples ({held / (width * height):.3g} a pixel)")
     else:
         parts.append(f"{wanted} samples per pixel")
+    if "converged" in numbers:
+        parts.append(_convergence_words(numbers, width * height))
     resumed = numbers.get("resumed_samples", 0)
     if resumed:
         parts.append(f"{resumed / held:.0%} of them from the checkpoint")
@@ -309,3 +311,10 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     if numbers.get("nonfinite_samples"):
         parts.append(f"{numbers['nonfinite_samples']} samples were not finite and are left out")
     return ", ".join(parts)
+
+
+def _convergence_words(numbers: Mapping[str, Any], pixels: int) -> str:
+    """How far a render that was to stop by its error has come."""
+    left = numbers["unconverged_pixels"]
+    words = f"{left} of {pixels} pixels ({left / pixels:.2%}) not within {numbers['error']:.3g} of their luminance"
+    return f"{words} at {numbers['confidence']:.4g} confidence" + ("" if numbers["converged"] else ": NOT CONVERGED")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 import time
@@ -19,12 +20,12 @@ from clrender.device.compiler import build, program_key, store
 from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
-from clrender.errors import DeviceError, DeviceFailure, RenderError
+from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
-__all__ = ["Argument", "Buffer", "Device", "Program", "leave_lost_devices"]
+__all__ = ["Argument", "Buffer", "Device", "Program", "Reading", "leave_lost_devices"]
 
 _T = TypeVar("_T")
 _WORTH_SHARING: Final = 1 << 20
@@ -39,6 +40,14 @@ class Buffer:
 
     handle: Any
     nbytes: int
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A copy from a device on its way into `array`, which nobody may use until `Device.end_read`."""
+
+    array: npt.NDArray[Any]
+    event: Any
 
 
 Argument: TypeAlias = "Buffer | np.generic | npt.NDArray[Any]"
@@ -73,6 +82,8 @@ class Device:
         Spent in the driver's compiler so far, first launches of a kernel included.
     allocated_bytes : int
         Most memory held in buffers at one time.
+    memory_limit : int or None
+        Bytes that all its buffers together may take.
     launches, builds : int
         How often a kernel was launched and a program built.
     lost : bool
@@ -107,6 +118,7 @@ class Device:
             self.options += " -cl-opt-disable"  # the interpreter does not know all that its own optimiser writes
         self.compile_seconds = 0.0
         self.allocated_bytes = 0
+        self.memory_limit: int | None = None
         self.launches = 0
         self.builds = 0
         self.lost = False
@@ -229,11 +241,22 @@ class Device:
         size = max(nbytes, 16)  # OpenCL knows no empty buffer
         return self._held(self._call("allocate", f"a buffer of {_mib(size)}", lambda: self._create(size)), size)
 
+    @property
+    def free_bytes(self) -> float:
+        """What buffers may still take within the limit that was set; infinite without one."""
+        return math.inf if self.memory_limit is None else max(0, self.memory_limit - self._held_bytes)
+
     def _check_size(self, nbytes: int) -> None:
         if nbytes > self.max_allocation_bytes:
             raise RenderError(
                 f"{self.info.title} allows {_mib(self.max_allocation_bytes)} in one buffer, {_mib(nbytes)} are needed; "
                 "take a smaller scene or tile, or another device"
+            )
+        if nbytes > self.free_bytes:
+            raise MemoryRefused(
+                f"{self.info.title} may use {_mib(self.memory_limit or 0)} of memory, {_mib(self._held_bytes)} are in "
+                f"use and {_mib(nbytes)} more are needed; raise --max-memory (max_memory), take a smaller scene or "
+                "tile, or another device"
             )
 
     def _held(self, handle: cl.Buffer, size: int) -> Buffer:
@@ -358,6 +381,33 @@ class Device:
                 lambda: self._cl.enqueue_copy(self._queue, array, buffer.handle, is_blocking=True),
             )
             self._sentinel.take()
+
+    def begin_read(self, buffer: Buffer, array: npt.NDArray[Any]) -> Reading:
+        """Put a copy of the start of `buffer` into all of `array` (C-contiguous) into the queue, and start the queue.
+
+        Raises
+        ------
+        RenderError
+            When the driver refuses.
+        """
+
+        def enqueue() -> cl.Event:
+            event: cl.Event = self._cl.enqueue_copy(self._queue, array, buffer.handle, is_blocking=False)
+            self._queue.flush()
+            return event
+
+        return Reading(array, self._call("read", f"a read of {_mib(array.nbytes)}", enqueue))
+
+    def end_read(self, reading: Reading) -> None:
+        """Wait until a copy is there; what came into the queue later may go on meanwhile.
+
+        Raises
+        ------
+        RenderError
+            When the copy or work before it fails.
+        """
+        self._call("read", f"a read of {_mib(reading.array.nbytes)}", reading.event.wait)
+        self._sentinel.take()
 
     def write(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Copy `array` (C-contiguous) to the start of `buffer`, and wait for it.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.device import Buffer, Device, Program
+from clrender.device.device import Buffer, Device, Program, Reading
 from clrender.device.info import DeviceInfo
 from clrender.errors import DeviceError, RenderError
 
@@ -55,6 +55,7 @@ class FakeDevice(Device):
         self.options = ""
         self.compile_seconds = 0.0
         self.allocated_bytes = 0
+        self.memory_limit = None
         self.launches = 0
         self.builds = 0
         self.lost = False
@@ -82,6 +83,7 @@ class FakeDevice(Device):
 
     def empty(self, nbytes: int) -> Buffer:
         """Buffer of ordinary memory, filled with a pattern that nobody should rely on."""
+        self._check_size(nbytes)
         if self._held_bytes + nbytes > self.max_allocation_bytes:
             raise RenderError(f"{self.info.title} has no {nbytes} bytes left")
         size = max(nbytes, 16)
@@ -119,6 +121,14 @@ class FakeDevice(Device):
     def read(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Copy the start of `buffer` into all of `array`."""
         array.reshape(-1).view(np.uint8)[...] = buffer.handle[: array.nbytes]
+
+    def begin_read(self, buffer: Buffer, array: npt.NDArray[Any]) -> Reading:
+        """Read at once: launches are done when they return."""
+        self.read(buffer, array)
+        return Reading(array, None)
+
+    def end_read(self, reading: Reading) -> None:
+        """Do nothing more."""
 
     def write(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Copy `array` to the start of `buffer`."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.device.bvh import STACK
 from clrender.device.preparation import DevicePreparation
+from clrender.device.replicates import ReplicateSums
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
 from clrender.integrators.descriptor import Pipeline
@@ -22,7 +24,7 @@ from clrender.integrators.path import INTEGRATOR as PATH
 
 if TYPE_CHECKING:
     from clrender.device.bvh import Bvh
-    from clrender.device.device import Argument, Buffer, Device, Program
+    from clrender.device.device import Argument, Buffer, Device, Program, Reading
     from clrender.flatten import FlatScene
 
 __all__ = ["DeviceWorker", "LaunchConfig", "most_lanes", "probe_hash"]
@@ -37,6 +39,8 @@ _CPU_WORK_GROUP: Final = 4
 _GPU_WORK_GROUP: Final = 64
 _LONE_WORK_GROUP: Final = 16
 _SAMPLES_BYTES: Final = 96 << 20
+_STATS_BYTES: Final = 16
+"""Of a work-item."""
 _MOST_SAMPLES_PER_PASS: Final = 16
 _SMALL_TREE: Final = 8
 """With so few nodes, lanes' rays stay together: setting one out alone costs more than the rest of the tree."""
@@ -73,6 +77,28 @@ class LaunchConfig:
     traversal: str | None = None
 
 
+@dataclass(frozen=True)
+class _Slice:
+    """A launch on its way.
+
+    Attributes
+    ----------
+    part : Unit
+        What it does.
+    reading : Reading
+        Of its statistics, (work-items, 4) uint32.
+    rays : int
+        That were traced to prepare it.
+    begin : float
+        When it was put into the queue.
+    """
+
+    part: Unit
+    reading: Reading
+    rays: int
+    begin: float
+
+
 class Scratch:
     """Buffers of a device that are kept from launch to launch, and from worker to worker.
 
@@ -88,9 +114,14 @@ class Scratch:
         kept = self._kept.get(name)
         if kept is None or kept.nbytes < nbytes:
             if kept is not None:
+                self._device.finish()  # a launch on its way may use it
                 self._device.release(self._kept.pop(name))
             kept = self._kept[name] = self._device.empty(nbytes)
         return kept
+
+    def held(self, *names: str) -> int:
+        """Bytes of the buffers of these names."""
+        return sum(self._kept[name].nbytes for name in names if name in self._kept)
 
     def release(self) -> None:
         """Give the device's memory back."""
@@ -184,7 +215,10 @@ class DeviceWorker:
             self._pipeline = pipeline
             self._program = device.program(pipeline.entry, {**self._defined, "PACKETS": self._packets})
             self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
+            replicate_spp = int(settings["replicate_spp"][0])
+            self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
             self._rate = 0.0
+            self._done_at = 0.0
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             self.scene_arguments = [named[name] for name in scene_array_names()]
             self._preparation = prepare(self) if prepare else None
@@ -291,28 +325,53 @@ class DeviceWorker:
         slots = unit.slot_count
         sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
         self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
+        if self._replicates is not None:
+            begun = self._replicates.begin(slots, unit.first_sample)
+            self._launch(self._accumulate, "film_clear_replicates", slots, begun)
         pixels = unit.pixels(int(self._settings["width"][0]), int(self._settings["height"][0]))
         done = np.zeros(slots // BLOCK_SLOTS, np.uint32)
-        rays = shadow_rays = deepest = finished = 0
+        counted = np.zeros(3, np.int64)
+        flying: deque[_Slice] = deque()
+
+        def land() -> None:
+            """Wait for the slice that was launched first."""
+            each = flying.popleft()
+            rays, shadow_rays, deepest = self._landed(each)
+            first = each.part.first_slot - unit.first_slot
+            blocks = slice(first // BLOCK_SLOTS, (first + each.part.slot_count) // BLOCK_SLOTS)
+            done[blocks] += np.uint32(each.part.sample_count)
+            counted[:] = counted[0] + rays, counted[1] + shadow_rays, max(counted[2], deepest)
+            if on_slice is not None:
+                on_slice(int(pixels[blocks].sum()) * each.part.sample_count, rays)
+
+        for part in self._parts_of(unit):
+            if should_stop is not None and should_stop():
+                break
+            flying.append(self._launched(part, part.first_slot - unit.first_slot, sums, counts))
+            while len(flying) > self._most_flying():
+                land()
+        while flying:
+            land()
+        rays, shadow_rays, deepest = counted.tolist()
+        read = self._read(sums, counts, slots)
+        squares = None if self._replicates is None else self._replicates.read(*read, done)
+        return UnitSums(*read, done, rays, shadow_rays, deepest, squares)
+
+    def _parts_of(self, unit: Unit) -> Iterator[Unit]:
+        """A unit in slices, each sized by what is known of the device when its turn comes."""
+        finished = 0
         while finished < unit.sample_count:
-            passes = self._passes(slots, unit.sample_count - finished)
+            passes = self._passes(unit.slot_count, unit.sample_count - finished)
             start = 0
-            while start < slots:
-                if should_stop is not None and should_stop():
-                    return UnitSums(*self._read(sums, counts, slots), done, rays, shadow_rays, deepest)
-                length = self._slice_slots(slots - start, passes)
-                part = Unit(unit.first_slot + start, length, unit.first_sample + finished, passes, unit.tile)
-                counted = self._slice(part, start, sums, counts)
-                blocks = slice(start // BLOCK_SLOTS, (start + length) // BLOCK_SLOTS)
-                done[blocks] += np.uint32(passes)
-                rays += counted[0] + counted[1]
-                shadow_rays += counted[1]
-                deepest = max(deepest, counted[2])
+            while start < unit.slot_count:
+                length = self._slice_slots(unit.slot_count - start, passes)
+                yield Unit(unit.first_slot + start, length, unit.first_sample + finished, passes, unit.tile)
                 start += length
-                if on_slice is not None:
-                    on_slice(int(pixels[blocks].sum()) * passes, counted[0] + counted[1])
             finished += passes
-        return UnitSums(*self._read(sums, counts, slots), done, rays, shadow_rays, deepest)
+
+    def _most_flying(self) -> int:
+        """Slices that may be on their way while the next is sized: the device need not wait for the host then."""
+        return 0 if self._rate == 0.0 or self._pipeline.sample_by_sample or self._short_loops else 1
 
     def _read(self, sums: Buffer, counts: Buffer, slots: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
         result = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
@@ -320,14 +379,14 @@ class DeviceWorker:
         self.device.read(counts, result[1])
         return result
 
-    def _slice(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> tuple[int, int, int]:
-        """One launch, and its samples added up; gives its nearest-hit rays, shadow rays and deepest path."""
+    def _launched(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> _Slice:
+        """One launch, and its samples added up, put into the queue."""
         device = self.device
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
         items = self.padded(-(-part.slot_count // (self.lanes * self._packets)))
         samples = self._scratch.buffer("samples", 12 * part.slot_count * part.sample_count)
-        stats = self._scratch.buffer("stats", 16 * items)
+        stats = self._scratch.buffer("stats", _STATS_BYTES * items)
         if self._short_loops:
             device.write(samples, np.full(3 * part.slot_count * part.sample_count, np.nan, np.float32))
         span = [
@@ -345,19 +404,27 @@ class DeviceWorker:
             np.uint32(part.slot_count),
         ]
         tail: list[Buffer | np.generic] = [np.uint32(part.sample_count), np.uint32(start), sums, counts]
-        self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail])
-        counted = np.empty((items, 4), np.uint32)
-        device.read(stats, counted)
-        seconds = time.perf_counter() - begin
+        if self._replicates is None:
+            self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail])
+        else:
+            tail = [np.uint32(part.first_sample), *tail, *self._replicates.buffers]
+            self._launch(self._accumulate, "film_accumulate_replicates", part.slot_count, [*head, *tail])
+        return _Slice(part, device.begin_read(stats, np.empty((items, 4), np.uint32)), rays, begin)
+
+    def _landed(self, part: _Slice) -> tuple[int, int, int]:
+        """Wait for a slice; gives its rays of all kinds, its shadow rays and its deepest path."""
+        self.device.end_read(part.reading)
+        now = time.perf_counter()
+        # The queue does one after the other: it began when the one before it was done
+        seconds = now - max(part.begin, self._done_at)
+        self._done_at = now
         self.busy_seconds += seconds
-        rate = part.slot_count * part.sample_count / max(seconds, 1e-4)
+        rate = part.part.slot_count * part.part.sample_count / max(seconds, 1e-4)
         # A launch that was over at once, such as a spot check's, does not say that the device is slow
         self._rate = rate if seconds > _SHORT_SECONDS else max(rate, self._rate)
-        return (
-            rays + int(counted[:, 0].sum(dtype=np.uint64)),
-            int(counted[:, 1].sum(dtype=np.uint64)),
-            int(counted[:, 2].max()),
-        )
+        rays, shadow_rays, deepest = (part.reading.array[:, column] for column in range(3))
+        shadows = int(shadow_rays.sum(dtype=np.uint64))
+        return part.rays + int(rays.sum(dtype=np.uint64)) + shadows, shadows, int(deepest.max())
 
     def _prepared(self, sample: int) -> tuple[list[Argument], int]:
         """What the pipeline's kernel takes beside its own, and the rays that took."""
@@ -381,8 +448,15 @@ class DeviceWorker:
     def _slice_slots(self, left: int, passes: int) -> int:
         """Slots of the next launch, from the speed of the last; the first is small, to find the speed."""
         wanted = self._rate * SLICE_SECONDS / passes if self._rate else 4096
-        room = _SAMPLES_BYTES // ((12 + self._pipeline.record_bytes) * passes)
+        room = self._room() // ((12 + self._pipeline.record_bytes) * passes + _STATS_BYTES)
         return min(left, max(256, int(min(wanted, room)) // 16 * 16))
+
+    def _room(self) -> int:
+        """Bytes for what a slice leaves in memory."""
+        if self.device.memory_limit is None:
+            return min(_SAMPLES_BYTES, self.device.max_allocation_bytes)
+        free = self.device.free_bytes + self._scratch.held("samples", "records", "stats")
+        return int(min(_SAMPLES_BYTES, self.device.max_allocation_bytes, free * 15 / 16))
 
     def _launch(self, program: Program, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         group = 16

@@ -269,8 +269,8 @@ class Checkpoint:
 
 def _fresh_copy(film: RunningFilm) -> RunningFilm:
     """A film to copy to, whose memory is really there: nobody waits for that while the copy is made."""
-    copy = RunningFilm(film.width, film.height)
+    copy = RunningFilm(film.width, film.height, film.request)
     copy.counts.fill(0)
-    for band in copy.bands():
+    for band in (*copy.bands(), *copy.square_bands()):
         band.fill(0)
     return copy

@@ -1,8 +1,9 @@
 """The `.film` file: exact sums on disk, so that a film can be kept, resumed and merged without losing a bit.
 
-It is an uncompressed NumPy archive (`.npz`) of four members, which `numpy.load` reads too: `header` (JSON text
+It is an uncompressed NumPy archive (`.npz`) of members, which `numpy.load` reads too: `header` (JSON text
 as bytes), `ledger` (blocks,) uint32, the number of each block's set of samples in the header's table, `counts` (H, W)
-uint32 and `sums` (H, W, 3, 2) uint64, low word first, in quanta of 2^-64.
+uint32 and `sums` (H, W, 3, 2) uint64, low word first, in quanta of 2^-64; with replicates `squares` (H, W, 3, 4)
+uint64, lowest word first, in quanta of 2^-128, too.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ def write_film(
     blocks: npt.NDArray[np.uint32],
     counts: npt.NDArray[np.uint32],
     bands: Sequence[npt.NDArray[np.uint64]],
+    squares: Sequence[npt.NDArray[np.uint64]] = (),
     beside: str | None = None,
 ) -> None:
     """Write a film, all of it or nothing.
@@ -70,6 +72,8 @@ def write_film(
     counts : (H, W) uint32
     bands : sequence of (rows, W, 3, 2) uint64
         Sums, top first.
+    squares : sequence of (rows, W, 3, 4) uint64
+        Likewise, of replicates; empty without them.
     beside : str, optional
         As of `clrender.files.atomic_write`.
 
@@ -87,6 +91,8 @@ def write_film(
         _write_member(archive, "ledger", blocks.shape, [blocks])
         _write_member(archive, "counts", counts.shape, [counts])
         _write_member(archive, "sums", (*counts.shape, 3, 2), bands)
+        if squares:
+            _write_member(archive, "squares", (*counts.shape, 3, 4), squares)
 
 
 class FilmReader:
@@ -136,10 +142,17 @@ class FilmReader:
         self._fill("ledger", blocks.shape, np.dtype("<u4"), [blocks])
         return Ledger.from_file(width, height, self.header["ledger"], blocks)
 
-    def fill(self, counts: npt.NDArray[np.uint32], bands: Sequence[npt.NDArray[np.uint64]]) -> None:
-        """Fill `counts` (H, W) and `bands` (rows, W, 3, 2) in place."""
+    def fill(
+        self,
+        counts: npt.NDArray[np.uint32],
+        bands: Sequence[npt.NDArray[np.uint64]],
+        squares: Sequence[npt.NDArray[np.uint64]] = (),
+    ) -> None:
+        """Fill `counts` (H, W), `bands` (rows, W, 3, 2) and `squares` (rows, W, 3, 4), if there are some, in place."""
         self._fill("counts", counts.shape, np.dtype("<u4"), [counts])
         self._fill("sums", (*counts.shape, 3, 2), np.dtype("<u8"), bands)
+        if squares:
+            self._fill("squares", (*counts.shape, 3, 4), np.dtype("<u8"), squares)
 
     def _fill(self, name: str, shape: tuple[int, ...], kind: np.dtype[Any], arrays: Sequence[npt.NDArray[Any]]) -> None:
         with self._archive.open(_stored(self._archive, name)) as member:
@@ -158,8 +171,13 @@ class FilmReader:
         missing = [key for key in ("request", "ledger", "provenance") if not isinstance(header.get(key), dict)]
         if missing:
             raise ValueError(f"its header has no {missing[0]!r}")
+        replicate_spp = header["request"].get("replicate_spp")
+        if replicate_spp is not None and (type(replicate_spp) is not int or replicate_spp < 1):
+            raise ValueError(f"replicates of {replicate_spp!r} samples make no sense")
         blocks = blocks_across(width) * blocks_across(height)
         sizes = {"ledger": 4 * blocks, "counts": 4 * width * height, "sums": 48 * width * height}
+        if replicate_spp is not None:
+            sizes["squares"] = 96 * width * height
         for name, size in sizes.items():
             if not size < self._archive.getinfo(f"{name}.npy").file_size < size + 65536:
                 raise ValueError(f"{name} are not those of {width} x {height} pixels")

@@ -15,15 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import RenderError, UsageError
+from clrender.film.accumulate import Counts, Rows, Sums, add, rows_of
 from clrender.film.file import FilmReader, write_film
-from clrender.film.fixed_point import QUANTUM_BITS, SAMPLE_LIMIT_BITS, to_float64
+from clrender.film.fixed_point import add_words, subtract_words, to_float64
 from clrender.film.ledger import Ledger
-from clrender.film.unit import Unit, UnitSums, tile_slots
+from clrender.film.unit import Unit, UnitSums
 
 __all__ = ["Film"]
-
-_COUNT_LIMIT: Final = 1 << (126 - QUANTUM_BITS - SAMPLE_LIMIT_BITS)
-"""Samples a pixel may hold before its sum has to be watched: fewer cannot pass 2^126 quanta."""
 
 _BAND_BYTES: Final = 64 << 20
 """Bands are larger than any size malloc keeps for itself, so that a released one returns to the system."""
@@ -31,8 +29,6 @@ _BAND_BYTES: Final = 64 << 20
 _CHUNK: Final = 1 << 16
 """Pixels developed at a time: their temporaries stay in the cache."""
 
-_Sums = npt.NDArray[np.uint64]
-_Counts = npt.NDArray[np.uint32]
 _Film = TypeVar("_Film", bound="Film")
 
 
@@ -45,7 +41,7 @@ class Film:
         Pixels.
     request : mapping, optional
         What makes the image what it is, JSON-able (hashes of scene and kernels, seed, integrator, …). Films of
-        different requests refuse to merge.
+        different requests refuse to merge. With `replicate_spp` in it, the film holds squares of replicates, too.
 
     Attributes
     ----------
@@ -55,11 +51,13 @@ class Film:
         Which samples of which pixels were taken, accepted or not.
     provenance : dict
         What the film file said about its making; empty for a film not loaded from a file.
+    replicate_spp : int or None
+        Samples of a replicate; None: the samples of a pixel are one sequence, and nothing is known of errors.
 
     Notes
     -----
-    A pixel takes 52 bytes, in bands of rows that `develop` releases one by one. `commit`, `snapshot`, `merge` and
-    `save` may be called from several threads at once.
+    A pixel takes 52 bytes, 148 with replicates, in bands of rows that `develop` releases one by one. `commit`,
+    `snapshot`, `merge` and `save` may be called from several threads at once.
     """
 
     def __init__(self, width: int, height: int, request: Mapping[str, Any] | None = None) -> None:
@@ -70,12 +68,18 @@ class Film:
         self.request: dict[str, Any] = dict(request or {})
         self.provenance: dict[str, Any] = {}
         self.ledger = Ledger(width, height)
-        self.counts: _Counts = np.zeros((height, width), np.uint32)
+        self.replicate_spp: int | None = self.request.get("replicate_spp")
+        self.counts: Counts = np.zeros((height, width), np.uint32)
         self.band_rows = max(1, min(height, _BAND_BYTES // (48 * width)))
         # A band is (rows, width, channel, low/high word); zero pages cost nothing until they are written.
-        self._bands: list[_Sums | None] = [
+        self._bands: list[Sums | None] = [
             np.zeros((min(self.band_rows, height - top), width, 3, 2), np.uint64)
             for top in range(0, height, self.band_rows)
+        ]
+        # The same with four words, in quanta of 2^-128
+        self._squares: list[Sums] = [
+            np.zeros((min(self.band_rows, height - top), width, 3, 4), np.uint64)
+            for top in range(0, height if self.replicate_spp else 0, self.band_rows)
         ]
         self._whole = threading.RLock()  # the sums and the ledger agree while nobody else holds it
         self._pixels = threading.Lock()  # a pixel's sums and its count agree, likewise
@@ -86,11 +90,16 @@ class Film:
         return int(self.counts.sum(dtype=np.uint64))
 
     @property
+    def pixel_bytes(self) -> int:
+        """Memory of a pixel."""
+        return 148 if self.replicate_spp else 52
+
+    @property
     def developed(self) -> bool:
         """Whether `develop` has released the sums; such a film can be neither added to, saved nor merged."""
         return any(band is None for band in self._bands)
 
-    def bands(self) -> list[_Sums]:
+    def bands(self) -> list[Sums]:
         """Sums of all rows, top first: (rows, width, 3, 2) uint64, low word first, in quanta of 2^-64.
 
         Raises
@@ -101,6 +110,19 @@ class Film:
         if self.developed:
             raise RenderError("the film is developed and its sums are released; call mean() to keep them.")
         return [band for band in self._bands if band is not None]
+
+    def square_bands(self) -> list[Sums]:
+        """Sums of the squares of replicates' sums, as `bands`: (rows, width, 3, 4) uint64, in quanta of 2^-128.
+
+        Empty without replicates.
+
+        Raises
+        ------
+        RenderError
+            After `develop`.
+        """
+        self.bands()
+        return list(self._squares)
 
     def commit(self, unit: Unit, result: UnitSums) -> int:
         """Add what was done of a unit, and record it: the only way into a film.
@@ -132,19 +154,19 @@ class Film:
             )
         if int(result.done.max(initial=0)) > unit.sample_count:
             raise RenderError(f"a unit of {unit.sample_count} samples came with {int(result.done.max())}.")
-        words = np.ascontiguousarray(result.sums, "<u4").view("<u8").astype(np.uint64, copy=False)  # (slots, 3, 2)
-        area, across = unit.tile * unit.tile, -(-self.width // unit.tile)
-        words, counts, first_tile = _whole_tiles(unit, words, result.counts)
+        whole = self.replicate_spp or 1
+        if unit.first_sample % whole or (result.done % np.uint32(whole)).any():
+            raise RenderError(f"a unit came with parts of replicates of {whole} samples.")
+        words, squares = _words(result.sums), None  # (slots, 3, 2)
+        if self.replicate_spp:
+            if result.squares is None or result.squares.shape != (slots, 3, 8):
+                raise RenderError(f"a unit of {slots} slots came without the squares of its replicates.")
+            squares = _words(result.squares)
         with self._whole:
             self.bands()
             self.ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
-            for first in range(0, len(counts), area):
-                row, column = divmod(first_tile + first // area, across)
-                top, left = row * unit.tile, column * unit.tile
-                rows, columns = min(unit.tile, self.height - top), min(unit.tile, self.width - left)
-                if rows > 0:
-                    order = first + tile_slots(unit.tile).reshape(unit.tile, unit.tile)[:rows, :columns]
-                    self._add(top, left, words[order], counts[order])
+            for rows in rows_of(unit, words, result.counts, self.width, self.height, squares):
+                self._add(rows)
         return int((unit.pixels(self.width, self.height) * result.done).sum())
 
     def mean(self) -> npt.NDArray[np.float32]:
@@ -178,7 +200,7 @@ class Film:
         return _mean_of(sums, self.counts[rows, columns])
 
     def develop(self) -> npt.NDArray[np.float32]:
-        """Same picture as `mean`, giving back the memory of the sums on the way: 52 bytes a pixel at most.
+        """Same picture as `mean`, giving back the memory of the sums on the way.
 
         The counts stay.
         """
@@ -255,7 +277,9 @@ class Film:
                 top = index * self.band_rows
                 with self._pixels:
                     rows = slice(top, top + len(band))
-                    _accumulate(band, self.counts[rows], more, other.counts[rows])
+                    add(band, self.counts[rows], more, other.counts[rows])
+                    if self.replicate_spp:
+                        add_words(self._squares[index], other._squares[index])
 
     def take_out(self, other: Film) -> None:
         """Subtract a film of this size whose samples are all in this one: exactly as if they had never come in.
@@ -274,11 +298,10 @@ class Film:
                 top = index * self.band_rows
                 rows = slice(top, top + len(band))
                 with self._pixels:
-                    low, high = band[..., 0], band[..., 1]
-                    high -= less[..., 1]
-                    high -= low < less[..., 0]
-                    low -= less[..., 0]
+                    subtract_words(band, less)
                     self.counts[rows] -= other.counts[rows]
+                    if self.replicate_spp:
+                        subtract_words(self._squares[index], other._squares[index])
 
     def copy_to(self, other: Film) -> None:
         """Make another film of this size hold what this one holds at this moment.
@@ -289,8 +312,9 @@ class Film:
         with self._whole:
             other.request, other.provenance, other.ledger = self.request, self.provenance, self.ledger.copy()
             np.copyto(other.counts, self.counts)
-            for mine, copy in zip(self.bands(), other.bands(), strict=True):
-                np.copyto(copy, mine)
+            mine, copies = (*self.bands(), *self._squares), (*other.bands(), *other._squares)
+            for band, copy in zip(mine, copies, strict=True):
+                np.copyto(copy, band)
 
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None, *, beside: str | None = None) -> None:
         """Write the film to a `.film` file, all of it or nothing.
@@ -318,7 +342,7 @@ class Film:
                 "ledger": table,
                 "provenance": self.provenance if provenance is None else dict(provenance),
             }
-            write_film(Path(path), header, blocks, self.counts, self.bands(), beside)
+            write_film(Path(path), header, blocks, self.counts, self.bands(), self._squares, beside)
 
     @classmethod
     def load(cls: type[_Film], path: str | Path) -> _Film:
@@ -333,8 +357,9 @@ class Film:
             film = cls(reader.header["width"], reader.header["height"], reader.header["request"])
             film.provenance = dict(reader.header["provenance"])
             film.ledger = reader.ledger()
-            reader.fill(film.counts, film.bands())
+            reader.fill(film.counts, film.bands(), film.square_bands())
             reader.require(film._agrees(), "it holds more samples than its ledger knows of")
+            reader.require(film.ledger.divides(film.replicate_spp or 1), "it holds parts of replicates")
         return film
 
     def _agrees(self) -> bool:
@@ -346,21 +371,27 @@ class Film:
                 return False
         return True
 
-    def _add(self, top: int, left: int, words: _Sums, counts: _Counts) -> None:
+    def _add(self, rows: Rows) -> None:
         """Add the sums and counts of a rectangle of pixels."""
-        height, width = counts.shape
-        bands = self.bands()
-        row = top
-        while row < top + height:
-            index = row // self.band_rows
-            stop = min(top + height, (index + 1) * self.band_rows)
-            band = bands[index][row - index * self.band_rows : stop - index * self.band_rows, left : left + width]
-            part = slice(row - top, stop - top)
+        height, width = rows.counts.shape
+        top = 0
+        while top < height:
+            index, inside = divmod(rows.top + top, self.band_rows)
+            end = min(height, top + self.band_rows - inside)
+            across = slice(rows.left, rows.left + width)
+            band = self._bands[index]
+            assert band is not None, "nobody develops a film while it is added to"
+            there = slice(inside, inside + end - top), across
             with self._pixels:
-                _accumulate(band, self.counts[row:stop, left : left + width], words[part], counts[part])
-            row = stop
+                counts = self.counts[rows.top + top : rows.top + end, across]
+                add(band[there], counts, rows.sums[top:end], rows.counts[top:end])
+                if rows.squares is not None:
+                    add_words(self._squares[index][there], rows.squares[top:end])
+            top = end
 
-    def _mean(self, bands: list[_Sums], *, release: bool) -> npt.NDArray[np.float32]:
+    def _mean(self, bands: list[Sums], *, release: bool) -> npt.NDArray[np.float32]:
+        if release:
+            self._squares = []
         image = np.empty((self.height * self.width, 3), np.float32)
         counts = self.counts.reshape(-1)
         for index in range(len(bands)):
@@ -376,33 +407,12 @@ class Film:
         return image.reshape(self.height, self.width, 3)
 
 
-def _whole_tiles(unit: Unit, words: _Sums, counts: _Counts) -> tuple[_Sums, _Counts, int]:
-    """Sums and counts of the tiles that a unit has a part of, nothing elsewhere, and the number of the first tile."""
-    area = unit.tile * unit.tile
-    tile, offset = divmod(unit.first_slot, area)
-    slots = -(-(offset + unit.slot_count) // area) * area
-    if slots == unit.slot_count:
-        return words, counts, tile
-    whole = np.zeros((slots, 3, 2), np.uint64), np.zeros(slots, np.uint32)
-    part = slice(offset, offset + unit.slot_count)
-    whole[0][part], whole[1][part] = words, counts
-    return *whole, tile
+def _words(halves: npt.NDArray[np.uint32]) -> Sums:
+    """Words of 64 bits from those of 32, the lowest first."""
+    words: Sums = np.ascontiguousarray(halves, "<u4").view("<u8").astype(np.uint64, copy=False)
+    return words
 
 
-def _mean_of(sums: _Sums, counts: _Counts) -> npt.NDArray[np.float32]:
+def _mean_of(sums: Sums, counts: Counts) -> npt.NDArray[np.float32]:
     weights = np.maximum(counts, 1).astype(np.float64)
     return (to_float64(sums) / weights[..., None]).astype(np.float32)
-
-
-def _accumulate(total: _Sums, total_counts: _Counts, words: _Sums, counts: _Counts) -> None:
-    """Add `words` (…, 3, 2) to `total` in place, and the counts (…)."""
-    low, high = total[..., 0], total[..., 1]
-    low += words[..., 0]
-    carry = low < words[..., 0]
-    high += words[..., 1]
-    high += carry
-    total_counts += counts
-    if np.any(total_counts < counts):
-        raise RenderError("a pixel has more than 4294967295 samples, the most a film counts; ask for fewer.")
-    if total_counts.max(initial=0) >= _COUNT_LIMIT and np.any(high.astype(np.int64) + (1 << 62) < 0):
-        raise RenderError("the sum of a pixel's samples is beyond 2^62, the range of a film; use dimmer lights.")

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["QUANTUM_BITS", "SAMPLE_LIMIT_BITS", "fixed_point", "to_float64"]
+__all__ = ["QUANTUM_BITS", "SAMPLE_LIMIT_BITS", "add_words", "fixed_point", "subtract_words", "to_float64"]
 
 QUANTUM_BITS: Final = 64
 """A sum counts quanta of 2^-QUANTUM_BITS."""
@@ -83,3 +83,29 @@ def to_float64(sums: npt.NDArray[np.uint64]) -> npt.NDArray[np.float64]:
     top |= (low << shift != 0).astype(np.uint64)
     magnitude: npt.NDArray[np.float64] = np.ldexp(top.astype(np.float64), -shift.astype(np.int32))
     return np.where(negative, -magnitude, magnitude)
+
+
+def add_words(total: npt.NDArray[np.uint64], words: npt.NDArray[np.uint64]) -> None:
+    """Add numbers of several words, (..., n) uint64, the lowest first, to others in place, modulo 2^(64 n)."""
+    carry: npt.NDArray[np.bool_] | None = None
+    for k in range(total.shape[-1]):
+        word, more = total[..., k], words[..., k]
+        word += more
+        over = word < more
+        if carry is not None:
+            word += carry
+            over |= (word == 0) & carry
+        carry = over
+
+
+def subtract_words(total: npt.NDArray[np.uint64], words: npt.NDArray[np.uint64]) -> None:
+    """The inverse of `add_words`."""
+    borrow: npt.NDArray[np.bool_] | None = None
+    for k in range(total.shape[-1]):
+        word, less = total[..., k], words[..., k]
+        under = word < less
+        word -= less
+        if borrow is not None:
+            under |= (word == 0) & borrow
+            word -= borrow
+        borrow = under

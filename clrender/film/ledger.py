@@ -16,6 +16,9 @@ __all__ = ["Ledger", "Ranges"]
 Ranges: TypeAlias = tuple[tuple[int, int], ...]
 """A set of sample numbers: disjoint ranges (start, stop), ascending, stop not included, none touching the next."""
 
+_LOW: Final = (1 << 32) - 1
+"""Of a pair of numbers in one, the second."""
+
 _MOST_SETS: Final = 4096
 """Sets kept before those that no block has any more are dropped."""
 
@@ -75,6 +78,11 @@ class Ledger:
         wanted: Ranges = ((start, stop),) if stop > start else ()
         return all(self._sets[number] == wanted for number in np.unique(self._blocks))
 
+    def divides(self, whole: int) -> bool:
+        """Whether every block has had whole runs of so many samples, counted from 0 on."""
+        held = [self._sets[number] for number in np.unique(self._blocks)]
+        return all(bound % whole == 0 for ranges in held for pair in ranges for bound in pair)
+
     def sets_of(self, blocks: npt.NDArray[np.integer[Any]]) -> tuple[list[Ranges], npt.NDArray[np.uint32]]:
         """The distinct sets of samples, and which of them each of some blocks has.
 
@@ -92,7 +100,8 @@ class Ledger:
 
     def lacking(self, start: int, stop: int) -> Ledger:
         """What each block lacks of the samples from `start` to `stop`, not included."""
-        return self._with_sets([_lacked(start, stop, each) for each in self._sets])
+        wanted: Ranges = ((start, stop),) if start < stop else ()
+        return self._with_sets([_without(wanted, each) for each in self._sets])
 
     def restricted(self, blocks: npt.NDArray[np.bool_]) -> Ledger:
         """The same for some blocks, (blocks,) bool, and nothing for the others."""
@@ -130,10 +139,9 @@ class Ledger:
         wanted = (blocks >= 0) & (counts > 0)
         blocks, counts = blocks[wanted], counts[wanted]
         # Every distinct pair of the set that a block has and the range that comes is united once
-        keys = np.stack([self._blocks[blocks].astype(np.int64), counts.astype(np.int64)], axis=1)
-        pairs, inverse = np.unique(keys, axis=0, return_inverse=True)
-        united = [_united(self._sets[number], ((start, start + count),)) for number, count in pairs.tolist()]
-        self._blocks[blocks] = self._keep(united)[inverse.reshape(-1)]
+        pairs, inverse = _distinct(self._blocks[blocks].astype(np.int64) << 32 | counts.astype(np.int64))
+        united = [_united(self._sets[pair >> 32], ((start, start + (pair & _LOW)),)) for pair in pairs]
+        self._blocks[blocks] = self._keep(united)[inverse]
 
     def unite(self, other: Ledger) -> None:
         """Add what another ledger of an image of this size holds.
@@ -143,10 +151,8 @@ class Ledger:
         UsageError
             A block has had one of these samples already. The ledger is then unchanged.
         """
-        keys = self._blocks.astype(np.int64) * len(other._sets) + other._blocks
-        pairs, inverse = np.unique(keys, return_inverse=True)
-        united = [_united(self._sets[k // len(other._sets)], other._sets[k % len(other._sets)]) for k in pairs.tolist()]
-        self._blocks[:] = self._keep(united)[inverse.reshape(-1)]
+        pairs, inverse = self._beside(other)
+        self._blocks[:] = self._keep(_united(ours, theirs) for ours, theirs in pairs)[inverse]
 
     def take_out(self, other: Ledger) -> None:
         """Remove what another ledger of an image of this size holds.
@@ -156,10 +162,13 @@ class Ledger:
         UsageError
             Some of it is not held here. The ledger is then unchanged.
         """
-        keys = self._blocks.astype(np.int64) * len(other._sets) + other._blocks
-        pairs, inverse = np.unique(keys, return_inverse=True)
-        left = [_without(self._sets[k // len(other._sets)], other._sets[k % len(other._sets)]) for k in pairs.tolist()]
-        self._blocks[:] = self._keep(left)[inverse.reshape(-1)]
+        pairs, inverse = self._beside(other)
+        self._blocks[:] = self._keep(_taken_out(ours, theirs) for ours, theirs in pairs)[inverse]
+
+    def _beside(self, other: Ledger) -> tuple[list[tuple[Ranges, Ranges]], npt.NDArray[np.intp]]:
+        """The distinct pairs of a block's set here and there, and which of them each block has."""
+        pairs, inverse = _distinct(self._blocks.astype(np.int64) << 32 | other._blocks.astype(np.int64))
+        return [(self._sets[pair >> 32], other._sets[pair & _LOW]) for pair in pairs], inverse
 
     def _keep(self, sets: Iterable[Ranges]) -> npt.NDArray[np.uint32]:
         """Numbers of these sets, in the table from now on."""
@@ -213,6 +222,13 @@ class Ledger:
         return ledger
 
 
+def _distinct(keys: npt.NDArray[np.int64]) -> tuple[list[int], npt.NDArray[np.intp]]:
+    """The distinct ones of some keys, and which of them each is. Neighbours mostly are alike, so runs are sorted."""
+    starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1])[: len(keys)])
+    distinct, numbers = np.unique(keys[starts], return_inverse=True)
+    return distinct.tolist(), np.repeat(numbers, np.diff(np.append(starts, len(keys))))
+
+
 def _united(ours: Ranges, theirs: Ranges) -> Ranges:
     """Both sets of samples together.
 
@@ -234,6 +250,19 @@ def _united(ours: Ranges, theirs: Ranges) -> Ranges:
 
 
 def _without(ours: Ranges, theirs: Ranges) -> Ranges:
+    """Our set of samples without theirs; those of theirs that are not ours are passed over."""
+    left: list[tuple[int, int]] = []
+    for start, stop in ours:
+        for low, high in theirs:
+            if start < min(low, stop):
+                left.append((start, min(low, stop)))
+            start = max(start, high)
+        if start < stop:
+            left.append((start, stop))
+    return tuple(left)
+
+
+def _taken_out(ours: Ranges, theirs: Ranges) -> Ranges:
     """Our set of samples without theirs.
 
     Raises
@@ -241,28 +270,9 @@ def _without(ours: Ranges, theirs: Ranges) -> Ranges:
     UsageError
         Not all of theirs are ours.
     """
-    left = list(ours)
-    for start, stop in theirs:
-        place = next((at for at, (first, end) in enumerate(left) if first <= start and stop <= end), None)
-        if place is None:
-            raise UsageError(
-                f"samples {start} to {stop - 1} of some pixels are not all held; they cannot be taken out."
-            )
-        first, end = left[place]
-        left[place : place + 1] = [each for each in ((first, start), (stop, end)) if each[0] < each[1]]
-    return tuple(left)
-
-
-def _lacked(start: int, stop: int, held: Ranges) -> Ranges:
-    """The samples from `start` to `stop` that are not among those held."""
-    missing: list[tuple[int, int]] = []
-    for first, end in held:
-        if start < min(first, stop):
-            missing.append((start, min(first, stop)))
-        start = max(start, end)
-    if start < stop:
-        missing.append((start, stop))
-    return tuple(missing)
+    for start, stop in _without(theirs, ours):
+        raise UsageError(f"samples {start} to {stop - 1} of some pixels are not held; they cannot be taken out.")
+    return _without(ours, theirs)
 
 
 def _checked(ranges: Any) -> Ranges:

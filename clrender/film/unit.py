@@ -45,18 +45,9 @@ class Unit:
         -------
         (slot_count / BLOCK_SLOTS,) int64
             Numbers in the image's grid of blocks, row by row, in the order of the unit's slots; -1 outside the image.
+            Shared: not writeable.
         """
-        along = self.tile // BLOCK
-        number, block = np.divmod(
-            np.arange(self.first_slot // BLOCK_SLOTS, (self.first_slot + self.slot_count) // BLOCK_SLOTS),
-            along * along,
-        )
-        across = -(-width // self.tile)
-        row = number // across * along + block // along
-        column = number % across * along + block % along
-        inside = (row * BLOCK < height) & (column * BLOCK < width)
-        grid: npt.NDArray[np.int64] = np.where(inside, row * blocks_across(width) + column, -1)
-        return grid
+        return _blocks(self, width, height)
 
     def pixels(self, width: int, height: int) -> npt.NDArray[np.int64]:
         """How many pixels of each of its blocks lie in the image: (slot_count / BLOCK_SLOTS,) int64."""
@@ -65,6 +56,23 @@ class Unit:
         pixels = np.minimum(BLOCK, width - column * BLOCK) * np.minimum(BLOCK, height - row * BLOCK)
         inside: npt.NDArray[np.int64] = np.where(blocks >= 0, pixels, 0)
         return inside
+
+
+@lru_cache(maxsize=8)
+def _blocks(unit: Unit, width: int, height: int) -> npt.NDArray[np.int64]:
+    """`Unit.blocks`. Whoever does a unit, commits it and checks it asks for the same."""
+    along = unit.tile // BLOCK
+    number, block = np.divmod(
+        np.arange(unit.first_slot // BLOCK_SLOTS, (unit.first_slot + unit.slot_count) // BLOCK_SLOTS),
+        along * along,
+    )
+    across = -(-width // unit.tile)
+    row = number // across * along + block // along
+    column = number % across * along + block % along
+    inside = (row * BLOCK < height) & (column * BLOCK < width)
+    grid: npt.NDArray[np.int64] = np.where(inside, row * blocks_across(width) + column, -1)
+    grid.flags.writeable = False
+    return grid
 
 
 @dataclass(frozen=True)
@@ -81,6 +89,9 @@ class UnitSums:
         Samples taken of each block, the unit's first ones: fewer than the unit's where it was stopped.
     rays, shadow_rays, deepest : int
         Rays of all kinds, shadow rays, most scattering events of a path.
+    squares : (slot_count, 3, 8) uint32 or None
+        Where samples come in replicates, of which `done` holds whole ones only: sums of the squares of the replicates'
+        sums, 256 bits in quanta of 2**-128, least significant word first.
     """
 
     sums: npt.NDArray[np.uint32]
@@ -89,6 +100,7 @@ class UnitSums:
     rays: int
     shadow_rays: int
     deepest: int
+    squares: npt.NDArray[np.uint32] | None = None
 
 
 def tile_side(tile: int, width: int, height: int) -> int:

@@ -83,6 +83,8 @@ class Integrator:
         Whether it takes meshes whose vertices have colours.
     auto_light_sampler : str
         What the light sampler ``auto`` stands for.
+    blocks_share : bool
+        Whether the pixels of a block of 4 x 4 share light, so that their errors depend on each other.
     preparation : str
         The module whose ``prepare`` computes what it needs before the first sample (`clrender.device.preparation`);
         empty: that is the scene alone.
@@ -102,4 +104,10 @@ class Integrator:
     emission_textures: bool = True
     vertex_colors: bool = True
     auto_light_sampler: str = "auto"
+    blocks_share: bool = False
     preparation: str = ""
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether the spread of independent samples says how far their mean may be from what it estimates."""
+        return self.bias == "unbiased"

@@ -47,7 +47,7 @@ class Arbitration:
 
     def open(self, piece: Piece, other: int, result: UnitSums) -> None:
         """A piece came out differently when another worker did it."""
-        self._open(piece, other, digest(result.sums, result.counts))
+        self._open(piece, other, digest(result))
 
     def _open(self, piece: Piece, other: int, answer: bytes) -> None:
         if not self._excluded.isdisjoint((piece.worker, other)):
@@ -75,7 +75,7 @@ class Arbitration:
         if task.kind is Kind.PROBE:
             dispute.heard(task.worker, bool(result))
         elif isinstance(result, UnitSums) and task.piece is dispute.piece and finished(task.piece.unit, result):
-            dispute.heard(task.worker, digest(result.sums, result.counts))
+            dispute.heard(task.worker, digest(result))
         else:
             return
         self._decide()

@@ -9,7 +9,6 @@ from clrender.film.unit import Unit, UnitSums
 
 __all__ = ["Contributions"]
 
-_PIXEL_BYTES: Final = 52
 _MOST_BYTES: Final = 2 << 30
 """Films of single workers may take so much in all. Beyond, one film holds what came from any of them."""
 
@@ -29,7 +28,7 @@ class Contributions:
 
     def __init__(self, film: Film, workers: int) -> None:
         self._film = film
-        self._shared = film.width * film.height * _PIXEL_BYTES * workers > _MOST_BYTES
+        self._shared = film.width * film.height * film.pixel_bytes * workers > _MOST_BYTES
         self._apart: dict[int, Film] = {}
         self._units: dict[int, list[Unit]] = {number: [] for number in range(workers)}
 
@@ -37,7 +36,7 @@ class Contributions:
         """Note what a worker put into the film."""
         key = 0 if self._shared else worker
         if key not in self._apart:
-            self._apart[key] = Film(self._film.width, self._film.height)
+            self._apart[key] = Film(self._film.width, self._film.height, self._film.request)
         self._apart[key].commit(unit, result)
         self._units[worker].append(unit)
 

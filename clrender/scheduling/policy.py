@@ -2,15 +2,19 @@
 
 A slow worker beside a fast one must not hold a large unit when everything else is done. So a unit is meant to last
 `UNIT_SECONDS` at its worker's speed, and no longer than that worker's share of what is left (guided self-scheduling,
-Polychronopoulos and Kuck, IEEE Transactions on Computers C-36(12), 1987). No cut changes the image.
+Polychronopoulos and Kuck, IEEE Transactions on Computers C-36(12), 1987).
+
+Merging a unit into the film costs the host the same for each pixel however many samples it holds. So the image is
+refined by few samples first, and then by twice as many each time, as long as all workers together do them in good time.
+No cut changes the image.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Final
 
 import numpy as np
@@ -27,8 +31,30 @@ UNIT_SECONDS: Final = 1.0
 LONGEST_SECONDS: Final = 3.0
 """What a part of a sample should last at most where samples should stay whole, and work may be lost."""
 
+BAND_SECONDS: Final = 2.0
+"""In what time all workers together should go over the image once, where that takes more samples than the least."""
+
+_PIXEL_SECONDS: Final = 5e-7
+"""Or in so long a time for each pixel, if that is more: merging takes the host some 2e-8 s for each."""
+
+_LEAST_SECONDS: Final = (0.01, 0.2)
+"""What a unit lasts at least: between these, twice the shortest so far. Most of a shorter one would be its overhead."""
+
+_KNOWN_SECONDS: Final = 0.1
+"""What a unit has to last to tell that its worker is slower than was thought."""
+
+_FILL_SECONDS: Final = 5e-4
+"""How long one sample of all pixels of a unit should take: a device with room for many paths has to be filled."""
+
+_LOOKED_AT: Final = 16
+"""Of the strips that come next, those among which a worker's next unit is chosen."""
+
 _UNIT_SLOTS: Final = 1 << 17
-_LARGE_UNIT_SLOTS: Final = 1 << 23
+_LARGE_UNIT_SLOTS: Final = 1 << 20
+"""Slots of a unit at most: of slow workers, and of fast ones."""
+_SLOT_SECONDS: Final = (1.0 / 64.0, 1.0 / 16.0)
+"""Slots of a unit at most for each sample a second, of a lone worker and of several: between the two above."""
+_WHOLE_UNIT_SLOTS: Final = 1 << 23
 _UNIT_SAMPLES: Final = 16
 _FIRST_SLOTS: Final = 1 << 14
 """Slots of the first unit of one of several workers, whose speed nobody knows yet."""
@@ -55,6 +81,10 @@ class Plan:
         plan's. It must not change any more.
     short_units : bool
         Units of one worker last no longer than those of several: what is lost with a process that dies is a unit.
+    most_slots : int or None
+        Slots of a unit at most, where memory is limited; it is one tile at least.
+    whole : int
+        Samples of a pixel that no unit may part, counted from 0 on: those of a replicate.
     """
 
     width: int
@@ -66,6 +96,8 @@ class Plan:
     rows: tuple[int, int] | None = None
     wanted: Ledger | None = field(default=None, compare=False)
     short_units: bool = False
+    most_slots: int | None = None
+    whole: int = 1
 
     @property
     def samples(self) -> int:
@@ -105,9 +137,11 @@ class Remaining:
         self._plan = plan
         self._workers = workers
         self._area = plan.tile * plan.tile
-        self._most_tiles = max(1, (_LARGE_UNIT_SLOTS if plan.sample_by_sample else _UNIT_SLOTS) // self._area)
         self._rates: dict[int, float] = {}
-        self._bands = _whole_bands(plan) if plan.wanted is None else _wanted_bands(plan, plan.wanted)
+        self._shortest: dict[int, float] = {}
+        self._bands = (
+            _whole_bands(plan, self._depth) if plan.wanted is None else _wanted_bands(plan, plan.wanted, self._depth)
+        )
         self._strips: deque[Unit] = deque()
         self._left = plan.tiles * self._area * plan.sample_count if plan.wanted is None else plan.samples
 
@@ -118,17 +152,21 @@ class Remaining:
             if band is None:
                 return None
             self._strips.extend(band)
-        strip = self._strips.popleft()
+        place = self._fitting(worker)
+        strip = self._strips[place]
+        del self._strips[place]
         slots, samples = self._size(worker, strip)
+        samples = min(strip.sample_count, -(-samples // self._plan.whole) * self._plan.whole)
         unit = Unit(strip.first_slot, slots, strip.first_sample, samples, strip.tile)
         # What is cut off comes next: first the other samples of the same tiles, then the other tiles
         if rest := strip.slot_count - unit.slot_count:
-            self._strips.appendleft(
-                Unit(strip.first_slot + unit.slot_count, rest, strip.first_sample, strip.sample_count, strip.tile)
+            self._strips.insert(
+                place,
+                Unit(strip.first_slot + unit.slot_count, rest, strip.first_sample, strip.sample_count, strip.tile),
             )
         if later := strip.sample_count - samples:
-            self._strips.appendleft(
-                Unit(strip.first_slot, unit.slot_count, strip.first_sample + samples, later, strip.tile)
+            self._strips.insert(
+                place, Unit(strip.first_slot, unit.slot_count, strip.first_sample + samples, later, strip.tile)
             )
         self._left -= unit.slot_count * unit.sample_count
         return unit
@@ -140,7 +178,9 @@ class Remaining:
 
     def measured(self, worker: int, unit: Unit, seconds: float) -> None:
         """A worker has done a unit in so many seconds."""
-        self._rates[worker] = unit.slot_count * unit.sample_count / max(seconds, 1e-6)
+        rate, known = unit.slot_count * unit.sample_count / max(seconds, 1e-6), self._rates.get(worker, 0.0)
+        self._rates[worker] = rate if seconds > _KNOWN_SECONDS else max(rate, known)
+        self._shortest[worker] = min(seconds, self._shortest.get(worker, seconds))
 
     def retire(self, worker: int) -> None:
         """A worker takes no more work."""
@@ -149,48 +189,83 @@ class Remaining:
 
     def _size(self, worker: int, strip: Unit) -> tuple[int, int]:
         """Slots and samples of the next unit of a worker, from this strip."""
-        alone = self._workers <= 1
-        if not self._plan.short_units and (alone or self._plan.sample_by_sample):
-            return self._slots(strip, self._most_tiles), strip.sample_count
+        plan, alone, rate = self._plan, self._workers <= 1, self._rates.get(worker, 0.0)
+        if not plan.short_units and (alone or plan.sample_by_sample):
+            slots = self._slots(strip, self._most_slots(rate))
+            return slots, min(strip.sample_count, max(_UNIT_SAMPLES, int(rate * UNIT_SECONDS / slots)))
         if worker not in self._rates:
-            return self._slots(strip, _FIRST_SLOTS // self._area), 1
-        rate = self._rates[worker]
-        if self._plan.sample_by_sample:
-            return self._slots(strip, int(rate * LONGEST_SECONDS / self._area)), 1
-        # Half of the worker's share of what is left: the other half makes up for what the next units are off
-        share = self._left * rate / (2.0 * (sum(self._rates.values()) + 1e-9))
-        wanted = rate * UNIT_SECONDS if alone else min(rate * UNIT_SECONDS, share)
-        slots = self._slots(strip, int(wanted / (self._area * strip.sample_count)))
+            return self._slots(strip, _FIRST_SLOTS), 1
+        if plan.sample_by_sample:
+            return self._slots(strip, int(rate * LONGEST_SECONDS)), 1
+        wanted = self._wanted(worker)
+        slots = self._slots(strip, int(max(wanted / strip.sample_count, rate * _FILL_SECONDS)))
         return slots, max(1, min(strip.sample_count, int(wanted / slots)))
 
-    def _slots(self, strip: Unit, tiles: int) -> int:
-        """Slots of so many tiles, but one at least, of a strip; it may be a part of a tile, which stays together."""
+    def _wanted(self, worker: int) -> float:
+        """Samples of the next unit of a worker whose speed is known."""
+        rate = self._rates[worker]
+        if self._workers <= 1:
+            return rate * UNIT_SECONDS
+        # Half of the worker's share of what is left: the other half makes up for what the next units are off
+        share = self._left * rate / (2.0 * (sum(self._rates.values()) + 1e-9))
+        least, most = _LEAST_SECONDS
+        return max(min(rate * UNIT_SECONDS, share), rate * min(max(2.0 * self._shortest[worker], least), most))
+
+    def _fitting(self, worker: int) -> int:
+        """Place of the strip to take from: the first, but leftovers of slow workers are no work for a fast one."""
+        if worker not in self._rates or self._workers <= 1:
+            return 0
+        enough = self._wanted(worker) / 4.0
+        some = enumerate(islice(self._strips, _LOOKED_AT))
+        return next((place for place, strip in some if strip.slot_count * strip.sample_count >= enough), 0)
+
+    def _most_slots(self, rate: float) -> int:
+        """Slots of a unit of a worker at most: the more it does in a moment, the more it may hold."""
+        if self._plan.sample_by_sample:
+            return _WHOLE_UNIT_SLOTS
+        return min(max(_UNIT_SLOTS, int(rate * _SLOT_SECONDS[self._workers > 1])), _LARGE_UNIT_SLOTS)
+
+    def _slots(self, strip: Unit, slots: int) -> int:
+        """Whole tiles of about so many slots, but one at least, of a strip; a part of a tile stays together."""
         if strip.slot_count < self._area:
             return strip.slot_count
-        return max(1, min(tiles, self._most_tiles, strip.slot_count // self._area)) * self._area
+        most = min(self._most_slots(max(self._rates.values(), default=0.0)), self._plan.most_slots or _WHOLE_UNIT_SLOTS)
+        return max(1, min(slots, most, strip.slot_count) // self._area) * self._area
+
+    def _depth(self, before: int) -> int:
+        """Samples of the next strips, after some of so many (0: the first)."""
+        if self._plan.sample_by_sample:
+            return 1
+        slots = self._plan.tiles * self._area
+        rate = sum(self._rates.values()) * max(BAND_SECONDS, slots * _PIXEL_SECONDS) / slots
+        return max(_UNIT_SAMPLES, min(2 * before, int(rate)))
 
 
-def _depth(plan: Plan) -> int:
-    """Samples of the strips that the image is refined by."""
-    return 1 if plan.sample_by_sample else _UNIT_SAMPLES
+def _ranges(plan: Plan, depth: Callable[[int], int]) -> Iterator[tuple[int, int]]:
+    """The plan's samples in the order in which the image is refined: a first one, and one that comes after the last."""
+    sample, stop, before = plan.first_sample, plan.first_sample + plan.sample_count, 0
+    while sample < stop:
+        before = -(-depth(before) // plan.whole) * plan.whole
+        yield sample, min(sample + before, stop)
+        sample += before
 
 
-def _whole_bands(plan: Plan) -> Iterator[list[Unit]]:
+def _whole_bands(plan: Plan, depth: Callable[[int], int]) -> Iterator[list[Unit]]:
     """Strips of all tiles, some samples after the other."""
-    area, depth, stop = plan.tile * plan.tile, _depth(plan), plan.first_sample + plan.sample_count
-    for sample in range(plan.first_sample, stop, depth):
-        yield [Unit(plan.first_tile * area, plan.tiles * area, sample, min(depth, stop - sample), plan.tile)]
+    area = plan.tile * plan.tile
+    for sample, end in _ranges(plan, depth):
+        yield [Unit(plan.first_tile * area, plan.tiles * area, sample, end - sample, plan.tile)]
 
 
-def _wanted_bands(plan: Plan, wanted: Ledger) -> Iterator[list[Unit]]:
+def _wanted_bands(plan: Plan, wanted: Ledger, depth: Callable[[int], int]) -> Iterator[list[Unit]]:
     """The same of what is wanted alone: strips of neighbouring blocks that want the same samples."""
-    area, depth, stop = plan.tile * plan.tile, _depth(plan), plan.first_sample + plan.sample_count
+    area = plan.tile * plan.tile
     blocks = Unit(plan.first_tile * area, plan.tiles * area, 0, 1, plan.tile).blocks(plan.width, plan.height)
     # Outside the image, a block goes with the one before it; the first block of a tile is inside
     before = np.maximum.accumulate(np.where(blocks >= 0, np.arange(len(blocks)), 0))
     sets, numbers = wanted.sets_of(blocks[before])
-    for sample in range(plan.first_sample, stop, depth):
-        parts = [_clipped(each, sample, min(sample + depth, stop)) for each in sets]
+    for sample, end in _ranges(plan, depth):
+        parts = [_clipped(each, sample, end) for each in sets]
         distinct = {part: key for key, part in enumerate(dict.fromkeys(parts))}
         if any(distinct):
             yield _strips(plan, np.array([distinct[part] for part in parts])[numbers], list(distinct))

@@ -28,9 +28,10 @@ _APART: Final = 100
 """Units from one check to the next where each of them needs something that is computed for all pixels of a sample."""
 
 
-def digest(sums: npt.NDArray[np.uint32], counts: npt.NDArray[np.uint32]) -> bytes:
+def digest(result: UnitSums | Piece) -> bytes:
     """What stands for a result: equal for equal bits."""
-    return hashlib.sha256(sums.tobytes() + counts.tobytes()).digest()
+    squares = b"" if result.squares is None else result.squares.tobytes()
+    return hashlib.sha256(result.sums.tobytes() + result.counts.tobytes() + squares).digest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class Piece:
         Who did it.
     samples : int
         Over the pixels of the image.
-    sums, counts : as of UnitSums
+    sums, counts, squares : as of UnitSums
     """
 
     unit: Unit
@@ -53,15 +54,16 @@ class Piece:
     samples: int
     sums: npt.NDArray[np.uint32]
     counts: npt.NDArray[np.uint32]
+    squares: npt.NDArray[np.uint32] | None = None
 
     @property
     def answer(self) -> bytes:
         """`digest` of what it came to."""
-        return digest(self.sums, self.counts)
+        return digest(self)
 
     def agrees(self, result: UnitSums) -> bool:
         """Whether another's result has the same bits."""
-        return np.array_equal(self.sums, result.sums) and np.array_equal(self.counts, result.counts)
+        return self.answer == digest(result)
 
 
 def finished(unit: Unit, result: UnitSums) -> bool:
@@ -112,4 +114,5 @@ class Sampler:
         self._allowed[worker] -= samples
         part, slots = slice(first * BLOCK_SLOTS, stop * BLOCK_SLOTS), (stop - first) * BLOCK_SLOTS
         again = replace(unit, first_slot=unit.first_slot + first * BLOCK_SLOTS, slot_count=slots)
-        return Piece(again, worker, samples, result.sums[part].copy(), result.counts[part].copy())
+        squares = None if result.squares is None else result.squares[part].copy()
+        return Piece(again, worker, samples, result.sums[part].copy(), result.counts[part].copy(), squares)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from clrender.errors import ClrenderError
@@ -47,6 +48,13 @@ class WorkerTally:
         self.rays += result.rays
         self.shadow_rays += result.shadow_rays
         self.deepest = max(self.deepest, result.deepest)
+
+    def absorb(self, later: WorkerTally) -> None:
+        """Add what it did in a run that came after."""
+        for name in ("units", "samples", "rays", "shadow_rays", "requeued", "checked", "failures"):
+            setattr(self, name, getattr(self, name) + getattr(later, name))
+        self.deepest = max(self.deepest, later.deepest)
+        self.state = later.state
 
     def withdraw(self, units: list[Unit]) -> None:
         """All that was kept of its is no longer."""
@@ -104,6 +112,17 @@ class Tally:
     def all_failed(self) -> bool:
         """Whether nobody is left who could go on."""
         return all(each.state != "ok" for each in self.workers)
+
+    def absorb(self, later: Tally, numbers: Sequence[int]) -> None:
+        """Add a run that came after this one, in which the workers of these numbers took part."""
+        self.complete = later.complete
+        for number, more in zip(numbers, later.workers, strict=True):
+            self.workers[number].absorb(more)
+        self.failures += later.failures
+        self.recovered += later.recovered
+        self.check_samples += later.check_samples
+        self.checks += later.checks
+        self.differences += later.differences
 
     def raise_failure(self) -> None:
         """Raise why the last worker failed, where all did before the work was done."""

@@ -65,12 +65,19 @@ static vuint pascal(vuint x) {
 // [0, 1) in steps of 2^-24: the top bits.
 static vfloat unit_interval(vuint x) { return vfloat_of(vint_from_uint(x >> 8)) * 5.9604645e-8f; }
 
-static Sampler sampler_start(uint seed, vuint pixel, vuint index) {
+// A pixel's sequence may be cut into replicates of so many samples, a power of two, or 0: it is not cut. Each replicate is the beginning
+// of a sequence with a scrambling of its own, so that replicates are independent of each other, and alike. A sample's number is that of
+// its replicate's first sample and one within the replicate; uncut, all samples are of the replicate 0.
+static uint sampler_replicate(uint number, uint replicate_spp) { return number & (0u - replicate_spp); }
+static uint sampler_within(uint number, uint replicate_spp) { return number & (replicate_spp - 1u); }
+
+static Sampler sampler_start_in(uint seed, uint replicate, vuint pixel, vuint index) {
     Sampler s;
-    s.seed = hash_pair(hash_pair(pixel, splat_uint(seed)), splat_uint(0x5851f42du));
+    s.seed = hash_pair(hash_pair(pixel, splat_uint(seed)), splat_uint(0x5851f42du + replicate));
     s.index = index;
     return s;
 }
+static Sampler sampler_start(uint seed, vuint pixel, vuint index) { return sampler_start_in(seed, 0u, pixel, index); }
 
 // Two numbers in [0, 1) for a set of dimensions, as bits.
 static void sampler_bits(Sampler s, vuint set, vuint* a, vuint* b) {

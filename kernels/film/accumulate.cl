@@ -1,6 +1,10 @@
 // Adds the samples of a launch to the pixels' sums: 128-bit fixed point, quantum 2^-64, two's complement, so that the sum does not
 // depend on the order or the grouping of its terms. A sample that is not finite, or of magnitude 2^43 or more, is left out and not
 // counted; what is below the quantum is cut off.
+//
+// Where samples come in replicates (core/sampler.h), the squares of the replicates' sums are summed up as well, in 256 bits and quanta of
+// 2^-128, so that the variance between replicates is known exactly.
+#include "core/sampler.h"
 #include "film/slot.h"
 
 typedef struct {
@@ -34,6 +38,46 @@ static Fixed fixed_add(Fixed before, float value) {
     sum.low += term.low;
     sum.high += term.high + (sum.low < term.low);
     return sum;
+}
+
+static Fixed fixed_subtract(Fixed a, Fixed b) {
+    const Fixed difference = {a.low - b.low, a.high - b.high - (a.low < b.low)};
+    return difference;
+}
+
+// Add the square of a number to a sum of four words, the lowest first.
+static void fixed_add_square(ulong sum[4], Fixed number) {
+    Fixed m = number;
+    if (m.high >> 63) {
+        m.low = ~m.low + 1;
+        m.high = ~m.high + (m.low == 0);
+    }
+    const ulong cross = m.low * m.high, cross_high = mul_hi(m.low, m.high);
+    ulong square[4] = {m.low * m.low, mul_hi(m.low, m.low), m.high * m.high, mul_hi(m.high, m.high)};
+    const ulong twice[4] = {0, cross << 1, (cross_high << 1) | (cross >> 63), cross_high >> 63};
+    ulong carry = 0;
+    for (int k = 0; k < 4; ++k) {
+        const ulong with_carry = square[k] + carry;
+        carry = with_carry < carry;
+        square[k] = with_carry + twice[k];
+        carry += square[k] < twice[k];
+    }
+    carry = 0;
+    for (int k = 0; k < 4; ++k) {
+        const ulong with_carry = square[k] + carry;
+        carry = with_carry < carry;
+        sum[k] += with_carry;
+        carry += sum[k] < with_carry;
+    }
+}
+
+static Fixed fixed_load(__global const ulong* sums, size_t number) {
+    const Fixed sum = {sums[number * 2], sums[number * 2 + 1]};
+    return sum;
+}
+static void fixed_store(__global ulong* sums, size_t number, Fixed sum) {
+    sums[number * 2] = sum.low;
+    sums[number * 2 + 1] = sum.high;
 }
 
 // samples: float [sample_count][3][slot_count] of the slots from first_slot on. sums: ulong [slot][3][2] (low, high) and counts:
@@ -72,4 +116,59 @@ __kernel void film_clear(__global ulong* sums, __global uint* counts, uint slot_
     if (slot >= slot_count) return;
     for (int k = 0; k < 6; ++k) sums[(size_t)slot * 6 + k] = 0;
     counts[slot] = 0;
+}
+
+// The same of samples from number `first_sample` on, which come in replicates. squares: ulong [slot][3][4], lowest word first, of whole
+// replicates. start_sums, start_counts: sums and counts as they were before the replicate that is not whole yet, or the last one.
+__kernel void film_accumulate_replicates(__global const Settings* settings, __global const float* samples, uint first_slot,
+                                         uint slot_count, uint first_sample, uint sample_count, uint offset, __global ulong* sums,
+                                         __global uint* counts, __global ulong* squares, __global ulong* start_sums,
+                                         __global uint* start_counts) {
+    const uint slot = (uint)get_global_id(0);
+    uint x, y;
+    if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
+    const size_t at = (size_t)(offset + slot);
+    const uint replicate_spp = settings->replicate_spp;
+    Fixed sum[3], start[3];
+    ulong square[3][4];
+    for (int c = 0; c < 3; ++c) {
+        sum[c] = fixed_load(sums, at * 3 + c);
+        start[c] = fixed_load(start_sums, at * 3 + c);
+        for (int k = 0; k < 4; ++k) square[c][k] = squares[(at * 3 + c) * 4 + k];
+    }
+    uint accepted = counts[at], start_accepted = start_counts[at];
+    for (uint n = 0; n < sample_count; ++n) {
+        const uint within = sampler_within(first_sample + n, replicate_spp);
+        if (within == 0) {
+            for (int c = 0; c < 3; ++c) start[c] = sum[c];
+            start_accepted = accepted;
+        }
+        __global const float* sample = samples + (size_t)n * 3 * slot_count + slot;
+        const float r = sample[0], g = sample[slot_count], b = sample[2 * (size_t)slot_count];
+        if (fixed_representable(r) && fixed_representable(g) && fixed_representable(b)) {
+            sum[0] = fixed_add(sum[0], r);
+            sum[1] = fixed_add(sum[1], g);
+            sum[2] = fixed_add(sum[2], b);
+            ++accepted;
+        }
+        if (within == replicate_spp - 1) {
+            for (int c = 0; c < 3; ++c) fixed_add_square(square[c], fixed_subtract(sum[c], start[c]));
+        }
+    }
+    for (int c = 0; c < 3; ++c) {
+        fixed_store(sums, at * 3 + c, sum[c]);
+        fixed_store(start_sums, at * 3 + c, start[c]);
+        for (int k = 0; k < 4; ++k) squares[(at * 3 + c) * 4 + k] = square[c][k];
+    }
+    counts[at] = accepted;
+    start_counts[at] = start_accepted;
+}
+
+// Nor has it any replicate. Slots outside the image keep what is written here.
+__kernel void film_clear_replicates(__global ulong* squares, __global ulong* start_sums, __global uint* start_counts, uint slot_count) {
+    const uint slot = (uint)get_global_id(0);
+    if (slot >= slot_count) return;
+    for (int k = 0; k < 12; ++k) squares[(size_t)slot * 12 + k] = 0;
+    for (int k = 0; k < 6; ++k) start_sums[(size_t)slot * 6 + k] = 0;
+    start_counts[slot] = 0;
 }

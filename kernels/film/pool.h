@@ -75,7 +75,9 @@ static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample
     sample->slot = pool->base + lane_index();
     sample->number = splat_uint(pool->next);
     const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + sample->slot, &x, &y);
-    sample->sampler = sampler_start(settings->seed, y * settings->width + x, pool->first_sample + sample->number);
+    const uint number = pool->first_sample + pool->next, replicate = sampler_replicate(number, settings->replicate_spp);
+    const uint index = sampler_within(number, settings->replicate_spp);
+    sample->sampler = sampler_start_in(settings->seed, replicate, y * settings->width + x, splat_uint(index));
     sampler_get(sample->sampler, SET_PIXEL, &u, &v);
 #ifdef PIXEL_FILTER
     const vmask negative = filter_place(settings, &u, &v);

@@ -13,6 +13,7 @@ typedef struct {
     int inside[LANES];       // whether the pixel is in the image
     int sees[LANES];         // and its ray sees anything
     uint base, number;       // the first one's slot, and the number of their sample in this launch
+    uint index;              // and of it in their replicate
 #ifdef PIXEL_FILTER_NEGATIVE
     uint numbers[LANES];     // with POOL_NEGATIVE
 #endif
@@ -84,6 +85,7 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     vfloat film_x, film_y;
     rays->base = pool->base;
     rays->number = pool->next;
+    rays->index = sampler_within(pool->first_sample + pool->next, scene->settings->replicate_spp);
     rays->left = LANES;
     const vmask inside = pool_take(scene->settings, pool, &sample, &film_x, &film_y);
     const Ray ray = camera_ray(scene, film_x, film_y, sample.sampler);
@@ -102,7 +104,7 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
 }
 
 // In one lane, with the first of the camera rays that wait.
-static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, Path* path, vmask lane) {
+static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask lane) {
     const uint i = LANES - rays->left--;
     if (!rays->inside[i]) return;
     const vec3 origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
@@ -119,7 +121,7 @@ static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, P
     sample->number = lane ? splat_uint(rays->number) : sample->number;
 #endif
     sample->sampler.seed = lane ? splat_uint(rays->seed[i]) : sample->sampler.seed;
-    sample->sampler.index = lane ? splat_uint(pool->first_sample + rays->number) : sample->sampler.index;
+    sample->sampler.index = lane ? splat_uint(rays->index) : sample->sampler.index;
     path->throughput = choose(lane, vec3_all(sees), path->throughput);
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
@@ -137,7 +139,7 @@ static void path_start(const Scene* scene, const Pool* pool, CameraRays* rays, P
 static int path_next(const Scene* scene, Pool* pool, CameraRays* waiting, Path* path) {
     while (lane_any(!path->alive) && (waiting->left > 0 || !pool_empty(pool))) {
         if (waiting->left == 0) path_camera_rays(scene, pool, waiting);
-        path_start(scene, pool, waiting, path, lane_first(!path->alive));
+        path_start(scene, waiting, path, lane_first(!path->alive));
     }
     return lane_any(path->alive);
 }

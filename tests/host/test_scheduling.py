@@ -232,16 +232,61 @@ def test_a_slow_device_does_not_hold_up_a_fast_one(slow: float) -> None:
     assert len(done) < 600, "and units do not become too small for what each costs"
 
 
+SPEEDS: Final = [
+    *([1.0, 1.0], [1.0, 0.1], [1.0, 0.02], [1.0, 0.01], [4.0, 1.0], [1.0, 0.5, 0.1], [1.0, 0.1, 0.01]),
+    *([1.0, 1.0, 1.0, 1.0], [1.0, 0.3, 0.03, 0.01]),
+]
+"""Of two to four devices, as parts of one's speed."""
+
+
+def share_of_the_sum(plan: Plan, rates: Sequence[float], cost: float) -> float:
+    """How fast devices are together, as a part of the sum of their speeds."""
+    done = taken(plan, rates, cost)
+    work = sum(unit.slot_count * unit.sample_count for _, unit, _ in done)
+    return work / sum(rates) / max(end for _, _, end in done)
+
+
 @pytest.mark.parametrize("rate", [4.4e6, 1.37e6], ids=["S1", "S3-1M"])
-@pytest.mark.parametrize(
-    "speeds", [[1.0, 1.0], [1.0, 0.1], [1.0, 0.02], [4.0, 1.0], [1.0, 0.5, 0.1], [1.0, 1.0, 1.0, 1.0]], ids=str
-)
+@pytest.mark.parametrize("speeds", SPEEDS, ids=str)
 def test_several_devices_are_as_fast_as_the_sum_of_their_speeds(rate: float, speeds: list[float]) -> None:
     """800 x 800 at 64 samples, by devices of a part of the speed that two cores have, and 2 ms beside each unit."""
-    plan, rates = Plan(800, 800, 0, 64, 64), [rate * speed for speed in speeds]
-    done = taken(plan, rates, 0.002)
-    work = sum(unit.slot_count * unit.sample_count for _, unit, _ in done)
-    assert work / sum(rates) >= 0.95 * max(end for _, _, end in done)
+    assert share_of_the_sum(Plan(800, 800, 0, 64, 64), [rate * speed for speed in speeds], 0.002) >= 0.95
+
+
+@pytest.mark.parametrize(("rate", "spp"), [(4.4e7, 256), (5e8, 1024)])
+@pytest.mark.parametrize("speeds", SPEEDS, ids=str)
+def test_several_fast_devices_are(rate: float, spp: int, speeds: list[float]) -> None:
+    """1920 x 1080: a second and more of work, in which what each unit costs is not to show."""
+    assert share_of_the_sum(Plan(1920, 1080, 0, spp, 64), [rate * speed for speed in speeds], 0.002) >= 0.95
+
+
+@pytest.mark.parametrize("rate", [4.4e6, 5e8])
+@pytest.mark.parametrize("speeds", SPEEDS, ids=str)
+def test_several_distant_devices_are(rate: float, speeds: list[float]) -> None:
+    """50 ms beside each unit, as over a network, where there is work for a minute."""
+    spp = int(60.0 * rate * sum(speeds) / (1920 * 1080))
+    assert share_of_the_sum(Plan(1920, 1080, 0, spp, 64), [rate * speed for speed in speeds], 0.05) >= 0.9
+
+
+@pytest.mark.parametrize(("size", "rate", "spp"), [((1920, 1080), 2e9, 4096), ((7680, 4320), 2e9, 1024)])
+def test_the_faster_the_devices_the_more_samples_come_in_at_once(size: tuple[int, int], rate: float, spp: int) -> None:
+    """The host merges pixels, so it is no limit where each comes with many samples; but the image is there early."""
+    units = [unit for _, unit, _ in taken(Plan(*size, 0, spp, 64), [rate / 4.0] * 4, 0.002)]
+    pixels = size[0] * size[1]
+    first = next(number for number, unit in enumerate(units) if unit.first_sample >= 16)
+    assert sum(unit.slot_count * unit.sample_count for unit in units[:first]) <= 32 * pixels, "all have 16 at first"
+    merged = sum(unit.slot_count for unit in units)
+    assert spp * pixels / merged >= 100.0
+
+
+def test_a_slow_device_refines_the_image_by_few_samples() -> None:
+    units = [unit for _, unit, _ in taken(Plan(1920, 1080, 0, 128, 64), [4e6])]
+    assert max(unit.sample_count for unit in units) == 16
+
+
+def test_where_memory_is_limited_units_are_small() -> None:
+    plan = Plan(1920, 1080, 0, 64, 64, most_slots=3 * 4096 + 7)
+    assert {unit.slot_count for _, unit, _ in taken(plan, [1e9, 1e9])} <= {4096, 8192, 12288}
 
 
 def test_no_unit_is_longer_than_it_should_be_where_devices_share() -> None:

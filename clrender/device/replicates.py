@@ -1,0 +1,84 @@
+"""Squares of a unit's replicates on a device: what the film needs to know how far its means may be off."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import RenderError
+from clrender.film.unit import BLOCK_SLOTS
+
+if TYPE_CHECKING:
+    from clrender.device.device import Buffer, Device
+    from clrender.device.worker import Scratch
+
+__all__ = ["ReplicateSums"]
+
+_Words = npt.NDArray[np.uint32]
+
+
+class ReplicateSums:
+    """The squares of one unit after the other (``kernels/film/accumulate.cl``, `film_accumulate_replicates`).
+
+    Parameters
+    ----------
+    device : Device
+    scratch : Scratch
+        Where the buffers are kept.
+    replicate_spp : int
+        Samples of a replicate.
+    """
+
+    def __init__(self, device: Device, scratch: Scratch, replicate_spp: int) -> None:
+        self.replicate_spp = replicate_spp
+        self._device, self._scratch = device, scratch
+
+    def begin(self, slots: int, first_sample: int) -> list[Buffer | np.generic]:
+        """Buffers for a unit: the arguments of `film_clear_replicates`.
+
+        Raises
+        ------
+        RenderError
+            The unit begins within a replicate.
+        """
+        if first_sample % self.replicate_spp:
+            raise RenderError(f"a unit begins with sample {first_sample}, within a replicate of {self.replicate_spp}.")
+        self._squares = self._scratch.buffer("squares", 96 * slots)
+        self._start_sums = self._scratch.buffer("start_sums", 48 * slots)
+        self._start_counts = self._scratch.buffer("start_counts", 4 * slots)
+        return [*self.buffers, np.uint32(slots)]
+
+    @property
+    def buffers(self) -> list[Buffer]:
+        """Last arguments of `film_accumulate_replicates`."""
+        return [self._squares, self._start_sums, self._start_counts]
+
+    def read(self, sums: _Words, counts: _Words, done: _Words) -> _Words:
+        """The squares of whole replicates; what was begun of another one is taken back.
+
+        Parameters
+        ----------
+        sums, counts, done
+            Of `clrender.film.unit.UnitSums`; changed in place, to what they were after the last whole replicate.
+
+        Returns
+        -------
+        (slots, 3, 8) uint32
+            As of `clrender.film.unit.UnitSums`.
+        """
+        slots = len(counts)
+        squares = self._read(self._squares, (slots, 3, 8))
+        begun = done % np.uint32(self.replicate_spp)
+        if begun.any():
+            cut = np.repeat(begun > 0, BLOCK_SLOTS)
+            sums[cut] = self._read(self._start_sums, (slots, 3, 4))[cut]
+            counts[cut] = self._read(self._start_counts, (slots,))[cut]
+            done -= begun
+        return squares
+
+    def _read(self, buffer: Buffer, shape: tuple[int, ...]) -> npt.NDArray[Any]:
+        words = np.empty(shape, np.uint32)
+        self._device.read(buffer, words)
+        return words

@@ -1,0 +1,176 @@
+"""Standard errors of a film's means, from the exact sums of its replicates and of their squares.
+
+A replicate is a run of a pixel's samples with a scrambling of its own. Replicates are independent and alike, so the
+variance between them says how far their mean is off, however the samples within each of them depend on each other
+(Owen, "Monte Carlo variance of scrambled net quadrature", SIAM Journal on Numerical Analysis 34(5), 1997).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.errors import UsageError
+from clrender.film.film import Film
+from clrender.film.fixed_point import QUANTUM_BITS
+from clrender.film.unit import BLOCK, blocks_across
+
+__all__ = ["deviations", "image_error", "replicate_counts", "standard_error"]
+
+_CHUNK: Final = 1 << 16
+"""Pixels looked at together: their temporaries stay small."""
+_LIMB: Final = np.uint64(32)
+_LOW: Final = np.uint64(0xFFFFFFFF)
+
+_Words = npt.NDArray[np.uint64]
+_Floats = npt.NDArray[np.float64]
+
+
+def replicate_counts(film: Film) -> npt.NDArray[np.int64]:
+    """Whole replicates of each pixel: (height, width) int64.
+
+    Raises
+    ------
+    UsageError
+        The film has none.
+    """
+    if not film.replicate_spp:
+        raise UsageError("the film has no replicates, so nothing is known of its errors; render with --replicate-spp")
+    taken = (film.ledger.taken() // film.replicate_spp).reshape(-1, blocks_across(film.width))
+    whole = taken.repeat(BLOCK, axis=0)[: film.height].repeat(BLOCK, axis=1)[:, : film.width]
+    counts: npt.NDArray[np.int64] = np.ascontiguousarray(whole)
+    return counts
+
+
+def standard_error(film: Film) -> _Floats:
+    """Standard error of the mean of each pixel and channel.
+
+    A sample that was left out counts as 0 in its replicate.
+
+    Parameters
+    ----------
+    film : Film
+        With replicates.
+
+    Returns
+    -------
+    (height, width, 3) float64
+        Radiance; NaN where a pixel has fewer than two replicates, or no sample that counts.
+
+    Raises
+    ------
+    UsageError
+        The film has no replicates, or the squares do not belong to the sums.
+    RenderError
+        After `Film.develop`.
+    """
+    replicates = replicate_counts(film).reshape(-1)
+    errors = np.empty((film.height * film.width, 3), np.float64)
+    counts = film.counts.reshape(-1)
+    start = 0
+    for sums, squares in zip(film.bands(), film.square_bands(), strict=True):
+        pixels = len(sums) * film.width
+        for first in range(0, pixels, _CHUNK):
+            here = slice(first, min(first + _CHUNK, pixels))
+            there = slice(start + here.start, start + here.stop)
+            spread = deviations(sums.reshape(-1, 3, 2)[here], squares.reshape(-1, 3, 4)[here], replicates[there])
+            known = (replicates[there] >= 2) & (counts[there] > 0)
+            divisor = np.where(known, replicates[there] - 1.0, np.nan)[:, None]
+            errors[there] = np.sqrt(spread / divisor) / np.maximum(counts[there], 1)[:, None]
+        start += pixels
+    return errors.reshape(film.height, film.width, 3)
+
+
+def image_error(errors: _Floats, by_blocks: bool = False) -> _Floats:
+    """Standard error of the mean of all pixels, of each channel.
+
+    Parameters
+    ----------
+    errors : (height, width, 3) float64
+        Of pixels.
+    by_blocks : bool
+        Whether pixels of a block depend on each other, in whatever way; what is returned is then a bound. Otherwise
+        pixels are independent.
+
+    Returns
+    -------
+    (3,) float64
+    """
+    height, width, _ = errors.shape
+    if by_blocks:
+        rows, columns = (np.arange(0, side, BLOCK) for side in (height, width))
+        errors = np.add.reduceat(np.add.reduceat(errors, rows, axis=0), columns, axis=1)
+    total: _Floats = np.sqrt((errors**2).sum(axis=(0, 1))) / (height * width)
+    return total
+
+
+def deviations(sums: _Words, squares: _Words, replicates: npt.NDArray[np.int64]) -> _Floats:
+    """R Σx² − (Σx)² of R replicates: R times the sum of the squared deviations from their mean.
+
+    Computed in integers, so that nothing is lost where replicates hardly differ, and rounded once.
+
+    Parameters
+    ----------
+    sums : (n, 3, 2) uint64
+        Σx: two's complement, low word first, in quanta of 2^-64.
+    squares : (n, 3, 4) uint64
+        Σx², in quanta of 2^-128.
+    replicates : (n,) int64
+        Below 2^32.
+
+    Returns
+    -------
+    (n, 3) float64
+
+    Raises
+    ------
+    UsageError
+        The difference is negative, which that of no numbers is.
+    """
+    number = _limbs(_magnitude(sums))
+    square = _product(number, number)
+    times = _product(_limbs(squares), replicates.astype(np.uint64)[:, None, None])
+    borrow = np.zeros(square.shape[:-1], np.int64)
+    value = np.zeros(borrow.shape, np.float64)
+    difference = np.empty(times.shape, np.float64)
+    for k in range(times.shape[-1]):
+        limb = times[..., k].astype(np.int64) - borrow
+        limb -= square[..., k].astype(np.int64) if k < square.shape[-1] else 0
+        borrow = (limb < 0).astype(np.int64)
+        difference[..., k] = limb + (borrow << 32)
+    if borrow.any():
+        raise UsageError("the squares of the film's replicates are smaller than their sums allow; render it again")
+    for k in reversed(range(times.shape[-1])):
+        value = value * 2.0**32 + difference[..., k]
+    return np.asarray(np.ldexp(value, -2 * QUANTUM_BITS), np.float64)
+
+
+def _magnitude(sums: _Words) -> _Words:
+    """Absolute values of numbers of two words."""
+    low, high = sums[..., 0], sums[..., 1]
+    negative = high >> np.uint64(63) == 1
+    high = np.where(negative, ~high + (low == 0).astype(np.uint64), high)
+    return np.stack([np.where(negative, ~low + np.uint64(1), low), high], axis=-1)
+
+
+def _limbs(words: _Words) -> _Words:
+    """Words of 64 bits as twice as many of 32, in uint64, the lowest first."""
+    return np.stack([words & _LOW, words >> _LIMB], axis=-1).reshape(*words.shape[:-1], -1)
+
+
+def _product(a: _Words, b: _Words) -> _Words:
+    """Product of numbers of limbs (..., m) and (..., n): (..., m + n) limbs."""
+    m, n = a.shape[-1], b.shape[-1]
+    shape = (*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), m + n)
+    product = np.zeros(shape, np.uint64)
+    for i in range(m):
+        for j in range(n):
+            part = a[..., i] * b[..., j]
+            product[..., i + j] += part & _LOW
+            product[..., i + j + 1] += part >> _LIMB
+    for k in range(m + n - 1):
+        product[..., k + 1] += product[..., k] >> _LIMB
+        product[..., k] &= _LOW
+    return product

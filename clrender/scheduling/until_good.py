@@ -1,0 +1,77 @@
+"""A run that ends when the image is good enough: look after look, each with all samples up to there in the film."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from clrender.film.convergence import Convergence, judge, looks
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.run import run
+from clrender.scheduling.tally import Tally, WorkerTally
+from clrender.scheduling.worker import Candidate
+
+if TYPE_CHECKING:
+    from clrender.film import Film
+    from clrender.settings import RenderSettings
+
+__all__ = ["run_until_good"]
+
+
+def run_until_good(
+    plan: Plan,
+    candidates: Sequence[Candidate],
+    film: Film,
+    settings: RenderSettings,
+    on_progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> tuple[Tally, Convergence]:
+    """Do the work of a plan until enough pixels have small enough errors, or all of it.
+
+    What is decided at a look follows from the film, which then has exactly the samples up to there. So the render stops
+    after the same samples whoever computed them, and however often it was interrupted: looks that a resumed film is
+    beyond have been taken.
+
+    Parameters
+    ----------
+    plan : Plan
+        All samples of the render, from 0 on.
+    candidates, on_progress, should_stop, tell
+        As of `run`.
+    film : Film
+        With replicates; it may hold some of the samples.
+    settings : RenderSettings
+        With an error.
+
+    Returns
+    -------
+    Tally
+        Complete when enough pixels are good, or there are no more samples to take.
+    Convergence
+        Of what is in the film now.
+    """
+    tally = Tally(complete=True, workers=[WorkerTally(candidate.name) for candidate in candidates])
+    able = list(range(len(candidates)))
+    found: Convergence | None = None
+    for samples in looks(settings):
+        if int(film.ledger.taken().max()) > samples:
+            continue
+        part = dataclasses.replace(plan, sample_count=samples, wanted=film.ledger.lacking(0, samples))
+        found = None
+        if part.samples:
+            done, rays = tally.samples, tally.rays
+
+            def advance(more: int, more_rays: int, done: int = done, rays: int = rays) -> None:
+                if on_progress is not None:
+                    on_progress(done + more, rays + more_rays)
+
+            tally.absorb(run(part, [candidates[n] for n in able], film, advance, should_stop, tell), able)
+            able = [number for number in able if tally.workers[number].state == "ok"]
+            if not tally.complete:
+                break
+        found = judge(film, settings)
+        if found.reached:
+            break
+    return tally, found or judge(film, settings)

@@ -1,0 +1,330 @@
+"""Standard errors and the stop by error, against Python's fractions: films with replicates, their files, the looks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from clrender.errors import RenderError, UsageError
+from clrender.film import Film
+from clrender.film.convergence import judge, level, looks
+from clrender.film.fixed_point import add_words, fixed_point, subtract_words
+from clrender.film.replicates import deviations, image_error, replicate_counts, standard_error
+from clrender.film.running import RunningFilm
+from clrender.film.unit import Unit, UnitSums, slot_count, tile_side, tile_slots
+from clrender.scheduling.policy import Plan, Remaining
+from clrender.scheduling.until_good import run_until_good
+from clrender.scheduling.worker import Candidate
+from clrender.settings import FIRST_LOOK, RenderSettings
+
+SIZE = 4
+Floats = npt.NDArray[np.float32]
+
+
+def words(value: int, count: int) -> list[int]:
+    return [(value >> (64 * k)) % 2**64 for k in range(count)]
+
+
+def samples_of(seed: int, pixels: int, count: int) -> Floats:
+    """(count, pixels, 3) samples whose spread is known to nobody."""
+    rng = np.random.default_rng(seed)
+    return rng.lognormal(0.0, 1.5, (count, pixels, 3)).astype(np.float32)
+
+
+def sums_of(unit: Unit, values: Floats, width: int, height: int, size: int = SIZE) -> UnitSums:
+    """What a device makes of samples (all samples, H * W, 3): the unit's are among them, in whole replicates."""
+    area = unit.tile * unit.tile
+    across = -(-width // unit.tile)
+    place = np.full(slot_count(width, height, unit.tile), -1)
+    for tile in range(len(place) // area):
+        rows, columns = np.divmod(np.arange(area), unit.tile)
+        y, x = tile // across * unit.tile + rows, tile % across * unit.tile + columns
+        place[tile * area + tile_slots(unit.tile)] = np.where((x < width) & (y < height), y * width + x, -1)
+    place = place[unit.first_slot : unit.first_slot + unit.slot_count]
+    sums = np.zeros((unit.slot_count, 3, 2), np.uint64)
+    squares = np.zeros((unit.slot_count, 3, 4), np.uint64)
+    stop = unit.first_sample + unit.sample_count
+    for slot in np.flatnonzero(place >= 0):
+        for channel in range(3):
+            quanta = [int(Fraction(float(v)) * 2**64) for v in values[unit.first_sample : stop, place[slot], channel]]
+            parts = [sum(quanta[k : k + size]) for k in range(0, len(quanta), size)]
+            sums[slot, channel] = words(sum(parts), 2)
+            squares[slot, channel] = words(sum(part * part for part in parts), 4)
+    counts = np.where(place >= 0, unit.sample_count, 0).astype(np.uint32)
+    done = np.full(unit.slot_count // 16, unit.sample_count, np.uint32)
+    return UnitSums(sums.view(np.uint32), counts, done, 0, 0, 0, squares.view(np.uint32))
+
+
+def film_of(values: Floats, width: int, height: int, cuts: Iterable[int], request: dict[str, Any]) -> Film:
+    """A film of all samples, in units that end at some of them."""
+    film = Film(width, height, request)
+    side = tile_side(8, width, height)
+    begin = 0
+    for end in cuts:
+        unit = Unit(0, slot_count(width, height, side), begin, end - begin, side)
+        film.commit(unit, sums_of(unit, values, width, height))
+        begin = end
+    return film
+
+
+REQUEST = {"replicate_spp": SIZE}
+
+
+def same(a: Film, b: Film) -> bool:
+    pairs = zip([*a.bands(), *a.square_bands()], [*b.bands(), *b.square_bands()], strict=True)
+    return a.ledger == b.ledger and np.array_equal(a.counts, b.counts) and all(np.array_equal(x, y) for x, y in pairs)
+
+
+# --- arithmetic ------------------------------------------------------------------------------------------------------
+
+WIDE = st.integers(-(2**119), 2**119)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.one_of(WIDE, st.integers(-5, 5)), min_size=1, max_size=40), st.integers(0, 2**119))
+def test_deviations_are_those_of_integers(values: list[int], offset: int) -> None:
+    """Also of numbers that hardly differ and are large, where floating point would lose all digits."""
+    values = [value // 2 + offset // 2 for value in values]
+    total, squares, count = sum(values), sum(value**2 for value in values), len(values)
+    if not -(2**127) <= total < 2**127 or squares >= 2**256:
+        return
+    exact = count * squares - total**2
+    sums = np.array([[words(total % 2**128, 2)] * 3], np.uint64)
+    found = deviations(sums, np.array([[words(squares, 4)] * 3], np.uint64), np.array([count]))
+    assert found == pytest.approx(np.full((1, 3), float(Fraction(exact, 2**128))), rel=1e-14, abs=0.0)
+    if len(set(values)) == 1:
+        assert (found == 0.0).all()
+
+
+def test_squares_that_cannot_be_are_refused() -> None:
+    sums = np.array([[words(10 * 2**64, 2)] * 3], np.uint64)
+    with pytest.raises(UsageError, match="smaller than their sums allow"):
+        deviations(sums, np.zeros((1, 3, 4), np.uint64), np.array([4]))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.integers(0, 2**256 - 1), min_size=2, max_size=2), st.sampled_from([2, 4]))
+def test_words_are_added_and_subtracted(pair: list[int], count: int) -> None:
+    a, b = (np.array([words(each % 2 ** (64 * count), count)], np.uint64) for each in pair)
+    total = a.copy()
+    add_words(total, b)
+    assert total[0].tolist() == words(sum(pair) % 2 ** (64 * count), count)
+    subtract_words(total, b)
+    assert np.array_equal(total, a)
+
+
+def test_standard_errors_are_those_of_replicates() -> None:
+    values = samples_of(1, 30, 40)
+    film = film_of(values, 6, 5, [8, 20, 40], REQUEST)
+    replicates = values.reshape(10, SIZE, 30, 3).astype(np.float64).mean(axis=1)
+    expected = replicates.std(axis=0, ddof=1) / math.sqrt(10)
+    assert standard_error(film).reshape(30, 3) == pytest.approx(expected, rel=1e-12)
+    assert (replicate_counts(film) == 10).all()
+    whole = image_error(standard_error(film))
+    assert whole == pytest.approx(np.sqrt((expected**2).sum(axis=0)) / 30, rel=1e-12)
+    assert (image_error(standard_error(film), by_blocks=True) >= whole).all()
+
+
+def test_errors_of_pixels_in_step_are_no_smaller_than_that() -> None:
+    """Where all pixels of a block have the same samples, the bound is what it is."""
+    values = np.repeat(samples_of(2, 1, 40), 16, axis=1)
+    film = film_of(values, 4, 4, [40], REQUEST)
+    errors = standard_error(film)
+    assert image_error(errors, by_blocks=True) == pytest.approx(errors[0, 0], rel=1e-12)
+
+
+def test_one_replicate_says_nothing_of_errors() -> None:
+    film = film_of(samples_of(3, 16, SIZE), 4, 4, [SIZE], REQUEST)
+    assert np.isnan(standard_error(film)).all()
+    with pytest.raises(UsageError, match="no replicates.*--replicate-spp"):
+        standard_error(Film(4, 4))
+
+
+# --- films -----------------------------------------------------------------------------------------------------------
+
+
+def test_any_cut_and_any_way_through_files_gives_the_same_film(tmp_path: Path) -> None:
+    values = samples_of(4, 10 * 9, 24)
+    whole = film_of(values, 10, 9, [24], REQUEST)
+    assert same(whole, film_of(values, 10, 9, [4, 12, 20, 24], REQUEST))
+
+    side, parts = tile_side(8, 10, 9), []
+    for first in (0, 8, 16):
+        part = Film(10, 9, REQUEST)
+        for tile in (3, 0, 2, 1):
+            unit = Unit(tile * side * side, side * side, first, 8, side)
+            part.commit(unit, sums_of(unit, values, 10, 9))
+        part.save(tmp_path / f"{first}.film")
+        parts.append(Film.load(tmp_path / f"{first}.film"))
+    merged = parts[2]
+    merged.merge(parts[0])
+    merged.merge(parts[1])
+    assert same(merged, whole)
+    merged.take_out(parts[0])
+    merged.merge(parts[0])
+    assert same(merged, whole)
+    copy = RunningFilm(10, 9, REQUEST)
+    merged.copy_to(copy)
+    assert same(copy, whole)
+
+
+def test_a_part_of_a_tile_comes_with_its_squares() -> None:
+    values = samples_of(5, 64, 8)
+    film = Film(8, 8, REQUEST)
+    for first, slots in ((16, 32), (0, 16), (48, 16)):
+        unit = Unit(first, slots, 0, 8, 8)
+        film.commit(unit, sums_of(unit, values, 8, 8))
+    assert same(film, film_of(values, 8, 8, [8], REQUEST))
+
+
+def test_units_without_squares_or_with_parts_of_replicates_are_refused() -> None:
+    values, film = samples_of(6, 16, 8), Film(4, 4, REQUEST)
+    unit = Unit(0, 16, 0, 8, 4)
+    good = sums_of(unit, values, 4, 4)
+    with pytest.raises(RenderError, match="without the squares"):
+        film.commit(unit, UnitSums(good.sums, good.counts, good.done, 0, 0, 0))
+    with pytest.raises(RenderError, match="parts of replicates of 4"):
+        film.commit(unit, UnitSums(good.sums, good.counts, good.done - 1, 0, 0, 0, good.squares))
+    with pytest.raises(RenderError, match="parts of replicates of 4"):
+        film.commit(Unit(0, 16, 2, 8, 4), good)
+    assert film.samples == 0
+
+
+@pytest.mark.parametrize("wrong", [0, "4", 4.0, True])
+def test_a_file_whose_replicates_make_no_sense_is_refused(tmp_path: Path, wrong: object) -> None:
+    film = film_of(samples_of(7, 16, 8), 4, 4, [8], REQUEST)
+    film.request["replicate_spp"] = wrong
+    film.save(tmp_path / "a.film")
+    with pytest.raises(UsageError, match="not a whole clrender film"):
+        Film.load(tmp_path / "a.film")
+
+
+def test_a_file_with_parts_of_replicates_is_refused(tmp_path: Path) -> None:
+    film = film_of(samples_of(7, 16, 8), 4, 4, [8], REQUEST)
+    film.request["replicate_spp"] = 16
+    film.save(tmp_path / "a.film")
+    with pytest.raises(UsageError, match="parts of replicates"):
+        Film.load(tmp_path / "a.film")
+
+
+@pytest.mark.parametrize("size", [1, 4, 64])
+@pytest.mark.parametrize("workers", [1, 3])
+def test_no_unit_parts_a_replicate(size: int, workers: int) -> None:
+    rng = np.random.default_rng(size + workers)
+    remaining = Remaining(Plan(100, 60, 0, 192, 16, whole=size, short_units=True), workers)
+    seen = np.zeros(192, np.int64)
+    while (unit := remaining.take(worker := int(rng.integers(workers)))) is not None:
+        assert unit.first_sample % size == unit.sample_count % size == 0
+        seen[unit.first_sample : unit.first_sample + unit.sample_count] += unit.slot_count
+        remaining.measured(worker, unit, float(rng.uniform(0.001, 3.0)))
+    assert (seen == slot_count(100, 60, 16)).all()
+
+
+# --- when it is enough -----------------------------------------------------------------------------------------------
+
+
+def asked(**more: Any) -> RenderSettings:
+    return RenderSettings(**{"width": 8, "height": 8, "error": 0.1, "spp": 4096, "replicate_spp": SIZE, **more})
+
+
+def test_looks_are_planned() -> None:
+    assert list(looks(asked(spp=1000))) == [64, 128, 256, 512, 1000]
+    assert list(looks(asked(spp=512))) == [64, 128, 256, 512]
+    assert list(looks(asked(spp=64))) == [64]
+    assert level(asked(spp=64)) == level(asked(spp=4096)) == pytest.approx(0.05 / 15)
+    assert level(asked(replicate_spp=16, confidence=0.9)) == pytest.approx(0.1 / 13)
+
+
+def test_the_interval_is_students() -> None:
+    values = samples_of(8, 64, 80)
+    film = film_of(values, 8, 8, [80], REQUEST)
+    found = judge(film, asked())
+    replicates = values.reshape(20, SIZE, 64, 3).astype(np.float64).mean(axis=1)
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    error = (replicates.std(axis=0, ddof=1) @ weights) / math.sqrt(20)
+    half = stats.t.ppf(1 - 0.05 / 15 / 2, 19) * error
+    assert found.intervals.reshape(64) == pytest.approx(half, rel=1e-5)
+    luminance = values.astype(np.float64).mean(axis=0) @ weights
+    allowed = 0.1 * np.maximum(luminance, 0.1 * luminance.mean())
+    assert found.tolerances.reshape(64) == pytest.approx(allowed, rel=1e-5)
+    assert np.array_equal(found.unconverged.reshape(64), half > allowed)
+    floor = judge(film, asked(error_floor=50.0))
+    assert floor.tolerances == pytest.approx(np.full((8, 8), 5.0))
+
+
+def test_a_pixel_that_never_changed_waits_for_its_neighbours() -> None:
+    """One pixel is noisy; around it nothing was found. Far from it, black is black."""
+    values = np.ones((64, 64, 3), np.float32)
+    values[::SIZE, 3 * 8 + 3] = 1.0 + 100.0 * np.arange(16)[:, None]
+    found = judge(film_of(values, 8, 8, [64], REQUEST), asked())
+    expected = np.zeros((8, 8), bool)
+    expected[2:5, 2:5] = True
+    assert np.array_equal(found.unconverged, expected)
+    assert found.share == 1.0 - 9 / 64
+    assert not found.reached
+    assert judge(film_of(values, 8, 8, [64], REQUEST), asked(share=0.85)).reached
+
+
+class Painter:
+    """A worker whose samples are known; it stops, or fails, when it has done so many samples."""
+
+    def __init__(self, values: Floats, width: int, height: int) -> None:
+        self.values, self.width, self.height = values, width, height
+
+    def render(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> UnitSums:
+        return sums_of(unit, self.values, self.width, self.height)
+
+
+def stopped_at(values: Floats, film: Film, limit: int | None = None, **more: Any) -> int:
+    """Samples at which a render of known samples stops; `limit`: it is interrupted after so many, over all pixels."""
+    wanted = asked(**{"spp": 1024, **more})
+    plan = Plan(8, 8, 0, wanted.spp, 8, whole=SIZE, short_units=True)
+    candidates = [Candidate(f"painter {k}", lambda: Painter(values, 8, 8)) for k in range(2)]
+    tally, found = run_until_good(
+        plan, candidates, film, wanted, None, lambda: limit is not None and film.ledger.samples >= limit, None
+    )
+    assert tally.complete is (limit is None)
+    assert found.reached or limit is not None or film.ledger.holds(0, wanted.spp)
+    return int(film.ledger.taken().max())
+
+
+def test_a_render_stops_at_the_look_that_finds_enough() -> None:
+    values = samples_of(9, 64, 1024) * 0.01 + 1.0
+    film = Film(8, 8, REQUEST)
+    stop = stopped_at(values, film, error=0.02)
+    assert stop in (64, 128, 256, 512)
+    assert film.ledger.holds(0, stop)
+    assert same(film, film_of(values, 8, 8, [stop], REQUEST))
+    for samples in looks(asked(spp=stop)):
+        reached = judge(film_of(values, 8, 8, [samples], REQUEST), asked(error=0.02)).reached
+        assert reached is (samples == stop)
+
+
+def test_interruptions_change_no_stop() -> None:
+    values = samples_of(10, 64, 1024) * 0.01 + 1.0
+    whole = Film(8, 8, REQUEST)
+    stop = stopped_at(values, whole, error=0.02)
+    assert stop >= 128
+    film = Film(8, 8, REQUEST)
+    for limit in (100, 64 * 70, 64 * 100):
+        stopped_at(values, film, limit, error=0.02)
+    assert stopped_at(values, film, error=0.02) == stop
+    assert same(film, whole)
+    assert stopped_at(values, film, error=0.02) == stop  # and once more: nothing is to be done
+
+
+def test_a_render_that_never_is_good_enough_takes_all_samples() -> None:
+    values = samples_of(11, 64, 160)
+    assert stopped_at(values, Film(8, 8, REQUEST), error=0.001, spp=160) == 160
