@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     from clrender.settings import RenderSettings
 
 __all__ = ["JobRender"]
+
+_DEEPEST: Final = 64
+"""Samples of a pixel in a unit that goes to a cluster, at most: a third of the bytes of sixteen."""
 
 _Arrays = dict[str, npt.NDArray[np.float32]]
 
@@ -78,6 +81,8 @@ class JobRender:
         self._checkpoint = checkpoint
         self._cluster = cluster
         self._plan = _plan_of(job)
+        if cluster is not None:
+            self._plan = dataclasses.replace(self._plan, short_units=True, deepest=_DEEPEST)
         self._total = self._plan.samples
         self._launch = LaunchConfig(
             self._settings.lanes,

@@ -20,8 +20,10 @@ __all__ = ["local_cluster"]
 LOOPBACK: Final = "127.0.0.1"
 _THREADS: Final = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
 """PoCL's number of threads: of older and of newer versions."""
+_DASK: Final = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
+"""Dask's profiler, which nobody looks at, takes processor time."""
 _START_SECONDS: Final = 60.0
-_END_SECONDS: Final = 3.0
+_END_SECONDS: Final = 0.1
 
 
 @contextmanager
@@ -61,7 +63,7 @@ def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.P
     home = str(Path(clrender.__file__).resolve().parent.parent)
     path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
     threads = str(max(1, (os.cpu_count() or 1) // count))
-    environment = {**dict.fromkeys(_THREADS, threads), **os.environ, "PYTHONPATH": path}
+    environment = {**dict.fromkeys(_THREADS, threads), **_DASK, **os.environ, "PYTHONPATH": path}
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--name", str(number), "--nthreads", "1"]
     command += ["--host", LOOPBACK, "--no-dashboard", "--memory-limit", "0", "--local-directory", str(folder)]
     with (folder / f"{number}.log").open("wb") as log:
@@ -85,7 +87,7 @@ def _await_workers(scheduler: Any, processes: list[subprocess.Popen[bytes]], fol
 
 
 def _end(processes: list[subprocess.Popen[bytes]]) -> None:
-    """They end because the scheduler is gone; those that do not are ended."""
+    """They end because the scheduler is gone, which takes some seconds; nobody need wait for that."""
     end = time.monotonic() + _END_SECONDS
     for process in processes:
         with suppress(subprocess.TimeoutExpired):

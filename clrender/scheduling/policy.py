@@ -55,6 +55,8 @@ class Plan:
         plan's. It must not change any more.
     short_units : bool
         Units of one worker last no longer than those of several: what is lost with a process that dies is a unit.
+    deepest : int
+        Samples of a pixel in a unit at most. The more there are, the fewer sums travel for as many samples.
     """
 
     width: int
@@ -66,6 +68,7 @@ class Plan:
     rows: tuple[int, int] | None = None
     wanted: Ledger | None = field(default=None, compare=False)
     short_units: bool = False
+    deepest: int = _UNIT_SAMPLES
 
     @property
     def samples(self) -> int:
@@ -170,27 +173,31 @@ class Remaining:
         return max(1, min(tiles, self._most_tiles, strip.slot_count // self._area)) * self._area
 
 
-def _depth(plan: Plan) -> int:
-    """Samples of the strips that the image is refined by."""
-    return 1 if plan.sample_by_sample else _UNIT_SAMPLES
+def _depths(plan: Plan) -> Iterator[tuple[int, int]]:
+    """Ranges of samples that the image is refined by; none adds more than there are, once those are as many as fit."""
+    sample, stop = plan.first_sample, plan.first_sample + plan.sample_count
+    while sample < stop:
+        depth = 1 if plan.sample_by_sample else max(_UNIT_SAMPLES, min(plan.deepest, sample - plan.first_sample))
+        yield sample, min(sample + depth, stop)
+        sample += depth
 
 
 def _whole_bands(plan: Plan) -> Iterator[list[Unit]]:
     """Strips of all tiles, some samples after the other."""
-    area, depth, stop = plan.tile * plan.tile, _depth(plan), plan.first_sample + plan.sample_count
-    for sample in range(plan.first_sample, stop, depth):
-        yield [Unit(plan.first_tile * area, plan.tiles * area, sample, min(depth, stop - sample), plan.tile)]
+    area = plan.tile * plan.tile
+    for sample, end in _depths(plan):
+        yield [Unit(plan.first_tile * area, plan.tiles * area, sample, end - sample, plan.tile)]
 
 
 def _wanted_bands(plan: Plan, wanted: Ledger) -> Iterator[list[Unit]]:
     """The same of what is wanted alone: strips of neighbouring blocks that want the same samples."""
-    area, depth, stop = plan.tile * plan.tile, _depth(plan), plan.first_sample + plan.sample_count
+    area = plan.tile * plan.tile
     blocks = Unit(plan.first_tile * area, plan.tiles * area, 0, 1, plan.tile).blocks(plan.width, plan.height)
     # Outside the image, a block goes with the one before it; the first block of a tile is inside
     before = np.maximum.accumulate(np.where(blocks >= 0, np.arange(len(blocks)), 0))
     sets, numbers = wanted.sets_of(blocks[before])
-    for sample in range(plan.first_sample, stop, depth):
-        parts = [_clipped(each, sample, min(sample + depth, stop)) for each in sets]
+    for sample, end in _depths(plan):
+        parts = [_clipped(each, sample, end) for each in sets]
         distinct = {part: key for key, part in enumerate(dict.fromkeys(parts))}
         if any(distinct):
             yield _strips(plan, np.array([distinct[part] for part in parts])[numbers], list(distinct))
