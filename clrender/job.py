@@ -203,7 +203,7 @@ class RenderJob:
             "denoise": self.denoise,
             "request": self.request(),
         }
-        return json.dumps(content, sort_keys=True), assets
+        return json.dumps(content), assets  # in the scene's own order, by which materials have their numbers
 
     @classmethod
     def from_json(cls, text: str, assets: Mapping[str, bytes]) -> RenderJob:

@@ -26,6 +26,8 @@ from clrender.integrators.descriptor import Pipeline
 from clrender.job import RenderJob
 from clrender.job_render import JobRender
 from clrender.rendered_image import Progress, RenderedImage
+from clrender.scheduling.cluster import Cluster
+from clrender.scheduling.pool import WorkerPool
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -112,6 +114,7 @@ class Session:
         keep_film: bool = True,
         checkpoint: str | Path | None = None,
         resume: bool = False,
+        cluster: Cluster | None = None,
         **settings: Any,
     ) -> RenderedImage:
         """Render a scene, or a job.
@@ -131,6 +134,9 @@ class Session:
         resume : bool
             Go on from what the checkpoint holds, if it is there yet; it must be of the same image, and may have been
             made with fewer samples per pixel.
+        cluster : Cluster, optional
+            As of `clrender.cluster.open_cluster`: its workers take the samples. The session's devices then make the
+            layers and what guides the denoiser, and are not opened where neither is asked for.
         **settings
             Of a scene: as `RenderJob.of` takes them, ``size``, ``samples``, ``aov``, ``denoise`` and the fields of
             `RenderSettings`.
@@ -154,9 +160,13 @@ class Session:
         if checkpoint is None:
             if resume:
                 raise UsageError("resume has no effect without a checkpoint; name its file")
-            return JobRender(self, job, on_progress, should_stop).image(keep_film)
+            return JobRender(self, job, on_progress, should_stop, None, cluster).image(keep_film)
         with Checkpoint(checkpoint, resume, self.tell) as saved:
-            return JobRender(self, job, on_progress, should_stop, saved).image(keep_film)
+            return JobRender(self, job, on_progress, should_stop, saved, cluster).image(keep_film)
+
+    def pool(self, job: RenderJob) -> tuple[WorkerPool, str]:
+        """The devices as workers for a job's samples, as of `clrender.job_render.JobRender.pool`."""
+        return JobRender(self, job, None, None).pool()
 
     def render_part(
         self,

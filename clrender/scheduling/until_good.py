@@ -10,6 +10,7 @@ from clrender.film.convergence import Convergence, judge, looks
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import run
 from clrender.scheduling.tally import Tally, WorkerTally
+from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.worker import Candidate
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def run_until_good(
     on_progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
     tell: Callable[[str], None] | None = None,
+    limits: TimeLimits | None = None,
 ) -> tuple[Tally, Convergence]:
     """Do the work of a plan until enough pixels have small enough errors, or all of it.
 
@@ -38,7 +40,7 @@ def run_until_good(
     ----------
     plan : Plan
         All samples of the render, from 0 on.
-    candidates, on_progress, should_stop, tell
+    candidates, on_progress, should_stop, tell, limits
         As of `run`.
     film : Film
         With replicates; it may hold some of the samples.
@@ -67,7 +69,9 @@ def run_until_good(
                 if on_progress is not None:
                     on_progress(done + more, rays + more_rays)
 
-            tally.absorb(run(part, [candidates[n] for n in able], film, advance, should_stop, tell), able)
+            tally.absorb(
+                run(part, [candidates[n] for n in able], film, advance, should_stop, tell, limits=limits), able
+            )
             able = [number for number in able if tally.workers[number].state == "ok"]
             if not tally.complete:
                 break
