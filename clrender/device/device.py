@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["Argument", "Buffer", "Device", "Program", "Reading", "leave_lost_devices"]
 
 _T = TypeVar("_T")
+_ROUNDED: Final = "-cl-fp32-correctly-rounded-divide-sqrt"
+_CORRECTED: Final = "-D CORRECT_DIVIDE=1"
+"""Of a device that does not round divisions and roots by itself: ``kernels/core/quotient.h`` does."""
 _WORTH_SHARING: Final = 1 << 20
 """Bytes from which on it matters that nothing is copied."""
 _KEPT: Final[list[Any]] = []
@@ -113,7 +116,7 @@ class Device:
             ) from error
         # Any option that lets the compiler round differently would cost the equal bits on all drivers.
         # -w: some drivers write warnings to stderr, which is the user's.
-        self.options = "-cl-std=CL1.2 -w" + (" -cl-fp32-correctly-rounded-divide-sqrt" if rounded else "")
+        self.options = "-cl-std=CL1.2 -w " + (_ROUNDED if rounded else _CORRECTED)
         if "oclgrind" in info.platform.lower():
             self.options += " -cl-opt-disable"  # the interpreter does not know all that its own optimiser writes
         self.compile_seconds = 0.0
