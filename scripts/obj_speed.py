@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -49,8 +50,7 @@ def write(path: Path, form: str, side: int) -> None:
 def reader(name: str) -> Callable[[Path], Any]:
     """What reads a file in one of three ways."""
     if name == "tinyobjloader":
-        import tinyobjloader
-
+        tinyobjloader = import_module(name)
         return lambda path: tinyobjloader.ObjReader().ParseFromFile(str(path))
     if name == "scene":
         import clrender
