@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -32,19 +32,14 @@ class Machines:
         For their files and logs.
     spaces : bool
         Whether there are namespaces.
-    variables : mapping
-        Of their environment.
-    options : sequence of str
-        Of both programs.
+    tls : tuple of str
+        Options of both programs that name certificates.
     """
 
-    def __init__(
-        self, folder: Path, spaces: bool = False, variables: Mapping[str, str] | None = None, tls: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, folder: Path, spaces: bool = False, tls: tuple[str, ...] = ()) -> None:
         self._folder, self._spaces, self._tls = folder, spaces, tls
         self._environment = {
             **os.environ, "PYTHONPATH": _HOME, "POCL_MAX_PTHREAD_COUNT": "1", "CLRENDER_DEVICE": DEVICE,
-            **(variables or {}),
         }  # fmt: skip
         self.workers: list[subprocess.Popen[bytes]] = []
         host = _SCHEDULER if spaces else "127.0.0.1"
@@ -125,9 +120,9 @@ class Machines:
 
 
 @contextmanager
-def machines(folder: Path, count: int = 2, spaces: bool = False) -> Iterator[Machines]:
+def machines(folder: Path, count: int = 2, spaces: bool = False, tls: tuple[str, ...] = ()) -> Iterator[Machines]:
     """A cluster of so many workers."""
-    running = Machines(folder, spaces)
+    running = Machines(folder, spaces, tls)
     try:
         for _ in range(count):
             running.add()

@@ -211,6 +211,31 @@ def test_all_workers_or_the_scheduler_gone(
     assert hash_of(image) == hash_of(here.render(clrender.load("room"), **how))  # type: ignore[arg-type]
 
 
+def test_encrypted_and_with_certificates(tmp_path: Path, here: Session) -> None:
+    """`tls://` with what Dask's configuration says; whoever has no certificate is turned away."""
+    pytest.importorskip("cryptography")
+    import dask
+    from distributed.security import Security
+
+    temporary: Any = Security.temporary
+    made = temporary()
+    files = {"ca_file": made.tls_ca_file, "cert": made.tls_client_cert, "key": made.tls_client_key}
+    paths = {name: tmp_path / name for name in files}
+    for name, path in paths.items():
+        path.write_text(str(files[name]))
+    options = [f"--tls-{name.replace('_', '-')}={path}" for name, path in paths.items()]
+    with machines(tmp_path, 1, tls=tuple(options)) as running:
+        assert running.address.startswith("tls://")
+        keys = {"ca-file": str(paths["ca_file"]), "client.cert": str(paths["cert"]), "client.key": str(paths["key"])}
+        with (
+            dask.config.set({f"distributed.comm.tls.{name}": value for name, value in keys.items()}),
+            open_cluster(running.address) as cluster,
+        ):
+            assert hash_of(render_on(cluster)) == hash_of(here.render(clrender.load("room"), spp=64, size=SIZE))
+        with pytest.raises(RenderError, match="no Dask scheduler answers there"), open_cluster(running.address):
+            pass
+
+
 def wait_for_workers(cluster: DaskCluster, count: int) -> None:
     """Until the scheduler, and so the cluster, knows of just so many workers."""
     end = time.monotonic() + 60.0
