@@ -27,10 +27,13 @@ from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
+from clrender.job_memory import limited, needs, told
+from clrender.memory import largest_tile
 from clrender.render_stats import job_stats, peak_rss, render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
+from clrender.scheduling.contributions import MOST_BYTES
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.pool import WorkerPool, most_slots
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 
@@ -83,12 +86,31 @@ class JobRender:
         self._seconds: dict[str, float] = {}
         self._started: float | None = None
         self._film: Film | None = None
+        self._apart_bytes = MOST_BYTES
 
     def image(self, keep_film: bool) -> RenderedImage:
         """Render it; `Session.render` says what is returned and raised."""
-        job, settings, session = self._job, self._settings, self._session
-        denoiser = Denoiser() if job.denoise else None
+        denoiser = Denoiser() if self._job.denoise else None
         flat, memory = self._flat()
+        with self._memory_held():
+            return self._image(flat, memory, keep_film, denoiser)
+
+    @contextmanager
+    def _memory_held(self) -> Iterator[None]:
+        """Take no more memory than is allowed; refuse before it is taken."""
+        devices, checkpoint = self._session.devices, self._checkpoint
+        self._plan = dataclasses.replace(self._plan, most_slots=most_slots(devices, self._settings.max_memory))
+        resumed = checkpoint is not None and checkpoint.loaded
+        wanted = needs(self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
+        with limited(devices, self._settings.max_memory, wanted) as self._apart_bytes:
+            if line := told(self._job):
+                self._session.tell(line)
+            yield
+
+    def _image(
+        self, flat: FlatScene, memory: Mapping[str, float], keep_film: bool, denoiser: Denoiser | None
+    ) -> RenderedImage:
+        job, settings, session = self._job, self._settings, self._session
         self._film = film = self._new_film(flat)
         devices = session.devices
         _check_lanes(settings, devices)
@@ -152,10 +174,11 @@ class JobRender:
         """
         flat, _ = self._flat()
         check(self._request(flat))
-        self._film = film = Film(wanted.width, wanted.height, self._request(flat))
-        self._want(wanted)
-        tally, _, _ = self._run(self._prepared(flat) if self._plan.samples else None, film)
-        tally.raise_failure()
+        with self._memory_held():
+            self._film = film = Film(wanted.width, wanted.height, self._request(flat))
+            self._want(wanted)
+            tally, _, _ = self._run(self._prepared(flat) if self._plan.samples else None, film)
+            tally.raise_failure()
         return film
 
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
@@ -201,7 +224,15 @@ class JobRender:
             names = [WorkerTally(device.info.title) for device in self._session.devices]
             return Tally(complete=True, workers=names), {}, time.perf_counter()
         with self._pool(prepared) as pool:
-            tally = run(self._plan, pool.candidates, film, self._advance, self._stops, self._session.tell)
+            tally = run(
+                self._plan,
+                pool.candidates,
+                film,
+                self._advance,
+                self._stops,
+                self._session.tell,
+                apart_bytes=self._apart_bytes,
+            )
             finished = time.perf_counter()
             workers = pool.workers
         if self._checkpoint is not None:
@@ -320,7 +351,7 @@ def _plan_of(job: RenderJob) -> Plan:
         settings.height,
         job.first_sample,
         job.sample_count,
-        tile_side(settings.tile, settings.width, settings.height),
+        tile_side(largest_tile(settings.max_memory, settings.tile), settings.width, settings.height),
         job.integrator.pipeline.sample_by_sample,
     )
 

@@ -6,14 +6,14 @@ A new setting is one field of `RenderSettings`, and what its integrator does wit
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Choice, Domain, NotAllowed, Range, nearest, shown
+from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, nearest, shown
+from clrender.memory import check_image
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,8 +40,6 @@ STOP: Final = "stop"
 """Group of settings that say when enough is done."""
 
 PIXEL_LIMIT: Final = 2**30
-_FILM_BYTES: Final = 52
-"""Memory of a pixel's exact sums."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,7 @@ def _setting(
 
 
 def _work(domain: Domain, help: str, default: Any = None, **more: Any) -> Any:
-    unset = "by the device" if default is None else ""
+    unset = more.pop("unset", "by the device" if default is None else "")
     return _setting(default, domain, f"{help}; never changes the image", unset, WORK, None, **more)
 
 
@@ -205,6 +203,12 @@ class RenderSettings:
     samples_per_pass: int | None = _work(Range(1, 2**20, whole=True), "Samples of a pixel in one launch", metavar="K")
     work_group: int | None = _work(Range(1, 4096, whole=True), "Work-items in a group")
     lanes: int | None = _work(Choice((1, 4, 8, 16)), "Paths that a work-item carries")
+    max_memory: int | None = _work(
+        Bytes(1 << 24),
+        "Memory that may be taken of the host and of each device, bytes; as an option also with K, M or G",
+        unset="no limit",
+        metavar="BYTES",
+    )
     traversal: str | None = _work(Choice(("packet", "single")), "How a CPU's rays go through the BVH", option=None)
     time_limit: float | None = _setting(
         None,
@@ -353,7 +357,7 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
                 values[name] = allowed[0]
     wanted = RenderSettings(**values)
     _refuse_unused(wanted, given)
-    _check_memory(wanted.width, wanted.height)
+    check_image(wanted.width, wanted.height, wanted.max_memory)
     return wanted
 
 
@@ -375,16 +379,3 @@ def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
             raise UsageError(f"{name} has no effect with the integrator {wanted.integrator}; it belongs to {owner}")
     if "absorption" in given and wanted.absorption is not None and wanted.roulette != "absorption":
         raise UsageError(f"absorption has no effect with the roulette {wanted.roulette}; it belongs to absorption")
-
-
-def _check_memory(width: int, height: int) -> None:
-    try:
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # a system that does not tell
-        return
-    wanted = width * height * _FILM_BYTES
-    if wanted > memory:
-        raise UsageError(
-            f"an image of {width} x {height} pixels takes {wanted / 2**30:.1f} GiB of memory and this machine has "
-            f"{memory / 2**30:.1f}; ask for a smaller one"
-        )

@@ -13,7 +13,7 @@ from clrender.aov.first_hits import (
     LayerKind,
     first_hits,
 )
-from clrender.aov.names import AOVS, MATTES, check_aovs, exact_channels, exr_channels
+from clrender.aov.names import AOVS, MATTES, channel_count, check_aovs, exact_channels, exr_channels
 
 __all__ = [
     "AOVS",
@@ -25,6 +25,7 @@ __all__ = [
     "MATTES",
     "LayerArguments",
     "LayerKind",
+    "channel_count",
     "check_aovs",
     "exact_channels",
     "exr_channels",
