@@ -29,11 +29,14 @@ from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
+from clrender.job_memory import limited, needs, told
+from clrender.memory import largest_tile
 from clrender.render_stats import error_stats, film_layers, job_stats, peak_rss, render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.scheduling.cluster import Cluster, Member
+from clrender.scheduling.contributions import MOST_BYTES
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.pool import WorkerPool, most_slots
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_good import run_until_good
@@ -99,12 +102,31 @@ class JobRender:
         self._started: float | None = None
         self._film: Film | None = None
         self._found: Convergence | None = None
+        self._apart_bytes = MOST_BYTES
 
     def image(self, keep_film: bool) -> RenderedImage:
         """Render it; `Session.render` says what is returned and raised."""
-        job, settings, session = self._job, self._settings, self._session
-        denoiser = Denoiser() if job.denoise else None
+        denoiser = Denoiser() if self._job.denoise else None
         flat, memory = self._flat()
+        with self._memory_held():
+            return self._image(flat, memory, keep_film, denoiser)
+
+    @contextmanager
+    def _memory_held(self) -> Iterator[None]:
+        """Take no more memory than is allowed; refuse before it is taken."""
+        devices, checkpoint = self._session.devices, self._checkpoint
+        self._plan = dataclasses.replace(self._plan, most_slots=most_slots(devices, self._settings.max_memory))
+        resumed = checkpoint is not None and checkpoint.loaded
+        wanted = needs(self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
+        with limited(devices, self._settings.max_memory, wanted) as self._apart_bytes:
+            if line := told(self._job):
+                self._session.tell(line)
+            yield
+
+    def _image(
+        self, flat: FlatScene, memory: Mapping[str, float], keep_film: bool, denoiser: Denoiser | None
+    ) -> RenderedImage:
+        job, settings, session = self._job, self._settings, self._session
         self._film = film = self._new_film(flat)
         devices = session.devices if self._cluster is None else []
         _check_lanes(settings, devices)
@@ -171,10 +193,11 @@ class JobRender:
         """
         flat, _ = self._flat()
         check(self._request(flat))
-        self._film = film = Film(wanted.width, wanted.height, self._request(flat))
-        self._want(wanted)
-        tally, _, _, _ = self._run(flat, None, film)
-        tally.raise_failure()
+        with self._memory_held():
+            self._film = film = Film(wanted.width, wanted.height, self._request(flat))
+            self._want(wanted)
+            tally, _, _, _ = self._run(flat, None, film)
+            tally.raise_failure()
         return film
 
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
@@ -242,10 +265,16 @@ class JobRender:
         self, candidates: Sequence[Candidate], film: Film, until_good: bool, limits: TimeLimits | None = None
     ) -> Tally:
         """Have workers take the samples of the plan, or as many as make the image good enough."""
-        listeners = self._advance, self._stops, self._session.tell
+        take = partial(
+            run,
+            should_stop=self._stops,
+            tell=self._session.tell,
+            limits=limits,
+            apart_bytes=self._apart_bytes,
+        )
         if not until_good:
-            return run(self._plan, candidates, film, *listeners, limits=limits)
-        tally, self._found = run_until_good(self._plan, candidates, film, self._settings, *listeners, limits=limits)
+            return take(self._plan, candidates, film, self._advance)
+        tally, self._found = run_until_good(self._plan, candidates, film, self._settings, take, self._advance)
         return tally
 
     def _run_on(
@@ -397,7 +426,7 @@ def _plan_of(job: RenderJob) -> Plan:
         settings.height,
         job.first_sample,
         job.sample_count,
-        tile_side(settings.tile, settings.width, settings.height),
+        tile_side(largest_tile(settings.max_memory, settings.tile), settings.width, settings.height),
         job.integrator.pipeline.sample_by_sample,
         whole=settings.replicate_spp or 1,
     )

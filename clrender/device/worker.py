@@ -41,6 +41,8 @@ _LONE_WORK_GROUP: Final = 16
 _SAMPLES_BYTES: Final = 96 << 20
 _STATS_BYTES: Final = 16
 """Of a work-item."""
+_OF_SLICES: Final = ("samples", "records", "stats")
+"""Buffers of a slice."""
 _MOST_SAMPLES_PER_PASS: Final = 16
 _SMALL_TREE: Final = 8
 """With so few nodes, lanes' rays stay together: setting one out alone costs more than the rest of the tree."""
@@ -122,6 +124,12 @@ class Scratch:
     def held(self, *names: str) -> int:
         """Bytes of the buffers of these names."""
         return sum(self._kept[name].nbytes for name in names if name in self._kept)
+
+    def give_back(self, *names: str) -> None:
+        """Give the memory of the buffers of these names back."""
+        for name in names:
+            if (kept := self._kept.pop(name, None)) is not None:
+                self._device.release(kept)
 
     def release(self) -> None:
         """Give the device's memory back."""
@@ -430,6 +438,8 @@ class DeviceWorker:
         """What the pipeline's kernel takes beside its own, and the rays that took."""
         if self._preparation is None:
             return [], 0
+        if self.device.memory_limit is not None and self._pipeline.sample_by_sample:
+            self._scratch.give_back(*_OF_SLICES)  # preparing may need their memory
         begin = time.perf_counter()
         arguments = list(self._preparation.arguments(sample))
         self.busy_seconds += time.perf_counter() - begin
@@ -455,8 +465,9 @@ class DeviceWorker:
         """Bytes for what a slice leaves in memory."""
         if self.device.memory_limit is None:
             return min(_SAMPLES_BYTES, self.device.max_allocation_bytes)
-        free = self.device.free_bytes + self._scratch.held("samples", "records", "stats")
-        return int(min(_SAMPLES_BYTES, self.device.max_allocation_bytes, free * 15 / 16))
+        # One half is for them, the other for the sums of the unit that comes next, which may be larger
+        free = self.device.free_bytes + self._scratch.held(*_OF_SLICES, "sums", "counts")
+        return int(min(_SAMPLES_BYTES, self.device.max_allocation_bytes, free * 15 / 32))
 
     def _launch(self, program: Program, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         group = 16

@@ -15,7 +15,7 @@ from clrender.errors import ClrenderError, DeviceFailure, RenderError
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling.arbitration import Arbitration
-from clrender.scheduling.contributions import Contributions
+from clrender.scheduling.contributions import MOST_BYTES, Contributions
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.spot_check import SHARE, Sampler, finished
 from clrender.scheduling.tally import Tally, WorkerTally
@@ -57,6 +57,7 @@ def run(
     tell: Callable[[str], None] | None = None,
     check_share: float = SHARE,
     limits: TimeLimits | None = None,
+    apart_bytes: int = MOST_BYTES,
 ) -> Tally:
     """Have workers do the work of a plan, and commit it to the film.
 
@@ -77,6 +78,8 @@ def run(
         Of the samples, those that a second worker does again for comparison, where there are several and the receiver
         is a film.
     limits : TimeLimits, optional
+    apart_bytes : int
+        Memory for films of single workers, from which what one did can be taken out of the film.
 
     Returns
     -------
@@ -92,7 +95,7 @@ def run(
     listeners = Listeners(on_progress, should_stop, tell)
     if should_stop is not None and should_stop():
         return Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
-    return _Run(plan, candidates, film, listeners, check_share, limits or TIME_LIMITS).tally_of_all()
+    return _Run(plan, candidates, film, listeners, check_share, limits or TIME_LIMITS, apart_bytes).tally_of_all()
 
 
 class _Run:
@@ -106,6 +109,7 @@ class _Run:
         listeners: Listeners,
         share: float,
         limits: TimeLimits,
+        apart_bytes: int,
     ) -> None:
         self._plan = plan
         self._candidates = candidates
@@ -121,7 +125,7 @@ class _Run:
         self._seen = (0, 0)
         self._pending: dict[int, ClrenderError] = {}
         checked = count > 1 and share > 0.0
-        self._apart = Contributions(film, count) if checked and isinstance(film, Film) else None
+        self._apart = Contributions(film, count, apart_bytes) if checked and isinstance(film, Film) else None
         self._sampler = Sampler(plan, share) if self._apart is not None else None
         self._arbitration = Arbitration(candidates, self._work, self._exclude)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +19,15 @@ from scipy import stats
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.convergence import judge, level, looks
-from clrender.film.fixed_point import add_words, fixed_point, subtract_words
+from clrender.film.fixed_point import add_words, subtract_words
 from clrender.film.replicates import deviations, image_error, replicate_counts, standard_error
 from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side, tile_slots
 from clrender.scheduling.policy import Plan, Remaining
+from clrender.scheduling.run import run
 from clrender.scheduling.until_good import run_until_good
 from clrender.scheduling.worker import Candidate
-from clrender.settings import FIRST_LOOK, RenderSettings
+from clrender.settings import RenderSettings
 
 SIZE = 4
 Floats = npt.NDArray[np.float32]
@@ -146,7 +148,7 @@ def test_errors_of_pixels_in_step_are_no_smaller_than_that() -> None:
 def test_one_replicate_says_nothing_of_errors() -> None:
     film = film_of(samples_of(3, 16, SIZE), 4, 4, [SIZE], REQUEST)
     assert np.isnan(standard_error(film)).all()
-    with pytest.raises(UsageError, match="no replicates.*--replicate-spp"):
+    with pytest.raises(UsageError, match=r"no replicates.*--replicate-spp"):
         standard_error(Film(4, 4))
 
 
@@ -292,9 +294,8 @@ def stopped_at(values: Floats, film: Film, limit: int | None = None, **more: Any
     wanted = asked(**{"spp": 1024, **more})
     plan = Plan(8, 8, 0, wanted.spp, 8, whole=SIZE, short_units=True)
     candidates = [Candidate(f"painter {k}", lambda: Painter(values, 8, 8)) for k in range(2)]
-    tally, found = run_until_good(
-        plan, candidates, film, wanted, None, lambda: limit is not None and film.ledger.samples >= limit, None
-    )
+    take = partial(run, should_stop=lambda: limit is not None and film.ledger.samples >= limit)
+    tally, found = run_until_good(plan, candidates, film, wanted, take)
     assert tally.complete is (limit is None)
     assert found.reached or limit is not None or film.ledger.holds(0, wanted.spp)
     return int(film.ledger.taken().max())

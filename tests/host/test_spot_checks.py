@@ -17,7 +17,7 @@ from clrender.errors import DeviceFailure, RenderError, UsageError
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling import run as scheduling
-from clrender.scheduling.contributions import Contributions
+from clrender.scheduling.contributions import MOST_BYTES, Contributions
 from clrender.scheduling.dispute import judge
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import Tally, run
@@ -57,16 +57,15 @@ def test_a_film_gives_back_what_came_in() -> None:
     assert whole.ledger.holds(0, 7) is False and whole.samples == gone.samples + left.samples
 
 
-@pytest.mark.parametrize("shared", [False, True], ids=["a film each", "one for all"])
-def test_what_a_worker_did_is_withdrawn(monkeypatch: pytest.MonkeyPatch, shared: bool) -> None:
-    """A film may hold samples of before; with one film for all, all that came since is done again."""
-    if shared:
-        monkeypatch.setattr("clrender.scheduling.contributions._MOST_BYTES", 0)
+@pytest.mark.parametrize("resumed", [False, True], ids=["empty before", "with samples of before"])
+@pytest.mark.parametrize("shared", [False, True], ids=["a film each", "none for each"])
+def test_what_a_worker_did_is_withdrawn(shared: bool, resumed: bool) -> None:
+    """A film may hold samples of before; where workers are not told apart, all that came since is done again."""
     before, units = Unit(0, 256, 90, 4, 16), [Unit(0, 256, sample, 1, 16) for sample in range(6)]
     film, expected = Film(16, 16), Film(16, 16)
-    apart = Contributions(film, 2)
-    for each in (film, expected):
+    for each in (film, expected) if resumed else ():
         each.commit(before, sums(before))
+    apart = Contributions(film, 2, 0 if shared else MOST_BYTES)
     for number, unit in enumerate(units):
         film.commit(unit, sums(unit))
         apart.add(number % 2, unit, sums(unit))
@@ -76,6 +75,7 @@ def test_what_a_worker_did_is_withdrawn(monkeypatch: pytest.MonkeyPatch, shared:
     assert gone == ({0: units[::2], 1: units[1::2]} if shared else {0: units[::2]})
     assert film.ledger == expected.ledger
     np.testing.assert_array_equal(film.bands()[0], expected.bands()[0])
+    np.testing.assert_array_equal(film.counts, expected.counts)
     assert not any(apart.withdraw(0).values())
 
 
