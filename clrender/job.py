@@ -116,10 +116,12 @@ class RenderJob:
         Raises
         ------
         UsageError
-            When something makes no sense, or a job comes with settings: it has its own.
+            When something makes no sense, neither is given, or a job comes with settings: it has its own.
         """
         if isinstance(scene, Scene):
             return cls.of(scene, **settings)
+        if not isinstance(scene, RenderJob):
+            raise UsageError(f"{scene!r:.60} is no scene; read one with clrender.load(…), and render that")
         if settings:
             raise UsageError(f"a job has its own settings; {', '.join(sorted(settings))} cannot be given beside it")
         return scene

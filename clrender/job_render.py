@@ -104,6 +104,11 @@ class JobRender:
         self._found: Convergence | None = None
         self._apart_bytes = MOST_BYTES
 
+    @property
+    def _devices(self) -> list[Device]:
+        """Those that render here; none where a cluster does."""
+        return self._session.devices if self._cluster is None else []
+
     def image(self, keep_film: bool) -> RenderedImage:
         """Render it; `Session.render` says what is returned and raised."""
         denoiser = Denoiser() if self._job.denoise else None
@@ -114,7 +119,7 @@ class JobRender:
     @contextmanager
     def _memory_held(self) -> Iterator[None]:
         """Take no more memory than is allowed; refuse before it is taken."""
-        devices, checkpoint = self._session.devices, self._checkpoint
+        devices, checkpoint = self._devices, self._checkpoint
         self._plan = dataclasses.replace(self._plan, most_slots=most_slots(devices, self._settings.max_memory))
         resumed = checkpoint is not None and checkpoint.loaded
         wanted = needs(self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
@@ -128,7 +133,7 @@ class JobRender:
     ) -> RenderedImage:
         job, settings, session = self._job, self._settings, self._session
         self._film = film = self._new_film(flat)
-        devices = session.devices if self._cluster is None else []
+        devices = self._devices
         _check_lanes(settings, devices)
         compiled = sum(device.compile_seconds for device in devices)
         with self._timed("aov_seconds"):
@@ -136,7 +141,7 @@ class JobRender:
         prepared = self._prepared(flat) if self._plan.samples and self._cluster is None else None
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
-        sharing = session.devices if self._cluster is None else []
+        sharing = self._devices
         tally, members, finished, told = self._run(flat, prepared, film, settings.error is not None)
         if self._cluster is None and self._dismissed(sharing, tally) and first and not tally.all_failed:
             with self._timed("aov_seconds"):  # they may be wrong as well
@@ -245,7 +250,7 @@ class JobRender:
         if not self._plan.samples:
             if until_good:
                 _, self._found = run_until_good(self._plan, [], film, self._settings)
-            devices = self._session.devices if self._cluster is None else []
+            devices = self._devices
             tally = Tally(complete=True, workers=[WorkerTally(device.info.title) for device in devices])
             members, finished = [_member(device) for device in devices], time.perf_counter()
         elif self._cluster is not None:

@@ -21,6 +21,7 @@ from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
+from clrender.turn import Turn
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -33,6 +34,9 @@ _CORRECTED: Final = "-D CORRECT_DIVIDE=1"
 """Of a device that does not round divisions and roots by itself: ``kernels/core/quotient.h`` does."""
 _WORTH_SHARING: Final = 1 << 20
 """Bytes from which on it matters that nothing is copied."""
+BUSY: Final = (
+    "the device is rendering; a callback of that render cannot use it: open it again, or wait for the render to end"
+)
 _KEPT: Final[list[Any]] = []
 """What belongs to devices that are lost: to forget it would be to ask their drivers to release it."""
 
@@ -89,6 +93,8 @@ class Device:
         Bytes that all its buffers together may take.
     launches, builds : int
         How often a kernel was launched and a program built.
+    turn : Turn
+        Of the threads that share the device; whoever renders has it.
     lost : bool
         A call never came back. Whatever else is asked of the driver may not come back either, so nothing is.
 
@@ -124,6 +130,7 @@ class Device:
         self.memory_limit: int | None = None
         self.launches = 0
         self.builds = 0
+        self.turn = Turn(BUSY)
         self.lost = False
         self._calls = 0
         self._compiling = False

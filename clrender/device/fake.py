@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.device import Buffer, Device, Program, Reading
+from clrender.device.device import BUSY, Buffer, Device, Program, Reading
 from clrender.device.info import DeviceInfo
 from clrender.errors import DeviceError, RenderError
+from clrender.turn import Turn
 
 __all__ = ["FakeDevice", "FakeKernel"]
 
@@ -58,6 +59,7 @@ class FakeDevice(Device):
         self.memory_limit = None
         self.launches = 0
         self.builds = 0
+        self.turn = Turn(BUSY)
         self.lost = False
         self._calls = 0
         self._compiling = False

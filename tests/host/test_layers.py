@@ -37,7 +37,7 @@ LAYERS = (
     ("integrators",),
     ("limits", "exposure", "memory"),
     ("image",),
-    ("files", "npy"),
+    ("files", "npy", "turn"),
     ("resources",),
     ("pixel_filter",),
     ("layout",),
