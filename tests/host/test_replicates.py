@@ -18,14 +18,14 @@ from scipy import stats
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.convergence import judge, level, looks
-from clrender.film.fixed_point import add_words, fixed_point, subtract_words
+from clrender.film.fixed_point import add_words, subtract_words
 from clrender.film.replicates import deviations, image_error, replicate_counts, standard_error
 from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side, tile_slots
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.until_good import run_until_good
 from clrender.scheduling.worker import Candidate
-from clrender.settings import FIRST_LOOK, RenderSettings
+from clrender.settings import RenderSettings
 
 SIZE = 4
 Floats = npt.NDArray[np.float32]
@@ -146,7 +146,7 @@ def test_errors_of_pixels_in_step_are_no_smaller_than_that() -> None:
 def test_one_replicate_says_nothing_of_errors() -> None:
     film = film_of(samples_of(3, 16, SIZE), 4, 4, [SIZE], REQUEST)
     assert np.isnan(standard_error(film)).all()
-    with pytest.raises(UsageError, match="no replicates.*--replicate-spp"):
+    with pytest.raises(UsageError, match=r"no replicates.*--replicate-spp"):
         standard_error(Film(4, 4))
 
 
