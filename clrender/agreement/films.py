@@ -10,7 +10,7 @@ import numpy.typing as npt
 from clrender.agreement.significance import holm
 from clrender.errors import UsageError
 from clrender.film import Film
-from clrender.film.replicates import image_error, replicate_counts, standard_error
+from clrender.film.replicates import image_error, pooled, replicate_counts, standard_error
 from clrender.integrators import INTEGRATORS
 from clrender.student import p_value
 
@@ -21,6 +21,8 @@ LEVEL: Final = 0.01
 
 _ROUNDING: Final = 1e-6
 """Relative difference that the single precision of samples can make."""
+_FLOOR_SHARE: Final = 0.1
+"""Of the mean radiance: in darker pixels errors are compared with those of their neighbours as if they had this."""
 _MAYBE: Final = 2.5
 """No value of t below it is significant, so its probability is not computed."""
 
@@ -30,9 +32,8 @@ _Floats = npt.NDArray[np.float64]
 def compare_films(first: Film, second: Film, names: tuple[str, str] = ("one film", "the other")) -> dict[str, Any]:
     """Test whether two films estimate the same image.
 
-    Welch's t-test of each pixel and channel, with Holm's correction for their number. The variance of a pixel is taken
-    to be no smaller than the mean of its 3 x 3 neighbourhood: where light is found rarely, a pixel that lacks it by
-    chance is dark and seems certain.
+    Welch's t-test of each pixel and channel, with Holm's correction for their number; errors are those of
+    `clrender.film.replicates.pooled`.
 
     Parameters
     ----------
@@ -66,7 +67,9 @@ def compare_films(first: Film, second: Film, names: tuple[str, str] = ("one film
         variances.append(error**2)
     difference = means[0] - means[1]
     beyond = np.maximum(np.abs(difference) - _ROUNDING * np.maximum(np.abs(means[0]), np.abs(means[1])), 0.0)
-    u, v = (np.maximum(each, _neighbourhood(each)) for each in variances)
+    scale = np.maximum(np.abs(means[0]), np.abs(means[1]))
+    scale = np.maximum(scale, _FLOOR_SHARE * scale.mean())
+    u, v = (pooled(np.sqrt(each), scale) ** 2 for each in variances)
     counts = [replicate_counts(film)[..., None] - 1.0 for film in films]
     t = np.where(beyond > 0.0, np.inf, 0.0)
     np.divide(beyond, np.sqrt(u + v), out=t, where=u + v > 0.0)
@@ -126,14 +129,3 @@ def _check(first: Film, second: Film, names: tuple[str, str]) -> None:
             f"{names[0]} and {names[1]} have the same seed, so they are not independent of each other; render one of "
             "them with another --seed"
         ) from None
-
-
-def _neighbourhood(values: _Floats) -> _Floats:
-    """Mean over each pixel and its neighbours, of each channel."""
-    height, width, _ = values.shape
-    padded = np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="edge")
-    total = np.zeros_like(values)
-    for row in range(3):
-        for column in range(3):
-            total += padded[row : row + height, column : column + width]
-    return total / 9.0
