@@ -67,9 +67,8 @@ def compare_films(first: Film, second: Film, names: tuple[str, str] = ("one film
         variances.append(error**2)
     difference = means[0] - means[1]
     beyond = np.maximum(np.abs(difference) - _ROUNDING * np.maximum(np.abs(means[0]), np.abs(means[1])), 0.0)
-    scale = np.maximum(np.abs(means[0]), np.abs(means[1]))
-    scale = np.maximum(scale, _FLOOR_SHARE * scale.mean())
-    u, v = (pooled(np.sqrt(each), scale) ** 2 for each in variances)
+    scales = [np.maximum(np.abs(mean), _FLOOR_SHARE * np.abs(mean).mean()) for mean in means]
+    u, v = (pooled(np.sqrt(each), scale) ** 2 for each, scale in zip(variances, scales, strict=True))
     counts = [replicate_counts(film)[..., None] - 1.0 for film in films]
     t = np.where(beyond > 0.0, np.inf, 0.0)
     np.divide(beyond, np.sqrt(u + v), out=t, where=u + v > 0.0)
