@@ -142,10 +142,10 @@ class Session:
         should_stop : callable, optional
             Asked in this thread, twenty times a second; a yes ends the render with what is done.
         keep_film : bool
-            Keep the exact sums, 52 bytes a pixel, in the result.
+            Keep the exact sums, 52 bytes a pixel (148 with replicates), in the result.
         checkpoint : path, optional
             A film that the render is saved to every five seconds, or less often where that would take more than 2 % of
-            its time, and at its end, whatever ends it. Another 52 bytes a pixel.
+            its time, and at its end, whatever ends it. As many bytes a pixel again.
         resume : bool
             Go on from what the checkpoint holds, if it is there yet; it must be of the same image, and may have been
             made with fewer samples per pixel.

@@ -1,7 +1,8 @@
-"""Whether integrators agree: images of independent batches, tested tile by tile, with a verdict on each difference."""
+"""Whether integrators agree, by batches of images and tile by tile, and whether two films do, pixel by pixel."""
 
 from clrender.agreement.batches import Batches, Pair
+from clrender.agreement.films import compare_films
 from clrender.agreement.integrators import check_integrators, compare_integrators
 from clrender.agreement.verdict import Verdict
 
-__all__ = ["Batches", "Pair", "Verdict", "check_integrators", "compare_integrators"]
+__all__ = ["Batches", "Pair", "Verdict", "check_integrators", "compare_films", "compare_integrators"]

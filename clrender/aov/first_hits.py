@@ -55,7 +55,7 @@ GUIDES: Final = ("albedo", "normal")
 GUIDE_SAMPLES: Final = 16
 """What guides the denoiser, and how many samples of it are enough (`DECISIONS.md` 14)."""
 
-FIRST_HITS: Final = Pipeline("integrator/first_hit.cl", "integrator_first_hit")
+FIRST_HITS: Final = Pipeline("integrator/first_hit.cl", "integrator_first_hit", squares=False)
 """How layers are made; its kernel takes what is asked for, and attributes of all primitives, as its last arguments."""
 
 LAYER_KINDS: Final[Mapping[str, int]] = {

@@ -223,7 +223,7 @@ class DeviceWorker:
             self._pipeline = pipeline
             self._program = device.program(pipeline.entry, {**self._defined, "PACKETS": self._packets})
             self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
-            replicate_spp = int(settings["replicate_spp"][0])
+            replicate_spp = int(settings["replicate_spp"][0]) if pipeline.squares else 0
             self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
             self._rate = 0.0
             self._done_at = 0.0

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.film.film import Film
-from clrender.film.replicates import replicate_counts, standard_error
+from clrender.film.replicates import pooled, replicate_counts, standard_error
 from clrender.image.tone_map import LUMINANCE
 from clrender.settings import FIRST_LOOK, SETTINGS, RenderSettings
 from clrender.student import critical_value
@@ -105,14 +105,15 @@ def judge(film: Film, settings: RenderSettings) -> Convergence:
     luminance = _luminance(mean)
     # What is rounded here could be off in its last digit on another machine
     floor = settings.error_floor or _FLOOR_SHARE * float(f"{luminance.mean():.6g}")
-    tolerances = settings.error * np.maximum(np.abs(luminance), floor)
+    scale = np.maximum(np.abs(luminance), floor)
+    tolerances = settings.error * scale
     counts, inverse = np.unique(replicate_counts(film), return_inverse=True)
     quantiles = np.round(critical_value(level(settings), np.maximum(counts - 1.0, 1.0)), 6)
     # Channels of one pixel may depend on each other in any way: the error of their sum is at most that of all in step
-    intervals = quantiles[inverse.reshape(luminance.shape)] * _luminance(errors)
-    unconverged = ~(intervals <= tolerances)
+    own, quantile = _luminance(errors), quantiles[inverse.reshape(luminance.shape)]
+    intervals = quantile * pooled(own, scale)
     # Where nothing differs so far, nothing may have been found so far: neighbours tell
-    unconverged |= (intervals == 0.0) & _around(unconverged)
+    unconverged = ~(intervals <= tolerances) | ((own == 0.0) & _around(~(quantile * own <= tolerances)))
     return Convergence(errors, intervals, tolerances, unconverged, settings.share)
 
 

@@ -17,7 +17,7 @@ from clrender.film.film import Film
 from clrender.film.fixed_point import QUANTUM_BITS
 from clrender.film.unit import BLOCK, blocks_across
 
-__all__ = ["deviations", "image_error", "replicate_counts", "standard_error"]
+__all__ = ["deviations", "image_error", "pooled", "replicate_counts", "standard_error"]
 
 _CHUNK: Final = 1 << 16
 """Pixels looked at together: their temporaries stay small."""
@@ -104,6 +104,35 @@ def image_error(errors: _Floats, by_blocks: bool = False) -> _Floats:
         errors = np.add.reduceat(np.add.reduceat(errors, rows, axis=0), columns, axis=1)
     total: _Floats = np.sqrt((errors**2).sum(axis=(0, 1))) / (height * width)
     return total
+
+
+def pooled(errors: _Floats, scale: _Floats) -> _Floats:
+    """Errors that are, beside the scale of their pixels, no smaller than those of the neighbourhood.
+
+    Where light is found rarely, a pixel that lacks it by chance is dark and seems certain; a neighbour knows better.
+
+    Parameters
+    ----------
+    errors : (height, width, ...) float64
+        NaN where unknown.
+    scale : like errors
+        Luminance or radiance, above 0 where errors are.
+
+    Returns
+    -------
+    like errors
+        The larger of a pixel's error and the root mean square over 3 x 3 pixels, each in proportion to its scale.
+    """
+    known = scale > 0.0
+    relative = np.divide(errors, scale, out=np.where(errors > 0.0, np.inf, errors), where=known)
+    height, width = errors.shape[:2]
+    padded = np.pad(relative**2, [(1, 1), (1, 1)] + [(0, 0)] * (errors.ndim - 2), mode="edge")
+    total = np.zeros_like(relative)
+    for row in range(3):
+        for column in range(3):
+            total += padded[row : row + height, column : column + width]
+    around: _Floats = np.maximum(errors, np.multiply(np.sqrt(total / 9.0), scale, out=errors.copy(), where=known))
+    return around
 
 
 def deviations(sums: _Words, squares: _Words, replicates: npt.NDArray[np.int64]) -> _Floats:

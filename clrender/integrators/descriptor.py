@@ -38,6 +38,8 @@ class Pipeline:
     sample_by_sample : bool
         A launch makes one sample of each pixel, because something is computed first for that sample of all of them;
         then as much of the image as possible is one unit.
+    squares : bool
+        Whether the squares of replicates are summed up, where samples come in such.
     """
 
     entry: str
@@ -46,6 +48,7 @@ class Pipeline:
     record_bytes: int = 0
     packets: int = 1
     sample_by_sample: bool = False
+    squares: bool = True
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ def covering(lanes: Sequence[int] = LANES, traversals: Sequence[str] = TRAVERSAL
 def small_units(plan: Plan, samples: int = 5, seed: int = 1) -> Iterator[Unit]:
     """The plan's work as single tiles of few samples, in random order."""
     area = plan.tile * plan.tile
-    stop = plan.first_sample + plan.sample_count
+    stop, samples = plan.first_sample + plan.sample_count, -(-samples // plan.whole) * plan.whole
     units = [
         Unit(slot, area, sample, min(samples, stop - sample), plan.tile)
         for sample in range(plan.first_sample, stop, samples)
