@@ -30,7 +30,8 @@ _ASK_SECONDS: Final = 1.0
 """In a call that takes longer the worker is asked how far it is, and as often."""
 _STOP_SECONDS: Final = 0.8
 """What a worker gets to send what it has when the render is to end: Ctrl-C is answered within a second."""
-_WAIT: Final = 0.05
+_WAIT: Final = 0.2
+"""From one look at what else happens, while a call is out, to the next: a thousand threads must not keep this busy."""
 _ANEW_SECONDS: Final = 2.0
 """Between two questions to a worker that owes an answer. Over a network that was cut, an old connection takes minutes
 to come back; each question may have a new one."""
@@ -132,7 +133,7 @@ class Line:
                 return
             if self._moved() or time.monotonic() - begun > ANSWER_SECONDS:
                 raise self._lose("did not take the job")
-            time.sleep(_WAIT / 2)
+            time.sleep(_WAIT / 8)
         try:
             self._actor = self._holder.result(timeout=ANSWER_SECONDS)
         except (OSError, concurrent.futures.CancelledError, asyncio.CancelledError):

@@ -20,8 +20,13 @@ __all__ = ["local_cluster"]
 LOOPBACK: Final = "127.0.0.1"
 _THREADS: Final = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
 """PoCL's number of threads: of older and of newer versions."""
-_DASK: Final = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
-"""Dask's profiler, which nobody looks at, takes processor time."""
+_DASK: Final = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.cycle": "10s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+"""What Dask measures of its own processes takes three per cent of a core in each, and nobody looks at it."""
 _START_SECONDS: Final = 60.0
 _END_SECONDS: Final = 0.1
 
@@ -42,12 +47,14 @@ def local_cluster(count: int) -> Iterator[str]:
     RenderError
         The workers do not start.
     """
+    import dask
     from distributed import LocalCluster
 
     local: Any = LocalCluster
     processes: list[subprocess.Popen[bytes]] = []
     with tempfile.TemporaryDirectory(prefix="clrender-cluster-", ignore_cleanup_errors=True) as folder:
-        scheduler = local(n_workers=0, protocol="tcp", host=LOOPBACK, dashboard_address=None)
+        with dask.config.set(_DASK):
+            scheduler = local(n_workers=0, protocol="tcp", host=LOOPBACK, dashboard_address=None)
         try:
             address = str(scheduler.scheduler_address)
             processes += [_worker(address, number, count, Path(folder)) for number in range(count)]
@@ -63,13 +70,19 @@ def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.P
     home = str(Path(clrender.__file__).resolve().parent.parent)
     path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
     threads = str(max(1, (os.cpu_count() or 1) // count))
-    environment = {**dict.fromkeys(_THREADS, threads), **_DASK, **os.environ, "PYTHONPATH": path}
+    environment = {**dict.fromkeys(_THREADS, threads), **_variables(), **os.environ, "PYTHONPATH": path}
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--name", str(number), "--nthreads", "1"]
     command += ["--host", LOOPBACK, "--no-dashboard", "--memory-limit", "0", "--local-directory", str(folder)]
     with (folder / f"{number}.log").open("wb") as log:
         return subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, env=environment
         )
+
+
+def _variables() -> dict[str, str]:
+    """The same for Dask's processes."""
+    names = {name: f"DASK_{name}".upper().replace(".", "__").replace("-", "_") for name in _DASK}
+    return {names[name]: str(value) for name, value in _DASK.items()}
 
 
 def _await_workers(scheduler: Any, processes: list[subprocess.Popen[bytes]], folder: Path) -> None:

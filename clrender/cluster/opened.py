@@ -87,8 +87,12 @@ def open_cluster(
     if spec is not None and not all(isinstance(each, (str, int)) for each in spec):
         raise UsageError("workers of a cluster open their own devices; say which as --device does, by name or index")
     with ExitStack() as stack:
-        import distributed
-
+        try:
+            import distributed
+        except ImportError as error:
+            raise UsageError(
+                f"Dask cannot be loaded here ({error}); pip install --upgrade 'clrender[cluster]'"
+            ) from None
         stack.enter_context(quiet_logs())
         where = address
         if count is not None:

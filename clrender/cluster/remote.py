@@ -143,6 +143,7 @@ class RemoteRenderer:
         self._pool: WorkerPool | None = None
         self._device: Device | None = None
         self._worker: DeviceWorker | None = None
+        self._prepared: tuple[str, Described] | None = None
         self._stopped = False
 
     def __del__(self) -> None:
@@ -183,6 +184,10 @@ class RemoteRenderer:
         arrays_sha256 : str
             As of `clrender.scheduling.cluster.Cluster.team`.
         """
+        if self._prepared is not None and self._prepared[0] == text:
+            # It was lost only from sight, or its device was set up anew
+            self._worker = self._set_up()
+            return self._prepared[1]
         self._release()
         job = RenderJob.from_json(text, _KEPT.assets)
         _KEPT.keep_assets(hashes)
@@ -198,11 +203,9 @@ class RemoteRenderer:
         self._pool, here = self._session.pool(job)
         if here != arrays_sha256:
             raise RenderError("the arrays made from the scene are others here, by another NumPy or processor")
-        worker = self._candidate().set_up()
-        assert isinstance(worker, DeviceWorker)
-        self._worker = worker
+        worker = self._worker = self._set_up()
         info = self._device.info
-        return Described(
+        described = Described(
             info.name,
             f"{info.platform} {info.driver}",
             info.version,
@@ -213,6 +216,8 @@ class RemoteRenderer:
             self._device.compile_seconds - before,
             self._device.allocated_bytes,
         )
+        self._prepared = text, described
+        return described
 
     @answered
     def render(self, unit: Unit) -> Answer:
@@ -234,11 +239,16 @@ class RemoteRenderer:
             self._worker = None
             restart()
 
+    def _set_up(self) -> DeviceWorker:
+        worker = self._candidate().set_up()
+        assert isinstance(worker, DeviceWorker)
+        return worker
+
     def _candidate(self) -> Candidate:
         assert self._pool is not None
         return self._pool.candidates[0]
 
     def _release(self) -> None:
-        pool, self._pool, self._worker = self._pool, None, None
+        pool, self._pool, self._worker, self._prepared = self._pool, None, None, None
         if pool is not None:
             pool.__exit__()

@@ -22,6 +22,7 @@ from clrender.cluster import DaskCluster, check_address, line, open_cluster, ope
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.rendered_image import IncompleteRender, Progress
+from clrender.scheduling.watchdog import TimeLimits
 from clrender.session import Session
 
 pytest.importorskip("distributed")
@@ -168,6 +169,59 @@ def test_a_worker_that_would_give_another_image_is_left_out_by_name(tmp_path: Pa
             wait_for_workers(cluster, 1)
             with pytest.raises(RenderError, match="version differ here"):
                 render_on(cluster)
+
+
+HANGS = """
+import threading
+from clrender.device.worker import DeviceWorker
+render, times = getattr(DeviceWorker, "whole", DeviceWorker.render), []  # Dask may run this twice
+DeviceWorker.whole = render
+def hanging(self, unit, *how):
+    times.append(unit)
+    return render(self, unit, *how) if len(times) < 4 else threading.Event().wait()
+DeviceWorker.render = hanging
+"""
+LIES = """
+from clrender.device.worker import DeviceWorker
+render = DeviceWorker.whole = getattr(DeviceWorker, "whole", DeviceWorker.render)
+def lying(self, unit, *how):
+    result = render(self, unit, *how)
+    result.sums[0, 0, 1] ^= 64
+    return result
+DeviceWorker.render = lying
+"""
+
+
+@pytest.mark.parametrize(("fault", "state"), [(HANGS, "hung"), (LIES, "wrong")], ids=["hangs", "lies"])
+def test_what_holds_for_devices_holds_for_workers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: Session, fault: str, state: str
+) -> None:
+    """A driver that hangs in a process that answers, and one whose results are wrong, if only in what is checked."""
+    monkeypatch.setattr(opened, "_LIMITS", TimeLimits(call=3.0, compile=60.0, steady=1))
+    (tmp_path / "fault.py").write_text(fault)
+    told: list[str] = []
+    with machines(tmp_path, 1) as running:
+        running.add("--preload", str(tmp_path / "fault.py"))
+        with open_cluster(running.address) as cluster:
+            wait_for_workers(cluster, 2)
+            image = render_on(cluster, told, spp=800)
+    assert hash_of(image) == hash_of(here.render(clrender.load("room"), spp=800, size=SIZE))
+    by_worker = {each["host"].split(" on ")[0]: each for each in image.stats["devices"]}
+    assert [by_worker["worker w0"]["state"], by_worker["worker w1"]["state"]] == ["ok", state]
+    assert len(told) == 1 and "worker w1 on" in told[0]
+
+
+@pytest.mark.slow
+def test_a_hundred_megabytes_go_to_each_worker_once(tmp_path: Path, local: DaskCluster) -> None:
+    scene = mesh_scene(tmp_path, 530)
+    with Session(DEVICE) as session:
+        first = session.render(scene, spp=2, size=SIZE, cluster=local).stats["cluster"]
+        later = session.render(scene, spp=2, seed=1, size=SIZE, cluster=local).stats["cluster"]
+    print(first, later)
+    assert first["asset_bytes"] >= 100e6
+    assert first["sent_bytes"] < first["workers"] * (first["asset_bytes"] + 20_000) and not first["lost"]
+    # One that was not ready before the other had done it all gets them now
+    assert first["sent_bytes"] + later["sent_bytes"] < 2 * (first["asset_bytes"] + 40_000)
 
 
 def test_a_worker_joins(tmp_path: Path) -> None:
