@@ -140,7 +140,7 @@ def _lint_program(name: str, folder: Path) -> Iterator[str]:
         yield str(error)
         return
     code = _COMMENT.sub("", text)
-    if not re.search(r"\b(?:__)?kernel\s+(?:__attribute__\S+\s+)?void\b", code):
+    if not re.search(r"\b(?:__)?kernel\s+(?:GROUPED\s+)?void\b", code):
         yield f"{name}:1: a .cl file holds entry points and this has none"
 
 

@@ -53,6 +53,8 @@ class FakeDevice(Device):
         self.is_cpu = True
         self.max_allocation_bytes = memory_bytes
         self.max_work_group = 256
+        self.fixes_groups = False
+        self._group = 16
         self.options = ""
         self.compile_seconds = 0.0
         self.allocated_bytes = 0

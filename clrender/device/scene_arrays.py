@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LARGEST_PAGE", "SceneArrays", "check_room", "scene_array_names", "texel_pages"]
 
-_WORK_GROUP = 16
 LARGEST_PAGE = 1 << 34
 _PAGES = 4
 _AS_THEY_ARE = (
@@ -227,7 +226,7 @@ class SceneArrays:
     def _rows(self, name: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         if count:
             program = self._device.program("geometry/rows.cl", {"LANES": 1})
-            self._device.launch(program, f"rows_{name}", -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
+            self._device.launch_each(program, f"rows_{name}", count, arguments)
 
     @property
     def node_count(self) -> int:

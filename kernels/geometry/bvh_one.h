@@ -18,7 +18,7 @@
 #define ONE_LEVELS ((BVH_STACK + 6) / 7)
 // A child among those that are still to be visited: its number and this, which tells it from none.
 #define ONE_CHILD 8u
-#define ONE_CHILD_BITS 4
+#define ONE_CHILD_BITS 4u
 
 // Sorts after every distance: of a child that the ray does not enter.
 #define ONE_LAST 0xffffffffu
@@ -27,8 +27,8 @@
 
 // Eight children in the order of their keys, packed, the first in the lowest bits: a network of 19 exchanges (Knuth, The Art of Computer
 // Programming 3, 5.3.4). Keys hold the child's number in their last three bits.
-static uint one_sorted(uint8 key) {
-    uint a = key.s0, b = key.s1, c = key.s2, d = key.s3, e = key.s4, f = key.s5, g = key.s6, h = key.s7;
+static uint one_sorted(const uint key[8]) {
+    uint a = key[0], b = key[1], c = key[2], d = key[3], e = key[4], f = key[5], g = key[6], h = key[7];
     ONE_ORDER(a, c) ONE_ORDER(b, d) ONE_ORDER(e, g) ONE_ORDER(f, h)
     ONE_ORDER(a, e) ONE_ORDER(b, f) ONE_ORDER(c, g) ONE_ORDER(d, h)
     ONE_ORDER(a, b) ONE_ORDER(c, d) ONE_ORDER(e, f) ONE_ORDER(g, h)
@@ -42,38 +42,47 @@ static uint one_sorted(uint8 key) {
     return pair.x | pair.y;
 }
 
-// Eight numbers of a node, all of which lie on 32 bytes.
-static float8 one_eight(__global const float* node, int first) {
-    __global const float4* at = (__global const float4*)(node + first);
-    return (float8)(at[0], at[1]);
-}
-
 // Where a node has, along one axis, the planes of boxes that the ray meets first, and those that it meets last. That gives the same interval
 // as sorting them does, since rounding is monotonic, and none in the inverted boxes of children that are not there.
 #define ONE_NEAR(axis, number) ((ray->inverse.axis < 0.0f ? BVH_HIGH : BVH_LOW) + 8 * number)
 #define ONE_FAR(axis, number) ((ray->inverse.axis < 0.0f ? BVH_LOW : BVH_HIGH) + 8 * number)
+// Where the ray meets a plane.
+#define ONE_AT(axis, plane) ((ray->origin.axis - (plane)) * -ray->inverse.axis)
 
-#define ONE_EIGHT_AT(axis, first) (((float8)(ray->origin.axis) - one_eight(node, first)) * (float8)(-ray->inverse.axis))
+// Eight planes of a node, in two loads of 16 bytes: vload4 promises an alignment of four bytes only, which is as many loads on some GPUs.
+static void one_planes(__global const float* node, int first, float planes[8]) {
+    __global const float4* at = (__global const float4*)(node + first);
+    const float4 a = at[0], b = at[1];
+    planes[0] = a.x, planes[1] = a.y, planes[2] = a.z, planes[3] = a.w;
+    planes[4] = b.x, planes[5] = b.y, planes[6] = b.z, planes[7] = b.w;
+}
 
 // The children of a node that the ray enters, the nearest first.
 static uint one_children(const PacketRay* ray, __global const float* node) {
-    float8 near, far;
-    box_clip_pack(ONE_EIGHT_AT(x, ONE_NEAR(x, 0)), ONE_EIGHT_AT(y, ONE_NEAR(y, 1)), ONE_EIGHT_AT(z, ONE_NEAR(z, 2)),
-                  ONE_EIGHT_AT(x, ONE_FAR(x, 0)), ONE_EIGHT_AT(y, ONE_FAR(y, 1)), ONE_EIGHT_AT(z, ONE_FAR(z, 2)),
-                  (float8)(packet_begin(ray)), &near, &far);
-    int8 enters = (near <= far) & (near <= ray->nearest);
-#ifdef OPACITY
-    enters &= far >= ray->after;
-#endif
-    // Distances count but for their last three bits, which are the child's number
-    return one_sorted(enters ? (as_uint8(near) & ~7u) | (uint8)(0, 1, 2, 3, 4, 5, 6, 7) : (uint8)(ONE_LAST));
+    float near_x[8], near_y[8], near_z[8], far_x[8], far_y[8], far_z[8];
+    one_planes(node, ONE_NEAR(x, 0), near_x);
+    one_planes(node, ONE_NEAR(y, 1), near_y);
+    one_planes(node, ONE_NEAR(z, 2), near_z);
+    one_planes(node, ONE_FAR(x, 0), far_x);
+    one_planes(node, ONE_FAR(y, 1), far_y);
+    one_planes(node, ONE_FAR(z, 2), far_z);
+    uint key[8];
+    #pragma unroll
+    for (uint child = 0; child < 8; ++child) {
+        float near, far;
+        box_clip_lanes(ONE_AT(x, near_x[child]), ONE_AT(y, near_y[child]), ONE_AT(z, near_z[child]), ONE_AT(x, far_x[child]),
+                       ONE_AT(y, far_y[child]), ONE_AT(z, far_z[child]), packet_begin(ray), &near, &far);
+        const int enters = (near <= far) & (near <= ray->nearest) & packet_reaches(ray, far);
+        // Distances count but for their last three bits, which are the child's number
+        key[child] = enters ? (as_uint(near) & ~7u) | child : ONE_LAST;
+    }
+    return one_sorted(key);
 }
-
-#define ONE_AT(axis, first) ((ray->origin.axis - node[first + child]) * -ray->inverse.axis)
 
 // Where the ray enters a child of which it is known that it does.
 static float one_entered(const PacketRay* ray, __global const float* node, uint child) {
-    const float x = ONE_AT(x, ONE_NEAR(x, 0)), y = ONE_AT(y, ONE_NEAR(y, 1)), z = ONE_AT(z, ONE_NEAR(z, 2));
+    const float x = ONE_AT(x, node[ONE_NEAR(x, 0) + child]), y = ONE_AT(y, node[ONE_NEAR(y, 1) + child]);
+    const float z = ONE_AT(z, node[ONE_NEAR(z, 2) + child]);
     float near, far;
     box_clip_lanes(x, y, z, x, y, z, packet_begin(ray), &near, &far);
     return near;

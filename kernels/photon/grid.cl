@@ -1,4 +1,5 @@
 // Deposits become a photon map. Between the kernels the host sorts keys and values.
+#include "core/quotient.h"
 #include "photon/deposit.h"
 #include "photon/grid.h"
 #include "types.h"
