@@ -24,7 +24,6 @@ from clrender.device.device import Reading
 from clrender.device.faults import FaultyDevice
 from clrender.rendered_image import RenderedImage
 
-
 _LONGEST_SLEEP: Final = 2.0
 
 
