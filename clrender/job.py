@@ -116,10 +116,12 @@ class RenderJob:
         Raises
         ------
         UsageError
-            When something makes no sense, or a job comes with settings: it has its own.
+            When something makes no sense, neither is given, or a job comes with settings: it has its own.
         """
         if isinstance(scene, Scene):
             return cls.of(scene, **settings)
+        if not isinstance(scene, RenderJob):
+            raise UsageError(f"{scene!r:.60} is no scene; read one with clrender.load(…), and render that")
         if settings:
             raise UsageError(f"a job has its own settings; {', '.join(sorted(settings))} cannot be given beside it")
         return scene
@@ -203,7 +205,7 @@ class RenderJob:
             "denoise": self.denoise,
             "request": self.request(),
         }
-        return json.dumps(content, sort_keys=True), assets
+        return json.dumps(content), assets  # in the scene's own order, by which materials have their numbers
 
     @classmethod
     def from_json(cls, text: str, assets: Mapping[str, bytes]) -> RenderJob:

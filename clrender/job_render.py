@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -29,19 +29,28 @@ from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
+from clrender.job_memory import limited, needs, told
+from clrender.memory import largest_tile
 from clrender.render_stats import error_stats, film_layers, job_stats, peak_rss, render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
+from clrender.scheduling.cluster import Cluster, Member
+from clrender.scheduling.contributions import MOST_BYTES
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.pool import WorkerPool, most_slots
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_good import run_until_good
+from clrender.scheduling.watchdog import TimeLimits
+from clrender.scheduling.worker import Candidate
 
 if TYPE_CHECKING:
     from clrender.session import Session
     from clrender.settings import RenderSettings
 
 __all__ = ["JobRender"]
+
+_DEPTH: Final = 64
+"""Samples of a pixel in a unit that goes to a cluster: a third of the bytes of sixteen."""
 
 _Arrays = dict[str, npt.NDArray[np.float32]]
 
@@ -58,6 +67,8 @@ class JobRender:
         As of `Session.render`.
     checkpoint : Checkpoint, optional
         Open.
+    cluster : Cluster, optional
+        Whose workers take the samples in place of the session's devices, which then make the layers alone.
     """
 
     def __init__(
@@ -67,6 +78,7 @@ class JobRender:
         on_progress: Callable[[Progress], None] | None,
         should_stop: Callable[[], bool] | None,
         checkpoint: Checkpoint | None = None,
+        cluster: Cluster | None = None,
     ) -> None:
         self._begin = time.perf_counter()
         self._session = session
@@ -75,7 +87,10 @@ class JobRender:
         self._on_progress = on_progress
         self._should_stop = should_stop or (lambda: False)
         self._checkpoint = checkpoint
+        self._cluster = cluster
         self._plan = _plan_of(job)
+        if cluster is not None:
+            self._plan = dataclasses.replace(self._plan, short_units=True, depth=_DEPTH)
         self._total = self._plan.samples
         self._launch = LaunchConfig(
             self._settings.lanes,
@@ -87,24 +102,48 @@ class JobRender:
         self._started: float | None = None
         self._film: Film | None = None
         self._found: Convergence | None = None
+        self._apart_bytes = MOST_BYTES
+
+    @property
+    def _devices(self) -> list[Device]:
+        """Those that render here; none where a cluster does."""
+        return self._session.devices if self._cluster is None else []
 
     def image(self, keep_film: bool) -> RenderedImage:
         """Render it; `Session.render` says what is returned and raised."""
-        job, settings, session = self._job, self._settings, self._session
-        denoiser = Denoiser() if job.denoise else None
+        denoiser = Denoiser() if self._job.denoise else None
         flat, memory = self._flat()
+        with self._memory_held():
+            return self._image(flat, memory, keep_film, denoiser)
+
+    @contextmanager
+    def _memory_held(self) -> Iterator[None]:
+        """Take no more memory than is allowed; refuse before it is taken."""
+        devices, checkpoint = self._devices, self._checkpoint
+        self._plan = dataclasses.replace(self._plan, most_slots=most_slots(devices, self._settings.max_memory))
+        resumed = checkpoint is not None and checkpoint.loaded
+        wanted = needs(self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
+        with limited(devices, self._settings.max_memory, wanted) as self._apart_bytes:
+            if line := told(self._job):
+                self._session.tell(line)
+            yield
+
+    def _image(
+        self, flat: FlatScene, memory: Mapping[str, float], keep_film: bool, denoiser: Denoiser | None
+    ) -> RenderedImage:
+        job, settings, session = self._job, self._settings, self._session
         self._film = film = self._new_film(flat)
-        devices = session.devices
+        devices = self._devices
         _check_lanes(settings, devices)
         compiled = sum(device.compile_seconds for device in devices)
         with self._timed("aov_seconds"):
             first = self._layers(flat)
-        prepared = self._prepared(flat) if self._plan.samples else None
+        prepared = self._prepared(flat) if self._plan.samples and self._cluster is None else None
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
-        sharing = session.devices
-        tally, workers, finished = self._run(prepared, film, settings.error is not None)
-        if self._dismissed(sharing, tally) and first and not tally.all_failed:
+        sharing = self._devices
+        tally, members, finished, told = self._run(flat, prepared, film, settings.error is not None)
+        if self._cluster is None and self._dismissed(sharing, tally) and first and not tally.all_failed:
             with self._timed("aov_seconds"):  # they may be wrong as well
                 first = self._layers(flat)
         self._check_progress(tally, film)
@@ -117,14 +156,14 @@ class JobRender:
             "load_seconds": self._seconds["read_seconds"] + self._seconds["flatten_seconds"],
             **self._seconds,
             **memory,
-            "compile_seconds": sum(device.compile_seconds for device in devices) - compiled,
-            "build_seconds": max((worker.build_seconds for worker in workers.values()), default=0.0),
+            "compile_seconds": sum(member.compile_seconds for member in members) - compiled,
+            "build_seconds": max((member.build_seconds for member in members), default=0.0),
             "render_seconds": finished - (self._started or finished),
             "render_cpu_seconds": time.process_time() - cpu,
             "write_seconds": 0.0,
             "wall_seconds": time.perf_counter() - self._begin,
         }
-        stats = render_stats(job, flat, film, linear, tally, sharing, workers, measured, self._checkpoint)
+        stats = render_stats(job, flat, film, linear, tally, members, measured, self._checkpoint) | dict(told)
         if errors is not None:
             stats |= error_stats(job, film, errors, self._found, tally.complete)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
@@ -159,10 +198,11 @@ class JobRender:
         """
         flat, _ = self._flat()
         check(self._request(flat))
-        self._film = film = Film(wanted.width, wanted.height, self._request(flat))
-        self._want(wanted)
-        tally, _, _ = self._run(self._prepared(flat) if self._plan.samples else None, film)
-        tally.raise_failure()
+        with self._memory_held():
+            self._film = film = Film(wanted.width, wanted.height, self._request(flat))
+            self._want(wanted)
+            tally, _, _, _ = self._run(flat, None, film)
+            tally.raise_failure()
         return film
 
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
@@ -200,28 +240,62 @@ class JobRender:
         self._total = self._plan.samples
 
     def _run(
-        self, prepared: Prepared | None, film: Film, until_good: bool = False
-    ) -> tuple[Tally, dict[int, DeviceWorker], float]:
-        """Take the samples of the plan; the workers are those that could be set up, the time that of the last result.
+        self, flat: FlatScene, prepared: Prepared | None, film: Film, until_good: bool = False
+    ) -> tuple[Tally, list[Member], float, Mapping[str, Any]]:
+        """Take the samples of the plan, by the cluster where nothing is prepared here.
 
-        Of a plan without samples nothing need be prepared.
+        Gives also who took part, in the order of the tally, the time of the last result, and what else to tell.
         """
-        if prepared is None:
+        told: Mapping[str, Any] = {}
+        if not self._plan.samples:
             if until_good:
                 _, self._found = run_until_good(self._plan, [], film, self._settings)
-            names = [WorkerTally(device.info.title) for device in self._session.devices]
-            return Tally(complete=True, workers=names), {}, time.perf_counter()
-        with self._pool(prepared) as pool:
-            listeners = self._advance, self._stops, self._session.tell
-            if not until_good:
-                tally = run(self._plan, pool.candidates, film, *listeners)
-            else:
-                tally, self._found = run_until_good(self._plan, pool.candidates, film, self._settings, *listeners)
-            finished = time.perf_counter()
-            workers = pool.workers
+            devices = self._devices
+            tally = Tally(complete=True, workers=[WorkerTally(device.info.title) for device in devices])
+            members, finished = [_member(device) for device in devices], time.perf_counter()
+        elif self._cluster is not None:
+            tally, members, finished, told = self._run_on(self._cluster, flat, film, until_good)
+        else:
+            devices = self._session.devices
+            with self._pool(prepared or self._prepared(flat)) as pool:
+                tally = self._take(pool.candidates, film, until_good)
+                finished = time.perf_counter()
+                workers = pool.workers
+            members = [_member(device, workers.get(number)) for number, device in enumerate(devices)]
         if self._checkpoint is not None:
             self._checkpoint.finish()
-        return tally, workers, finished
+        return tally, members, finished, told
+
+    def _take(
+        self, candidates: Sequence[Candidate], film: Film, until_good: bool, limits: TimeLimits | None = None
+    ) -> Tally:
+        """Have workers take the samples of the plan, or as many as make the image good enough."""
+        take = partial(
+            run,
+            should_stop=self._stops,
+            tell=self._session.tell,
+            limits=limits,
+            apart_bytes=self._apart_bytes,
+        )
+        if not until_good:
+            return take(self._plan, candidates, film, self._advance)
+        tally, self._found = run_until_good(self._plan, candidates, film, self._settings, take, self._advance)
+        return tally
+
+    def _run_on(
+        self, cluster: Cluster, flat: FlatScene, film: Film, until_good: bool
+    ) -> tuple[Tally, list[Member], float, Mapping[str, Any]]:
+        """The same by workers of a cluster; of those that never came nothing is told."""
+        with cluster.team(self._job, flat.sha256, self._ready) as team:
+            tally = self._take(team.candidates, film, until_good, team.limits)
+            finished = time.perf_counter()
+            taken = [
+                (member or Member(done.name, "", ""), done)
+                for member, done in zip(team.members(), tally.workers, strict=True)
+                if member is not None or done.failures
+            ]
+            tally.workers = [done for _, done in taken]
+            return tally, [member for member, _ in taken], finished, team.stats()
 
     def _prepared(self, flat: FlatScene) -> Prepared:
         """What the integrator renders with."""
@@ -250,6 +324,15 @@ class JobRender:
             total = resumed + self._total
             self._on_progress(Progress(resumed + samples, total, seconds, rays, self._film, resumed))
 
+    def pool(self) -> tuple[WorkerPool, str]:
+        """The session's devices as workers for the job's samples, for who schedules them elsewhere; hash of the arrays.
+
+        They are to be released by whoever asked.
+        """
+        flat, _ = self._flat()
+        _check_lanes(self._settings, self._session.devices)
+        return self._pool(self._prepared(flat)), flat.sha256
+
     def _pool(self, prepared: Prepared) -> WorkerPool:
         """The devices as workers; the render begins when the first of them is ready."""
         settings = self._settings.struct(self._plan.tile, self._job.integrator.fixed)
@@ -264,10 +347,14 @@ class JobRender:
 
         def ready(device: Device) -> DeviceWorker:
             worker = make(device)
-            self._started = self._started or time.perf_counter()
+            self._ready()
             return worker
 
         return WorkerPool(self._session.devices, ready, self._session.restart, passes_probe)
+
+    def _ready(self) -> None:
+        """A worker is ready."""
+        self._started = self._started or time.perf_counter()
 
     def _dismissed(self, devices: Sequence[Device], tally: Tally) -> bool:
         """Devices that no later render should use are left out of the session; gives whether results were wrong."""
@@ -279,10 +366,12 @@ class JobRender:
     def _layers(self, flat: FlatScene) -> _Arrays:
         """What is seen first. It comes before the image, so that one stopped early has its layers whole."""
         job = self._job
+        names = [*job.aov, *(GUIDES if job.denoise else ())]
+        if not names:
+            return {}  # with a cluster there need be no device here
         make = partial(
             self._session.worker, flat=flat, settings=self._settings.struct(self._plan.tile), launch=self._launch
         )
-        names = [*job.aov, *(GUIDES if job.denoise else ())]
         most = LAYER_SAMPLES if job.aov else GUIDE_SAMPLES
         return first_hits(
             self._session.devices,
@@ -327,6 +416,13 @@ class JobRender:
         self._seconds[name] = time.perf_counter() - begin
 
 
+def _member(device: Device, worker: DeviceWorker | None = None) -> Member:
+    """A device in the statistics."""
+    info, driver = device.info, f"{device.info.platform} {device.info.driver}"
+    busy, build = (worker.busy_seconds, worker.build_seconds) if worker is not None else (0.0, 0.0)
+    return Member(info.name, driver, info.type, busy, build, device.compile_seconds, device.allocated_bytes)
+
+
 def _plan_of(job: RenderJob) -> Plan:
     """All of a job's samples."""
     settings = job.settings
@@ -335,7 +431,7 @@ def _plan_of(job: RenderJob) -> Plan:
         settings.height,
         job.first_sample,
         job.sample_count,
-        tile_side(settings.tile, settings.width, settings.height),
+        tile_side(largest_tile(settings.max_memory, settings.tile), settings.width, settings.height),
         job.integrator.pipeline.sample_by_sample,
         whole=settings.replicate_spp or 1,
     )

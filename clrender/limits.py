@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 import math
 import numbers
+import re
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-__all__ = ["Choice", "Domain", "NotAllowed", "Range", "nearest", "shown"]
+__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "nearest", "shown"]
 
 _DIGITS = 400
 """Longer texts are no number that anybody means, and slow to convert."""
@@ -109,6 +110,48 @@ class Range:
         low_ok = number > self.low if self.above else number >= self.low
         high_ok = number < self.high if self.below else number <= self.high
         if not (low_ok and high_ok and number != math.inf):
+            raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
+        return number
+
+
+_SUFFIXES = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+
+
+@dataclass(frozen=True)
+class Bytes:
+    """Amounts of memory, whole numbers of bytes; on the command line also such as ``512M``.
+
+    Attributes
+    ----------
+    low, high : int
+        The smallest and the largest, bytes.
+    """
+
+    low: int
+    high: int = 2**60
+
+    @property
+    def words(self) -> str:
+        return f"a number of bytes from {self.low} to {self.high} (as an option also with K, M or G: 512M)"
+
+    @property
+    def metavar(self) -> str:
+        return "BYTES"
+
+    def accept(self, value: object) -> int:
+        number = int(value) if isinstance(value, numbers.Integral) and not isinstance(value, bool) else -1
+        return self._checked(number, value)
+
+    def parse(self, text: str) -> int:
+        match = re.fullmatch(r"(\d{1,18}(?:\.\d{1,9})?) ?([KMGT]?)(?:iB|B)?", text.strip(), re.ASCII | re.IGNORECASE)
+        number = -1 if match is None else int(float(match[1]) * _SUFFIXES[match[2].upper()])
+        return self._checked(number, text)
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "integer", "minimum": self.low, "maximum": self.high}
+
+    def _checked(self, number: int, value: object) -> int:
+        if not self.low <= number <= self.high:
             raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
         return number
 

@@ -17,12 +17,11 @@ from clrender.film.replicates import image_error, replicate_counts
 from clrender.image.files import image_sha256
 
 if TYPE_CHECKING:
-    from clrender.device import Device
-    from clrender.device.worker import DeviceWorker
     from clrender.film import Film
     from clrender.film.checkpoint import Checkpoint
     from clrender.flatten import FlatScene
     from clrender.job import RenderJob
+    from clrender.scheduling.cluster import Member
     from clrender.scheduling.run import Tally
 
 __all__ = ["error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"]
@@ -61,8 +60,7 @@ def render_stats(
     film: Film,
     linear: npt.NDArray[np.float32],
     tally: Tally,
-    devices: Sequence[Device],
-    workers: Mapping[int, DeviceWorker],
+    members: Sequence[Member],
     measured: Mapping[str, float],
     checkpoint: Checkpoint | None = None,
 ) -> dict[str, Any]:
@@ -70,12 +68,12 @@ def render_stats(
 
     Parameters
     ----------
-    job, flat, film, tally, devices
+    job, flat, film, tally
         Of the render.
     linear : (height, width, 3) float32
         The image.
-    workers : mapping of int to DeviceWorker
-        Those that could be set up, by the place of their device.
+    members : sequence of Member
+        Who took part, in the order of the tally.
     measured : mapping
         The keys that end in ``_seconds``, and those about the memory of reading and flattening.
     checkpoint : Checkpoint, optional
@@ -97,7 +95,7 @@ def render_stats(
         "msamples_per_second": tally.samples / seconds / 1e6,
         "mrays_per_second": tally.rays / seconds / 1e6,
         "peak_rss_bytes": peak_rss(),
-        "device_bytes": sum(device.allocated_bytes for device in devices),
+        "device_bytes": sum(member.device_bytes for member in members),
         "triangles": flat.triangle_count,
         "spot_check": {
             "samples": tally.check_samples,
@@ -107,18 +105,19 @@ def render_stats(
         "failures": [str(error) for error in (*tally.failures, *tally.recovered)],
         "devices": [
             {
-                "name": device.info.name,
-                "driver": f"{device.info.platform} {device.info.driver}",
-                "type": device.info.type,
+                "name": member.name,
+                **({"host": member.host} if member.host else {}),
+                "driver": member.driver,
+                "type": member.type,
                 "units": done.units,
                 "samples": done.samples,
-                "seconds": workers[number].busy_seconds if number in workers else 0.0,
+                "seconds": member.busy_seconds,
                 "requeued": done.requeued,
                 "failures": done.failures,
                 "state": done.state,
                 "checked": done.checked,
             }
-            for number, (device, done) in enumerate(zip(devices, tally.workers, strict=True))
+            for member, done in zip(members, tally.workers, strict=True)
         ],
     }
 

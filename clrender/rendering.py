@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,7 @@ def render(
     keep_film: bool = True,
     checkpoint: str | Path | None = None,
     resume: bool = False,
+    cluster: str | None = None,
     **settings: Any,
 ) -> RenderedImage:
     """Render a scene on devices that are opened for it and released at its end.
@@ -38,12 +40,21 @@ def render(
     ----------
     scene : Scene or RenderJob
     device : str, int, Device, sequence of them, optional
-        As ``--device``; default: ``CLRENDER_DEVICE``, else the best that works.
+        As ``--device``; default: ``CLRENDER_DEVICE``, else the best that works. With a cluster, of each worker.
+    cluster : str, optional
+        ``tcp://HOST:PORT`` of a Dask scheduler whose workers take the samples, or ``local:N`` for N processes here:
+        `clrender.cluster.open_cluster`, which serves more than one render.
     on_progress, should_stop, notify, keep_film, checkpoint, resume, **settings
         As `Session.render`, which says what is returned and raised, too.
     """
     job = RenderJob.given(scene, **settings)
-    with Session(device, notify=notify) as session:
+    with ExitStack() as stack:
+        opened = None
+        if cluster is not None:
+            from clrender.cluster import open_cluster
+
+            opened = stack.enter_context(open_cluster(cluster, device=device, notify=notify))  # type: ignore[arg-type]  # it looks
+        session = stack.enter_context(Session(device, notify=notify))
         return session.render(
             job,
             on_progress=on_progress,
@@ -51,4 +62,5 @@ def render(
             keep_film=keep_film,
             checkpoint=checkpoint,
             resume=resume,
+            cluster=opened,
         )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,9 @@ from clrender.integrators.descriptor import Pipeline
 from clrender.job import RenderJob
 from clrender.job_render import JobRender
 from clrender.rendered_image import Progress, RenderedImage
+from clrender.scheduling.cluster import Cluster
+from clrender.scheduling.pool import WorkerPool
+from clrender.turn import Turn
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -38,6 +41,9 @@ class Session:
 
     A job whose camera, exposure, seed or range of samples is another than the last one's has its camera and settings
     uploaded, and nothing else; programs are built once. A context manager: at its end all is released.
+
+    It renders one job at a time. Threads may share it, and wait for each other; a callback that renders, or closes the
+    session, while it is called by a render of that session, gets a `UsageError`.
 
     Parameters
     ----------
@@ -65,16 +71,20 @@ class Session:
         *,
         notify: Callable[[str], None] | None = None,
     ) -> None:
-        self._spec = device
         self._notify = notify or (lambda line: None)
         self._devices: list[Device] | None = None
-        self._borrowed: list[Device] = []
+        self._given = _given(device)
+        self._borrowed = [each for each in self._given if isinstance(each, Device)]
         self._dismissed: set[Device] = set()
         self._flat: tuple[_Geometry, FlatScene] | None = None
         self._before: dict[Device, frozenset[Buffer]] = {}
         self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
         self._scratch: dict[Device, Scratch] = {}
         self._closed = False
+        self._turn = Turn(
+            "the session is rendering; its callbacks can neither render with it nor close it: open another, or wait "
+            "for the render to end"
+        )
 
     def __enter__(self) -> Session:
         return self
@@ -95,13 +105,20 @@ class Session:
         return usable
 
     def close(self) -> None:
-        """Release everything on the devices, and those that the session opened. A second call does nothing."""
-        self._closed = True
-        for device in self._devices or []:
-            device.release_but(self._before[device])
-            if device not in self._borrowed:
-                device.close()
-        self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
+        """Release everything on the devices, and those that the session opened. A second call does nothing.
+
+        Raises
+        ------
+        UsageError
+            Called by a callback of a render of this session; all stays as it is.
+        """
+        with self._turn:
+            self._closed = True
+            for device in self._devices or []:
+                device.release_but(self._before[device])
+                if device not in self._borrowed:
+                    device.close()
+            self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
 
     def render(
         self,
@@ -112,6 +129,7 @@ class Session:
         keep_film: bool = True,
         checkpoint: str | Path | None = None,
         resume: bool = False,
+        cluster: Cluster | None = None,
         **settings: Any,
     ) -> RenderedImage:
         """Render a scene, or a job.
@@ -131,6 +149,9 @@ class Session:
         resume : bool
             Go on from what the checkpoint holds, if it is there yet; it must be of the same image, and may have been
             made with fewer samples per pixel.
+        cluster : Cluster, optional
+            As of `clrender.cluster.open_cluster`: its workers take the samples. The session's devices then make the
+            layers and what guides the denoiser, and are not opened where neither is asked for.
         **settings
             Of a scene: as `RenderJob.of` takes them, ``size``, ``samples``, ``aov``, ``denoise`` and the fields of
             `RenderSettings`.
@@ -144,7 +165,7 @@ class Session:
         SceneError, UsageError
             When the scene or a setting makes no sense, or what denoising needs is not installed. When there is a file
             in the checkpoint's place that is not to be resumed, or is of another image, or another render saves itself
-            there.
+            there. When a callback of a render of this session, or one that uses the same `Device`, calls it.
         DeviceError
             When no device works.
         RenderError
@@ -154,9 +175,15 @@ class Session:
         if checkpoint is None:
             if resume:
                 raise UsageError("resume has no effect without a checkpoint; name its file")
-            return JobRender(self, job, on_progress, should_stop).image(keep_film)
-        with Checkpoint(checkpoint, resume, self.tell) as saved:
-            return JobRender(self, job, on_progress, should_stop, saved).image(keep_film)
+            with self._alone():
+                return JobRender(self, job, on_progress, should_stop, None, cluster).image(keep_film)
+        with self._alone(), Checkpoint(checkpoint, resume, self.tell) as saved:
+            return JobRender(self, job, on_progress, should_stop, saved, cluster).image(keep_film)
+
+    def pool(self, job: RenderJob) -> tuple[WorkerPool, str]:
+        """The devices as workers for a job's samples, as of `clrender.job_render.JobRender.pool`."""
+        with self._alone():
+            return JobRender(self, job, None, None).pool()
 
     def render_part(
         self,
@@ -167,7 +194,18 @@ class Session:
         should_stop: Callable[[], bool] | None = None,
     ) -> Film:
         """Some samples of some pixels of a job, as of `clrender.job_render.JobRender.part`."""
-        return JobRender(self, job, on_progress, should_stop).part(wanted, check)
+        with self._alone():
+            return JobRender(self, job, on_progress, should_stop).part(wanted, check)
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """The session, and devices that others may use as well, for this thread."""
+        with ExitStack() as turns:
+            turns.enter_context(self._turn)
+            shared = {id(device.turn): device.turn for device in self._borrowed}
+            for _, turn in sorted(shared.items()):  # in one order everywhere: nobody waits in a circle
+                turns.enter_context(turn)
+            yield
 
     def flat(self, job: RenderJob) -> FlatScene:
         """The job's scene as arrays; those of the session's last job where only the camera is another."""
@@ -227,14 +265,22 @@ class Session:
         self._notify(line)
 
     def _open(self) -> list[Device]:
-        single = self._spec is None or isinstance(self._spec, (str, int, Device))
-        given: list[Any] = [self._spec] if single else list(self._spec)  # type: ignore[arg-type]  # it is a sequence
-        self._borrowed = [each for each in given if isinstance(each, Device)]
-        names = [each for each in given if each is not None and not isinstance(each, Device)]
+        names = [each for each in self._given if not isinstance(each, Device)]
         opened = select(names, notify=self._notify) if names or not self._borrowed else []
         devices = [*self._borrowed, *opened]
         self._before = {device: device.buffers for device in devices}
         return devices
+
+
+def _given(device: object) -> list[str | int | Device]:
+    """Descriptions of devices, and devices, as a list; none where nothing is given."""
+    given: list[str | int | Device] = []
+    for one in device if isinstance(device, Iterable) and not isinstance(device, str) else [device]:
+        if isinstance(one, (str, int, Device)) and not isinstance(one, bool):
+            given.append(one)
+        elif one is not None:
+            raise UsageError(f"device is {one!r}; give an index of clrender.devices(), a name, or a list of such")
+    return given
 
 
 @dataclass(frozen=True)

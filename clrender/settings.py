@@ -6,14 +6,14 @@ A new setting is one field of `RenderSettings`, and what its integrator does wit
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Choice, Domain, NotAllowed, Range, nearest, shown
+from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, nearest, shown
+from clrender.memory import check_image, film_bytes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,10 +43,6 @@ STOP: Final = "stop"
 """Group of settings that say when enough is done."""
 
 PIXEL_LIMIT: Final = 2**30
-_FILM_BYTES: Final = 52
-"""Memory of a pixel's exact sums."""
-_REPLICATES_BYTES: Final = 148
-"""The same with the squares of replicates."""
 
 REPLICATE_SPP: Final = 16
 """Samples of a replicate where one asks for errors and not for replicates."""
@@ -135,7 +131,7 @@ def _setting(
 
 
 def _work(domain: Domain, help: str, default: Any = None, **more: Any) -> Any:
-    unset = "by the device" if default is None else ""
+    unset = more.pop("unset", "by the device" if default is None else "")
     return _setting(default, domain, f"{help}; never changes the image", unset, WORK, None, **more)
 
 
@@ -225,6 +221,12 @@ class RenderSettings:
     samples_per_pass: int | None = _work(Range(1, 2**20, whole=True), "Samples of a pixel in one launch", metavar="K")
     work_group: int | None = _work(Range(1, 4096, whole=True), "Work-items in a group")
     lanes: int | None = _work(Choice((1, 4, 8, 16)), "Paths that a work-item carries")
+    max_memory: int | None = _work(
+        Bytes(1 << 24),
+        "Memory that may be taken of the host and of each device, bytes; as an option also with K, M or G",
+        unset="no limit",
+        metavar="BYTES",
+    )
     traversal: str | None = _work(Choice(("packet", "single")), "How a CPU's rays go through the BVH", option=None)
     time_limit: float | None = _setting(
         None,
@@ -449,19 +451,10 @@ def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
 
 
 def check_memory(wanted: RenderSettings) -> None:
-    """Make sure that the machine could hold the film.
+    """Make sure that the machine, or what is allowed of it, could hold the film.
 
     Raises
     ------
     UsageError
     """
-    try:
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # a system that does not tell
-        return
-    size = wanted.width * wanted.height * (_REPLICATES_BYTES if wanted.replicate_spp else _FILM_BYTES)
-    if size > memory:
-        raise UsageError(
-            f"an image of {wanted.width} x {wanted.height} pixels takes {size / 2**30:.1f} GiB of memory and this "
-            f"machine has {memory / 2**30:.1f}; ask for a smaller one"
-        )
+    check_image(wanted.width, wanted.height, wanted.max_memory, film_bytes(wanted.replicate_spp is not None))

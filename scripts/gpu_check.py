@@ -1,12 +1,19 @@
-"""All that is to be known of a new GPU: builds, bits, work-groups, speed. Prints Markdown."""
+"""All that is to be known of a new GPU, within a given time: what was found, bits, tuning, speed, faults.
+
+One JSON file and one page of Markdown, written anew after every step, so that a run that is cut off leaves what it has.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
+import platform
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +24,10 @@ from image_support import SCENES, Cutting, render
 import clrender
 from clrender.bench import measure, summary, write_scene
 from clrender.bench.peers import SEGMENTS, Peer, Task
-from clrender.device import select
+from clrender.device import inventory, select
+from clrender.device.diagnose import diagnose
+from clrender.device.faults import CALLS, Fault, FaultyDevice
+from clrender.device.probe import examine
 from clrender.errors import ClrenderError
 
 if TYPE_CHECKING:
@@ -25,6 +35,9 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
+_ROOT: Final = Path(__file__).resolve().parents[1]
+_HASHES: Final = _ROOT / "scripts" / "gpu_check_hashes.json"
+"""The known images, by title: written on a CPU by ``--update-hashes``."""
 _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     **{scene: (scene, {}) for scene in SCENES},
     "avenue": ("avenue", {}),
@@ -33,112 +46,225 @@ _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "room-diffuse, radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 1000}),
 }
 """What is rendered: a title, the scene, settings."""
-_CUTS: Final = (Cutting(), Cutting(tile=16, samples_per_pass=1), Cutting(order="shuffled", samples_per_pass=4))
+_CUTS: Final = (Cutting(tile=16, samples_per_pass=1), Cutting(order="shuffled", samples_per_pass=4))
 _GROUPS: Final = (32, 64, 128, 256)
-_ROOT: Final = Path(__file__).resolve().parents[1]
+_PASSES: Final = (1, 4, 16)
+_BENCHMARK: Final = ("S1", "S2", "S3-100k", "S3-1M", "S4", "S5", "S6", "S7")
+
+
+@dataclass
+class Check:
+    """One run: what is asked for, what was found so far, and where it is written."""
+
+    folder: Path
+    seconds: float
+    begin: float = field(default_factory=time.monotonic)
+    found: dict[str, Any] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+
+    @property
+    def left(self) -> float:
+        """Seconds that remain."""
+        return self.seconds - (time.monotonic() - self.begin)
+
+    def say(self, *lines: str) -> None:
+        """Add lines to the page."""
+        self.lines += lines
+        print(*lines, sep="\n", flush=True)
+
+    def write(self) -> None:
+        """Write both files, whole or not at all."""
+        self.found["seconds"] = round(time.monotonic() - self.begin, 1)
+        for name, text in (
+            ("gpu_check.json", json.dumps(self.found, indent=1)),
+            ("gpu_check.md", "\n".join(self.lines)),
+        ):
+            (self.folder / f".{name}").write_text(text + "\n", encoding="utf-8")
+            (self.folder / f".{name}").replace(self.folder / name)
+
+    def step(self, title: str, needed: float, do: Callable[..., Any], *arguments: Any) -> None:
+        """Do a step and keep what it gives, if there is time for it; an error of clrender's ends the step only."""
+        self.say(f"\n## {title}\n")
+        if self.left < needed:
+            self.say(f"Skipped: {self.left:.0f} s are left, and it may take {needed:.0f} s.")
+            self.found.setdefault("skipped", []).append(title)
+        else:
+            try:
+                self.found[title] = do(*arguments)
+            except (ClrenderError, OSError) as error:
+                self.say(f"FAILED: {error}")
+                self.found.setdefault("failed", []).append(f"{title}: {error}")
+        self.write()
 
 
 def main() -> int:
-    """Print the page; 0 when every device gives the bits of all others."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    """Do all steps; 0 when the bits are right everywhere, 1 when they are not, 2 and 3 as clrender itself."""
+    options = _options()
+    options.output.mkdir(parents=True, exist_ok=True)
+    check = Check(options.output, options.seconds)
+    check.say(f"# GPU check of clrender {clrender.__version__}, {time.strftime('%Y-%m-%d %H:%M')}")
+    check.step("Machine", 0.0, _machine)
+    check.step("Drivers", 0.0, _drivers, check)
+    try:
+        devices = select([options.device], notify=_say)
+    except ClrenderError as error:
+        check.say(f"\n{error}")
+        check.write()
+        return error.exit_code
+    for device in devices:
+        name = device.info.title
+        check.step(f"Bits of {name}", 5.0, _bits, check, device, options.update_hashes)
+        check.step(f"Faults of {name}", 20.0, _faults, check, device)
+        check.step(f"Tuning of {name}", 30.0, _tuning, check, device, options.size, options.spp)
+        for scene in options.scenes:
+            task = Task(options.size, options.size, options.spp)
+            check.step(f"{scene} on {name}", 20.0, _speed, check, device, scene, task, options.repeats)
+    wrong = [title for title, told in check.found.items() if isinstance(told, dict) and told.get("equal") is False]
+    failed = [*wrong, *check.found.get("failed", [])]
+    check.found["ok"] = not failed
+    check.say("", "All checks passed." if not failed else f"NOT ALL IS WELL: {'; '.join(failed)}")
+    check.write()
+    return 1 if failed else 0
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="scripts/gpu_check", description=__doc__)
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("gpu_check"), help="folder for the results (gpu_check)"
+    )
     parser.add_argument("--device", default="gpu", help="which are new (default: gpu); any word that names some")
-    parser.add_argument("--scenes", nargs="*", default=["S1", "S1-tess", "S2", "S3-1M", "S4"], help="to be timed")
+    parser.add_argument("--seconds", type=float, default=540.0, help="no step begins that may last longer (540)")
+    parser.add_argument("--scenes", nargs="*", default=_BENCHMARK, help="to be timed")
     parser.add_argument("--size", type=int, default=800)
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--repeats", type=int, default=3)
-    options = parser.parse_args()
+    parser.add_argument("--update-hashes", action="store_true", help="keep this device's images as the known ones")
+    return parser.parse_args()
+
+
+def _machine() -> dict[str, Any]:
+    """What the checks run on; NVIDIA's own words where its tool is."""
+    query = ["nvidia-smi", "--query-gpu=name,driver_version,memory.total,power.limit", "--format=csv,noheader"]
     try:
-        new = select([options.device], notify=_say)
-    except ClrenderError as error:
-        print(f"gpu_check: {error}", file=sys.stderr)
-        return error.exit_code
-    try:
-        known = [device for device in select(["cpu"], notify=_say) if device.info.title not in _titles(new)]
-    except ClrenderError:
-        known = []
-    equal = True
-    for device in new:
-        equal &= _bits(device, known)
-        _groups(device, options.size, options.spp)
-        _speed(device, options.scenes, Task(options.size, options.size, options.spp), options.repeats)
-    return 0 if equal else 1
+        told = subprocess.run(query, capture_output=True, text=True, check=False, timeout=20.0).stdout.splitlines()
+    except (OSError, subprocess.TimeoutExpired):
+        told = []
+    return {"machine": platform.platform(), "python": platform.python_version(), "nvidia_smi": told}
 
 
-def _titles(devices: Sequence[Device]) -> set[str]:
-    return {device.info.title for device in devices}
-
-
-def _bits(device: Device, known: Sequence[Device]) -> bool:
-    """The first build of everything, then hashes beside those of other devices."""
-    print(f"## {device.info.title}\n\n| scene | built and rendered, s | again, s | hash | same as |")
-    print("|---|---|---|---|---|")
-    equal = True
-    for title, (scene, settings) in _RENDERS.items():
-        begin = time.perf_counter()
-        hashes = {render(scene, [device], **settings).stats["image_sha256"]}
-        middle = time.perf_counter()
-        hashes |= {render(scene, [device], cut, **settings).stats["image_sha256"] for cut in _CUTS}
-        again = (time.perf_counter() - middle) / len(_CUTS)
-        shown = ", ".join(sorted(one[:12] for one in hashes))
-        others = {each.info.title: render(scene, [each], **settings).stats["image_sha256"] for each in known}
-        same = [other for other, one in others.items() if hashes == {one}]
-        equal &= len(hashes) == 1 and len(same) == len(others)
-        told = (
-            "; ".join(same) or "(no other device)"
-            if len(same) == len(others)
-            else f"NOT {'; '.join(others.keys() - set(same))}"
+def _drivers(check: Check) -> dict[str, Any]:
+    """Every driver, where it was found, and what `clrender doctor` says."""
+    reports = examine(notify=_say)
+    for report in reports:
+        check.say(f"- {report.driver.library or report.driver.origin} ({report.driver.origin}) {report.fault}".rstrip())
+        check.say(
+            *(
+                f"  - {info.title}, {info.type}, {info.compute_units} units: {info.probe} {info.detail}".rstrip()
+                for info in report.devices
+            )
         )
-        print(f"| {title} | {middle - begin:.1f} | {again:.2f} | {shown} | {told} |", flush=True)
-    print(f"\n{'The same bits.' if equal else 'OTHER BITS: do not trust this device.'}\n")
-    return equal
+    findings = diagnose(reports)
+    check.say(*(f"- {each.subject}: {each.cause}. Cure: {each.cure}" for each in findings))
+    return {"devices": [asdict(info) for info in inventory()], "findings": [asdict(each) for each in findings]}
 
 
-def _groups(device: Device, size: int, spp: int) -> None:
-    """How many work-items a group should have."""
-    print("| work-items a group | S1, Mpaths/s | S3-100k, Mpaths/s |\n|---|---|---|")
-    with tempfile.TemporaryDirectory() as folder:
-        scenes = []
+def _bits(check: Check, device: Device, update: bool) -> dict[str, Any]:
+    """The first build of everything, with other cuts of the work; hashes beside those that are known."""
+    known = json.loads(_HASHES.read_text(encoding="utf-8")) if _HASHES.exists() else {}
+    check.say("| scene | built and rendered, s | again, s | hash | |", "|---|---|---|---|---|")
+    rows: dict[str, Any] = {}
+    for title, (scene, settings) in _RENDERS.items():
+        if check.left < 20.0:
+            check.say("", f"Stopped before {title}: out of time.")
+            break
+        begin = time.perf_counter()
+        try:
+            hashes = {render(scene, [device], **settings).stats["image_sha256"]}
+            middle = time.perf_counter()
+            hashes |= {render(scene, [device], cut, **settings).stats["image_sha256"] for cut in _CUTS}
+        except ClrenderError as error:
+            rows[title] = {"equal": False, "error": str(error)}
+            check.say(f"| {title} | | | FAILED | {error} |")
+            continue
+        first, again = middle - begin, (time.perf_counter() - middle) / len(_CUTS)
+        if update:
+            known[title] = min(hashes)
+        equal = hashes == {known.get(title)}
+        rows[title] = {"hashes": sorted(hashes), "equal": equal, "first_seconds": first, "seconds": again}
+        shown = ", ".join(sorted(one[:12] for one in hashes))
+        check.say(f"| {title} | {first:.1f} | {again:.2f} | {shown} | {'as known' if equal else 'OTHER BITS'} |")
+    if update:
+        _HASHES.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    equal = all(row["equal"] for row in rows.values())
+    check.say("", "The known bits." if equal else "OTHER BITS: do not trust this device.")
+    return {"equal": equal, "rows": rows}
+
+
+def _faults(check: Check, device: Device) -> dict[str, Any]:
+    """The device opened twice, one of both with a fault at each kind of call: the image has to stay the same."""
+    how: dict[str, Any] = {"size": (96, 64), "spp": 32, "tile": 16, "samples_per_pass": 2}
+    wanted = render("cornell", [device], **how).stats["image_sha256"]
+    rows: dict[str, bool] = {}
+    for call in CALLS:
+        fault = Fault(call, after=2, how="gone")
+        broken = FaultyDevice(device, fault)
+        rows[call] = render("cornell", [device, broken], **how).stats["image_sha256"] == wanted
+        check.say(f"- gone at {call} ({fault.met} calls failed): {'the same image' if rows[call] else 'ANOTHER IMAGE'}")
+    return {"equal": all(rows.values()), "rows": rows}
+
+
+def _tuning(check: Check, device: Device, size: int, spp: int) -> list[dict[str, Any]]:
+    """Speed by lanes, work-items in a group, and samples in a launch."""
+    cuts: list[dict[str, int]] = [{}, *({"work_group": each} for each in _GROUPS)]
+    cuts += [
+        *({"samples_per_pass": each} for each in _PASSES),
+        *({"lanes": each} for each in ((1, 4) if not device.is_cpu else ())),
+    ]
+    rows: list[dict[str, Any]] = []
+    check.say("| | S1, Mpaths/s | S3-100k, Mpaths/s |", "|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder, clrender.Session([device]) as session:
+        scenes = {}
         for name in ("S1", "S3-100k"):
-            place = Path(folder) / name
-            place.mkdir()
-            scenes.append(clrender.load(str(write_scene(name, place))))
-        for group in _GROUPS:
-            rates = []
-            for scene in scenes:
-                settings: dict[str, Any] = {
-                    "spp": spp,
-                    "roulette": "none",
-                    "max_depth": SEGMENTS - 1,
-                    "work_group": group,
-                }
+            (Path(folder) / name).mkdir()
+            scenes[name] = clrender.load(str(write_scene(name, Path(folder) / name)))
+        for cut in cuts:
+            if check.left < 30.0:
+                check.say("", "Stopped: out of time.")
+                break
+            row: dict[str, Any] = {"cut": cut}
+            for name, scene in scenes.items():
+                settings: dict[str, Any] = {"spp": spp, "roulette": "none", "max_depth": SEGMENTS - 1, **cut}
                 try:
-                    for _ in range(2):
-                        image = clrender.render(scene, device=device.info.name, size=(size, size), **settings)
-                    rates.append(f"{size * size * spp / image.stats['render_seconds'] / 1e6:.2f}")
+                    for _ in range(2):  # the first one compiles
+                        stats = session.render(scene, size=(size, size), **settings).stats
+                    row[name] = round(size * size * spp / stats["render_seconds"] / 1e6, 2)
                 except ClrenderError as error:
-                    rates.append(str(error))
-            print(f"| {group} | {' | '.join(rates)} |", flush=True)
-    print()
+                    row[name] = str(error)
+            rows.append(row)
+            shown = ", ".join(f"{key} {value}" for key, value in cut.items()) or "as it chooses"
+            check.say(f"| {shown} | {row['S1']} | {row['S3-100k']} |")
+    return rows
 
 
-def _speed(device: Device, scenes: Sequence[str], task: Task, repeats: int) -> None:
-    """By the wall clock: a GPU has no CPU time."""
+def _speed(check: Check, device: Device, scene: str, task: Task, repeats: int) -> list[dict[str, Any]]:
+    """By the wall clock, since a GPU has no CPU time; Mitsuba on the GPU beside it, where it is installed."""
     python = _ROOT / ".peers/mitsuba/bin/python"
-    peers = [Peer("mitsuba-cuda", str(python))] if python.exists() else []
+    peers: Sequence[Peer] = [Peer("mitsuba-cuda", str(python))] if python.exists() else []
     try:
-        runs = measure(scenes, peers, task, repeats, device.info.name)
+        runs = measure([scene], peers, task, repeats, device.info.name)
     except ClrenderError as error:
-        print(f"Without a peer: {error}\n")
-        runs = measure(scenes, [], task, repeats, device.info.name)
-    walls: dict[tuple[str, str], list[float]] = {(run.scene, run.renderer): [] for run in runs}
+        if not peers:
+            raise
+        check.say(f"Without a peer: {error}", "")
+        runs = measure([scene], [], task, repeats, device.info.name)
+    walls: dict[str, list[float]] = {}
     for run in runs:
-        walls[run.scene, run.renderer].append(run.paths / run.wall_seconds / 1e6)
-    print("| scene | renderer | Mpaths/s of elapsed time | lowest | highest |\n|---|---|---|---|---|")
-    for row in summary(runs):
-        rates = sorted(walls[row["scene"], row["renderer"]])
-        middle = rates[len(rates) // 2]
-        print(f"| {row['scene']} | {row['renderer']} | {middle:.2f} | {rates[0]:.2f} | {rates[-1]:.2f} |", flush=True)
-    print()
+        walls.setdefault(run.renderer, []).append(run.paths / run.wall_seconds / 1e6)
+    check.say("| renderer | Mpaths/s of elapsed time | lowest | highest |", "|---|---|---|---|")
+    for renderer, rates in walls.items():
+        middle = sorted(rates)[len(rates) // 2]
+        check.say(f"| {renderer} | {middle:.2f} | {min(rates):.2f} | {max(rates):.2f} |")
+    return summary(runs)
 
 
 def _say(line: str) -> None:

@@ -38,6 +38,15 @@ _EVERYWHERE: Final = (
     (r"FP_CONTRACT\s+ON", "lets the compiler round differently"),
     (r"\b(?:row|look|anchor|target|deposit)\[(?:\d|1[0-5])\]", "is a bare column; use its name in types.h"),
 )
+# Divisions of integers, by literals and by these; and of constants, which compilers do. Others go through quotient.h.
+_WHOLE: Final = (
+    r"\d+u?\b(?!\.)|\(tile \* tile\)|\(\(settings->|"
+    r"(?:blocks_across|tiles_across|block_words|tile|stretch|rays|[A-Z]+_(?:CHUNK|DEPOSITS))\b"
+)
+_DIVISION: Final = re.compile(
+    r"\d[\d.]*f / (?:\d[\d.]*f|[A-Z]\w*|\([A-Z\d_ -]+\))(?=[\s),;])"
+    rf"|(?P<bad>/(?![/*])=? *(?!{_WHOLE})[\w(*-][\w.]*|\bsqrt\()"
+)
 _INEXACT_CALL: Final = re.compile(rf"\b(?:{'|'.join(_INEXACT)})\s*\(")
 _FAST_MATH: Final = re.compile(
     r"-cl-(?:fast-relaxed-math|unsafe-math-optimizations|mad-enable|finite-math-only|no-signed-zeros|denorms-are-zero)"
@@ -104,6 +113,9 @@ def _lines(name: str, text: str) -> Iterator[tuple[int, str]]:
                 yield number, f"{found.group().strip()} {why}"
         if not name.startswith("core/") and (found := _INEXACT_CALL.search(line)):
             yield number, f"{found.group().strip(' (')} differs from driver to driver; use the function of core/"
+        if not name.startswith("core/quotient."):
+            for found in (each for each in _DIVISION.finditer(line) if each["bad"]):
+                yield number, f"{found['bad'].strip()} is not rounded right on every device; use core/quotient.h"
         if found := _FAST_MATH.search(line):
             yield number, f"{found.group()} lets the compiler round differently"
         signature = "" if line.startswith("}") else line if line[:1].strip() else signature + line
@@ -128,7 +140,7 @@ def _lint_program(name: str, folder: Path) -> Iterator[str]:
         yield str(error)
         return
     code = _COMMENT.sub("", text)
-    if not re.search(r"\b(?:__)?kernel\s+(?:__attribute__\S+\s+)?void\b", code):
+    if not re.search(r"\b(?:__)?kernel\s+(?:GROUPED\s+)?void\b", code):
         yield f"{name}:1: a .cl file holds entry points and this has none"
 
 

@@ -13,7 +13,7 @@ from clrender.aov.first_hits import (
     LayerKind,
     first_hits,
 )
-from clrender.aov.names import AOVS, ERRORS, MATTES, OF_FILM, check_aovs, exact_channels, exr_channels
+from clrender.aov.names import AOVS, ERRORS, MATTES, OF_FILM, channel_count, check_aovs, exact_channels, exr_channels
 
 __all__ = [
     "AOVS",
@@ -27,6 +27,7 @@ __all__ = [
     "OF_FILM",
     "LayerArguments",
     "LayerKind",
+    "channel_count",
     "check_aovs",
     "exact_channels",
     "exr_channels",

@@ -18,10 +18,12 @@ from clrender.device.scene_arrays import scene_array_names
 from clrender.film import Film
 from clrender.film.unit import tile_side
 from clrender.integrators.descriptor import Pipeline
+from clrender.memory import largest_tile
 from clrender.scene.assembly import assemble
 from clrender.scene.surfaces import flat_surfaces
+from clrender.scheduling.contributions import MOST_BYTES
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool
+from clrender.scheduling.pool import WorkerPool, most_slots
 from clrender.scheduling.run import Receiver, run
 from clrender.scheduling.tally import failures_told
 
@@ -122,15 +124,19 @@ class _Passes:
     settings: RenderSettings
     should_stop: Callable[[], bool] | None
     notify: Callable[[str], None]
+    apart: int
+    most_slots: int
 
     def __post_init__(self) -> None:
-        self.tile = tile_side(self.settings.tile, self.settings.width, self.settings.height)
+        settings = self.settings
+        self.tile = tile_side(largest_tile(settings.max_memory, settings.tile), settings.width, settings.height)
 
     def run(self, what: str, samples: int, receiver: Receiver, rows: tuple[int, int] | None = None) -> None:
         """One kind of what is seen first, of the whole image or of some rows of tiles sample by sample."""
         self.asked.kind = LAYER_KINDS[what]
-        plan = Plan(self.settings.width, self.settings.height, 0, samples, self.tile, rows is not None, rows)
-        tally = run(plan, self.pool.candidates, receiver, None, self.should_stop, self.notify)
+        width, height = self.settings.width, self.settings.height
+        plan = Plan(width, height, 0, samples, self.tile, rows is not None, rows, most_slots=self.most_slots)
+        tally = run(plan, self.pool.candidates, receiver, None, self.should_stop, self.notify, apart_bytes=self.apart)
         tally.raise_failure()
         for line in failures_told(tally):
             self.notify(line)
@@ -212,7 +218,9 @@ def first_hits(
     found: dict[str, _Array] = {}
     samples = min(settings.spp, most_samples)
     with WorkerPool(devices, partial(make, pipeline=FIRST_HITS, on_device=on_device)) as pool:
-        passes = _Passes(pool, asked, settings, should_stop, notify or (lambda line: None))
+        apart = MOST_BYTES if settings.max_memory is None else 0
+        most = most_slots(devices, settings.max_memory)
+        passes = _Passes(pool, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
             if name not in (*_NUMBERS, *MATTES):
                 found[name] = _layer(name, *passes.mean(name, samples))
@@ -264,7 +272,8 @@ def _mattes(names: Sequence[str], passes: _Passes, samples: int, scene: Scene, f
     ids = {name: _ids(each) for name, each in matte_names(scene).items()}
     planes = {name: np.zeros((2 * RANKS, height, width), np.float32) for name in names}
     all_rows = -(-height // tile)
-    step = max(1, _SAMPLES_BYTES // (4 * samples * tile * width))
+    most = min(_SAMPLES_BYTES, (passes.settings.max_memory or 2**62) // 16)
+    step = max(1, most // (4 * samples * tile * width))
     for first in range(0, all_rows, step):
         rows = (first, min(first + step, all_rows))
         seen = PrimitiveSamples(width, height, rows, samples, tile)

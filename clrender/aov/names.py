@@ -11,7 +11,17 @@ import numpy.typing as npt
 from clrender.errors import UsageError
 from clrender.scene.wording import suggestion
 
-__all__ = ["AOVS", "ERRORS", "MATTES", "OF_FILM", "RANKS", "check_aovs", "exact_channels", "exr_channels"]
+__all__ = [
+    "AOVS",
+    "ERRORS",
+    "MATTES",
+    "OF_FILM",
+    "RANKS",
+    "channel_count",
+    "check_aovs",
+    "exact_channels",
+    "exr_channels",
+]
 
 _Array = npt.NDArray[np.float32]
 
@@ -86,6 +96,11 @@ def exr_channels(layers: Mapping[str, _Array]) -> dict[str, _Array]:
 def exact_channels(layers: Iterable[str]) -> frozenset[str]:
     """The channels of these layers that lose their meaning in half precision: distances, places and numbers."""
     return frozenset(name for layer in layers if layer not in _HALF for name in _channel_names(layer))
+
+
+def channel_count(layers: Iterable[str]) -> int:
+    """How many numbers a pixel has in all of these layers."""
+    return sum(len(_channel_names(layer)) for layer in layers)
 
 
 def _channel_names(layer: str) -> list[str]:

@@ -85,6 +85,11 @@ __all__ = ["render"]
     help="Save what is done to this film every few seconds, and at the end, whatever ends it.",
 )
 @click.option("--resume", is_flag=True, help="Go on from the checkpoint, if there is one yet; --spp may be more.")
+@click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Workers of a Dask cluster, by its scheduler's tcp://host:8786, or local:N for N processes here.",
+)
 @click.option("--denoise", is_flag=True, help="Remove noise with Open Image Denoise; introduces bias.")
 @click.option(
     "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
@@ -114,6 +119,7 @@ def render(
     shard: tuple[int, int] | None,
     checkpoint: Path | None,
     resume: bool,
+    cluster: str | None,
     denoise: bool,
     stats: Path | None,
     quiet: bool,
@@ -129,7 +135,7 @@ def render(
     """
     written = [*outputs, *(path for path in (stats, checkpoint) if path)]
     _check_outputs(ctx, outputs, stats)
-    saving = _saving(checkpoint, resume)
+    how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
     check_distinct(written, [Path(scene)])
     layers = _layers(aov, outputs)
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
@@ -152,7 +158,7 @@ def render(
         keep_film = any(path.suffix.lower() == ".film" for path in outputs)
         failure = None
         try:
-            image = _run(job, devices, interrupt, quiet, keep_film, saving)
+            image = _run(job, devices, interrupt, quiet, keep_film, how)
         except IncompleteRender as error:
             failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
@@ -231,13 +237,26 @@ def _saving(checkpoint: Path | None, resume: bool) -> dict[str, Any]:
     return {"checkpoint": checkpoint, "resume": resume}
 
 
+def _on_cluster(address: str | None) -> dict[str, Any]:
+    """Arguments of the renderer about a cluster, which can be reached as far as one can tell without trying."""
+    if address is None:
+        return {}
+    from clrender.cluster.address import check_address
+
+    try:
+        check_address(address)
+    except UsageError as error:
+        raise UsageError(f"--{error}" if str(error).startswith("cluster is") else str(error)) from None
+    return {"cluster": address}
+
+
 def _run(
     job: RenderJob,
     devices: Sequence[str],
     interrupt: Interrupt,
     quiet: bool,
     keep_film: bool,
-    saving: Mapping[str, Any],
+    how: Mapping[str, Any],
 ) -> RenderedImage:
     from clrender.rendering import render as render_scene
 
@@ -255,7 +274,7 @@ def _run(
             should_stop=interrupt.wanted,
             notify=display.say,
             keep_film=keep_film,
-            **saving,
+            **how,
         )
 
 

@@ -21,15 +21,25 @@ from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
+from clrender.turn import Turn
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
-__all__ = ["Argument", "Buffer", "Device", "Program", "Reading", "leave_lost_devices"]
+__all__ = ["Argument", "Buffer", "Device", "Program", "Reading", "leave_lost_devices", "whole_warps"]
 
 _T = TypeVar("_T")
+_ROUNDED: Final = "-cl-fp32-correctly-rounded-divide-sqrt"
+_CORRECTED: Final = "-D CORRECT_DIVIDE=1"
+"""Of a device that does not round divisions and roots by itself: ``kernels/core/quotient.h`` does."""
+_CPU_GROUP: Final = 16
+_GPU_GROUP: Final = 64
+"""Work-items of a group where nothing else decides: on a GPU at least so many, in whole warps."""
 _WORTH_SHARING: Final = 1 << 20
 """Bytes from which on it matters that nothing is copied."""
+BUSY: Final = (
+    "the device is rendering; a callback of that render cannot use it: open it again, or wait for the render to end"
+)
 _KEPT: Final[list[Any]] = []
 """What belongs to devices that are lost: to forget it would be to ask their drivers to release it."""
 
@@ -78,6 +88,8 @@ class Device:
     max_allocation_bytes : int
         Largest single buffer.
     max_work_group : int
+    fixes_groups : bool
+        Whether kernels that follow paths are compiled for a number of work-items in a group.
     compile_seconds : float
         Spent in the driver's compiler so far, first launches of a kernel included.
     allocated_bytes : int
@@ -86,6 +98,8 @@ class Device:
         Bytes that all its buffers together may take.
     launches, builds : int
         How often a kernel was launched and a program built.
+    turn : Turn
+        Of the threads that share the device; whoever renders has it.
     lost : bool
         A call never came back. Whatever else is asked of the driver may not come back either, so nothing is.
 
@@ -102,6 +116,8 @@ class Device:
         self._handle = handle
         self.info = info
         self.is_cpu = info.type == "cpu"
+        self.fixes_groups = not self.is_cpu
+        self._group = _CPU_GROUP if self.is_cpu else 0
         try:
             self._context, self._queue = self._opened()
             self.max_allocation_bytes = int(handle.max_mem_alloc_size)
@@ -113,7 +129,7 @@ class Device:
             ) from error
         # Any option that lets the compiler round differently would cost the equal bits on all drivers.
         # -w: some drivers write warnings to stderr, which is the user's.
-        self.options = "-cl-std=CL1.2 -w" + (" -cl-fp32-correctly-rounded-divide-sqrt" if rounded else "")
+        self.options = "-cl-std=CL1.2 -w " + (_ROUNDED if rounded else _CORRECTED)
         if "oclgrind" in info.platform.lower():
             self.options += " -cl-opt-disable"  # the interpreter does not know all that its own optimiser writes
         self.compile_seconds = 0.0
@@ -121,6 +137,7 @@ class Device:
         self.memory_limit: int | None = None
         self.launches = 0
         self.builds = 0
+        self.turn = Turn(BUSY)
         self.lost = False
         self._calls = 0
         self._compiling = False
@@ -357,6 +374,27 @@ class Device:
         self.compile_seconds += max(time.perf_counter() - begin - running, 0.0)
         self._sentinel.take()
 
+    @property
+    def group(self) -> int:
+        """Work-items of a group where nothing else decides: on a GPU whole warps, of which none has idle lanes.
+
+        Raises
+        ------
+        DeviceError, RenderError
+            When the driver fails.
+        """
+        if not self._group:
+            # Of a small kernel that every render needs anyway: OpenCL 1.2 knows no such number of a device
+            program = self.program("film/accumulate.cl", {"LANES": 1})
+            kind = self._cl.kernel_work_group_info.PREFERRED_WORK_GROUP_SIZE_MULTIPLE
+            kernel = self._call("build", "kernel film_clear", lambda: self._cl.Kernel(program.handle, "film_clear"))
+            self._group = whole_warps(int(kernel.get_work_group_info(kind, self._handle)), self.max_work_group)
+        return self._group
+
+    def launch_each(self, program: Program, kernel: str, count: int, args: Sequence[Argument]) -> None:
+        """Launch a kernel over at least `count` work-items, in groups of `group`."""
+        self.launch(program, kernel, -(-count // self.group) * self.group, self.group, args)
+
     def keep_binaries(self) -> None:
         """Keep every program built so far for later processes, where that was not done at once.
 
@@ -461,6 +499,12 @@ class Device:
             raise DeviceFailure(f"{self.info.title} failed at {what}: {error}{_hint(str(error))}") from error
         finally:
             self._calls += 1
+
+
+def whole_warps(multiple: int, most: int) -> int:
+    """Work-items of a group: of the multiples of a warp the first from 64 on, but no more than the device takes."""
+    warp = max(multiple, 1)
+    return max(1, min(-(-_GPU_GROUP // warp) * warp, most // warp * warp or most))
 
 
 def leave_lost_devices(code: int) -> None:

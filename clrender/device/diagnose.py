@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from clrender.device import cache
+from clrender.device import cache, vendor_libraries
 from clrender.device.discover import SYSTEM_FOLDER, Driver
 from clrender.device.info import DeviceInfo
 from clrender.device.probe import DriverReport
@@ -75,11 +75,14 @@ def _driver_cure(driver: Driver, fault: str) -> str:
     lower = driver.library.lower()
     package = next((cure for mark, cure in _PACKAGES if mark in lower), "")
     if "crashed" in fault or "timeout" in fault:
-        return f"update or remove this driver ({package or 'its package: dpkg -S ' + driver.origin})"
+        named_by = driver.origin if driver.origin.endswith(".icd") else driver.library
+        return f"update or remove this driver ({package or 'its package: dpkg -S ' + named_by})"
     if "needs a folder" in fault:
         return "make room, or set XDG_CACHE_HOME or TMPDIR to a folder that has it"
     if "cannot open shared object" in fault and driver.path:
         return f"install the libraries that `ldd {driver.path}` calls not found"
+    if not driver.origin.endswith(".icd"):
+        return package or "install the package that brings the library"
     remove = f"if the driver is no longer wanted: sudo rm {driver.origin}"
     return f"{package}; {remove}" if package else f"install the package that brings the library; {remove}"
 
@@ -161,9 +164,10 @@ def diagnose_machine(reports: Sequence[DriverReport]) -> list[Finding]:
         found.append(
             Finding(
                 "/dev/nvidia0",
-                f"there is an NVIDIA GPU, but no .icd file in {SYSTEM_FOLDER} names its OpenCL driver",
-                "sudo apt-get install nvidia-opencl-icd; in a container: "
-                f"echo libnvidia-opencl.so.1 > {SYSTEM_FOLDER}/nvidia.icd",
+                f"there is an NVIDIA GPU, but no .icd file in {SYSTEM_FOLDER} names its OpenCL driver, "
+                f"and {vendor_libraries.LIBRARIES[0]} is nowhere to be found",
+                "sudo apt-get install nvidia-opencl-icd; start a container with --gpus all "
+                "-e NVIDIA_DRIVER_CAPABILITIES=compute,utility; or name the library's folder in LD_LIBRARY_PATH",
             )
         )
     shut = [str(node) for node in Path("/dev/dri").glob("renderD*") if not os.access(node, os.R_OK | os.W_OK)]

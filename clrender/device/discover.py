@@ -1,8 +1,9 @@
 """Find the OpenCL drivers of this machine and of the Python environment, and load those that are wanted.
 
-A driver is what an `.icd` file names. The OpenCL loader would load all of them, once in the life of a process; here
-each is loaded by itself when it is first wanted, by the extension that loaders use (cl_khr_icd). So a driver that
-crashes harms only who asks for it, and a second one can be loaded later.
+A driver is what an `.icd` file names, or a GPU's library by the name that its vendor gives it. The OpenCL loader would
+load all of them, once in the life of a process; here each is loaded by itself when it is first wanted, by the
+extension that loaders use (cl_khr_icd). So a driver that crashes harms only who asks for it, and a second one can be
+loaded later.
 """
 
 from __future__ import annotations
@@ -20,23 +21,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from clrender.device import cache, compiled
+from clrender.device import cache, compiled, vendor_libraries
 from clrender.errors import DeviceError
 
 __all__ = ["Driver", "driver_variables", "drivers", "fingerprint", "load_platforms", "settings"]
 
 SYSTEM_FOLDER: Final = Path("/etc/OpenCL/vendors")
-_LIBRARY_FOLDERS: Final = (
-    "/usr/lib/x86_64-linux-gnu",
-    "/usr/lib/aarch64-linux-gnu",
-    "/lib/x86_64-linux-gnu",
-    "/usr/lib64",
-    "/usr/lib",
-    "/usr/local/lib",
-    "/usr/lib/wsl/lib",
-)
-# Intel's wheel puts these beside the driver, where the dynamic linker does not look.
-_INTEL_PRELOAD: Final = ("libtbb.so.12", "libintlc.so.5", "libirng.so", "libimf.so", "libsvml.so")
 # Set before any driver loads, unless the user has set them.
 _DEFAULTS: Final = {
     "RUSTICL_ENABLE": "llvmpipe",  # without it rusticl is a platform with no device
@@ -97,7 +87,7 @@ class Driver:
     library : str
         Shared library, as the loader is told; empty: whatever the loader finds by itself.
     origin : str
-        The `.icd` file that names it.
+        The `.icd` file that names it, or how else it was found.
     path : str
         Where the library lies, or empty when it was not found.
     preload : tuple of str
@@ -116,7 +106,8 @@ class Driver:
 def drivers() -> list[Driver]:
     """Every driver that an `.icd` file names, of the system or of the Python environment, in a stable order.
 
-    ``OCL_ICD_VENDORS``, when set, is the only place looked at. Nothing is loaded.
+    After them those of GPUs that no such file names, by their libraries' names. ``OCL_ICD_VENDORS``, when set, is the
+    only place looked at. Nothing is loaded.
     """
     if "oclgrind" in os.environ.get("LD_PRELOAD", "") or platform.system() != "Linux":
         return [Driver("", "the OpenCL loader of the system")]
@@ -130,6 +121,10 @@ def drivers() -> list[Driver]:
     for driver in (driver for file in files for driver in _read(file)):
         if all((driver.path or driver.library) != (known.path or known.library) for known in found):
             found.append(driver)
+    if not own:
+        for path in vendor_libraries.find([driver.path or driver.library for driver in found]):
+            origin = f"found by its name in {path.parent}; no .icd file names it"
+            found.append(Driver(str(path), origin, str(path), vendor_libraries.companions(str(path))))
     return found
 
 
@@ -162,7 +157,7 @@ def _read(icd: Path) -> Iterator[Driver]:
     except (OSError, IndexError):
         yield Driver(str(icd), str(icd), fault="the file is empty or cannot be read")
         return
-    places = [Path(library)] if "/" in library else _search(library)
+    places = [Path(library)] if "/" in library else vendor_libraries.search(library)
     name = Path(library).name
     in_wheel = icd.parent != SYSTEM_FOLDER and not os.environ.get("OCL_ICD_VENDORS")
     if in_wheel:
@@ -170,17 +165,10 @@ def _read(icd: Path) -> Iterator[Driver]:
     path = next((str(place) for place in places if place.is_file()), "")
     if in_wheel and not path:
         return  # Intel's wheel also names an emulator it does not bring: nobody asked for it
-    preload: tuple[str, ...] = ()
-    if path and name.startswith("libintelocl"):
-        beside = (Path(path).parent / each for each in _INTEL_PRELOAD)
-        preload = tuple(str(each) for each in beside if each.is_file())
+    preload = vendor_libraries.companions(path) if path else ()
     fault = f"it names {library}, which does not exist" if "/" in library and not path else ""
-    yield Driver(path if in_wheel else library, str(icd), path, preload, fault)
-
-
-def _search(library: str) -> list[Path]:
-    folders = [*os.environ.get("LD_LIBRARY_PATH", "").split(":"), *_LIBRARY_FOLDERS]
-    return [Path(folder) / library for folder in folders if folder]
+    found_by_name = bool(path) and "/" not in library and not vendor_libraries.linker_looks_in(Path(path))
+    yield Driver(path if in_wheel or found_by_name else library, str(icd), path, preload, fault)
 
 
 def driver_variables() -> dict[str, str]:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.device import Buffer, Device, Program, Reading
+from clrender.device.device import BUSY, Buffer, Device, Program, Reading
 from clrender.device.info import DeviceInfo
 from clrender.errors import DeviceError, RenderError
+from clrender.turn import Turn
 
 __all__ = ["FakeDevice", "FakeKernel"]
 
@@ -52,12 +53,15 @@ class FakeDevice(Device):
         self.is_cpu = True
         self.max_allocation_bytes = memory_bytes
         self.max_work_group = 256
+        self.fixes_groups = False
+        self._group = 16
         self.options = ""
         self.compile_seconds = 0.0
         self.allocated_bytes = 0
         self.memory_limit = None
         self.launches = 0
         self.builds = 0
+        self.turn = Turn(BUSY)
         self.lost = False
         self._calls = 0
         self._compiling = False

@@ -15,13 +15,12 @@ __all__ = ["CHUNK", "launch_each", "scan", "sort"]
 
 CHUNK: Final = 1024
 """Elements that a work-item goes through: ``BUILD_CHUNK`` of ``kernels/geometry/build.h``; a test compares them."""
-_WORK_GROUP: Final = 16
 _ENTRY: Final = "geometry/build_order.cl"
 
 
 def launch_each(device: Device, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
     """Launch a kernel over at least `count` work-items."""
-    device.launch(program, kernel, -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
+    device.launch_each(program, kernel, count, arguments)
 
 
 def scan(device: Device, numbers: Buffer, count: int) -> int:

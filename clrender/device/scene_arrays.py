@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.device import bvh
-from clrender.errors import RenderError
+from clrender.errors import MemoryRefused, RenderError
+from clrender.memory import shown
 from clrender.resources import kernels_folder
 
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device
     from clrender.flatten import FlatScene
 
-__all__ = ["LARGEST_PAGE", "SceneArrays", "scene_array_names", "texel_pages"]
+__all__ = ["LARGEST_PAGE", "SceneArrays", "check_room", "scene_array_names", "texel_pages"]
 
-_WORK_GROUP = 16
 LARGEST_PAGE = 1 << 34
 _PAGES = 4
 _AS_THEY_ARE = (
@@ -76,6 +76,51 @@ def texel_pages(device: Device, texels: NDArray[np.uint8]) -> tuple[list[Buffer]
     return [*pages, *[pages[0]] * (_PAGES - count)], bits
 
 
+_TREE_BYTES = 32
+"""A triangle takes at least so many in a tree: half of a column of a pack, where two share one."""
+
+
+def check_room(device: Device, scene: FlatScene) -> None:
+    """Refuse a scene that a device has no room for, before anything of it is there.
+
+    Parameters
+    ----------
+    device : Device
+    scene : FlatScene
+        What its trees take in the end is not known yet: a scene that passes may still be refused when they are built.
+
+    Raises
+    ------
+    RenderError
+        One array is larger than the device's largest buffer, or the whole scene than its memory.
+    MemoryRefused
+        Or than is allowed.
+    """
+    triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
+    sizes = {name: array.nbytes for name, array in scene.arrays.items() if name != "texels"}
+    sizes |= {"primitive_rows": 64 * primitives, "triangle_packs": _TREE_BYTES * triangles}
+    sizes["normal_rows"] = 64 * triangles if len(scene.arrays["normals"]) > 1 else 0
+    name, most = max(sizes.items(), key=lambda item: item[1])
+    if most > device.max_allocation_bytes:
+        raise RenderError(
+            f"the scene is too large for {device.info.title}: its {name.replace('_', ' ')} take {shown(most)}, "
+            f"{shown(most - device.max_allocation_bytes)} more than the {shown(device.max_allocation_bytes)} that the "
+            "device allows in one buffer; take a scene of fewer triangles (groups that are placed many times take "
+            "their memory once), or another device"
+        )
+    total = sum(sizes.values()) + scene.arrays["texels"].nbytes
+    if total > device.free_bytes:
+        raise MemoryRefused(
+            f"the scene takes {shown(total)} and more on {device.info.title}, where {shown(device.free_bytes)} of what "
+            "--max-memory (max_memory) allows are left; allow more, take a smaller scene, or another device"
+        )
+    if total > device.info.memory_bytes > 0:
+        raise RenderError(
+            f"the scene takes {shown(total)} and more, and {device.info.title} has "
+            f"{shown(device.info.memory_bytes)} of memory; take a smaller scene, or another device"
+        )
+
+
 class SceneArrays:
     """A scene on one device.
 
@@ -124,6 +169,7 @@ class SceneArrays:
     """
 
     def __init__(self, device: Device, scene: FlatScene, tree: bvh.Bvh | None = None) -> None:
+        check_room(device, scene)
         self._device = device
         self._lent = tree
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
@@ -180,7 +226,7 @@ class SceneArrays:
     def _rows(self, name: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         if count:
             program = self._device.program("geometry/rows.cl", {"LANES": 1})
-            self._device.launch(program, f"rows_{name}", -(-count // _WORK_GROUP) * _WORK_GROUP, _WORK_GROUP, arguments)
+            self._device.launch_each(program, f"rows_{name}", count, arguments)
 
     @property
     def node_count(self) -> int:

@@ -36,11 +36,14 @@ _SHORT_SECONDS: Final = 0.005
 
 _CPU_LANES: Final = 16
 _CPU_WORK_GROUP: Final = 4
-_GPU_WORK_GROUP: Final = 64
 _LONE_WORK_GROUP: Final = 16
+_GPU_FILL: Final = 300_000
+_UNIT_THREADS: Final = 2048
 _SAMPLES_BYTES: Final = 96 << 20
 _STATS_BYTES: Final = 16
 """Of a work-item."""
+_OF_SLICES: Final = ("samples", "records", "stats")
+"""Buffers of a slice."""
 _MOST_SAMPLES_PER_PASS: Final = 16
 _SMALL_TREE: Final = 8
 """With so few nodes, lanes' rays stay together: setting one out alone costs more than the rest of the tree."""
@@ -122,6 +125,12 @@ class Scratch:
     def held(self, *names: str) -> int:
         """Bytes of the buffers of these names."""
         return sum(self._kept[name].nbytes for name in names if name in self._kept)
+
+    def give_back(self, *names: str) -> None:
+        """Give the memory of the buffers of these names back."""
+        for name in names:
+            if (kept := self._kept.pop(name, None)) is not None:
+                self._device.release(kept)
 
     def release(self) -> None:
         """Give the device's memory back."""
@@ -244,6 +253,8 @@ class DeviceWorker:
 
     def _defines(self, launch: LaunchConfig) -> dict[str, int | str]:
         defines: dict[str, int | str] = {"LANES": self.lanes}
+        if self.device.fixes_groups:
+            defines["WORK_GROUP"] = self._group
         if launch.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
@@ -430,6 +441,8 @@ class DeviceWorker:
         """What the pipeline's kernel takes beside its own, and the rays that took."""
         if self._preparation is None:
             return [], 0
+        if self.device.memory_limit is not None and self._pipeline.sample_by_sample:
+            self._scratch.give_back(*_OF_SLICES)  # preparing may need their memory
         begin = time.perf_counter()
         arguments = list(self._preparation.arguments(sample))
         self.busy_seconds += time.perf_counter() - begin
@@ -443,7 +456,9 @@ class DeviceWorker:
             return min(self._per_pass, left)
         if self._rate == 0.0:
             return 1
-        return max(1, min(left, _MOST_SAMPLES_PER_PASS, int(self._rate * SLICE_SECONDS / min(slots, 4096))))
+        return max(
+            1, min(left, _MOST_SAMPLES_PER_PASS, int(self._rate * SLICE_SECONDS / min(slots, _fill(self.device))))
+        )
 
     def _slice_slots(self, left: int, passes: int) -> int:
         """Slots of the next launch, from the speed of the last; the first is small, to find the speed."""
@@ -455,16 +470,24 @@ class DeviceWorker:
         """Bytes for what a slice leaves in memory."""
         if self.device.memory_limit is None:
             return min(_SAMPLES_BYTES, self.device.max_allocation_bytes)
-        free = self.device.free_bytes + self._scratch.held("samples", "records", "stats")
-        return int(min(_SAMPLES_BYTES, self.device.max_allocation_bytes, free * 15 / 16))
+        # One half is for them, the other for the sums of the unit that comes next, which may be larger
+        free = self.device.free_bytes + self._scratch.held(*_OF_SLICES, "sums", "counts")
+        return int(min(_SAMPLES_BYTES, self.device.max_allocation_bytes, free * 15 / 32))
 
     def _launch(self, program: Program, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:
-        group = 16
-        self.device.launch(program, kernel, -(-count // group) * group, group, arguments)
+        self.device.launch_each(program, kernel, count, arguments)
 
     def release(self) -> None:
         """Give back what the worker made on the device."""
         self._owned.close()
+
+
+def _fill(device: Device) -> int:
+    """Slots of a launch from which on it is better made of more samples: enough for every core to have some.
+
+    A GPU hides waiting for memory behind other threads, of which it holds two thousand on each compute unit.
+    """
+    return 4096 if device.is_cpu else max(_GPU_FILL, _UNIT_THREADS * device.info.compute_units)
 
 
 def most_lanes(device: Device) -> int:
@@ -484,7 +507,7 @@ def _lanes(device: Device) -> int:
 def _work_group(device: Device, lanes: int, packets: int) -> int:
     """Work-items in a group unless the user says otherwise."""
     if not device.is_cpu:
-        return _GPU_WORK_GROUP
+        return device.group
     # llvmpipe wants work-items for lanes of its own: with sixteen it is six times faster than with one. Packets count
     # as work-items do: a group is what a core takes at a time, and at a launch's end others wait for it.
     return max(1, _CPU_WORK_GROUP // packets) if lanes > 1 else _LONE_WORK_GROUP

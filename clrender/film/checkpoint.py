@@ -134,6 +134,11 @@ class Checkpoint:
         finally:
             self._lock.release()
 
+    @property
+    def loaded(self) -> bool:
+        """Whether there is a film to go on from, which is in memory then."""
+        return self._film is not None
+
     def begin(self, request: Mapping[str, Any], samples: range, about: Mapping[str, Any]) -> RunningFilm:
         """The film to go on with.
 

@@ -20,6 +20,7 @@ from clrender.film.file import FilmReader, write_film
 from clrender.film.fixed_point import add_words, subtract_words, to_float64
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums
+from clrender.memory import film_bytes
 
 __all__ = ["Film"]
 
@@ -92,7 +93,7 @@ class Film:
     @property
     def pixel_bytes(self) -> int:
         """Memory of a pixel."""
-        return 148 if self.replicate_spp else 52
+        return film_bytes(self.replicate_spp is not None)
 
     @property
     def developed(self) -> bool:

@@ -102,6 +102,13 @@ class UnitSums:
     deepest: int
     squares: npt.NDArray[np.uint32] | None = None
 
+    @classmethod
+    def nothing(cls, unit: Unit) -> UnitSums:
+        """Of a unit that was stopped before a sample was taken."""
+        slots = unit.slot_count
+        sums, counts = np.zeros((slots, 3, 4), np.uint32), np.zeros(slots, np.uint32)
+        return cls(sums, counts, np.zeros(slots // BLOCK_SLOTS, np.uint32), 0, 0, 0)
+
 
 def tile_side(tile: int, width: int, height: int) -> int:
     """Side of a tile that is really used: a multiple of `BLOCK`, no larger than the image needs nor `LARGEST_TILE`."""

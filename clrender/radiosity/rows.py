@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Rows", "Traced"]
 
-_GROUP: Final = 16
 _MOST_SWEEPS: Final = 1000
 _WITH: Final = 0.5
 """Sides with at least this fraction of the residual are shot in the same sweep, to save a later one."""
@@ -196,8 +195,7 @@ class Rows:
         self._sent[:, :3] = sent
         device.write(self._wide, self._sent)
         span = [np.uint32(len(self.sides)), np.uint32(self.rays), np.float32(1.0 / self.rays)]
-        items = -(-len(self.sides) // _GROUP) * _GROUP
-        device.launch(self._program, "radiosity_sweep", items, _GROUP, [self.hits, *span, self._wide, self._out])
+        device.launch_each(self._program, "radiosity_sweep", len(self.sides), [self.hits, *span, self._wide, self._out])
         device.read(self._out, self._got)
         return self._got[:, :3].astype(np.float64)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,18 @@ from clrender.scene.description import Scene
 from clrender.scene.emission import emits
 from clrender.scene.geometry import Affine, affine, combined
 from clrender.scene.groups import Instance
-from clrender.scene.shapes import AnyShape, Disk, Sphere, Transform
+from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere, Transform
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.scene.wording import place, quoted
 
 __all__ = ["Assembly", "assemble", "written_out"]
 
+_MANY: Final = 64
+"""Of so many groups at most each has a tree of its own, however small."""
+_PLACES: Final = 8
+"""Of shapes of a group."""
+_TRIANGLES: Final = 2**12
+"""Of more groups those are written out which so make no more shapes and triangles: that takes less time than a tree."""
 _Placed: TypeAlias = "tuple[tuple[str | int, ...], AnyShape]"
 
 
@@ -31,7 +37,8 @@ class Assembly:
     ----------
     scene : Scene
         Its shapes are the scene's own; then those of groups that shine, once for each of their instances, because each
-        is a light of its own; then the others of groups, in their own space.
+        is a light of its own, and those of small groups, if there are many; then the others of groups, in their own
+        space.
     own_shapes : int
         How many of these are in world space.
     groups : tuple of range
@@ -81,17 +88,18 @@ def assemble(scene: Scene) -> Assembly:
     groups: dict[str, tuple[int, range]] = {}
     placed: list[tuple[int, int, int]] = []  # entry, group, how often
     maps: list[NDArray[np.float64]] = []
+    small = _small_groups(scene)
     for index, instance in scene.instances():
         array = scene.transforms(index).maps
         shapes = _shapes_of(scene, instance.group)
         _check_similar(scene, index, instance.group, shapes, array)
-        shining = [each for each in shapes if emits(scene, each[1])]
-        if len(own) + len(written) + len(shining) * len(array) > SHAPE_LIMIT:
-            text = f"places {len(array)} times a group of which {len(shining)} shapes shine; at most {SHAPE_LIMIT} may"
+        alone = shapes if instance.group in small else [each for each in shapes if emits(scene, each[1])]
+        if len(own) + len(written) + len(alone) * len(array) > SHAPE_LIMIT:
+            text = f"places {len(array)} times a group of which {len(alone)} shapes shine; at most {SHAPE_LIMIT} may"
             raise SceneError(f"{scene.source}: shapes[{index}] {text}")
-        written += _written(shining, array)
-        own_places += [index] * (len(shining) * len(array))
-        if len(shining) == len(shapes):
+        written += _written(alone, array)
+        own_places += [index] * (len(alone) * len(array))
+        if len(alone) == len(shapes):
             continue
         if instance.group not in groups:
             begin = len(kept)
@@ -118,6 +126,30 @@ def assemble(scene: Scene) -> Assembly:
         np.concatenate(seen_shape),
         np.concatenate(begins),
     )
+
+
+def _small_groups(scene: Scene) -> set[str]:
+    """Groups for which trees of their own are not worth it: each takes as long as some thousand triangles more."""
+    places: dict[str, int] = {}
+    for index, instance in scene.instances():
+        places[instance.group] = places.get(instance.group, 0) + len(scene.transforms(index).maps)
+    if len(places) <= _MANY:
+        return set()
+    small: set[str] = set()
+    for group, count in places.items():
+        shapes = _shapes_of(scene, group)
+        if len(shapes) * count <= _PLACES and count * sum(_triangles(scene, *each) for each in shapes) <= _TRIANGLES:
+            small.add(group)
+        if len(small) * _PLACES > SHAPE_LIMIT // 2:
+            break
+    return small
+
+
+def _triangles(scene: Scene, at: tuple[str | int, ...], shape: AnyShape) -> int:
+    """Of a shape, or 1; fewer than there are of boxes and the like do not matter."""
+    if not isinstance(shape, Mesh):
+        return 1
+    return len(shape.faces) if shape.file is None else len(scene.mesh_of(at, shape).triangles)
 
 
 def written_out(scene: Scene) -> Scene:

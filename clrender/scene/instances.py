@@ -26,6 +26,8 @@ _REACH: Final = 4.0
 _CELLS: Final = 4
 _FEW: Final = 2**16
 """Of so many instances at most a group's parts are looked at."""
+_BATCH: Final = 2**14
+"""Parts of instances that are carried into the world at a time."""
 _INSTANCE: Final = layout.columns("INSTANCE")
 _PLACEMENT: Final = layout.columns("PLACEMENT")
 
@@ -291,10 +293,10 @@ def _cell_boxes(points: NDArray[np.float32], cells: int) -> NDArray[np.float64]:
 
 
 def _carried(maps: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) points under (N, 3, 4) maps."""
-    x, y, z = points.T
+    """(..., 3) points under (..., 3, 4) maps."""
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
     return np.stack(
-        [maps[:, k, 0] * x + maps[:, k, 1] * y + maps[:, k, 2] * z + maps[:, k, 3] for k in range(3)], axis=1
+        [maps[..., k, 0] * x + maps[..., k, 1] * y + maps[..., k, 2] * z + maps[..., k, 3] for k in range(3)], axis=-1
     )
 
 
@@ -315,14 +317,16 @@ def _boxes(
     out, inside = to_world.astype(np.float64), to_object.astype(np.float64)
     sizes = np.abs(out)
     sizes[:, :, 3] = 0.0
-    low, high = np.full((len(out), 3), np.inf), np.full((len(out), 3), -np.inf)
-    for number, group in enumerate(groups):
-        of_it = np.flatnonzero(group_of == number)
-        for part in _group_boxes(surfaces, group, len(of_it)) if len(of_it) else ():
-            center = _carried(out[of_it], np.broadcast_to(part.mean(axis=0), (len(of_it), 3)))
-            extent = _carried(sizes[of_it], np.broadcast_to((part[1] - part[0]) / 2.0, (len(of_it), 3)))
-            low[of_it] = np.minimum(low[of_it], center - extent)
-            high[of_it] = np.maximum(high[of_it], center + extent)
+    low, high = np.empty((len(out), 3)), np.empty((len(out), 3))
+    order, counts = np.argsort(group_of, kind="stable"), np.bincount(group_of, minlength=len(groups))
+    for group, of_it in zip(groups, np.split(order, np.cumsum(counts)[:-1]), strict=True):
+        if not len(of_it):
+            continue
+        parts = _group_boxes(surfaces, group, len(of_it))
+        middles, halves = parts.mean(axis=1), (parts[:, 1] - parts[:, 0]) / 2.0
+        for some in np.array_split(of_it, -(-len(of_it) * len(parts) // _BATCH)):
+            center, extent = _carried(out[some, None], middles), _carried(sizes[some, None], halves)
+            low[some], high[some] = (center - extent).min(axis=1), (center + extent).max(axis=1)
     own_low, own_high = (np.where(np.isfinite(corner), corner, 0.0) for corner in own_box)
     reach = np.abs(np.concatenate([low, high, [own_low, own_high]])).max(axis=0)
     lost = _carried(np.abs(inside), np.broadcast_to(_REACH * reach, low.shape))

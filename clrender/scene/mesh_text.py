@@ -11,10 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.scene.decimals import decimal_values
 
-__all__ = ["CONTINUATION", "Block", "decimal_values", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
+__all__ = ["CONTINUATION", "Block", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
 
-_READ: Final = 1 << 21
+_READ: Final = 1 << 19
+"""Bytes at a time: what is computed of them stays in the caches."""
+_KEPT: Final = 1 << 24
+"""More bytes than arrays of a block have."""
 _LINE_LIMIT: Final = 1 << 26
 CONTINUATION: Final = b"\x0b"
 """Stands for the line break of a continued line: a blank to the parsers, and still a line when lines are counted."""
@@ -24,8 +28,6 @@ _PLAIN: Final = bytes(
     byte if byte >= 32 or byte in b"\t\n\r" else 32 if byte in b"\f\v" else ord("?") for byte in range(256)
 )
 Spans: TypeAlias = tuple[NDArray[np.int64], NDArray[np.int64]]
-_POWERS: Final = 10.0 ** np.arange(23)
-"""Powers of ten that double precision holds exactly."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,10 @@ def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = Fal
     SceneError
         For UTF-16, for bytes no text holds, and for a line of more than 64 MiB.
     """
+    # The allocator of glibc asks the system for each large array, which costs more time than what is done with it,
+    # until an array of that size has been freed.
+    freed = np.empty(_KEPT, np.uint8)
+    del freed
     pending, held, line, start = b"", b"", first_line, True
     while True:
         data = file.read(_READ)
@@ -204,32 +210,3 @@ def _from_digits(
             return None
         decimals[words] = ends[words] - dots - 1
     return decimal_values(digits, decimals, data[starts] == ord("-"))
-
-
-def decimal_values(
-    digits: NDArray[np.int64], decimals: NDArray[np.int64], negative: NDArray[np.bool_]
-) -> NDArray[np.float64] | None:
-    """Numbers without exponents, correctly rounded.
-
-    Parameters
-    ----------
-    digits : (n,) int64
-        Without their dots, signs included.
-    decimals : (n,) int64
-        How many digits stand behind the dots, from 0.
-    negative : (n,) bool
-        Which have a minus sign, so that zeros keep theirs.
-
-    Returns
-    -------
-    (n,) float64, or None
-        None where a number has too many digits for that: see `parse_numbers`.
-    """
-    values = digits.astype(np.float64)
-    if len(values) and (max(values.max(), -values.min()) >= 2.0**53 or decimals.max() >= len(_POWERS)):
-        return None
-    values /= _POWERS.take(decimals)
-    zeros = digits == 0
-    if zeros.any():
-        values[zeros & negative] = -0.0
-    return values

@@ -1,6 +1,7 @@
 """Lines of an OBJ file that are all written alike, as most programs write them: faster than lines of any form.
 
-What a line is made of but digits, such as ``f // // //``, is compared for all lines at once.
+What a line is made of but digits, such as ``f // // //``, is compared for all lines at once, and tells where the
+digits of each number are.
 """
 
 from __future__ import annotations
@@ -12,15 +13,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.scene.mesh_text import CONTINUATION, Block, decimal_values
+from clrender.scene.decimals import decimal_values, digit_values
+from clrender.scene.mesh_text import CONTINUATION, Block
 
 __all__ = ["Run", "alike_corners", "alike_vectors", "runs"]
 
 _LEAST: Final = 256
 """Fewer lines than these are not worth a look."""
 _MOST_RUNS: Final = 64
-_DIGITS: Final = b"0123456789"
-_BLANKED: Final = bytes(32 if byte in b"fvtn/" else byte for byte in range(256))
+_MOST_DIGITS: Final = 18
+"""Of a number, so that its digits fit into 64 bits."""
+_POWERS: Final = 10 ** np.arange(_MOST_DIGITS + 1)
 
 
 class Run(NamedTuple):
@@ -79,57 +82,81 @@ def _part(block: Block, starts: NDArray[np.int64], ends: NDArray[np.int64], firs
     return Block(text, block.first_line + first)
 
 
-def alike_corners(run: Run) -> tuple[NDArray[np.int64], int] | None:
+def _marks(data: NDArray[np.uint8], lines: int, signs: bool) -> tuple[NDArray[np.intp], bytes] | None:
+    """Where the bytes of lines are that are no digits, or no signs either; None where lines have others.
+
+    Returns
+    -------
+    places : (lines, n) int64
+    form : bytes
+        The n bytes of each line.
+    """
+    found = (data - np.uint8(ord("0"))) > 9
+    if signs:
+        found &= data != ord("-")
+    places = np.flatnonzero(found)
+    each, odd = divmod(len(places), lines)
+    if odd:
+        return None
+    rows = places.reshape(lines, each)
+    bytes_of = data.take(rows)
+    return (rows, bytes_of[0].tobytes()) if (bytes_of == bytes_of[0]).all() else None
+
+
+def alike_corners(run: Run) -> tuple[list[NDArray[np.int64]], int] | None:
     """What the corners of faces name, and how many each face has; None where not all are written alike.
 
     Returns
     -------
-    indices : (corners, 3) int64
-        Of vertices, texture coordinates and normals, all above 0; or 0 for a whole column.
+    indices : list of three (corners,) int64
+        Of vertices, texture coordinates and normals, all above 0; or all 0.
     size : int
     """
-    text, lines = run.block.text, run.lines
-    form = text[: text.index(b"\n") + 1].translate(None, _DIGITS)
+    data, lines = np.frombuffer(run.block.text, np.uint8), run.lines
+    if (marks := _marks(data, lines, signs=False)) is None:
+        return None
+    places, form = marks
     size = form.count(b" ")
     slashes = form.count(b"/") // max(size, 1)
     if size < 3 or slashes > 2 or form != b"f" + (b" " + b"/" * slashes) * size + b"\n":
         return None
-    if text.translate(None, _DIGITS) != form * lines:
-        return None
-    numbers = np.fromstring(text.translate(_BLANKED), np.int64, sep=" ")
-    corners = lines * size
-    each, odd = divmod(len(numbers), corners)
-    if odd or each < 1 or not (numbers > 0).all():
-        return None
-    # Of 1//2 the middle is missing, of 1/2/ the end: only the first is meant to be
-    if each != slashes + 1 and not (each == 2 and slashes == 2 and text.count(b"//") == corners):
-        return None
-    columns = (0, 2) if each != slashes + 1 else range(each)
-    if each == 3:
-        return numbers.reshape(corners, 3), size
-    table = np.zeros((corners, 3), np.int64)
-    table[:, list(columns)] = numbers.reshape(corners, each)
-    return table, size
+    # Behind the blank after the keyword each mark ends a number, but for the middle one of 1//2
+    ends, lengths = places[:, 2:], np.diff(places[:, 1:])
+    lengths -= 1
+    indices = []
+    for column in range(3):
+        some = lengths[:, column :: slashes + 1].reshape(-1)
+        if column > slashes or (column == 1 and slashes == 2 and not some.any()):
+            indices.append(np.zeros(lines * size, np.int64))
+            continue
+        numbers = digit_values(data, ends[:, column :: slashes + 1].reshape(-1), some) if some.all() else None
+        if numbers is None or not numbers.all():
+            return None
+        indices.append(numbers)
+    return indices, size
 
 
 def alike_vectors(run: Run) -> NDArray[np.float64] | None:
     """Numbers behind the keyword of each line, (lines, n) float64; None where not all have one form of decimals."""
-    text, lines = run.block.text, run.lines
-    form = text[: text.index(b"\n") + 1].translate(None, b"0123456789-")
+    data, lines = np.frombuffer(run.block.text, np.uint8), run.lines
+    if (marks := _marks(data, lines, signs=True)) is None:
+        return None
+    places, form = marks
     size = form.count(b".")
     if not size or form != run.kind.encode() + b" ." * size + b"\n":
         return None
-    if text.translate(None, b"0123456789-") != form * lines or text.count(b"-") != text.count(b" -"):
+    blanks, dots = places[:, len(run.kind) : -1 : 2].reshape(-1), places[:, len(run.kind) + 1 :: 2].reshape(-1)
+    ends = places[:, len(run.kind) + 2 :: 2].reshape(-1)
+    negative = data.take(blanks + 1) == ord("-")
+    if np.count_nonzero(negative) != run.block.text.count(b"-"):
         return None
-    data = np.frombuffer(text, np.uint8)
-    blanks = np.flatnonzero(data <= 32).reshape(lines, size + 1)
-    dots = np.flatnonzero(data == ord("."))
-    digits = text.translate(_BLANKED, b".")
-    if b"- " in digits or b"-\n" in digits:
+    before, behind = dots - blanks - 1 - negative, ends - dots - 1
+    whole, part = digit_values(data, dots, before), digit_values(data, ends, behind)
+    digits = before + behind
+    if whole is None or part is None or not digits.all() or digits.max() > _MOST_DIGITS:
         return None
-    whole = np.fromstring(digits, np.int64, sep=" ")
-    if len(whole) != len(dots):
-        return None
-    starts, ends = blanks[:, :-1].reshape(-1) + 1, blanks[:, 1:].reshape(-1)
-    values = decimal_values(whole, ends - dots - 1, data[starts] == ord("-"))
+    whole *= _POWERS.take(behind)
+    whole += part
+    np.negative(whole, out=whole, where=negative)
+    values = decimal_values(whole, behind, negative)
     return None if values is None else values.reshape(lines, size)

@@ -141,10 +141,9 @@ def _add_alike(run: Run, found: ObjRecords, colors: bool | None) -> bool:
         if corners is None:
             return False
         indices, size = corners
-        for column, (kind, into) in enumerate(
-            zip(_INDEXED, (found.corners, found.corner_uvs, found.corner_normals), strict=True)
-        ):
-            index = indices[:, column] - 1
+        columns = (found.corners, found.corner_uvs, found.corner_normals)
+        for kind, index, into in zip(_INDEXED, indices, columns, strict=True):
+            index -= 1
             into.append(index)
             largest = int(index.max())
             if largest > found.largest[kind][0]:

@@ -85,6 +85,8 @@ class Plan:
         Slots of a unit at most, where memory is limited; it is one tile at least.
     whole : int
         Samples of a pixel that no unit may part, counted from 0 on: those of a replicate.
+    depth : int
+        Samples of a pixel that a unit may have, however slow its worker is. The more there are, the fewer sums travel.
     """
 
     width: int
@@ -98,6 +100,7 @@ class Plan:
     short_units: bool = False
     most_slots: int | None = None
     whole: int = 1
+    depth: int = _UNIT_SAMPLES
 
     @property
     def samples(self) -> int:
@@ -238,7 +241,7 @@ class Remaining:
             return 1
         slots = self._plan.tiles * self._area
         rate = sum(self._rates.values()) * max(BAND_SECONDS, slots * _PIXEL_SECONDS) / slots
-        return max(_UNIT_SAMPLES, min(2 * before, int(rate)))
+        return max(_UNIT_SAMPLES, min(2 * before, max(int(rate), self._plan.depth)))
 
 
 def _ranges(plan: Plan, depth: Callable[[int], int]) -> Iterator[tuple[int, int]]:

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from clrender.memory import unit_slots
 from clrender.scheduling.worker import Candidate
 
 if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.device.worker import DeviceWorker
 
-__all__ = ["WorkerPool"]
+__all__ = ["WorkerPool", "most_slots"]
+
+
+_SUMS_BYTES: Final = 48
+"""Of a slot, in one buffer."""
+
+
+def most_slots(devices: Sequence[Device], limit: int | None) -> int:
+    """Slots of a unit that every device can hold, where each may use so many bytes in all (None: no limit)."""
+    room = min(device.max_allocation_bytes // _SUMS_BYTES for device in devices)
+    allowed = unit_slots(limit)
+    return room if allowed is None else min(room, allowed)
 
 
 class WorkerPool:

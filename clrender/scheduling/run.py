@@ -15,7 +15,7 @@ from clrender.errors import ClrenderError, DeviceFailure, RenderError
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling.arbitration import Arbitration
-from clrender.scheduling.contributions import Contributions
+from clrender.scheduling.contributions import MOST_BYTES, Contributions
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.spot_check import SHARE, Sampler, finished
 from clrender.scheduling.tally import Tally, WorkerTally
@@ -56,6 +56,8 @@ def run(
     should_stop: Callable[[], bool] | None = None,
     tell: Callable[[str], None] | None = None,
     check_share: float = SHARE,
+    limits: TimeLimits | None = None,
+    apart_bytes: int = MOST_BYTES,
 ) -> Tally:
     """Have workers do the work of a plan, and commit it to the film.
 
@@ -75,6 +77,9 @@ def run(
     check_share : float
         Of the samples, those that a second worker does again for comparison, where there are several and the receiver
         is a film.
+    limits : TimeLimits, optional
+    apart_bytes : int
+        Memory for films of single workers, from which what one did can be taken out of the film.
 
     Returns
     -------
@@ -90,14 +95,21 @@ def run(
     listeners = Listeners(on_progress, should_stop, tell)
     if should_stop is not None and should_stop():
         return Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
-    return _Run(plan, candidates, film, listeners, check_share).tally_of_all()
+    return _Run(plan, candidates, film, listeners, check_share, limits or TIME_LIMITS, apart_bytes).tally_of_all()
 
 
 class _Run:
     """One run: all that is decided, in the calling thread."""
 
     def __init__(
-        self, plan: Plan, candidates: Sequence[Candidate], film: Receiver, listeners: Listeners, share: float
+        self,
+        plan: Plan,
+        candidates: Sequence[Candidate],
+        film: Receiver,
+        listeners: Listeners,
+        share: float,
+        limits: TimeLimits,
+        apart_bytes: int,
     ) -> None:
         self._plan = plan
         self._candidates = candidates
@@ -106,14 +118,14 @@ class _Run:
         count = len(candidates)
         self._tally = Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
         self._work = Work(Remaining(plan, count), count)
-        self._threads = WorkerThreads(candidates, self._work, TIME_LIMITS)
-        self._watchdog = Watchdog([candidate.pulse for candidate in candidates], TIME_LIMITS)
+        self._threads = WorkerThreads(candidates, self._work, limits)
+        self._watchdog = Watchdog([candidate.pulse for candidate in candidates], limits)
         self._alive = set(range(count))
         self._told = [(0, 0)] * count
         self._seen = (0, 0)
         self._pending: dict[int, ClrenderError] = {}
         checked = count > 1 and share > 0.0
-        self._apart = Contributions(film, count) if checked and isinstance(film, Film) else None
+        self._apart = Contributions(film, count, apart_bytes) if checked and isinstance(film, Film) else None
         self._sampler = Sampler(plan, share) if self._apart is not None else None
         self._arbitration = Arbitration(candidates, self._work, self._exclude)
 
@@ -166,7 +178,10 @@ class _Run:
                 self._advance(worker, *event.progress)
         elif event.error is not None:
             self._failed(event)
+        elif event.away:
+            self._work.pause(worker)
         elif event.back:
+            self._tally.workers[worker].name = self._candidates[worker].name  # known now, of one that joined
             self._work.enlist(worker)
             self._watchdog.start_over(worker)
         elif event.task is None:
@@ -231,7 +246,10 @@ class _Run:
         else:
             self._pending[worker] = error
             self._work.pause(worker)
-            self._say(f"warning: {error}; it is set up again in {event.retry:g} s")
+            when = f"in {event.retry:g} s"
+            if self._candidates[worker].present is not None:
+                when = "when it is there"
+            self._say(f"warning: {error}; it is set up again {when}")
         self._leaves_arbitration(worker)
 
     def _leaves_arbitration(self, worker: int) -> None:
@@ -247,6 +265,9 @@ class _Run:
 
     def _look_for_hung(self) -> None:
         busy, others_wait = self._work.busy(self._alive)
+        for worker in busy if self._work.ended else ():
+            if (give_up := self._candidates[worker].give_up) is not None:
+                give_up()
         for worker in self._watchdog.silent(busy, waited_for=others_wait, hurry=self._threads.stopping):
             self._alive.discard(worker)
             lose = self._candidates[worker].lose

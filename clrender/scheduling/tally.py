@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -133,4 +134,5 @@ class Tally:
 def failures_told(tally: Tally) -> list[str]:
     """What the end of a render says of devices that failed, a line each."""
     lines = [f"warning: {error}; its work was done by the others" for error in tally.failures]
-    return lines + [f"warning: {error}; it worked again when it was set up anew" for error in tally.recovered]
+    lines += [f"warning: {error}; it worked again when it was set up anew" for error in tally.recovered]
+    return [line if times == 1 else f"{line} ({times} times)" for line, times in Counter(lines).items()]

@@ -21,6 +21,9 @@ __all__ = ["Event", "WorkerThreads"]
 _UNREAD: Final = 8
 """Events that may wait to be dealt with: results are large, and a fast device must not pile up an image of them."""
 
+_PRESENCE_SECONDS: Final = 0.25
+"""From one question whether a worker is there to the next."""
+
 
 @dataclass(frozen=True)
 class Event:
@@ -40,6 +43,8 @@ class Event:
         Seconds after which a worker that failed tries again.
     back : bool
         It tries again now.
+    away : bool
+        It is not there; nobody should wait for it.
     """
 
     worker: int
@@ -49,6 +54,7 @@ class Event:
     error: BaseException | None = None
     retry: float | None = None
     back: bool = False
+    away: bool = False
 
 
 class WorkerThreads:
@@ -112,6 +118,8 @@ class WorkerThreads:
         while True:
             steady = 0
             try:
+                if not self._await_presence(number):
+                    break
                 if failures:
                     restart = self._candidates[number].restart
                     if restart is not None:
@@ -132,6 +140,18 @@ class WorkerThreads:
                     break
                 self._post(Event(number, back=True))
         self._post(Event(number))
+
+    def _await_presence(self, number: int) -> bool:
+        """Wait until a worker is there; gives whether there is still something to do."""
+        present = self._candidates[number].present
+        if present is None or present():
+            return True
+        self._post(Event(number, away=True))
+        while not present():
+            if not self._work.rest(number, _PRESENCE_SECONDS):
+                return False
+        self._post(Event(number, back=True))
+        return True
 
     def _retries(self, error: BaseException) -> int:
         """How many failures in a row are forgiven, given the last one."""

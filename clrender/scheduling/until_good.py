@@ -24,9 +24,8 @@ def run_until_good(
     candidates: Sequence[Candidate],
     film: Film,
     settings: RenderSettings,
+    take: Callable[..., Tally] = run,
     on_progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
-    tell: Callable[[str], None] | None = None,
 ) -> tuple[Tally, Convergence]:
     """Do the work of a plan until enough pixels have small enough errors, or all of it.
 
@@ -38,12 +37,14 @@ def run_until_good(
     ----------
     plan : Plan
         All samples of the render, from 0 on.
-    candidates, on_progress, should_stop, tell
+    candidates, on_progress
         As of `run`.
     film : Film
         With replicates; it may hold some of the samples.
     settings : RenderSettings
         With an error.
+    take : callable
+        `run`, with whatever else it is to be given.
 
     Returns
     -------
@@ -67,7 +68,7 @@ def run_until_good(
                 if on_progress is not None:
                     on_progress(done + more, rays + more_rays)
 
-            tally.absorb(run(part, [candidates[n] for n in able], film, advance, should_stop, tell), able)
+            tally.absorb(take(part, [candidates[n] for n in able], film, advance), able)
             able = [number for number in able if tally.workers[number].state == "ok"]
             if not tally.complete:
                 break

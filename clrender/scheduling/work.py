@@ -222,6 +222,11 @@ class Work:
             self._checks = deque(piece for piece in self._checks if piece.worker != worker)
             self._changed.notify_all()
 
+    @property
+    def ended(self) -> bool:
+        """Whether nobody gets anything to do any more."""
+        return self._ended
+
     def end(self) -> None:
         """Nobody gets anything to do any more."""
         self._change(lambda: setattr(self, "_ended", True))

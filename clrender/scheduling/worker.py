@@ -1,4 +1,4 @@
-"""What scheduling knows of a device: its name, that it can be set up, and that it then does units of work."""
+"""What scheduling knows of a worker: its name, that it can be set up, and that it then does units of work."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Worker(Protocol):
         """
 
 
-@dataclass(frozen=True)
+@dataclass
 class Candidate:
-    """A device that may take part in a render.
+    """A device, here or on another machine, that may take part in a render.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Candidate:
         Compiles, uploads and builds what the render needs, and gives the worker. It is called in the worker's own
         thread: one device that fails there, with a `ClrenderError`, leaves the others to do the work.
     driver : str
-        Whose compiler makes its programs: devices of one driver make the same mistakes.
+        Whose compiler makes its programs: devices of one driver make the same mistakes. Known once it is set up.
     restart : callable, optional
         Before it is set up once more after a failure: forget what was on the device.
     pulse : callable, optional
@@ -55,6 +55,10 @@ class Candidate:
         A call never came back: ask the driver for nothing more.
     prove : callable, optional
         Do something whose result is known, and say whether that came out.
+    present : callable, optional
+        Whether it is there to be set up; asked until it is. Raises a `ClrenderError` when it never will be.
+    give_up : callable, optional
+        The work is done, or nobody wants it any more: whatever `set_up` is waiting for, it is to return at once.
     """
 
     name: str
@@ -64,3 +68,5 @@ class Candidate:
     pulse: Callable[[], tuple[int, bool]] | None = None
     lose: Callable[[], None] | None = None
     prove: Callable[[], bool] | None = None
+    present: Callable[[], bool] | None = None
+    give_up: Callable[[], None] | None = None

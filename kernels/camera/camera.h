@@ -21,7 +21,7 @@ static void camera_lens(const Camera* camera, Sampler sampler, vfloat* x, vfloat
     const vfloat number = vfloat_of(vint_of(u * count));
     vfloat b1, b2, c1, s1, c2, s2;
     warp_triangle(bounded(u * count - number, 0.0f, 1.0f), v, &b1, &b2);
-    const vfloat first = number / count + camera->blade_turn, second = (number + 1.0f) / count + camera->blade_turn;
+    const vfloat first = quotient(number, count) + camera->blade_turn, second = quotient(number + 1.0f, count) + camera->blade_turn;
     cos_sin_turn(first < 1.0f ? first : first - 1.0f, &c1, &s1);
     cos_sin_turn(second < 1.0f ? second : second - 1.0f, &c2, &s2);
     *x = fma(b1, c1, b2 * c2);

@@ -3,7 +3,7 @@
 #ifndef CORE_EXACT_H
 #define CORE_EXACT_H
 
-#include "core/lane.h"
+#include "core/quotient.h"
 
 #define PI 3.14159265358979f
 #define INV_PI 0.318309886183791f
@@ -45,7 +45,7 @@ static vfloat with_sign(vfloat magnitude, vfloat sign) {
     return sign <= -1.1754944e-38f ? -size : size;
 }
 static vfloat bounded(vfloat x, float low, float high) { return lesser(greater(x, splat(low)), splat(high)); }
-static vfloat root(vfloat x) { return sqrt(greater(x, splat(0.0f))); }
+static vfloat root(vfloat x) { return square_root(greater(x, splat(0.0f))); }
 
 // a b − c d with two roundings' worth of error at most, so with the right sign (Kahan; Jeannerod et al. 2013).
 static vfloat difference_of_products(vfloat a, vfloat b, vfloat c, vfloat d) {
@@ -58,12 +58,12 @@ static vec3 outer(vec3 a, vec3 b) {
 }
 static vfloat largest(vec3 a) { return greater(a.x, greater(a.y, a.z)); }
 static vfloat largest_size(vec3 a) { return greater(absolute(a.x), greater(absolute(a.y), absolute(a.z))); }
-static vfloat magnitude(vec3 a) { return sqrt(inner(a, a)); }
+static vfloat magnitude(vec3 a) { return square_root(inner(a, a)); }
 
 // 1/a; of what is not above zero, 1. Drivers do not agree about numbers below the smallest normal one, 2^-126: such an `a` counts as
 // zero, and no result is that small.
 static vfloat inverse_or_one(vfloat a) {
-    return splat(1.0f) / (a >= 1.17549435e-38f ? lesser(a, splat(8.5070592e37f)) : splat(1.0f));
+    return quotient(splat(1.0f), a >= 1.17549435e-38f ? lesser(a, splat(8.5070592e37f)) : splat(1.0f));
 }
 
 // Unit vector along a, whose length is neither tiny nor huge; zero stays zero.
@@ -106,7 +106,7 @@ static vfloat turn_of(vfloat x, vfloat y) {
     const vfloat far_x = ax < 1.0e-30f ? splat(0.0f) : ax, far_y = ay < 1.0e-30f ? splat(0.0f) : ay;
     const vmask steep = far_y > far_x;
     const vfloat most = greater(far_x, far_y);
-    const vfloat q = lesser(far_x, far_y) / (most > 0.0f ? most : splat(1.0f)), q2 = q * q;
+    const vfloat q = quotient(lesser(far_x, far_y), most > 0.0f ? most : splat(1.0f)), q2 = q * q;
     vfloat p = fma(q2, splat(4.53578949e-4f), splat(-2.55742297e-3f));
     p = fma(q2, fma(q2, fma(q2, p, splat(6.79460401e-3f)), splat(-1.19434912e-2f)), splat(1.69355907e-2f));
     p = fma(q2, fma(q2, p, splat(-2.26058085e-2f)), splat(3.1819243e-2f));
@@ -141,7 +141,7 @@ static vfloat minus_log_of_bits(vuint bits) {
     const vuint shifted = vfloat_bits(x) + (0x3f800000u - 0x3f3504f3u);
     const vint power = vint_from_uint(shifted >> 23) - 127;
     const vfloat m = vfloat_from_bits((shifted & 0x007fffffu) + 0x3f3504f3u);
-    const vfloat s = (m - 1.0f) / (m + 1.0f), s2 = s * s;
+    const vfloat s = quotient(m - 1.0f, m + 1.0f), s2 = s * s;
     vfloat series = fma(s2, splat(0.111111111f), splat(0.142857143f));
     series = fma(s2, fma(s2, series, splat(0.2f)), splat(0.333333333f));
     series = fma(s * s2, series, s) * -2.0f;

@@ -11,7 +11,7 @@ typedef struct {
 // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1) 2017: no branch, no singular direction.
 static Frame frame_around(vec3 n) {
     const vfloat sign = with_sign(splat(1.0f), n.z);
-    const vfloat a = splat(-1.0f) / (sign + n.z);
+    const vfloat a = quotient(splat(-1.0f), sign + n.z);
     const vfloat b = n.x * n.y * a;
     Frame f;
     f.tangent = vec3_of(splat(1.0f) + sign * n.x * n.x * a, sign * b, -sign * n.x);

@@ -16,6 +16,14 @@
 #error "LANES is not set: build with -D LANES=1, 4, 8 or 16"
 #endif
 
+// Of kernels that follow paths: the host says how many work-items are in a group where a compiler has to know, since registers are then
+// shared out for so many and no launch fails for lack of them (CL_OUT_OF_RESOURCES).
+#ifdef WORK_GROUP
+#define GROUPED __attribute__((reqd_work_group_size(WORK_GROUP, 1, 1)))
+#else
+#define GROUPED
+#endif
+
 #define LANE_PASTE_(name, n) name##n
 #define LANE_PASTE(name, n) LANE_PASTE_(name, n)
 #if LANES == 1
@@ -195,11 +203,13 @@ static vfloat lane_gather(__global const float* table, vuint index) { return LAN
 // cache line.
 #if LANES == 1
 __attribute__((always_inline)) static void lane_rows(__global const float* table, vuint row, vfloat columns[16]) {
-    const float16 r = vload16(0, table + (size_t)row * 16);
-    columns[0] = r.s0, columns[1] = r.s1, columns[2] = r.s2, columns[3] = r.s3;
-    columns[4] = r.s4, columns[5] = r.s5, columns[6] = r.s6, columns[7] = r.s7;
-    columns[8] = r.s8, columns[9] = r.s9, columns[10] = r.sa, columns[11] = r.sb;
-    columns[12] = r.sc, columns[13] = r.sd, columns[14] = r.se, columns[15] = r.sf;
+    // vload16 promises an alignment of one float only, which some compilers make sixteen loads of: tables begin where a buffer does
+    __global const float4* r = (__global const float4*)table + (size_t)row * 4;
+    #pragma unroll
+    for (int i = 0; i < 4; ++i) {
+        const float4 four = r[i];
+        columns[4 * i] = four.x, columns[4 * i + 1] = four.y, columns[4 * i + 2] = four.z, columns[4 * i + 3] = four.w;
+    }
 }
 // Eight numbers of a table, from `index` on.
 static void lane_octets(__global const float* table, vuint index, vfloat columns[8]) {

@@ -10,7 +10,7 @@ static vfloat log2_of(vfloat x) {
     const vuint bits = vfloat_bits(x) - 0x3f3504f3u;             // so that the mantissa begins at √½
     const vint exponent = vint_from_uint(bits) >> 23;
     const vfloat m = vfloat_from_bits((bits & 0x007fffffu) + 0x3f3504f3u);
-    const vfloat t = (m - 1.0f) / (m + 1.0f), t2 = t * t;
+    const vfloat t = quotient(m - 1.0f, m + 1.0f), t2 = t * t;
     const vfloat series = fma(t2, fma(t2, fma(t2, fma(t2, splat(0.11111111f), splat(0.14285715f)), splat(0.2f)), splat(0.33333334f)), splat(1.0f));
     return fma(t * 2.88539008f, series, vfloat_of(exponent));
 }

@@ -10,7 +10,7 @@ static void warp_disk(vfloat u, vfloat v, vfloat* x, vfloat* y) {
     const vmask wide = absolute(a) > absolute(b);
     const vfloat radius = wide ? a : b;
     const vfloat below = radius == 0.0f ? splat(1.0f) : radius;
-    const vfloat ratio = (wide ? b : a) / below;                  // in [−1, 1]: eighths of a turn
+    const vfloat ratio = quotient(wide ? b : a, below);                  // in [−1, 1]: eighths of a turn
     const vfloat eighth = wide ? ratio * 0.125f : fma(ratio, splat(-0.125f), splat(0.25f));
     const vfloat turn = eighth < 0.0f ? eighth + 1.0f : eighth;
     vfloat c, s;
@@ -46,7 +46,7 @@ static vec3 warp_cone(vfloat u, vfloat v, vfloat spread) {
     cos_sin_turn(v, &c, &s);
     return vec3_of(r * c, r * s, splat(1.0f) - drop);
 }
-static vfloat warp_cone_pdf(vfloat spread) { return splat(0.159154943091895f) / spread; }
+static vfloat warp_cone_pdf(vfloat spread) { return quotient(splat(0.159154943091895f), spread); }
 
 // Triangle, uniform by area: barycentric weights of the second and third vertex (Heitz 2019, the low-distortion fold).
 static void warp_triangle(vfloat u, vfloat v, vfloat* b1, vfloat* b2) {

@@ -85,8 +85,8 @@ static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample
 #ifdef PIXEL_FILTER_NEGATIVE
     sample->number = negative ? sample->number | POOL_NEGATIVE : sample->number;
 #endif
-    *film_x = (vfloat_of(vint_from_uint(x)) + u) / (float)settings->width;
-    *film_y = (vfloat_of(vint_from_uint(y)) + v) / (float)settings->height;
+    *film_x = quotient(vfloat_of(vint_from_uint(x)) + u, splat((float)settings->width));
+    *film_y = quotient(vfloat_of(vint_from_uint(y)) + v, splat((float)settings->height));
     if (++pool->next == pool->sample_count) {
         pool->next = 0;
         pool->base += LANES;

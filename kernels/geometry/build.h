@@ -82,9 +82,9 @@ static float box_area(Box b) {
 static void round_extents(float extent[3], float radius, float nx, float ny, float nz) {
     const float x2 = nx * nx, y2 = ny * ny, z2 = nz * nz;
     const int disk = x2 + y2 + z2 > 0.0f;
-    extent[0] = radius * (disk ? sqrt(y2 + z2) : 1.0f) * BOX_SLACK;
-    extent[1] = radius * (disk ? sqrt(x2 + z2) : 1.0f) * BOX_SLACK;
-    extent[2] = radius * (disk ? sqrt(x2 + y2) : 1.0f) * BOX_SLACK;
+    extent[0] = radius * (disk ? square_root(y2 + z2) : 1.0f) * BOX_SLACK;
+    extent[1] = radius * (disk ? square_root(x2 + z2) : 1.0f) * BOX_SLACK;
+    extent[2] = radius * (disk ? square_root(x2 + y2) : 1.0f) * BOX_SLACK;
 }
 
 #endif

@@ -34,7 +34,7 @@ typedef struct {
 // A pack for each of two children, or one for both: what costs less, where lanes go together? Of sixteen rays that cross the scene at
 // random one at least enters a box of this area with this chance; then they are tested with the box and each of its members.
 static float collapse_cost(Box box, uint members, float scene_area) {
-    const float misses = greater(1.0f - cost_area(box) / scene_area, 0.0f);
+    const float misses = greater(1.0f - quotient(cost_area(box), scene_area), 0.0f);
     const float misses2 = misses * misses, misses4 = misses2 * misses2, misses8 = misses4 * misses4;
     const float test = members & MEMBERS_ANALYTIC ? 0.5f : 1.0f;
     return fma(-misses8, misses8, 1.0f) * fma((float)(members & MEMBERS_COUNT), test, 1.2f);
@@ -295,8 +295,8 @@ static void build_rectangle(float rows[ANALYTIC_BLOCK_WORDS / 8], const vec3 cor
     const float side = second[u] == from[u] ? 1.0f : -1.0f;
     rows[3] = half_side[u] * (1.0f + 8.0f * EPSILON);
     rows[4] = half_side[v] * (1.0f + 8.0f * EPSILON);
-    rows[5] = -side * right / half_side[u];
-    rows[6] = side * up / half_side[v];
+    rows[5] = quotient(-side * right, half_side[u]);
+    rows[6] = quotient(side * up, half_side[v]);
     rows[ANALYTIC_KIND / 8] = as_float((ANALYTIC_RECTANGLE + axis) | BVH_NUMBER);
 }
 

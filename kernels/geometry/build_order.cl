@@ -119,7 +119,7 @@ __kernel void build_morton(__global const float* boxes, __global const float* bo
     for (int k = 0; k < 3; ++k) {
         const float size = all.high[k] - all.low[k];
         const float center = b.low[k] * 0.5f + b.high[k] * 0.5f;
-        const float at = size > 0.0f ? (center - all.low[k]) / size : 0.0f;
+        const float at = size > 0.0f ? quotient(center - all.low[k], size) : 0.0f;
         key |= build_spread((uint)(lesser(greater(at, 0.0f), 1.0f) * 2097151.0f)) << k;
     }
     keys[i] = key;

@@ -36,7 +36,17 @@ typedef struct {
     uint instance;               // NONE: none
     uint triangle_offset, analytic_offset;   // from primitives in packs to their numbers
 #endif
+#ifdef BVH_COUNT_STEPS
+    uint steps;                  // nodes and packs looked into
+#endif
 } PacketRay;
+
+// Counts what a traversal costs wherever it runs (tests/kernel/test_steps.py).
+#ifdef BVH_COUNT_STEPS
+#define BVH_STEP(ray) ++(ray)->steps
+#else
+#define BVH_STEP(ray)
+#endif
 
 static void packet_aim(PacketRay* p, vec3 origin, vec3 direction) {
     p->origin = origin;
@@ -61,6 +71,9 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
     p.start = splat(BOX_START);
     p.instance = NONE;
     p.triangle_offset = p.analytic_offset = 0;
+#endif
+#ifdef BVH_COUNT_STEPS
+    p.steps = 0;
 #endif
     return p;
 }
@@ -331,6 +344,7 @@ __attribute__((always_inline)) static int bvh_packet(const Bvh* bvh, PacketRay* 
         const vmask wants = entered <= ray->nearest;
         --top;
         if (!lane_any(wants)) continue;
+        BVH_STEP(ray);
         if (!(reference & BVH_LEAF)) {
 #if PACKET_PARTS > 0
             if (lane_count(wants) <= PACKET_PARTS && handed_over < SINGLE_STARTS - 1)

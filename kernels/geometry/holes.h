@@ -30,7 +30,7 @@ static uint holes_bit(float b, float c) {
 // and A C D, they are those of B and D.
 static int holes_at(const Bvh* bvh, uint word, float determinant, float weight_b, float weight_c) {
     const uint pair = word >> 31, later = weight_c > weight_b ? pair : 0u;
-    const float cells = (float)HOLE_GRID / (determinant < 0.0f ? -determinant : determinant), b = weight_b * cells, c = weight_c * cells;
+    const float cells = quotient_one((float)HOLE_GRID, determinant < 0.0f ? -determinant : determinant), b = weight_b * cells, c = weight_c * cells;
     const uint bit = later ? holes_bit(b, c - b) : holes_bit(pair ? b - c : b, c);
     const uint primitive = (word & ~(BVH_PAIR | BVH_NUMBER)) + later, words = HOLE_GRID * HOLE_GRID / 32u;
     const uint row = as_uint(bvh->attribute_rows[(size_t)primitive * 16 + ATTRIBUTE_ROW_HOLES]);

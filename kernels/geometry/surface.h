@@ -48,7 +48,7 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const Placed* p
     const vec3 a = vec3_row(row, PRIMITIVE_ROW_A), ab = sub(vec3_row(row, PRIMITIVE_ROW_B), a), ac = sub(vec3_row(row, PRIMITIVE_ROW_C), a);
     const vec3 normal = outer(ab, ac), across = outer(sub(a, ray->origin), ray->direction);
     const vfloat determinant = inner(normal, ray->direction);
-    const vfloat inverse = splat(1.0f) / (determinant != 0.0f ? determinant : splat(1.0f));
+    const vfloat inverse = quotient(splat(1.0f), determinant != 0.0f ? determinant : splat(1.0f));
     const vfloat weight_b = bounded(inner(across, ac) * inverse, 0.0f, 1.0f);
     const vfloat weight_c = lesser(greater(-inner(across, ab) * inverse, splat(0.0f)), splat(1.0f) - weight_b);
     const vec3 step_b = scale(ab, weight_b), step_c = scale(ac, weight_c);

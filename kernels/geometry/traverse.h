@@ -5,11 +5,12 @@
 #ifndef GEOMETRY_TRAVERSE_H
 #define GEOMETRY_TRAVERSE_H
 
+#include "geometry/bvh_one.h"
 #include "geometry/bvh_packet.h"
 #include "geometry/bvh_single.h"
 #include "geometry/ray.h"
 
-#if PACKET_PARTS > 0 || defined(TRAVERSAL_SINGLE)
+#if (LANES > 1 && PACKET_PARTS > 0) || defined(TRAVERSAL_SINGLE)
 #define TRAVERSE_ALONE 1
 #else
 #define TRAVERSE_ALONE 0
@@ -38,6 +39,8 @@ __attribute__((always_inline)) static void traverse_start(const Bvh* bvh, Traver
     t->parted[packet] = bvh_packet(bvh, &together, &t->alone, packet, any_hit);
 #endif
     if (t->parted[packet]) packet_part(&together, &t->alone, packet);
+#elif LANES == 1
+    bvh_one(bvh, &together, any_hit);
 #else
     bvh_packet(bvh, &together, 0, packet, any_hit);
 #endif

@@ -3,8 +3,8 @@
 
 // samples: float [sample_count][3][slot_count], radiance W/(sr m²).
 // stats: uint4 a work-item: closest-hit rays, shadow rays, deepest path, 0.
-__kernel void integrator_path(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
-                              __global float* samples, __global uint4* stats) {
+__kernel GROUPED void integrator_path(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
+                                      __global float* restrict samples, __global uint4* restrict stats) {
     SCENE_COLLECT(scene);
     Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};

@@ -2,9 +2,10 @@
 #include "integrator/photon.h"
 
 // samples and stats: as integrator_path in path.cl. low, size: the grid of photon/grid.h.
-__kernel void integrator_photon(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
-                                __global float* samples, __global uint4* stats, __global const float* map,
-                                __global const uint* starts, uint stride, float4 low, uint4 size, float radius, float per_photon) {
+__kernel GROUPED void integrator_photon(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
+                                        __global float* restrict samples, __global uint4* restrict stats,
+                                        __global const float* restrict map, __global const uint* restrict starts, uint stride,
+                                        float4 low, uint4 size, float radius, float per_photon) {
     SCENE_COLLECT(scene);
     Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};

@@ -6,7 +6,7 @@
     SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count, __global float *samples,       \
         __global uint4 *stats, __global float *records
 
-__kernel void integrator_reuse(REUSE_PARAMETERS) {
+__kernel GROUPED void integrator_reuse(REUSE_PARAMETERS) {
     SCENE_COLLECT(scene);
     Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
@@ -14,7 +14,7 @@ __kernel void integrator_reuse(REUSE_PARAMETERS) {
     stats[get_global_id(0)] = (uint4)(counted.rays, counted.shadow_rays, lane_largest_uint(counted.deepest), 0u);
 }
 
-__kernel void reuse_weigh(REUSE_PARAMETERS) {
+__kernel GROUPED void reuse_weigh(REUSE_PARAMETERS) {
     SCENE_COLLECT(scene);
     const Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
@@ -23,7 +23,7 @@ __kernel void reuse_weigh(REUSE_PARAMETERS) {
     stats[get_global_id(0)].y += counted.shadow_rays;
 }
 
-__kernel void reuse_gather(REUSE_PARAMETERS) {
+__kernel GROUPED void reuse_gather(REUSE_PARAMETERS) {
     SCENE_COLLECT(scene);
     const Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     if (pool.base >= slot_count) return;

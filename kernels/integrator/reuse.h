@@ -304,7 +304,7 @@ static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global fl
 #endif
         seen = open ? seen | (1u << m) : seen;
     }
-    const vfloat inverse = density > 0.0f ? splat(1.0f) / (density > 0.0f ? density : splat(1.0f)) : splat(0.0f);
+    const vfloat inverse = density > 0.0f ? quotient(splat(1.0f), density > 0.0f ? density : splat(1.0f)) : splat(0.0f);
     const vec3 light = scale(vec3_row(target, TARGET_ROW_LIGHT), inverse);
     reuse_store(records, own, shared, light, seen);
 }

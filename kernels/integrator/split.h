@@ -53,7 +53,7 @@ static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, ve
     if (lane_any(opens)) {
         ray_replace(&s->ray, *ray, opens);
         interior_replace(&s->interior, interior, opens);
-        s->throughput = choose(opens, scale(*throughput, splat(1.0f) / (float)rays), s->throughput);
+        s->throughput = choose(opens, scale(*throughput, quotient(splat(1.0f), splat((float)rays))), s->throughput);
         s->index_squared = opens ? *index_squared : s->index_squared;
         s->sampler.seed = opens ? sampler->seed : s->sampler.seed;
         s->sampler.index = opens ? sampler->index : s->sampler.index;

@@ -2,8 +2,8 @@
 #include "integrator/whitted.h"
 
 // samples and stats: as integrator_path in path.cl.
-__kernel void integrator_whitted(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
-                                 __global float* samples, __global uint4* stats) {
+__kernel GROUPED void integrator_whitted(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
+                                         __global float* restrict samples, __global uint4* restrict stats) {
     SCENE_COLLECT(scene);
     Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};

@@ -20,7 +20,7 @@ typedef struct {
 static vfloat area_pdf(vec3 to, vec3 normal, vfloat inverse_area) {
     const vfloat distance2 = inner(to, to), slope = -inner(to, normal);      // the distance times the cosine at the light
     const vmask seen = slope > 0.0f;
-    return seen ? distance2 * sqrt(distance2) * inverse_area / (seen ? slope : splat(1.0f)) : splat(0.0f);
+    return seen ? quotient(distance2 * square_root(distance2) * inverse_area, seen ? slope : splat(1.0f)) : splat(0.0f);
 }
 
 // `inverse` is one over the length of ab × ac.
@@ -41,9 +41,9 @@ static AreaSample triangle_sample(vec3 origin, vec3 a, vec3 ab, vec3 ac, vfloat 
 static vfloat sphere_spread(vec3 origin, vec3 center, vfloat radius) {
     const vec3 to = sub(center, origin);
     const vfloat distance2 = inner(to, to);
-    const vfloat sine2 = radius * radius / (distance2 > 0.0f ? distance2 : splat(1.0f));
+    const vfloat sine2 = quotient(radius * radius, distance2 > 0.0f ? distance2 : splat(1.0f));
     const vmask outside = distance2 > radius * radius;
-    return outside ? sine2 / (splat(1.0f) + root(splat(1.0f) - sine2)) : splat(0.0f);
+    return outside ? quotient(sine2, splat(1.0f) + root(splat(1.0f) - sine2)) : splat(0.0f);
 }
 
 // How far beyond the sphere an origin may seem to lie that is on it, as a factor of the distance's square.

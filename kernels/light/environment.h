@@ -144,14 +144,14 @@ static vfloat environment_density(const Scene* scene, const EnvironmentCorners* 
 static EnvironmentPlace environment_place(const Scene* scene, const EnvironmentMap* map, vec3 direction) {
     const vfloat sine2 = fma(direction.x, direction.x, direction.z * direction.z), up = absolute(direction.y);
     const vfloat across2 = sine2 < 1.0e-30f ? splat(0.0f) : sine2;           // drivers do not agree about the smallest numbers
-    const vfloat size = sqrt(fma(direction.y, direction.y, across2));
+    const vfloat size = square_root(fma(direction.y, direction.y, across2));
     const vfloat drop = across2 * inverse_or_one(size * (size + up));
-    const vuint nearer = vuint_from_int(vint_of(fma(turn_of(up, sqrt(across2)), splat(2.0f * (float)map->height), splat(0.5f))));
+    const vuint nearer = vuint_from_int(vint_of(fma(turn_of(up, square_root(across2)), splat(2.0f * (float)map->height), splat(0.5f))));
     const vuint line = nearer < map->height / 2u ? nearer : splat_uint(map->height / 2u);
     vfloat band[8];
     lane_octets(map->bands, line * 8u, band);
     const vfloat before = band[BAND_ROW_DROP], after = band[BAND_ROW_NEXT_DROP];
-    const vfloat down = bounded((drop - before) / (after - before), 0.0f, 1.0f);
+    const vfloat down = bounded(quotient(drop - before, after - before), 0.0f, 1.0f);
     const vmask south = direction.y < 0.0f;
     EnvironmentPlace place;
     place.line = south ? map->height - line : line;
@@ -173,7 +173,7 @@ static vec3 environment_direction(const Scene* scene, const EnvironmentMap* map,
     const vfloat drop = between(drop_before, drop_after, south ? splat(1.0f) - place.down : place.down);
     const vfloat across = root(drop * (splat(2.0f) - drop)), up = splat(1.0f) - drop;
     const vfloat column = vfloat_of(vint_from_uint(place.column)) + (place.right + 0.5f);
-    const vfloat turned = column / (float)map->width - scene->environment_map[ENVIRONMENT_ROW_TURN];
+    const vfloat turned = quotient(column, splat((float)map->width)) - scene->environment_map[ENVIRONMENT_ROW_TURN];
     const vfloat below_one = turned < 1.0f ? turned : turned - 1.0f;
     vfloat c, s;
     cos_sin_turn(below_one < 0.0f ? below_one + 1.0f : below_one, &c, &s);

@@ -69,7 +69,7 @@ static LampPair lamp_pair(const Scene* scene, vuint at) {
 }
 
 // How far from the first to the second of two numbers another one lies: 0 to 1.
-static vfloat lamp_part(LampPair p, vfloat at) { return bounded((at - p.first) / (p.second - p.first), 0.0f, 1.0f); }
+static vfloat lamp_part(LampPair p, vfloat at) { return bounded(quotient(at - p.first, p.second - p.first), 0.0f, 1.0f); }
 
 static vfloat lamp_ies_share(const Scene* scene, const LightRow* l, vec3 direction, vmask where) {
     const LampTable t = lamp_table(scene, l, where);
@@ -99,7 +99,7 @@ static vec3 lamp_ies_sample(const Scene* scene, const LightRow* l, vfloat u, vfl
     vfloat c, s;
     cos_sin_turn(turn < 1.0f ? turn : splat(0.0f), &c, &s);
     const vfloat across = root(drop * (splat(2.0f) - drop));
-    *pdf = (band.second - band.first) * (cell.second - cell.first) * (0.5f * INV_PI) / ((drops.second - drops.first) * (turns.second - turns.first));
+    *pdf = quotient((band.second - band.first) * (cell.second - cell.first) * (0.5f * INV_PI), (drops.second - drops.first) * (turns.second - turns.first));
     return frame_to_world(t.frame, vec3_of(across * c, across * s, splat(1.0f) - drop));
 }
 

@@ -28,7 +28,7 @@ static vfloat sun_polynomial(__global const float* coefficients, vfloat x) {
 static vec3 sun_radiance(const Scene* scene, vec3 direction, vfloat drop) {
     __global const float* table = scene->lamp_tables;
     const float spread = sun_spread(scene);
-    const vfloat sine2 = drop * (splat(2.0f) - drop), cosine = root(splat(1.0f) - sine2 / (spread * (2.0f - spread)));
+    const vfloat sine2 = drop * (splat(2.0f) - drop), cosine = root(splat(1.0f) - quotient(sine2, spread * (2.0f - spread)));
     const vec3 radiance = vec3_of(sun_polynomial(table + SUN_ROW_RED, cosine), sun_polynomial(table + SUN_ROW_GREEN, cosine),
                                   sun_polynomial(table + SUN_ROW_BLUE, cosine));
     return choose(direction.y > 0.0f, radiance, vec3_all(0.0f));

@@ -11,7 +11,7 @@
 
 // Twice the mean of the positive part of a number, of which the mean and the mean square of the deviation are known: exact without any,
 // and never 0 with some.
-static vfloat tree_positive(vfloat mean, vfloat deviation2) { return mean + sqrt(fma(mean, mean, deviation2)); }
+static vfloat tree_positive(vfloat mean, vfloat deviation2) { return mean + square_root(fma(mean, mean, deviation2)); }
 
 // About what the lights below a child send to a surface with this normal: their power over the distance's square, times how far they
 // face the point, and the surface them. The cosines are left as they are, times the distance: so it is `weight` over the square of
@@ -73,7 +73,7 @@ __attribute__((always_inline)) static vfloat tree_first_probability(const Scene*
     const vfloat distance_b = greater(b.distance2 * near_one, splat(1.0e-12f));
     const vfloat first = a.weight * near_one * (distance_b * distance_b), second = b.weight * near_one * (distance_a * distance_a);
     const vfloat both = first + second;
-    return both > 0.0f ? first / both : splat(-1.0f);
+    return both > 0.0f ? quotient(first, both) : splat(-1.0f);
 }
 
 // The way down to a light, for the surface point `origin` with this normal.
@@ -102,7 +102,7 @@ static void tree_step(const Scene* scene, TreeWalk* walk) {
     // The number has 24 digits. What is left of it, as wide as the child's share, is stretched and has fewer: new ones go below them
     walk->digits = walk->digits * 0x2c9277b5u + 0xac564b05u;
     const vfloat left = fma(unit_interval(hash(walk->digits)), splat(5.9604645e-8f), to_first ? walk->u : walk->u - first);
-    walk->u = bounded(left / greater(share, splat(1.0e-30f)), 0.0f, 0.99999994f);
+    walk->u = bounded(quotient(left, greater(share, splat(1.0e-30f))), 0.0f, 0.99999994f);
     walk->chance = first < 0.0f ? splat(0.0f) : walk->chance * share;
     walk->node = walk->node * 2u + (to_first ? splat_uint(0u) : splat_uint(1u));
 }

@@ -18,7 +18,7 @@ static vfloat albedo_at(__global const float* tables, vuint first, uint rows, ui
     const vfloat upper = fma(right, a1 - a0, a0), lower = fma(right, b1 - b0, b0);
     return fma(down, lower - upper, upper) * (1.0f / 65535.0f);
 }
-static vfloat albedo_column(vfloat alpha, vfloat cosine) { return root(cosine * (splat(1.0f) + alpha) / (cosine + alpha)); }
+static vfloat albedo_column(vfloat alpha, vfloat cosine) { return root(quotient(cosine * (splat(1.0f) + alpha), cosine + alpha)); }
 
 // A number for each row of such a table, interpolated at row `y`.
 static vfloat albedo_between(__global const float* tables, vuint first, uint rows, vfloat y) {
@@ -91,10 +91,10 @@ static Facets facets_of(vfloat alpha, float least, vfloat strength) {
     f.turned = strength > 0.0f;
     f.row = f.apart = f.stretch = splat(0.0f);
     if (!lane_any(f.turned)) return f;
-    const vfloat most = root(f.alpha.x), ratio = f.alpha.x / f.alpha.y;
+    const vfloat most = root(f.alpha.x), ratio = quotient(f.alpha.x, f.alpha.y);
     f.row = most * (float)(TURNED_ROWS - 1u);
     f.apart = (most - root(f.alpha.y)) * inverse_or_one(most - root(splat(least))) * (float)(TURNED_APART - 1u);
-    f.stretch = ratio > 1.0001f ? splat(0.5f * (float)(TURNED_TURNS - 1u)) / log2_of(greater(ratio, splat(1.0001f))) : splat(0.0f);
+    f.stretch = ratio > 1.0001f ? quotient(splat(0.5f * (float)(TURNED_TURNS - 1u)), log2_of(greater(ratio, splat(1.0001f)))) : splat(0.0f);
     return f;
 }
 
@@ -104,7 +104,7 @@ static vfloat albedo_facets(__global const float* tables, const Facets* f, vec3 
     if (!lane_any(f->turned)) return even;
     const vfloat across2 = fma(w.x, w.x, w.y * w.y), x = w.x * f->alpha.x, y = w.y * f->alpha.y;
     const vfloat seen2 = across2 > 1.0e-20f ? fma(x, x, y * y) * inverse_or_one(across2) : f->alpha.y * f->alpha.y;
-    const vfloat seen = lesser(greater(root(seen2), f->alpha.y), f->alpha.x), ratio = seen / f->alpha.y;
+    const vfloat seen = lesser(greater(root(seen2), f->alpha.y), f->alpha.x), ratio = quotient(seen, f->alpha.y);
     const vfloat turn = log2_of(ratio) * 2.0f * f->stretch, column = albedo_column(seen, w.z) * (float)(TURNED_COLUMNS - 1u);
     const vint row = vint_of(bounded(f->row, 0.0f, (float)(TURNED_ROWS - 2u))), apart = vint_of(bounded(f->apart, 0.0f, (float)(TURNED_APART - 2u)));
     const uint words = TURNED_COLUMNS - 1u, part = TURNED_TURNS * words, next = TURNED_APART * part;

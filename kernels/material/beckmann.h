@@ -9,8 +9,8 @@
 
 // The density of facet normals D, per steradian.
 static vfloat beckmann_distribution(Alpha a, vec3 m) {
-    const vfloat across_x = splat(1.0f) / a.x, across_y = splat(1.0f) / a.y;
-    const vfloat x = m.x * across_x, y = m.y * across_y, upright = splat(1.0f) / greater(m.z * m.z, splat(1.0e-12f));
+    const vfloat across_x = quotient(splat(1.0f), a.x), across_y = quotient(splat(1.0f), a.y);
+    const vfloat x = m.x * across_x, y = m.y * across_y, upright = quotient(splat(1.0f), greater(m.z * m.z, splat(1.0e-12f)));
     return exp_minus(fma(x, x, y * y) * upright) * splat(INV_PI) * across_x * across_y * upright * upright;
 }
 
@@ -18,15 +18,15 @@ static vfloat beckmann_distribution(Alpha a, vec3 m) {
 static vfloat beckmann_lambda(Alpha a, vec3 w) {
     const vfloat x = a.x * w.x, y = a.y * w.y, across = root(fma(x, x, y * y));
     // The cosine over alpha times the sine
-    const vfloat upright = absolute(w.z) / greater(across, splat(1.0e-12f)), bent = lesser(upright, splat(1.6f));
+    const vfloat upright = quotient(absolute(w.z), greater(across, splat(1.0e-12f))), bent = lesser(upright, splat(1.6f));
     const vfloat hidden = fma(bent, fma(bent, splat(0.396f), splat(-1.259f)), splat(1.0f));
-    return upright < 1.6f ? hidden / greater(bent * fma(bent, splat(2.181f), splat(3.535f)), splat(1.0e-7f)) : splat(0.0f);
+    return upright < 1.6f ? quotient(hidden, greater(bent * fma(bent, splat(2.181f), splat(3.535f)), splat(1.0e-7f))) : splat(0.0f);
 }
 
 // What such facets scatter from `wo` to `wi` at first, over what those of GGX do. `m`: the facet normal between both.
 static vfloat beckmann_over_ggx(Alpha a, vec3 wo, vec3 wi, vec3 m) {
-    const vfloat one = splat(1.0f), seen = (one + ggx_lambda(a, wo) + ggx_lambda(a, wi)) / (one + beckmann_lambda(a, wo) + beckmann_lambda(a, wi));
-    return beckmann_distribution(a, m) / ggx_distribution(a, m) * seen;
+    const vfloat one = splat(1.0f), seen = quotient(one + ggx_lambda(a, wo) + ggx_lambda(a, wi), one + beckmann_lambda(a, wo) + beckmann_lambda(a, wi));
+    return quotient(beckmann_distribution(a, m), ggx_distribution(a, m)) * seen;
 }
 
 #endif

@@ -96,7 +96,7 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
     b->color = choose(black, vec3_all(0.0f), p->color);
     b->kind = black ? splat_uint(MATERIAL_LAMBERT) : p->kind;
     b->thin = by_row & parameters_flag(p, MATERIAL_FLAG_THIN);
-    b->eta = b->thin ? splat(1.0f) : s->front ? p->ior : splat(1.0f) / p->ior;
+    b->eta = b->thin ? splat(1.0f) : s->front ? p->ior : quotient(splat(1.0f), p->ior);
     const vmask delta = (b->kind == MATERIAL_MIRROR) | (b->kind == MATERIAL_DIELECTRIC) | (b->kind == MATERIAL_CONDUCTOR);
     b->specular = delta & !b->closure.there;
 }
@@ -140,7 +140,7 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->wo = frame_to_local(b->frame, negate(direction));
     b->wo.z = greater(b->wo.z, splat(1.0e-7f));      // an interpolated normal may look away from the viewer
     b->color = color;
-    b->eta = s->front ? s->ior : splat(1.0f) / s->ior;
+    b->eta = s->front ? s->ior : quotient(splat(1.0f), s->ior);
     b->kind = s->kind;
     b->specular = s->kind != MATERIAL_LAMBERT;
 #ifdef SUBSURFACE
@@ -176,7 +176,7 @@ static vfloat bsdf_index_squared(const Bsdf* b, vec3 wi) {
     const vmask through = inner(wi, b->side) < 0.0f;
     vfloat index_squared = b->kind == MATERIAL_DIELECTRIC ? b->eta * b->eta : splat(1.0f);
 #ifdef MATERIALS
-    index_squared = b->closure.there & b->closure.glass.there ? splat(1.0f) / b->closure.glass.squeezed : index_squared;
+    index_squared = b->closure.there & b->closure.glass.there ? quotient(splat(1.0f), b->closure.glass.squeezed) : index_squared;
 #endif
     return through ? index_squared : splat(1.0f);
 }

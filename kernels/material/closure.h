@@ -63,15 +63,15 @@ static Covers closure_covers(const Closure* c) {
     if (lane_any(c->sheen.there & !c->inside)) {
         const vmask there = c->sheen.there & !c->inside;
         const vfloat most = largest(c->sheen.color), mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
-        const vfloat passes = fma(-most, mean, one), share = there ? most / passes : none;
-        over.sheen_passes = there ? passes * fma(most * c->diffuse.roughness, splat(DIFFUSE_SHEEN_SLACK) / c->sheen.alpha, one) : one;
+        const vfloat passes = fma(-most, mean, one), share = there ? quotient(most, passes) : none;
+        over.sheen_passes = there ? passes * fma(most * c->diffuse.roughness, quotient(splat(DIFFUSE_SHEEN_SLACK), c->sheen.alpha), one) : one;
         const Slant s = albedo_slant(c->tables, 2u, c->sheen.alpha);
         over.sheen.b = s.b * share, over.sheen.c = s.c * share;
     }
     if (lane_any(c->coat.there & !c->inside)) {
         const vmask there = c->coat.there & !c->inside;
         over.coat_passes = there ? one - coat_average(&c->coat, c->tables) : one;
-        const vfloat share = there ? c->coat.share / over.coat_passes : none;
+        const vfloat share = there ? quotient(c->coat.share, over.coat_passes) : none;
         const Slant e = albedo_slant(c->tables, 0u, c->coat.alpha), g = albedo_slant(c->tables, 1u, c->coat.alpha);
         over.coat.b = fma(g.b, splat(1.0f - COAT_F0), e.b * COAT_F0) * share;
         over.coat.c = fma(g.c, splat(1.0f - COAT_F0), e.c * COAT_F0) * share;
@@ -94,7 +94,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     const vfloat plastic = layered ? greater(one - metallic - clear, none) : none;
 
     // Reflection: what is neither metal nor glass reflects by Schlick's approximation for its index (glTF, KHR_materials_specular)
-    const vfloat ratio = (p->ior - 1.0f) / (p->ior + 1.0f);
+    const vfloat ratio = quotient(p->ior - 1.0f, p->ior + 1.0f);
     const vec3 tint = scale(p->specular_color, ratio * ratio);
     const vec3 f0 = scale(vec3_of(lesser(tint.x, one), lesser(tint.y, one), lesser(tint.z, one)), p->specular);
     const vec3 f90 = vec3_of(p->specular, p->specular, p->specular);
@@ -122,7 +122,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     Glass* g = &c->glass;
     g->thin = thin;
     g->beckmann = beckmann & glass;
-    const vfloat ior = thin & (p->ior < 1.0f) ? one / p->ior : p->ior, turned = front | thin ? ior : one / ior;
+    const vfloat ior = thin & (p->ior < 1.0f) ? quotient(one, p->ior) : p->ior, turned = front | thin ? ior : quotient(one, ior);
     const vfloat least = turned < 1.0f ? splat(1.0f - CLOSURE_LEAST_BEND) : splat(1.0f + CLOSURE_LEAST_BEND);
     g->eta = absolute(turned - 1.0f) < CLOSURE_LEAST_BEND ? least : turned;
     g->there = lit & (clear > 0.0f) & (layered | ((alpha >= CLOSURE_SMOOTH) & (thin | (absolute(turned - 1.0f) >= CLOSURE_LEAST_BEND))));
@@ -273,7 +273,7 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
 // Whether a way is taken that has this share of what `u` has not passed yet; then `u` is stretched over the unit interval again.
 static vmask closure_takes(vmask* open, vfloat* u, vfloat share) {
     const vmask taken = *open & (*u < share);
-    *u = *open ? (taken ? *u / (share > 0.0f ? share : splat(1.0f)) : *u - share) : *u;
+    *u = *open ? (taken ? quotient(*u, share > 0.0f ? share : splat(1.0f)) : *u - share) : *u;
     *open = *open & !taken;
     return taken;
 }
@@ -290,7 +290,7 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
     const vmask reflection = closure_takes(&open, &u, c->with_reflection), coat = closure_takes(&open, &u, c->with_coat);
     const vmask glass = closure_takes(&open, &u, c->with_glass), sheen = closure_takes(&open, &u, c->with_sheen);
     const vmask through = closure_takes(&open, &u, c->with_through);
-    u = open & (c->with_cosine > 0.0f) ? u / (c->with_cosine > 0.0f ? c->with_cosine : splat(1.0f)) : u;
+    u = open & (c->with_cosine > 0.0f) ? quotient(u, c->with_cosine > 0.0f ? c->with_cosine : splat(1.0f)) : u;
     u = bounded(u, 0.0f, 0.99999994f);
     vec3 wi = warp_cosine_hemisphere(u, v);
     wi.z = through ? -wi.z : wi.z;

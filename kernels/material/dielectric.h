@@ -9,11 +9,11 @@
 // Reflected share of light arriving at `cosine` from the normal; `eta` is the index beyond the surface over the index on this
 // side. `refracted` is the cosine beyond, 0 under total internal reflection. (PBR 4ed, 9.3.5)
 static vfloat dielectric_fresnel(vfloat cosine, vfloat eta, vfloat* refracted) {
-    const vfloat sine2 = greater(splat(1.0f) - cosine * cosine, splat(0.0f)) / (eta * eta);
+    const vfloat sine2 = quotient(greater(splat(1.0f) - cosine * cosine, splat(0.0f)), eta * eta);
     const vmask total = sine2 >= 1.0f;
     const vfloat beyond = root(splat(1.0f) - sine2);
-    const vfloat parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
-    const vfloat perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
+    const vfloat parallel = quotient(eta * cosine - beyond, eta * cosine + beyond);
+    const vfloat perpendicular = quotient(cosine - eta * beyond, cosine + eta * beyond);
     *refracted = total ? splat(0.0f) : beyond;
     return total ? splat(1.0f) : (parallel * parallel + perpendicular * perpendicular) * 0.5f;
 }
@@ -23,7 +23,7 @@ static vec3 dielectric_sample(vec3 color, vfloat eta, vec3 wo, vfloat u, vec3* w
     vfloat beyond;
     const vfloat reflected = dielectric_fresnel(wo.z, eta, &beyond);
     const vmask reflect = u < reflected;
-    const vfloat inverse = splat(1.0f) / eta;
+    const vfloat inverse = quotient(splat(1.0f), eta);
     *wi = vec3_of(reflect ? -wo.x : -wo.x * inverse, reflect ? -wo.y : -wo.y * inverse, reflect ? wo.z : -beyond);
     return scale(color, reflect ? splat(1.0f) : inverse * inverse);
 }

@@ -19,17 +19,17 @@ static vfloat eon_missing(vfloat cosine) {
 
 // The colour that light has after it was scattered more than once.
 static vfloat eon_multiple(vfloat color, vfloat average) {
-    return color * color * average / (splat(1.0f) - color * (splat(1.0f) - average));
+    return quotient(color * color * average, splat(1.0f) - color * (splat(1.0f) - average));
 }
 
 // `roughness` is r, from 0 (Lambert) to 1.
 static vec3 eon_eval(vec3 color, vfloat roughness, vec3 wo, vec3 wi) {
-    const vfloat a = splat(1.0f) / fma(roughness, splat(EON_C1), splat(1.0f));
+    const vfloat a = quotient(splat(1.0f), fma(roughness, splat(EON_C1), splat(1.0f)));
 
     // Scattered once: facets that face the light are seen more of from the light's own side
     const vfloat s = fma(wo.x, wi.x, wo.y * wi.y);
     const vfloat t = s > 0.0f ? greater(wo.z, wi.z) : splat(1.0f);
-    const vfloat single = a * fma(roughness, s / t, splat(1.0f));
+    const vfloat single = a * fma(roughness, quotient(s, t), splat(1.0f));
 
     // Scattered more often
     const vfloat average = a * fma(roughness, splat(EON_C2), splat(1.0f));

@@ -13,9 +13,9 @@ static vfloat fresnel_metal_of(vfloat cosine, vfloat eta, vfloat k) {
     const vfloat ab = root(fma(t0, t0, eta2 * k2 * 4.0f));
     const vfloat a = root((ab + t0) * 0.5f);
     const vfloat t1 = ab + cosine2, t2 = a * cosine * 2.0f;
-    const vfloat perpendicular = (t1 - t2) / (t1 + t2);
+    const vfloat perpendicular = quotient(t1 - t2, t1 + t2);
     const vfloat t3 = fma(cosine2, ab, sine2 * sine2), t4 = t2 * sine2;
-    return perpendicular * (splat(1.0f) + (t3 - t4) / (t3 + t4)) * 0.5f;
+    return perpendicular * (splat(1.0f) + quotient(t3 - t4, t3 + t4)) * 0.5f;
 }
 static vec3 fresnel_metal(vec3 eta, vec3 k, vfloat cosine) {
     return vec3_of(fresnel_metal_of(cosine, eta.x, k.x), fresnel_metal_of(cosine, eta.y, k.y), fresnel_metal_of(cosine, eta.z, k.z));
@@ -32,6 +32,6 @@ static vec3 fresnel_schlick_average(vec3 f0, vec3 f90) { return along(f0, sub(f9
 
 // The cosine-weighted average of what a smooth boundary to an index `ior` ≥ 1 times as large reflects: a fit (Kulla & Conti, SIGGRAPH
 // course 2017).
-static vfloat fresnel_dielectric_average(vfloat ior) { return (ior - 1.0f) / fma(ior, splat(1.00071f), splat(4.08567f)); }
+static vfloat fresnel_dielectric_average(vfloat ior) { return quotient(ior - 1.0f, fma(ior, splat(1.00071f), splat(4.08567f))); }
 
 #endif

@@ -13,19 +13,19 @@ typedef struct {
 // The density of facet normals D, per steradian, of facets that stand upright. From the sine, which keeps its digits where alpha is
 // small.
 static vfloat ggx_distribution(Alpha a, vec3 m) {
-    const vfloat across_x = splat(1.0f) / a.x, across_y = splat(1.0f) / a.y;
+    const vfloat across_x = quotient(splat(1.0f), a.x), across_y = quotient(splat(1.0f), a.y);
     const vfloat x = m.x * across_x, y = m.y * across_y;
     const vfloat t = fma(x, x, fma(y, y, m.z * m.z));
-    return splat(INV_PI) * across_x * across_y / (t * t);
+    return quotient(splat(INV_PI) * across_x * across_y, t * t);
 }
 
 // Smith's Λ: 1/(1 + Λ) is the share of a facet's area that is seen along `w`.
 static vfloat ggx_lambda(Alpha a, vec3 w) {
     const vfloat cosine = greater(absolute(w.z), splat(1.0e-7f));
     const vfloat x = a.x * w.x, y = a.y * w.y;
-    const vfloat slope2 = fma(x, x, y * y) / (cosine * cosine);
+    const vfloat slope2 = quotient(fma(x, x, y * y), cosine * cosine);
     // (√(1 + s) − 1) / 2 without cancellation
-    return slope2 * 0.5f / (splat(1.0f) + root(splat(1.0f) + slope2));
+    return quotient(slope2 * 0.5f, splat(1.0f) + root(splat(1.0f) + slope2));
 }
 
 // A facet normal as seen along `wo`: a point of a spherical cap (Dupuy & Benyoub, CGF 42(8), 2023).
@@ -40,7 +40,7 @@ static vec3 ggx_sample(Alpha a, vec3 wo, vfloat u, vfloat v) {
 }
 
 // Density of such a facet normal, per steradian, but for the cosine between it and `wo`.
-static vfloat ggx_visible(Alpha a, vec3 wo, vec3 m) { return ggx_distribution(a, m) / ((splat(1.0f) + ggx_lambda(a, wo)) * wo.z); }
+static vfloat ggx_visible(Alpha a, vec3 wo, vec3 m) { return quotient(ggx_distribution(a, m), (splat(1.0f) + ggx_lambda(a, wo)) * wo.z); }
 
 // Density of the direction that `wo` is reflected to at such a facet, per steradian.
 static vfloat ggx_reflected_pdf(Alpha a, vec3 wo, vec3 m) { return ggx_visible(a, wo, m) * 0.25f; }
@@ -51,7 +51,7 @@ static vfloat ggx_reflected_pdf(Alpha a, vec3 wo, vec3 m) { return ggx_visible(a
 static vec3 ggx_between(vfloat alpha, vec3 wo, vec3 wi) {
     vec3 m = add(wo, wi);
     const vfloat x = wo.x - wi.x, y = wo.y - wi.y;
-    const vfloat missing = fma(wi.z - wo.z, m.z, -fma(m.x, x, m.y * y)) / greater(fma(x, x, y * y), splat(1.0f));
+    const vfloat missing = quotient(fma(wi.z - wo.z, m.z, -fma(m.x, x, m.y * y)), greater(fma(x, x, y * y), splat(1.0f)));
     const vfloat part = alpha * m.z < 1.0e-4f ? missing : splat(0.0f);
     m.x = fma(part, x, m.x);
     m.y = fma(part, y, m.y);
@@ -61,9 +61,9 @@ static vec3 ggx_between(vfloat alpha, vec3 wo, vec3 wi) {
 // Reflection by perfect mirrors as facets, once: f in 1/sr, without the cosine; with the density of `wi` beside it.
 static vfloat ggx_reflection(Alpha a, vec3 wo, vec3 wi, vec3 m, vfloat* pdf) {
     const vfloat d = ggx_distribution(a, m), hidden = splat(1.0f) + ggx_lambda(a, wo);
-    const vfloat quarter = d / (wo.z * 4.0f);
-    *pdf = quarter / hidden;
-    return quarter / ((hidden + ggx_lambda(a, wi)) * wi.z);
+    const vfloat quarter = quotient(d, wo.z * 4.0f);
+    *pdf = quotient(quarter, hidden);
+    return quotient(quarter, (hidden + ggx_lambda(a, wi)) * wi.z);
 }
 
 #endif

@@ -118,7 +118,7 @@ static Crossing interior_meet(const Scene* scene, const Interior* in, Surface* s
     c.beyond.last = meets ? (s->front ? with.last : without.last) : in->last;
     const vfloat here = interior_ior(scene, interior_top(in)), there = interior_ior(scene, interior_top(&c.beyond));
     const vmask ranked = meets & (s->medium > unranked);
-    s->ior = ranked ? (s->front ? there / here : here / there) : s->ior;
+    s->ior = ranked ? (s->front ? quotient(there, here) : quotient(here, there)) : s->ior;
     c.straight = ranked ? here == there : meets & (s->ior == 1.0f);
     return c;
 }

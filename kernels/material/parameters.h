@@ -52,7 +52,7 @@ static vmask parameters_unmix(const Scene* scene, const Surface* s, vmask has_ro
         weight = parameter_number(scene, &s->attributes, &slots, TEXTURE_WEIGHT, weight);
 #endif
         const vmask second = u < weight;
-        const vfloat again = (second ? u : u - weight) / (second ? weight : splat(1.0f) - weight);
+        const vfloat again = quotient(second ? u : u - weight, second ? weight : splat(1.0f) - weight);
         const vuint next = second ? vfloat_bits(first[MATERIAL_ROW_SECOND]) : vfloat_bits(first[MATERIAL_ROW_FIRST]);
         u = mixed ? bounded(again, 0.0f, 0.99999994f) : u;
         *row = mixed ? next : *row;

@@ -61,15 +61,15 @@ static vfloat equiangular_sample(const Equiangular* e, vuint bits) {
     const vfloat turn = fma(unit_interval(bits), e->angle, e->first);
     vfloat cosine, sine;
     cos_sin_turn(turn < 0.0f ? turn + 1.0f : turn, &cosine, &sine);
-    return bounded(fma(e->height, sine / greater(cosine, splat(1.0e-9f)), e->nearest), 0.0f, FAR);
+    return bounded(fma(e->height, quotient(sine, greater(cosine, splat(1.0e-9f))), e->nearest), 0.0f, FAR);
 }
 static vfloat equiangular_pdf(const Equiangular* e, vfloat distance) {
     const vfloat from_nearest = distance - e->nearest;
-    return e->height / (e->angle * 6.28318530717959f * fma(from_nearest, from_nearest, e->height * e->height));
+    return quotient(e->height, e->angle * 6.28318530717959f * fma(from_nearest, from_nearest, e->height * e->height));
 }
 static vfloat equiangular_beyond(const Equiangular* e, vfloat distance) {
     const vfloat turn = turn_of(e->height, distance - e->nearest), there = turn > 0.5f ? turn - 1.0f : turn;
-    return greater(splat(0.25f) - there, splat(0.0f)) / e->angle;
+    return quotient(greater(splat(0.25f) - there, splat(0.0f)), e->angle);
 }
 
 #endif

@@ -56,7 +56,7 @@ static FreePath medium_free_path(const Scene* scene, const Interior* in, const R
 
     // Sample how far it goes
     const vmask goes = may & (chosen > 0.0f);
-    free.length = goes ? lesser(minus_log_of_bits(bits_length) / (goes ? chosen : splat(1.0f)), splat(FAR)) : splat(FAR);
+    free.length = goes ? lesser(quotient(minus_log_of_bits(bits_length), goes ? chosen : splat(1.0f)), splat(FAR)) : splat(FAR);
 #ifdef EQUIANGULAR
     const vuint set = sampler_set(depth, SET_MEDIUM);
     free.lamp = equiangular_about_lamp(scene, own, set, ray, inner(free.share, extinction), may & (interior_top(in) == 0u));

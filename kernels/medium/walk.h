@@ -35,7 +35,7 @@ static vmask walk_in_the_dark(const Scene* scene, const Interior* in, const Cros
 static vfloat walk_survival(const Scene* scene, const Interior* in, const Bsdf* b, uint roulette, vec3 throughput, vuint depth, vfloat other) {
     const vmask walks = b->passes | (b->medium & walk_flag(scene, interior_top(in), MEDIUM_FLAG_SUBSURFACE));
     const vfloat least = roulette == ROULETTE_THROUGHPUT ? lesser(largest(throughput), splat(1.0f)) : splat(1.0f);
-    const vfloat early = depth >= 4u ? least : splat(1.0f), late = splat(1.0f) - splat(1.0f) / vfloat_of(vint_from_uint(depth + 1u));
+    const vfloat early = depth >= 4u ? least : splat(1.0f), late = splat(1.0f) - quotient(splat(1.0f), vfloat_of(vint_from_uint(depth + 1u)));
     return walks ? (depth >= WALK_LONG ? early * late : early) : other;
 }
 

@@ -1,4 +1,5 @@
 // Deposits become a photon map. Between the kernels the host sorts keys and values.
+#include "core/quotient.h"
 #include "photon/deposit.h"
 #include "photon/grid.h"
 #include "types.h"
@@ -39,7 +40,7 @@ __kernel void grid_place(__global const float* deposits, __global const uint* de
     __global const float* deposit = deposits + (size_t)values[i] * DEPOSIT_WORDS;
     const uint made = deposit_counts[values[i] / PHOTON_DEPOSITS];
     // A photon of a caustic counts on a smaller disk, and so for more
-    const float density = deposit[DEPOSIT_ROW_EVENTS] < 0.0f ? 1.0f / (CAUSTIC_RADIUS * CAUSTIC_RADIUS) : 1.0f;
-    const float share = density * (made > PHOTON_DEPOSITS ? (float)made / PHOTON_DEPOSITS : 1.0f);
+    const float density = deposit[DEPOSIT_ROW_EVENTS] < 0.0f ? quotient_one(1.0f, CAUSTIC_RADIUS * CAUSTIC_RADIUS) : 1.0f;
+    const float share = density * (made > PHOTON_DEPOSITS ? quotient_one((float)made, (float)PHOTON_DEPOSITS) : 1.0f);
     for (uint k = 0; k < 10u; ++k) map[(size_t)k * stride + i] = k - DEPOSIT_ROW_FLUX < 3u ? deposit[k] * share : deposit[k];
 }

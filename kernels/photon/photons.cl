@@ -7,8 +7,8 @@
 
 // bounds: centre and radius of a sphere about the scene. deposits: float [photon_count][8][12]; deposit_counts: uint [photon_count], how
 // many there were, also of those not kept; ray_counts: uint a work-item.
-__kernel void photon_pass(SCENE_PARAMETERS float4 bounds, uint pass, uint photon_count, __global float* deposits,
-                          __global uint* deposit_counts, __global uint* ray_counts) {
+__kernel GROUPED void photon_pass(SCENE_PARAMETERS float4 bounds, uint pass, uint photon_count, __global float* restrict deposits,
+                                  __global uint* restrict deposit_counts, __global uint* restrict ray_counts) {
     SCENE_COLLECT(scene);
     const uint first = (uint)get_global_id(0) * PHOTONS_PER_ITEM, last = min(photon_count, first + PHOTONS_PER_ITEM);
     ray_counts[get_global_id(0)] = first < last ? photon_trace(&scene, bounds, pass, first, last, deposits, deposit_counts) : 0u;

@@ -52,7 +52,7 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
 // is the surface's own, however grazing the direction.
 static vfloat photon_shading(const Bsdf* bsdf, vec3 direction) {
     const vfloat shading = absolute(inner(direction, bsdf->frame.normal)), side = absolute(inner(direction, bsdf->side));
-    return greater(shading, splat(1.0e-6f)) / greater(side, splat(1.0e-6f));
+    return quotient(greater(shading, splat(1.0e-6f)), greater(side, splat(1.0e-6f)));
 }
 
 // Keep the deposit in the next free place of its photon; when all are taken, in a random one or nowhere, so that at any time each
@@ -94,7 +94,7 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
 #endif
     const vmask crosses = glass & (inner(next.direction, bsdf->side) < 0.0f);
     const vfloat in = photon_shading(bsdf, p->ray.direction), out = photon_shading(bsdf, next.direction);
-    const vfloat turned = in / greater(out, splat(1.0e-6f)) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
+    const vfloat turned = quotient(in, greater(out, splat(1.0e-6f))) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
     vec3 weight = scale(next.weight, turned);
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
     const vfloat most = (p->depth >= 16u) & !straight ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);

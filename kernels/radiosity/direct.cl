@@ -69,7 +69,7 @@ __kernel void radiosity_direct(SCENE_PARAMETERS MOVING_PARAMETERS __global const
         now = now | (free ? splat_uint(1u << sample) : splat_uint(0u));
         sum = choose(free, add(sum, direct.irradiance), sum);
     }
-    sum = scale(sum, splat(1.0f) / (float)samples);
+    sum = scale(sum, quotient(splat(1.0f), splat((float)samples)));
     lane_store(now, bits);
     lane_store(sum.x, red);
     lane_store(sum.y, green);

@@ -52,7 +52,7 @@ static vmask moving_passes_box(const Ray* ray, __global const float* box) {
     const vfloat direction[3] = {ray->direction.x, ray->direction.y, ray->direction.z};
     for (int axis = 0; axis < 3; ++axis) {
         const vmask flat = absolute(direction[axis]) < 1.0e-30f;
-        const vfloat inverse = flat ? splat(1.0e30f) : splat(1.0f) / (flat ? splat(1.0f) : direction[axis]);
+        const vfloat inverse = flat ? splat(1.0e30f) : quotient(splat(1.0f), flat ? splat(1.0f) : direction[axis]);
         const vfloat a = (splat(box[axis]) - origin[axis]) * inverse, b = (splat(box[axis + 3]) - origin[axis]) * inverse;
         enter = greater(enter, lesser(a, b));
         leave = lesser(leave, greater(a, b));
@@ -86,7 +86,7 @@ static PatchBox moving_patch_box(const Scene* scene, vuint side) {
 // Of a line's part [enter, leave] that where a number that goes from p to q along it is not negative.
 static void moving_narrow(vfloat p, vfloat q, vfloat* enter, vfloat* leave) {
     const vmask in = p >= 0.0f, out = q >= 0.0f;
-    const vfloat at = p / ((in & out) | (!in & !out) ? splat(1.0f) : p - q);
+    const vfloat at = quotient(p, (in & out) | (!in & !out) ? splat(1.0f) : p - q);
     *enter = in ? *enter : greater(*enter, out ? at : splat(2.0f));
     *leave = in & !out ? lesser(*leave, at) : *leave;
 }

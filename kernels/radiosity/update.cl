@@ -62,7 +62,7 @@ static vfloat update_distance(const Scene* scene, const Ray* ray, vuint met, vec
     const vec3 normal = unit(outer(sub(vec3_row(row, PRIMITIVE_ROW_B), a), sub(vec3_row(row, PRIMITIVE_ROW_C), a)));
     const vfloat slope = inner(ray->direction, normal), height = inner(sub(sub(a, back), ray->origin), normal);
     const vmask sure = found & (absolute(slope) > 1.0e-6f);
-    return sure ? height / (sure ? slope : splat(1.0f)) : (found ? splat(-1.0f) : splat(FAR));
+    return sure ? quotient(height, sure ? slope : splat(1.0f)) : (found ? splat(-1.0f) : splat(FAR));
 }
 
 // What rays meet now that met `before`. Those from the shape that moved, and those that met it, are followed through everything, but

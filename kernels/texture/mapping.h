@@ -101,7 +101,7 @@ static void mapping_tangents(const Attributes* a, vuint set, vec3* along_u, vec3
     mapping_steps(a, set, at, b, c);
     const vfloat area = difference_of_products(b[0], c[1], b[1], c[0]);
     const vmask sound = absolute(area) >= 1.0e-30f;
-    const vfloat inverse = sound ? splat(1.0f) / (sound ? area : splat(1.0f)) : splat(0.0f);
+    const vfloat inverse = sound ? quotient(splat(1.0f), sound ? area : splat(1.0f)) : splat(0.0f);
     *along_u = scale(sub(scale(a->ab, c[1]), scale(a->ac, b[1])), inverse);
     *along_v = scale(sub(scale(a->ac, b[0]), scale(a->ab, c[0])), inverse);
     if (!lane_any(a->sphere | a->disk)) return;

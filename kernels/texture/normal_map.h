@@ -85,7 +85,7 @@ static vec3 normal_map_bumped(const Scene* scene, const Attributes* a, vuint tex
     const vfloat area = inner(normal, outer(along_u, along_v));
     const vmask moves = has & (absolute(area) > 1.0e-30f) & ((slope_u != 0.0f) | (slope_v != 0.0f));
     const vec3 sum = along(scale(outer(normal, along_u), slope_v), outer(along_v, normal), slope_u);
-    const vec3 gradient = scale(sum, splat(1.0f) / (moves ? area : splat(1.0f)));
+    const vec3 gradient = scale(sum, quotient(splat(1.0f), moves ? area : splat(1.0f)));
     *tilted = *tilted | moves;
     return choose(moves, unit(sub(normal, gradient)), normal);
 }

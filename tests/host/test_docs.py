@@ -66,6 +66,12 @@ def test_the_table_of_speeds_is_that_of_its_numbers() -> None:
     assert generator("speed_docs")(page, data) == page, "run `python scripts/speed_docs.py`"
 
 
+def test_the_page_on_scaling_is_that_of_its_numbers() -> None:
+    page = (ROOT / "docs" / "scaling.md").read_text()
+    data = json.loads((ROOT / "docs" / "scaling.json").read_text())
+    assert generator("scaling_docs")(page, data) == page, "run `python scripts/scaling_docs.py`"
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text()
@@ -88,8 +94,9 @@ def test_every_command_of_the_readme_exists_and_every_command_is_in_it() -> None
 
 @pytest.mark.parametrize("page", [README, REFERENCE, *(path.read_text() for path in (ROOT / "docs").glob("[!n]*.md"))])
 def test_every_option_exists(page: str) -> None:
-    # Of scripts there are a few more, and of pip.
-    named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page)) - {"--install-peers", "--yes", "--by"}
+    # Of scripts there are a few more, and of Dask.
+    others = {"--install-peers", "--yes", "--by", "--nthreads", "--memory-limit", "--protocol"}
+    named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page)) - others
     assert named - set(options()) <= NOT_YET
 
 
@@ -148,5 +155,5 @@ def test_variables_of_the_environment_are_read_somewhere() -> None:
 
 def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
-    assert named <= set(clrender.__all__) | {"radiosity"}
+    assert named <= set(clrender.__all__) | {"radiosity", "cluster"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))

@@ -203,6 +203,37 @@ def test_what_shines_is_written_out() -> None:
     np.testing.assert_allclose(power, 2.0)
 
 
+def many(count: int, places: int = 2, *shapes: dict[str, Any]) -> Scene:
+    """So many groups, each with its places."""
+    groups = {f"group {number}": {"shapes": list(shapes or (CUBE,))} for number in range(count)}
+    maps = np.concatenate([matrices(places), np.broadcast_to([0.0, 0.0, 0.0, 1.0], (places, 1, 4))], axis=1).tolist()
+    instances = [{"type": "instance", "group": group, "transforms": maps} for group in groups]
+    return Scene.model_validate({"camera": CAMERA, "materials": MATERIALS, "groups": groups, "shapes": instances})
+
+
+def test_many_small_groups_are_written_out() -> None:
+    """Of more than 64; what can be told apart in an image stays what it was."""
+    kept, written = assemble(many(64)), assemble(many(65))
+    assert len(kept.groups) == 64 and kept.own_shapes == 0
+    assert written.groups == () and written.own_shapes == 130 and len(written.group_of) == 0
+    np.testing.assert_array_equal(written.seen_place, np.repeat(np.arange(65), 2))
+    np.testing.assert_array_equal(written.seen_shape, np.arange(130))
+    assert flatten(many(65), 8, 8).triangle_count == 130 * 12
+
+
+@pytest.mark.parametrize(
+    ("places", "shapes"),
+    [
+        (9, (CUBE,)),
+        (4, (CUBE, BALL, BALL)),
+        (2, ({"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]] * 2049},)),
+    ],
+)
+def test_large_groups_keep_their_trees(places: int, shapes: tuple[dict[str, Any], ...]) -> None:
+    assembly = assemble(many(65, places, *shapes))
+    assert len(assembly.groups) == 65 and assembly.own_shapes == 0 and len(assembly.group_of) == 65 * places
+
+
 def test_too_many_primitives_are_told() -> None:
     faces = [[0, 1, 2]] * 1000
     mesh = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": faces}

@@ -305,6 +305,6 @@ def test_outputs_are_checked_before_rendering(renderer: FakeRenderer, capsys: py
 def test_more_memory_than_there_is_is_refused(
     renderer: FakeRenderer, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("clrender.settings.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
+    monkeypatch.setattr("clrender.memory.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
     assert run("render", "scene.toml", "-o", "a.png", "--size", "1000x1000") == 2
-    assert "GiB of memory" in capsys.readouterr().err and not renderer.calls
+    assert "61.0 MiB of memory" in capsys.readouterr().err and not renderer.calls

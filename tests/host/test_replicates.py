@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from clrender.film.replicates import deviations, image_error, replicate_counts, 
 from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side
 from clrender.scheduling.policy import Plan, Remaining
+from clrender.scheduling.run import run
 from clrender.scheduling.until_good import run_until_good
 from clrender.scheduling.worker import Candidate
 from clrender.settings import RenderSettings
@@ -237,9 +239,8 @@ def stopped_at(values: Floats, film: Film, limit: int | None = None, **more: Any
     wanted = asked(**{"spp": 1024, **more})
     plan = Plan(8, 8, 0, wanted.spp, 8, whole=SIZE, short_units=True)
     candidates = [Candidate(f"painter {k}", lambda: Painter(values, 8, 8)) for k in range(2)]
-    tally, found = run_until_good(
-        plan, candidates, film, wanted, None, lambda: limit is not None and film.ledger.samples >= limit, None
-    )
+    take = partial(run, should_stop=lambda: limit is not None and film.ledger.samples >= limit)
+    tally, found = run_until_good(plan, candidates, film, wanted, take)
     assert tally.complete is (limit is None)
     assert found.reached or limit is not None or film.ledger.holds(0, wanted.spp)
     return int(film.ledger.taken().max())

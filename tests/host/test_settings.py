@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from clrender.cli.render import render as render_command
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Choice, Range
+from clrender.limits import Bytes, Choice, Range
 from clrender.scene import Scene
 from clrender.scene.load import load
 from clrender.settings import IMAGE, PIXEL_LIMIT, SETTINGS, STOP, WORK, RenderSettings, settings_for, settings_of
@@ -87,6 +87,8 @@ def allowed(name: str) -> st.SearchStrategy[Any]:
     domain = SETTINGS[name].domain
     if isinstance(domain, Choice):
         return st.sampled_from([*domain.members, *(np.int64(m) for m in domain.members if isinstance(m, int))])
+    if isinstance(domain, Bytes):
+        return st.integers(domain.low, domain.high)
     assert isinstance(domain, Range)
     high = min(domain.high, 1e9)
     if domain.whole:
@@ -281,8 +283,8 @@ def test_a_size_is_two_whole_numbers(size: Any) -> None:
 
 
 def test_memory_is_looked_at_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.settings.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
-    with pytest.raises(UsageError, match=r"1000 x 1000 pixels takes 0.0 GiB of memory"):
+    monkeypatch.setattr("clrender.memory.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
+    with pytest.raises(UsageError, match=r"1000 x 1000 pixels takes 61.0 MiB of memory"):
         settings_for(ROOM, (1000, 1000), {})
 
 

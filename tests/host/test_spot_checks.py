@@ -17,7 +17,7 @@ from clrender.errors import DeviceFailure, RenderError, UsageError
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling import run as scheduling
-from clrender.scheduling.contributions import Contributions
+from clrender.scheduling.contributions import MOST_BYTES, Contributions
 from clrender.scheduling.dispute import judge
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import Tally, run
@@ -57,16 +57,15 @@ def test_a_film_gives_back_what_came_in() -> None:
     assert whole.ledger.holds(0, 7) is False and whole.samples == gone.samples + left.samples
 
 
-@pytest.mark.parametrize("shared", [False, True], ids=["a film each", "one for all"])
-def test_what_a_worker_did_is_withdrawn(monkeypatch: pytest.MonkeyPatch, shared: bool) -> None:
-    """A film may hold samples of before; with one film for all, all that came since is done again."""
-    if shared:
-        monkeypatch.setattr("clrender.scheduling.contributions._MOST_BYTES", 0)
+@pytest.mark.parametrize("resumed", [False, True], ids=["empty before", "with samples of before"])
+@pytest.mark.parametrize("shared", [False, True], ids=["a film each", "none for each"])
+def test_what_a_worker_did_is_withdrawn(shared: bool, resumed: bool) -> None:
+    """A film may hold samples of before; where workers are not told apart, all that came since is done again."""
     before, units = Unit(0, 256, 90, 4, 16), [Unit(0, 256, sample, 1, 16) for sample in range(6)]
     film, expected = Film(16, 16), Film(16, 16)
-    apart = Contributions(film, 2)
-    for each in (film, expected):
+    for each in (film, expected) if resumed else ():
         each.commit(before, sums(before))
+    apart = Contributions(film, 2, 0 if shared else MOST_BYTES)
     for number, unit in enumerate(units):
         film.commit(unit, sums(unit))
         apart.add(number % 2, unit, sums(unit))
@@ -76,6 +75,7 @@ def test_what_a_worker_did_is_withdrawn(monkeypatch: pytest.MonkeyPatch, shared:
     assert gone == ({0: units[::2], 1: units[1::2]} if shared else {0: units[::2]})
     assert film.ledger == expected.ledger
     np.testing.assert_array_equal(film.bands()[0], expected.bands()[0])
+    np.testing.assert_array_equal(film.counts, expected.counts)
     assert not any(apart.withdraw(0).values())
 
 
@@ -265,6 +265,74 @@ def test_a_device_that_always_fails_is_given_up(hasty: None) -> None:
     assert tally.all_failed and tally.workers[0].failures == 1 + scheduling.TIME_LIMITS.retries
     assert film.samples == tally.samples > 0
     assert no_threads_left(before)
+
+
+def test_a_worker_that_is_not_there_is_waited_for_while_others_work() -> None:
+    """It gets work once it is there, under the name that it has by then; till then nobody waits for it."""
+    plan, film, there = plan_for(30, 22, 40, 8), Film(30, 22), threading.Event()
+    done: list[str] = []
+
+    def of(name: str, asked: int, unit: Unit) -> None:
+        if name == "here" and asked == 20:
+            there.set()
+        elif name == "here" and asked > 20 and "late" not in done:
+            time.sleep(0.02)
+        done.append(name)
+
+    late = Candidate("nobody", lambda: FakeWorker(plan, "late", partial(of, "late")), present=there.is_set)
+    here = Candidate("here", lambda: FakeWorker(plan, "here", partial(of, "here")))
+
+    def present() -> bool:
+        late.name = "late"
+        return there.is_set()
+
+    late.present = present
+    with cut_as(small_units):
+        tally = run(plan, [here, late], film)
+    assert_whole(plan, film)
+    assert [each.name for each in tally.workers] == ["here", "late"]
+    assert all(each.units for each in tally.workers) and "late" not in done[:20]
+    assert not tally.failures
+
+
+def test_nobody_waits_at_the_end_for_a_worker_that_never_came() -> None:
+    plan, film, before = plan_for(30, 22, 6, 8), Film(30, 22), threading.active_count()
+    never = Candidate("never", lambda: FakeWorker(plan, "never"), present=lambda: False)
+    begun = time.monotonic()
+    tally = run(plan, [Candidate("here", lambda: FakeWorker(plan, "here")), never], film)
+    assert_whole(plan, film)
+    assert time.monotonic() - begun < 5.0 and tally.complete and not tally.failures
+    assert no_threads_left(before)
+
+
+def test_a_worker_that_will_never_come_says_why() -> None:
+    def present() -> bool:
+        raise RenderError("nobody is there")
+
+    plan, film = plan_for(30, 22, 6, 8), Film(30, 22)
+    tally = run(plan, [Candidate("never", lambda: FakeWorker(plan, "never"), present=present)], film)
+    assert tally.all_failed and [str(error) for error in tally.failures] == ["nobody is there"]
+
+
+def test_who_is_being_set_up_when_all_is_done_is_told() -> None:
+    plan, film, told = plan_for(30, 22, 6, 8), Film(30, 22), threading.Event()
+
+    def set_up() -> FakeWorker:
+        assert told.wait(30.0)
+        return FakeWorker(plan, "slow")
+
+    slow = Candidate("slow", set_up, give_up=told.set)
+    tally = run(plan, [Candidate("here", lambda: FakeWorker(plan, "here")), slow], film, check_share=0.0)
+    assert_whole(plan, film)
+    assert told.is_set() and tally.complete and not tally.failures
+
+
+def test_what_happened_often_is_told_once() -> None:
+    tally = Tally(failures=[RenderError("a")], recovered=[RenderError("b"), RenderError("b")])
+    assert [line.partition("; ")[2] for line in failures_told(tally)] == [
+        "its work was done by the others",
+        "it worked again when it was set up anew (2 times)",
+    ]
 
 
 class Clock:

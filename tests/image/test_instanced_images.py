@@ -14,6 +14,7 @@ from PIL import Image
 import clrender
 from clrender.bench.shapes import geodesic
 from clrender.device import Device
+from clrender.flatten import flatten
 from clrender.scene import MeshData, Scene
 from clrender.scene.assembly import written_out
 
@@ -162,6 +163,27 @@ def test_every_integrator(device: Device, pictures: Path, integrator: str) -> No
     )
     more = {"photons": 4000} if integrator == "photon" else {"patches": 200} if integrator == "radiosity" else {}
     agree(what, device, integrator=integrator, **more)
+
+
+def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are written out, and the image is that of the trees that they would have."""
+    shapes: list[dict[str, Any]] = [{**_FLOOR}]
+    groups: dict[str, Any] = {}
+    for number in range(66):
+        x, z = number % 11 * 0.4 - 2.0, number // 11 * 0.6 - 2.0
+        groups[f"{number}"] = {"shapes": [ball(material="lambert", transform={"scale": 0.2 + 0.002 * number})]}
+        shapes += [
+            {"type": "instance", "group": f"{number}", "transform": {"translate": [x, y, z]}} for y in (0.3, 0.9)
+        ]
+    more: dict[str, Any] = {"shapes": shapes, "groups": groups}
+    what = scene(pictures, ball(material="lambert"), **more)
+    assert flatten(what, 8, 8).instances.count == 0
+    written = render(what, device)
+    monkeypatch.setattr("clrender.scene.assembly._MANY", 66)
+    assert flatten(what, 8, 8).instances.count == 132
+    one = render(scene(pictures, ball(material="lambert"), **more), device)
+    assert abs(one.mean() / written.mean() - 1.0) < 2e-3
+    assert np.mean(np.abs(one - written).max(axis=2) / written.mean() < 1e-3) > 0.9
 
 
 def test_layers_tell_instances_apart(device: Device, pictures: Path) -> None:

@@ -296,6 +296,72 @@ def test_a_device_that_never_worked_says_why(device: Device) -> None:
         clrender.render(clrender.load("room"), device=Broken(device, "program"), size=(8, 8), spp=1)
 
 
+# --- threads and callbacks -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shared", ["session", "device"])
+def test_threads_wait_for_each_other(device: Device, shared: str) -> None:
+    """Each image is that of a render that nobody disturbed."""
+    room, found = clrender.load("room"), dict[int, str]()
+    how: dict[str, Any] = {"size": SIZE, "spp": 32, "samples_per_pass": 1}
+
+    def render(session: clrender.Session, seed: int) -> None:
+        found[seed] = session.render(room, seed=seed, **how).stats["image_sha256"]
+
+    def render_alone(seed: int) -> None:
+        with clrender.Session(device) as own:
+            render(own, seed)
+
+    with clrender.Session(device) as session:
+        alone = {seed: session.render(room, seed=seed, **how).stats["image_sha256"] for seed in range(4)}
+        threads = [
+            threading.Thread(target=render, args=(session, seed))
+            if shared == "session"
+            else threading.Thread(target=render_alone, args=(seed,))
+            for seed in alone
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(60.0)
+    assert found == alone
+
+
+def test_a_callback_can_neither_render_nor_close(device: Device) -> None:
+    room = clrender.load("room")
+    refused: list[str] = []
+    with clrender.Session(device) as session:
+        whole = session.render(room, size=SIZE, spp=8)
+
+        def meddle(_progress: object) -> None:
+            for attempt in (
+                lambda: session.render(room, size=(8, 8), spp=1),
+                lambda: clrender.render(room, device=device, size=(8, 8), spp=1),
+                session.close,
+            ):
+                with pytest.raises(UsageError, match=r"is rendering; .*wait for the render to end") as caught:
+                    attempt()
+                refused.append(str(caught.value))
+
+        image = session.render(room, size=SIZE, spp=8, on_progress=meddle)
+        assert len(refused) >= 3 and image.stats["image_sha256"] == whole.stats["image_sha256"]
+        # Whatever a callback raises, the session is free again
+        with pytest.raises(ZeroDivisionError):
+            session.render(room, size=SIZE, spp=8, should_stop=lambda: bool(1 // 0))
+        assert session.render(room, size=SIZE, spp=8).stats["image_sha256"] == whole.stats["image_sha256"]
+
+
+@pytest.mark.parametrize("device", [1.5, True, object(), [None, 2.0]])
+def test_what_is_no_device_is_refused(device: Any) -> None:
+    with pytest.raises(UsageError, match=r"^device is .*; give an index"):
+        clrender.Session(device)
+
+
+def test_a_name_is_no_scene() -> None:
+    with pytest.raises(UsageError, match=r"^'room' is no scene; read one with clrender.load"):
+        clrender.render("room", size=SIZE)  # type: ignore[arg-type]
+
+
 # --- time ------------------------------------------------------------------------------------------------------------
 
 

@@ -63,7 +63,7 @@ def check(device: Device, names: list[str], folder: Path) -> set[str]:
 
 def every_kernel() -> set[str]:
     texts = [path.read_text(encoding="utf-8") for path in kernels_folder().rglob("*.cl")]
-    return {name for text in texts for name in re.findall(r"\b_*kernel\s+void\s+(\w+)", text)}
+    return {name for text in texts for name in re.findall(r"\b_*kernel\s+(?:GROUPED\s+)?void\s+(\w+)", text)}
 
 
 @pytest.mark.slow

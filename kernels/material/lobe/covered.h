@@ -38,7 +38,7 @@ static Covered covered_by(__global const float* tables, uint which, vmask there,
     const vuint first = c.first * COVERED_ROWS + ALBEDO_COVERED_MEAN;
     const vfloat low = albedo_between(tables, first, COVERED_ROWS, c.row), high = albedo_between(tables, first + COVERED_ROWS, COVERED_ROWS, c.row);
     c.lost = there ? covered_lost(&c, tables, cosine) : splat(0.0f);
-    c.scale = there ? share * INV_PI / greater(fma(c.further, high - low, low), splat(1.0e-7f)) : splat(0.0f);
+    c.scale = there ? quotient(share * INV_PI, greater(fma(c.further, high - low, low), splat(1.0e-7f))) : splat(0.0f);
     return c;
 }
 

@@ -53,9 +53,9 @@ static vfloat diffuse_alike(Slant layer, const Covers* over, __global const floa
     const vfloat upper = s.b * c.b, both = s.b + c.b, pairs = fma(layer.b, both, upper);
     const vfloat alike = fma(layer.c, s.c + c.c, fma(s.c, c.c, pairs)) + fma(upper * layer.b, splat(-n[0]), splat(1.0f));
     const vfloat b = fma(pairs, splat(-n[0]), layer.b + both), e = fma(pairs, splat(-n[1]), layer.c + s.c + c.c);
-    const vfloat q = eon / alike;
+    const vfloat q = quotient(eon, alike);
     *bend_b = q * fma(-q, fma(b, splat(n[2]), e * n[3]), b), *bend_c = q * fma(-q, fma(b, splat(n[3]), e * n[4]), e);
-    *bend = q * fma(b, fma(b, splat(n[2]), e * (n[3] + n[3])), e * e * n[4]) / (alike * 2.0f);
+    *bend = quotient(q * fma(b, fma(b, splat(n[2]), e * (n[3] + n[3])), e * e * n[4]), alike * 2.0f);
     return alike;
 }
 
@@ -66,16 +66,16 @@ static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* 
     const vec3 passes = sub(one, average), inverse = vec3_of(inverse_or_one(passes.x), inverse_or_one(passes.y), inverse_or_one(passes.z));
     const Slant e = albedo_slant(tables, 0u, alpha), g = albedo_slant(tables, 1u, alpha);
     const vec3 b = mul(along(scale(d->f0, e.b), sub(d->f90, d->f0), g.b), inverse), c = mul(along(scale(d->f0, e.c), sub(d->f90, d->f0), g.c), inverse);
-    const vfloat eon = d->roughness / fma(d->roughness, splat(EON_C1), splat(1.0f));
+    const vfloat eon = quotient(d->roughness, fma(d->roughness, splat(EON_C1), splat(1.0f)));
     const Slant x = {b.x, c.x}, y = {b.y, c.y}, z = {b.z, c.z};
     vec3 alike;
     alike.x = diffuse_alike(x, over, tables, eon, &d->bend_b.x, &d->bend_c.x, &d->bend.x);
     alike.y = diffuse_alike(y, over, tables, eon, &d->bend_b.y, &d->bend_c.y, &d->bend.y);
     alike.z = diffuse_alike(z, over, tables, eon, &d->bend_b.z, &d->bend_c.z, &d->bend.z);
     d->bends = d->covered & (d->roughness > 0.0f);
-    const vfloat upper = below / (over->sheen_passes * over->coat_passes);
+    const vfloat upper = quotient(below, over->sheen_passes * over->coat_passes);
     vec3 passed = scale(mul(sub(one, diffuse_layer(d, all, grazing)), inverse), upper);
-    passed = vec3_of(passed.x / alike.x, passed.y / alike.y, passed.z / alike.z);
+    passed = vec3_of(quotient(passed.x, alike.x), quotient(passed.y, alike.y), quotient(passed.z, alike.z));
     if (lane_any(d->bends)) passed = choose(d->bends, add(passed, mul(passed, diffuse_bent(d, tables, cosine))), passed);
     d->passed = choose(d->covered, passed, one);
 }

@@ -32,16 +32,16 @@ typedef struct {
 // How far a cosine is from the critical one: from −1 to 1, and most of that within a few alphas (scripts/albedo_tables.py, glass_column).
 static vfloat glass_bend(const Glass* g, vfloat cosine) {
     const vfloat apart = cosine - g->critical;
-    return apart / fma(g->alpha, splat(3.0f), absolute(apart));
+    return quotient(apart, fma(g->alpha, splat(3.0f), absolute(apart)));
 }
 
 // Where the tables have an index, and the bend.
 static void glass_place(Glass* g, vfloat index) {
-    const vfloat t = root((index - 1.0f) / (index + 1.0f));
-    g->layer = t * (1.3f * (float)(GLASS_LAYERS - 1u)) / (t + 0.3f);
-    g->critical = root((index - 1.0f) * (index + 1.0f)) / index;
+    const vfloat t = root(quotient(index - 1.0f, index + 1.0f));
+    g->layer = quotient(t * (1.3f * (float)(GLASS_LAYERS - 1u)), t + 0.3f);
+    g->critical = quotient(root((index - 1.0f) * (index + 1.0f)), index);
     const vfloat lowest = glass_bend(g, splat(0.0f));
-    g->bend = splat(0.23f) / (glass_bend(g, splat(1.0f)) - lowest);
+    g->bend = quotient(splat(0.23f), glass_bend(g, splat(1.0f)) - lowest);
     g->level = -lowest * g->bend;
 }
 
@@ -59,7 +59,7 @@ static vfloat glass_missing(const Glass* g, __global const float* tables, vmask 
     const vuint first = glass_layer(g, denser, &further) * next + ALBEDO_GLASS;
     // One division for albedo_column and glass_bend
     const vfloat apart = cosine - g->critical, sum = cosine + g->alpha, reach = fma(g->alpha, splat(3.0f), absolute(apart));
-    const vfloat inverse = splat(1.0f) / (sum * reach), square = cosine * cosine;
+    const vfloat inverse = quotient(splat(1.0f), sum * reach), square = cosine * cosine;
     const vfloat by_slope = root(cosine * fma(g->alpha, reach, reach) * inverse);
     const vfloat bend = denser ? fma(apart * sum * inverse, g->bend, g->level) : splat(0.0f);
     const vfloat column = fma(by_slope, denser ? splat(0.7f) : splat(0.93f), fma(square * square, splat(0.07f), bend));
@@ -80,20 +80,20 @@ static vfloat glass_lost(const Glass* g, __global const float* tables, vmask den
 }
 
 // What a wall reflects whose boundary reflects that much: to and fro in it.
-static vfloat glass_thin(vfloat reflected) { return reflected * 2.0f / (splat(1.0f) + reflected); }
+static vfloat glass_thin(vfloat reflected) { return quotient(reflected * 2.0f, splat(1.0f) + reflected); }
 
 // Everything that follows from alpha, eta and the direction `wo`.
 static void glass_prepare(Glass* g, __global const float* tables, vec3 wo) {
-    const vfloat inverse = splat(1.0f) / g->eta;
+    const vfloat inverse = quotient(splat(1.0f), g->eta);
     const vmask denser = g->eta < 1.0f;
     const vfloat index = denser ? inverse : g->eta, average = fresnel_dielectric_average(index);
     glass_place(g, index);
     const vfloat here = glass_lost(g, tables, denser), there = g->thin ? here : glass_lost(g, tables, !denser);
     // Of diffuse light a smooth boundary passes 1 − F_avg into the denser medium, and 1/n² of that out of it
     const vfloat passes = (splat(1.0f) - average) * (denser ? g->eta * g->eta : splat(1.0f));
-    g->passes = g->thin ? splat(1.0f) - glass_thin(average) : passes * there / greater(here, there);
-    g->through = g->passes / there * INV_PI;
-    g->back = (splat(1.0f) - g->passes) / here * INV_PI;
+    g->passes = g->thin ? splat(1.0f) - glass_thin(average) : quotient(passes * there, greater(here, there));
+    g->through = quotient(g->passes, there) * INV_PI;
+    g->back = quotient(splat(1.0f) - g->passes, here) * INV_PI;
     g->squeezed = g->thin ? splat(1.0f) : inverse * inverse;
     g->missing = glass_missing(g, tables, denser, wo.z);
 }
@@ -108,7 +108,7 @@ static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
 // difference of 1 and what is reflected: the same bits but for roundings whichever side light comes from.
 static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
     const vfloat parallel = fma(eta, cosine, beyond), perpendicular = fma(eta, beyond, cosine);
-    const vfloat p = splat(1.0f) / parallel, s = splat(1.0f) / perpendicular;
+    const vfloat p = quotient(splat(1.0f), parallel), s = quotient(splat(1.0f), perpendicular);
     return eta * cosine * beyond * 2.0f * fma(p, p, s * s);
 }
 
@@ -129,13 +129,13 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
     if (lane_any(bent)) part = bent ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : part;
 
     // From a density of facets to a density of directions (Walter et al., eq. 14 and 17)
-    const vfloat stretch = fma(in, splat(1.0f) / g->eta, out);
+    const vfloat stretch = fma(in, quotient(splat(1.0f), g->eta), out);
     const vfloat jacobian = bent ? absolute(in * out) * inverse_or_one(stretch * stretch) : splat(0.25f);
     const vmask lit = (in > 0.0f) & (!bent | (out < 0.0f));
     const vfloat hidden = splat(1.0f) + ggx_lambda(a, wo);
-    const vfloat common = lit & g->there ? part * ggx_distribution(a, m) * jacobian / wo.z : splat(0.0f);
-    *pdf = common / hidden;
-    vfloat once = common / ((hidden + ggx_lambda(a, up)) * cosine);
+    const vfloat common = lit & g->there ? quotient(part * ggx_distribution(a, m) * jacobian, wo.z) : splat(0.0f);
+    *pdf = quotient(common, hidden);
+    vfloat once = quotient(common, (hidden + ggx_lambda(a, up)) * cosine);
     if (lane_any(g->beckmann)) once = g->beckmann ? once * beckmann_over_ggx(a, wo, up, m) : once;
 
     // Diffuse lobes
@@ -148,7 +148,7 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
 // `w`: which of both ways light goes on from the facet that `u` and `v` choose.
 static vec3 glass_sample(const Glass* g, Alpha a, vec3 wo, vfloat u, vfloat v, vfloat w) {
     const vec3 m = ggx_sample(a, wo, u, v);
-    const vfloat cosine = bounded(inner(wo, m), 0.0f, 1.0f), inverse = splat(1.0f) / g->eta;
+    const vfloat cosine = bounded(inner(wo, m), 0.0f, 1.0f), inverse = quotient(splat(1.0f), g->eta);
     vfloat beyond;
     const vfloat boundary = dielectric_fresnel(cosine, g->eta, &beyond);
     const vmask reflect = w < (g->thin ? glass_thin(boundary) : boundary);

@@ -21,7 +21,7 @@ typedef struct {
 // Scale of the second lobe of a metal with that average Fresnel term.
 static vfloat reflection_multiple_of(vfloat average, vfloat lost) {
     const vfloat kept = splat(1.0f) - lost;
-    return average * average * kept / ((splat(1.0f) - average * lost) * greater(lost, splat(1.0e-7f))) * INV_PI;
+    return quotient(average * average * kept, (splat(1.0f) - average * lost) * greater(lost, splat(1.0e-7f))) * INV_PI;
 }
 static vec3 reflection_multiple(vec3 average, vfloat lost) {
     return vec3_of(reflection_multiple_of(average.x, lost), reflection_multiple_of(average.y, lost), reflection_multiple_of(average.z, lost));

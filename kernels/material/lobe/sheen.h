@@ -24,8 +24,8 @@ static vfloat sheen_hidden(const Sheen* s, vfloat cosine) {
     const vfloat e = fma(w, splat(4.32054f - 4.85967f), splat(-4.32054f));
     const vmask steep = cosine < 0.5f;
     const vfloat x = steep ? cosine : splat(1.0f) - cosine;
-    const vfloat of = fma(t, x, e) + p / fma(q, power(x, r), splat(1.0f));
-    const vfloat half_ = fma(t, splat(0.5f), e) + p / fma(q, power(splat(0.5f), r), splat(1.0f));
+    const vfloat of = fma(t, x, e) + quotient(p, fma(q, power(x, r), splat(1.0f)));
+    const vfloat half_ = fma(t, splat(0.5f), e) + quotient(p, fma(q, power(splat(0.5f), r), splat(1.0f)));
     const vfloat logarithm = steep ? of : half_ * 2.0f - of;
     return splat(1.0f) + exp2_of(logarithm * 1.44269504f);
 }
@@ -39,9 +39,9 @@ static vfloat sheen_albedo(const Sheen* s, __global const float* tables, vfloat 
 static vec3 sheen_eval(const Sheen* s, vec3 wo, vec3 wi) {
     const vec3 h = add(wo, wi);
     const vfloat across2 = fma(h.x, h.x, h.y * h.y);
-    const vfloat sine = root(across2 / fma(h.z, h.z, across2)), inverse = splat(1.0f) / s->alpha;
+    const vfloat sine = root(quotient(across2, fma(h.z, h.z, across2))), inverse = quotient(splat(1.0f), s->alpha);
     const vfloat density = (inverse + 2.0f) * power(sine, inverse) * (0.5f * INV_PI);
-    const vfloat f = density * s->scale / ((s->hidden + sheen_hidden(s, wi.z) - 1.0f) * wo.z * wi.z * 4.0f);
+    const vfloat f = quotient(density * s->scale, (s->hidden + sheen_hidden(s, wi.z) - 1.0f) * wo.z * wi.z * 4.0f);
     return choose(s->there, scale(s->color, f), vec3_all(0.0f));
 }
 

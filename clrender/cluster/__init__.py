@@ -1,0 +1,10 @@
+"""Units of a render on the workers of a Dask cluster. An extra: `clrender[cluster]`.
+
+with clrender.cluster.open_cluster("tcp://host:8786") as cluster, clrender.Session() as session:
+    image = session.render(scene, spp=4096, cluster=cluster)
+"""
+
+from clrender.cluster.address import check_address
+from clrender.cluster.opened import DaskCluster, open_cluster
+
+__all__ = ["DaskCluster", "check_address", "open_cluster"]

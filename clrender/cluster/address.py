@@ -1,0 +1,48 @@
+"""Where a cluster is: `local:N`, or the address of a Dask scheduler. Without Dask, which takes long to load."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from typing import Final
+
+from clrender.errors import UsageError
+
+__all__ = ["check_address", "local_workers"]
+
+MOST_LOCAL: Final = 256
+_ADDRESS: Final = re.compile(r"(tcp|tls|ucx|ws|wss)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):([0-9]{1,5})/?")
+
+
+def local_workers(address: str) -> int | None:
+    """How many worker processes on this machine an address asks for; None: it is that of a scheduler.
+
+    Raises
+    ------
+    UsageError
+        It is no address of a cluster.
+    """
+    if address.startswith("local:"):
+        count = address.removeprefix("local:")
+        if count.isascii() and count.isdigit() and 1 <= int(count) <= MOST_LOCAL:
+            return int(count)
+        raise UsageError(f"cluster is {address!r}; local:N takes a number of processes from 1 to {MOST_LOCAL}")
+    found = _ADDRESS.fullmatch(address)
+    if found is None or not 0 < int(found[3]) < 65536:
+        raise UsageError(
+            f"cluster is {address!r}; it must be the address of a Dask scheduler, such as tcp://host:8786, or local:N "
+            "for N processes on this machine"
+        )
+    return None
+
+
+def check_address(address: str) -> None:
+    """Make sure that it is an address of a cluster, and that what reaches one is installed.
+
+    Raises
+    ------
+    UsageError
+    """
+    local_workers(address)
+    if importlib.util.find_spec("distributed") is None:
+        raise UsageError("a cluster needs Dask, which is not installed; pip install 'clrender[cluster]'")

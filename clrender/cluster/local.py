@@ -1,0 +1,111 @@
+"""A cluster of processes on this machine, which nobody but this machine reaches: `local:N`."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Final
+
+import clrender
+from clrender.errors import RenderError
+
+__all__ = ["local_cluster"]
+
+LOOPBACK: Final = "127.0.0.1"
+_THREADS: Final = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
+"""PoCL's number of threads: of older and of newer versions."""
+_DASK: Final = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.cycle": "10s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+"""What Dask measures of its own processes takes three per cent of a core in each, and nobody looks at it."""
+_START_SECONDS: Final = 60.0
+_END_SECONDS: Final = 0.1
+
+
+@contextmanager
+def local_cluster(count: int) -> Iterator[str]:
+    """A scheduler in this process and so many workers, each with its share of the processor's cores.
+
+    Workers end by themselves when the scheduler is gone, however this process ends.
+
+    Yields
+    ------
+    str
+        The scheduler's address.
+
+    Raises
+    ------
+    RenderError
+        The workers do not start.
+    """
+    import dask
+    from distributed import LocalCluster
+
+    local: Any = LocalCluster
+    processes: list[subprocess.Popen[bytes]] = []
+    with tempfile.TemporaryDirectory(prefix="clrender-cluster-", ignore_cleanup_errors=True) as folder:
+        with dask.config.set(_DASK):
+            scheduler = local(n_workers=0, protocol="tcp", host=LOOPBACK, dashboard_address=None)
+        try:
+            address = str(scheduler.scheduler_address)
+            processes += [_worker(address, number, count, Path(folder)) for number in range(count)]
+            _await_workers(scheduler, processes, Path(folder))
+            yield address
+        finally:
+            scheduler.close()
+            _end(processes)
+
+
+def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.Popen[bytes]:
+    """A worker with its nanny, which starts it anew when it dies. Ctrl-C at the terminal is not for them."""
+    home = str(Path(clrender.__file__).resolve().parent.parent)
+    path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
+    threads = str(max(1, (os.cpu_count() or 1) // count))
+    environment = {**dict.fromkeys(_THREADS, threads), **_variables(), **os.environ, "PYTHONPATH": path}
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--name", str(number), "--nthreads", "1"]
+    command += ["--host", LOOPBACK, "--no-dashboard", "--memory-limit", "0", "--local-directory", str(folder)]
+    with (folder / f"{number}.log").open("wb") as log:
+        return subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, env=environment
+        )
+
+
+def _variables() -> dict[str, str]:
+    """The same for Dask's processes."""
+    names = {name: f"DASK_{name}".upper().replace(".", "__").replace("-", "_") for name in _DASK}
+    return {names[name]: str(value) for name, value in _DASK.items()}
+
+
+def _await_workers(scheduler: Any, processes: list[subprocess.Popen[bytes]], folder: Path) -> None:
+    """Wait until all are there."""
+    end = time.monotonic() + _START_SECONDS
+    while len(scheduler.scheduler_info["workers"]) < len(processes):
+        ended = next((number for number, each in enumerate(processes) if each.poll() is not None), None)
+        if ended is not None:
+            lines = (folder / f"{ended}.log").read_text(errors="replace").split("\n")
+            last = next((line.strip() for line in reversed(lines) if line.strip()), "it says nothing")
+            raise RenderError(f"worker {ended} of the local cluster ended when it was to start: {last}")
+        if time.monotonic() > end:
+            raise RenderError(f"the workers of the local cluster did not start within {_START_SECONDS:g} s")
+        time.sleep(0.05)
+
+
+def _end(processes: list[subprocess.Popen[bytes]]) -> None:
+    """They end because the scheduler is gone, which takes some seconds; nobody need wait for that."""
+    end = time.monotonic() + _END_SECONDS
+    for process in processes:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(max(0.0, end - time.monotonic()))
+        if process.poll() is None:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, 9)
+            process.wait()

@@ -1,0 +1,287 @@
+"""An open cluster: a client of its scheduler, which of its workers are there, and a team of them for each job."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from clrender.cluster.address import check_address, local_workers
+from clrender.cluster.quiet import quiet_logs
+from clrender.cluster.seat import Parcel, Seat
+from clrender.errors import RenderError, UsageError
+from clrender.scheduling.cluster import Member
+from clrender.scheduling.watchdog import TimeLimits
+from clrender.scheduling.worker import Candidate
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from clrender.job import RenderJob
+
+__all__ = ["DaskCluster", "Peer", "open_cluster"]
+
+CONNECT_SECONDS: Final = 10.0
+PATIENCE: float = 30.0
+"""Seconds without any worker after which a render ends."""
+_LOOK_SECONDS: Final = 0.5
+_SPARE: Final = 16
+"""Workers that may join a render which has begun, beside as many as there were."""
+_LIMITS: Final = TimeLimits(steady=1)
+"""A worker that has done a unit since it was lost counts as one that was never lost."""
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A worker as the scheduler knows it.
+
+    Attributes
+    ----------
+    key : str
+        Stays the same when its nanny starts it anew.
+    address : str
+        Of its process.
+    name, host : str
+    """
+
+    key: str
+    address: str
+    name: str
+    host: str
+
+    @property
+    def title(self) -> str:
+        """For messages."""
+        return f"worker {self.name}" if self.host in self.name else f"worker {self.name} on {self.host}"
+
+
+@contextmanager
+def open_cluster(
+    address: str, *, device: str | int | Sequence[str | int] | None = None, notify: Callable[[str], None] | None = None
+) -> Iterator[DaskCluster]:
+    """Connect to a Dask cluster, or start one here, while the block runs.
+
+    Parameters
+    ----------
+    address : str
+        Of a Dask scheduler, ``tcp://HOST:PORT`` or, with the certificates of Dask's configuration, ``tls://HOST:PORT``;
+        or ``local:N`` for N worker processes on this machine.
+    device : str, int or sequence of them, optional
+        As of `Session`: which one each worker takes; by default what ``CLRENDER_DEVICE`` says there, or its best.
+    notify : callable, optional
+        Told in a line of what there is to know.
+
+    Raises
+    ------
+    UsageError
+        It is no address, or Dask is not installed.
+    RenderError
+        Nobody answers there.
+    """
+    check_address(address)
+    count = local_workers(address)
+    spec = None if device is None else (device,) if isinstance(device, (str, int)) else tuple(device)
+    if spec is not None and not all(isinstance(each, (str, int)) for each in spec):
+        raise UsageError("workers of a cluster open their own devices; say which as --device does, by name or index")
+    with ExitStack() as stack:
+        try:
+            import distributed
+        except ImportError as error:
+            raise UsageError(
+                f"Dask cannot be loaded here ({error}); pip install --upgrade 'clrender[cluster]'"
+            ) from None
+        stack.enter_context(quiet_logs())
+        where = address
+        if count is not None:
+            from clrender.cluster.local import local_cluster
+
+            where = stack.enter_context(local_cluster(count))
+        try:
+            connect: Any = distributed.Client
+            client = connect(where, timeout=CONNECT_SECONDS, direct_to_workers=True, name="clrender")
+        except Exception as error:  # Dask raises whatever its transports raise
+            reason = str(error).split("\n", maxsplit=1)[0].strip() or type(error).__name__
+            raise RenderError(
+                f"{address}: no Dask scheduler answers there ({reason}); start one with `dask scheduler`, and workers "
+                "with `dask worker`"
+            ) from None
+        stack.callback(_close, client)
+        cluster = DaskCluster(address, client, spec, notify or (lambda line: None), spare=0 if count else _SPARE)
+        stack.callback(cluster.close)
+        yield cluster
+
+
+def _close(client: Any) -> None:
+    # A scheduler that is gone is waited for, in vain
+    closing = threading.Thread(target=_close_quietly, args=(client,), daemon=True)
+    closing.start()
+    closing.join(3.0)
+
+
+def _close_quietly(client: Any) -> None:
+    with suppress(Exception):
+        client.close(timeout=2)
+
+
+class DaskCluster:
+    """What `open_cluster` opens; a `clrender.scheduling.cluster.Cluster`.
+
+    Parameters
+    ----------
+    address : str
+        As the user says it.
+    client : distributed.Client
+    spec : tuple or None
+        Which device each worker takes.
+    notify : callable
+    spare : int
+        How many more workers than there are may join a render.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        client: Client,
+        spec: tuple[str | int, ...] | None,
+        notify: Callable[[str], None],
+        spare: int,
+    ) -> None:
+        self.address = address
+        self.client = client
+        self.spec = spec
+        self._notify = notify
+        self._spare = spare
+        self._peers: dict[str, Peer] = {}
+        self._heard = time.monotonic()
+        self._closed = threading.Event()
+        self._look()
+        self._looking = threading.Thread(target=self._look_on, daemon=True)
+        self._looking.start()
+
+    def close(self) -> None:
+        """Stop looking for workers."""
+        self._closed.set()
+
+    @property
+    def peers(self) -> Mapping[str, Peer]:
+        """Workers that the scheduler knows now, by their keys."""
+        return self._peers
+
+    @property
+    def silent_seconds(self) -> float:
+        """For how long the scheduler has said nothing."""
+        return time.monotonic() - self._heard
+
+    @contextmanager
+    def team(self, job: RenderJob, arrays_sha256: str, on_ready: Callable[[], None]) -> Iterator[DaskTeam]:
+        """As of `clrender.scheduling.cluster.Cluster.team`."""
+        text, assets = job.to_json()
+        parcel = Parcel(text, assets, arrays_sha256, job.settings.width, job.settings.height)
+        team = DaskTeam(self, parcel, on_ready, len(self._peers) + self._spare)
+        try:
+            yield team
+        finally:
+            team.release()
+
+    def _look_on(self) -> None:
+        while not self._closed.wait(_LOOK_SECONDS + 0.005 * len(self._peers)):
+            with suppress(Exception):
+                self._look()
+
+    def _look(self) -> None:
+        workers = self.client.scheduler_info(n_workers=-1)["workers"]
+        peers = [
+            Peer(str(each.get("nanny") or address), str(address), str(each["name"]), str(each["host"]))
+            for address, each in workers.items()
+            if each.get("status") != "closing"
+        ]
+        self._peers = {peer.key: peer for peer in peers}
+        self._heard = time.monotonic()
+
+
+class DaskTeam:
+    """Workers of a cluster at a job's disposal; a `clrender.scheduling.cluster.Team`.
+
+    Each has a seat; seats that are free are for workers that join later.
+    """
+
+    def __init__(self, cluster: DaskCluster, parcel: Parcel, on_ready: Callable[[], None], seats: int) -> None:
+        self.cluster = cluster
+        self.limits = _LIMITS
+        self._active = time.monotonic()
+        self._lock = threading.Lock()
+        self._refused: dict[str, str] = {}
+        self._seats = [Seat(self, parcel, on_ready) for _ in range(max(seats, 1))]
+        for seat, peer in zip(self._seats, list(cluster.peers.values()), strict=False):
+            seat.take(peer)
+        self._asset_bytes = sum(map(len, parcel.assets.values()))
+
+    @property
+    def candidates(self) -> Sequence[Candidate]:
+        """One for each seat."""
+        return [seat.candidate for seat in self._seats]
+
+    def active(self) -> None:
+        """A worker answered something."""
+        self._active = time.monotonic()
+
+    def refuse(self, peer: Peer, why: str) -> None:
+        """A worker cannot do this job."""
+        with self._lock:
+            self._refused[peer.key] = why
+
+    def newcomer(self) -> Peer | None:
+        """A worker that nobody has a seat for yet."""
+        taken = {seat.peer.key for seat in self._seats if seat.peer is not None}
+        return next((peer for key, peer in self.cluster.peers.items() if key not in taken), None)
+
+    def seat_newcomer(self, seat: Seat) -> None:
+        """Give a seat to a worker that has none, if there is one."""
+        with self._lock:
+            peer = self.newcomer()
+            if peer is not None:
+                seat.take(peer)
+
+    def check(self) -> None:
+        """Make sure that there is somebody to wait for.
+
+        Raises
+        ------
+        RenderError
+        """
+        peers, address = self.cluster.peers, self.cluster.address
+        with self._lock:
+            if peers and peers.keys() <= self._refused.keys():
+                raise RenderError("; ".join(dict.fromkeys(self._refused[key] for key in peers)))
+        waited = time.monotonic() - self._active
+        if waited <= PATIENCE:
+            return
+        if self.cluster.silent_seconds > PATIENCE / 2:
+            raise RenderError(f"{address}: the scheduler has not answered for {waited:.0f} s, and no worker either")
+        there = f"of {len(peers)} workers none answers" if peers else "no worker is there"
+        raise RenderError(f"{address}: {there}, since {waited:.0f} s; start some with `dask worker`")
+
+    def members(self) -> list[Member | None]:
+        """As of `clrender.scheduling.cluster.Team.members`."""
+        return [seat.member() for seat in self._seats]
+
+    def stats(self) -> Mapping[str, Any]:
+        """Bytes that went there and came back."""
+        return {
+            "cluster": {
+                "address": self.cluster.address,
+                "workers": sum(seat.described is not None for seat in self._seats),
+                "asset_bytes": self._asset_bytes,
+                "sent_bytes": sum(seat.sent_bytes for seat in self._seats),
+                "received_bytes": sum(seat.received_bytes for seat in self._seats),
+                "lost": sum(seat.lost for seat in self._seats),
+            }
+        }
+
+    def release(self) -> None:
+        """Let the workers go."""
+        for seat in self._seats:
+            seat.release()

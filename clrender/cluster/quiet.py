@@ -1,0 +1,28 @@
+"""Keeps what Dask logs away from the user, who is told in sentences instead."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+__all__ = ["quiet_logs"]
+
+_LOGGERS: Final = ("distributed", "tornado", "asyncio", "bokeh")
+_SILENT: Final = logging.CRITICAL + 1
+
+
+@contextmanager
+def quiet_logs() -> Iterator[None]:
+    """Log nothing of Dask, and of what it is built on, while the block runs."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in _LOGGERS]
+    loggers = [logging.getLogger(name) for name in {*names, *_LOGGERS}]
+    before = [(logger, logger.level) for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(_SILENT)
+    try:
+        yield
+    finally:
+        for logger, level in before:
+            logger.setLevel(level)

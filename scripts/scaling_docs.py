@@ -1,0 +1,202 @@
+"""Make the tables of docs/scaling.md: what clusters of 10 to 100,000 workers would do, by the measured costs of a unit.
+
+`python scripts/scaling_docs.py [costs.json]`: a file that `scripts/cluster_bench.py costs` printed replaces
+docs/scaling.json. The simulation has no random numbers: the same costs make the same page.
+"""
+
+from __future__ import annotations
+
+import heapq
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+__all__ = ["Load", "current", "simulate"]
+
+_DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
+_BEGIN: Final = "<!-- made by scripts/scaling_docs.py: {} begin -->"
+_END: Final = "<!-- end -->"
+_WORKERS: Final = (10, 100, 1000, 10_000, 100_000)
+_UNIT_SECONDS: Final = 1.0
+_NETWORK: Final = 1.25e8
+"""Bytes a second of the network in the middle, towards the client: 1 Gbit/s."""
+_POLLS: Final = 5
+"""How often a second a thread of the client looks at the call that it waits for."""
+_SIMULATED: Final = 60.0
+_PIXELS: Final = 800 * 800
+_SHARD: Final = 20
+"""Workers of a shard in the last table."""
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a second of rendering came to.
+
+    Attributes
+    ----------
+    units : float
+        Done, a second.
+    busy : float
+        Share of the workers' time that they rendered.
+    uses : mapping of str to float
+        Share of its time that each thing was used which all workers share.
+    """
+
+    units: float
+    busy: float
+    uses: Mapping[str, float]
+
+
+def simulate(workers: int, unit: float, stages: Mapping[str, float], apart: float, polled: float = 0.0) -> Load:
+    """A worker renders a unit, sends it, and begins the next once it is received; what they share serves one at a time.
+
+    Parameters
+    ----------
+    workers : int
+    unit : float
+        Seconds that a worker renders.
+    stages : mapping of str to float
+        Seconds that a unit occupies each thing that all share, in their order.
+    apart : float
+        Seconds of a unit that nobody else waits for.
+    polled : float
+        Share of the processor's time that looking at calls takes: all that the processor does lasts longer.
+    """
+    slower = 1.0 / max(1.0 - polled, 1e-3)
+    lasts = {name: seconds * (1.0 if name == "network" else slower) for name, seconds in stages.items()}
+    free, used = dict.fromkeys(lasts, 0.0), dict.fromkeys(lasts, 0.0)
+    # Workers begin spread over the first unit, as they would after a while
+    events = [((number + 1) * unit / workers, number) for number in range(workers)]
+    heapq.heapify(events)
+    done, rendered = 0, 0.0
+    while events and events[0][0] < _SIMULATED:
+        now, number = heapq.heappop(events)
+        for name, seconds in lasts.items():
+            begin = max(now, free[name])
+            now = free[name] = begin + seconds
+            used[name] += max(0.0, min(now, _SIMULATED) - begin)
+        if now < _SIMULATED:
+            done += 1
+            rendered += unit
+        heapq.heappush(events, (now + apart + unit, number))
+    uses = {name: seconds / _SIMULATED for name, seconds in used.items()}
+    return Load(done / _SIMULATED, rendered / (_SIMULATED * workers), uses)
+
+
+def _stages(costs: Mapping[str, Any], unit: float) -> tuple[dict[str, float], float]:
+    """Seconds of a unit of so many seconds in what all share, and beside it in its worker."""
+    slots = costs["samples_per_second"] * unit / costs["unit_samples"]
+    size = slots * costs["unit_bytes"] / costs["unit_slots"]
+    shared = {
+        "network": size / _NETWORK,
+        "client": size * costs["receive_byte_seconds"] + slots * costs["commit_slot_seconds"],
+    }
+    return shared, costs["unit_seconds"] + size * costs["byte_seconds"]
+
+
+def _row(costs: Mapping[str, Any], workers: int, unit: float, asset: float) -> str:
+    shared, apart = _stages(costs, unit)
+    polled = min(1.0, workers * _POLLS * costs["poll_seconds"])
+    load = simulate(workers, unit, shared, apart, polled)
+    samples = load.units * costs["samples_per_second"] * unit
+    uses = {"network": load.uses["network"], "client": min(1.0, load.uses["client"] * (1.0 - polled) + polled)}
+    sent = asset * workers / _NETWORK
+    return (
+        f"| {workers:,} | {load.busy:.1%} | {_number(samples)} | {uses['network']:.0%} | {uses['client']:.0%} "
+        f"| {_duration(sent)} |"
+    )
+
+
+def _alone(costs: Mapping[str, Any]) -> str:
+    header = (
+        "| workers | of their time they render | samples/s | network in use | client's processor in use "
+        "| 100 MB to all of them |\n|---|---|---|---|---|---|"
+    )
+    rows = [_row(costs, workers, _UNIT_SECONDS, 1e8) for workers in _WORKERS]
+    return "\n".join([header, *rows])
+
+
+def _sharded(costs: Mapping[str, Any]) -> str:
+    header = (
+        "| workers | shards | of their time they render | samples/s | merging all films "
+        "| samples of a pixel in the time of the merge |\n|---|---|---|---|---|---|"
+    )
+    lines = [header]
+    shared, apart = _stages(costs, _UNIT_SECONDS)
+    load = simulate(_SHARD, _UNIT_SECONDS, shared, apart, _SHARD * _POLLS * costs["poll_seconds"])
+    for workers in _WORKERS[1:]:
+        shards = workers // _SHARD
+        samples = shards * load.units * costs["samples_per_second"] * _UNIT_SECONDS
+        merge = shards * _PIXELS * (costs["merge_pixel_seconds"] + 52 / _NETWORK)
+        lines.append(
+            f"| {workers:,} | {shards:,} | {load.busy:.1%} | {_number(samples)} | {_duration(merge)} "
+            f"| {_number(samples * merge / _PIXELS)} |"
+        )
+    return "\n".join(lines)
+
+
+def _costs(costs: Mapping[str, Any]) -> str:
+    slots = costs["unit_slots"]
+    seconds = slots * costs["unit_samples"] / costs["samples_per_second"]
+    rows = (
+        ("a worker of one thread", f"{_number(costs['samples_per_second'])} samples/s"),
+        ("round trip of a call", _duration(costs["round_trip_seconds"])),
+        (
+            f"a unit of {slots:,} pixels x {costs['unit_samples']} samples",
+            f"{_duration(seconds)} of rendering, {costs['unit_bytes'] / 1e6:.2f} MB of sums",
+        ),
+        ("beside its samples, a small unit", _duration(costs["unit_seconds"])),
+        ("sums on their way, within one machine", f"{1e-9 / costs['byte_seconds']:.2f} GB/s"),
+        ("reading them from the message", f"{1e-9 / costs['receive_byte_seconds']:.2f} GB/s"),
+        (
+            "adding a unit to the film",
+            f"{_duration(slots * costs['commit_slot_seconds'])}, "
+            f"{_number(costs['unit_samples'] / costs['commit_slot_seconds'])} samples/s",
+        ),
+        ("merging two films of 800 x 800 pixels", _duration(_PIXELS * costs["merge_pixel_seconds"])),
+        ("setting a worker up, kernels compiled before", _duration(costs["prepare_seconds"])),
+        ("files of a scene, to one worker on this machine", f"{1e-9 / costs['asset_byte_seconds']:.2f} GB/s"),
+        ("looking once at a call that is out", _duration(costs["poll_seconds"])),
+    )
+    return "\n".join(["| what | cost |\n|---|---|", *(f"| {what} | {cost} |" for what, cost in rows)])
+
+
+def _number(value: float) -> str:
+    for factor, word in ((1e12, " T"), (1e9, " G"), (1e6, " M"), (1e3, " k")):
+        if value >= factor:
+            return f"{value / factor:.3g}{word}"
+    return f"{value:.3g}"
+
+
+def _duration(seconds: float) -> str:
+    for factor, word, limit in ((1e-6, "µs", 1e-3), (1e-3, "ms", 1.0), (1.0, "s", 120.0), (60.0, "min", 7200.0)):
+        if seconds < limit:
+            return f"{seconds / factor:.3g} {word}"
+    return f"{seconds / 3600.0:.3g} h"
+
+
+def current(page: str, costs: Mapping[str, Any]) -> str:
+    """The page with tables made anew."""
+    for name, table in (("costs", _costs), ("alone", _alone), ("sharded", _sharded)):
+        begin = _BEGIN.format(name)
+        before, _, rest = page.partition(begin)
+        _, _, after = rest.partition(_END)
+        page = f"{before}{begin}\n\n{table(costs)}\n\n{_END}{after}"
+    return page
+
+
+def main() -> int:
+    """Take new costs in, and rewrite the page."""
+    data = _DOCS / "scaling.json"
+    if len(sys.argv) > 1:
+        data.write_text(Path(sys.argv[1]).read_text())
+    page = _DOCS / "scaling.md"
+    page.write_text(current(page.read_text(), json.loads(data.read_text())))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

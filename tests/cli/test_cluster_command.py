@@ -1,0 +1,103 @@
+"""`clrender render --cluster`: what it prints, how it ends, and that Dask says nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from cli_support import run
+
+import clrender
+from clrender.film import Film
+
+DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
+HOME = str(Path(clrender.__path__[0]).parent)
+ROOM = ("render", "room", "-d", DEVICE, "--size", "96x64")
+
+
+def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "clrender", *ROOM, *arguments],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": HOME},
+        start_new_session=True,
+    )  # fmt: skip
+
+
+def processes_left(since: float) -> list[str]:
+    """Worker processes that were started since then."""
+    psutil = pytest.importorskip("psutil")
+    found = []
+    for process in psutil.process_iter(["cmdline", "create_time"]):
+        line = " ".join(process.info["cmdline"] or [])
+        if process.info["create_time"] >= since and "dask_worker" in line and "clrender-cluster-" in line:
+            found.append(line)
+    return found
+
+
+def test_a_local_cluster_says_nothing_of_its_own(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    begun = time.time()
+    done = run(
+        *ROOM, "--spp", "64", "--cluster", "local:2", "-o", "a.exr", "--stats", "a.json", "--quiet", folder=tmp_path
+    )
+    assert done.returncode == 0 and done.stderr == ""
+    assert done.stdout.count("\n") == 1 and done.stdout.startswith("a.exr: 96x64, 64 samples per pixel")
+    here = run(*ROOM, "--spp", "64", "-o", "b.exr", "--stats", "b.json", folder=tmp_path)
+    assert here.returncode == 0
+    far, near = (json.loads((tmp_path / name).read_text()) for name in ("a.json", "b.json"))
+    assert far["image_sha256"] == near["image_sha256"]
+    assert {each["host"].split(" on ")[0] for each in far["devices"]} <= {"worker 0", "worker 1"}
+    assert far["cluster"]["address"] == "local:2" and "cluster" not in near
+    assert not processes_left(begun)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_with_the_image_so_far(tmp_path: Path, number: signal.Signals) -> None:
+    pytest.importorskip("distributed")
+    begun = time.time()
+    with start(
+        tmp_path, "--spp", "100000", "--cluster", "local:2", "-o", "a.film", "--checkpoint", "c.film"
+    ) as process:
+        end = time.monotonic() + 120.0
+        while not (tmp_path / "c.film").exists():  # written some seconds after the first samples
+            assert process.poll() is None and time.monotonic() < end
+            time.sleep(0.05)
+        process.send_signal(number)
+        asked = time.monotonic()
+        out, err = process.communicate(timeout=60)
+        assert time.monotonic() - asked < 5.0  # one, and what a machine with other work needs beside
+    assert process.returncode == 128 + number
+    assert "stopped early with" in out and "Traceback" not in err and "distributed" not in err
+    film, saved = Film.load(tmp_path / "a.film"), Film.load(tmp_path / "c.film")
+    assert film.samples == saved.samples > 0
+    assert not processes_left(begun)
+
+
+def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:
+    code = "import sys; sys.modules['distributed'] = None; from clrender.cli import main; main(sys.argv[1:])"
+    command = [sys.executable, "-c", code, *ROOM, "--cluster", "local:2", "-o", "a.exr"]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": HOME}
+    )
+    assert done.returncode == 2
+    assert done.stderr == "error: a cluster needs Dask, which is not installed; pip install 'clrender[cluster]'\n"
+
+
+@pytest.mark.parametrize(
+    ("address", "code", "words"),
+    [("host:8786", 2, "--cluster is 'host:8786'; it must be"), ("local:0", 2, "--cluster is 'local:0'; local:N takes"),
+     ("tcp://127.0.0.1:9", 1, "tcp://127.0.0.1:9: no Dask scheduler answers there"),
+     ("tls://127.0.0.1:9", 1, "tls://127.0.0.1:9: no Dask scheduler answers there")],
+)  # fmt: skip
+def test_a_cluster_that_cannot_be_reached(tmp_path: Path, address: str, code: int, words: str) -> None:
+    pytest.importorskip("distributed")
+    done = run(*ROOM, "--cluster", address, "--quiet", "-o", "a.exr", folder=tmp_path)
+    assert done.returncode == code
+    assert done.stderr.startswith(f"error: {words}") and done.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,115 @@
+"""PoCL treated as a GPU is, with one lane and groups that the compiler knows in whole warps, gives the same image."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from image_support import render
+
+from clrender.device.device import Argument, Device, Program, whole_warps
+from clrender.errors import RenderError
+
+
+class LikeGpu(Device):
+    """The test's device with a GPU's ways; it remembers what was launched: kernel, work-items, group."""
+
+    def __init__(self, device: Device) -> None:
+        super().__init__(device.info, device._handle)
+        self.is_cpu = False
+        self.fixes_groups = True
+        self._group = 0
+        self.launched: list[tuple[str, int, int]] = []
+
+    def launch(
+        self, program: Program, kernel: str, global_size: int, local_size: int, args: Sequence[Argument]
+    ) -> None:
+        self.launched.append((kernel, global_size, local_size))
+        super().launch(program, kernel, global_size, local_size, args)
+
+
+@pytest.fixture
+def gpu(device: Device) -> Iterator[LikeGpu]:
+    like = LikeGpu(device)
+    yield like
+    like.close()
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [
+        ("room", {}),
+        ("room", {"integrator": "reuse"}),
+        ("room", {"integrator": "photon", "photons": 2000}),
+        pytest.param("room-diffuse", {"integrator": "radiosity", "patches": 400}, marks=pytest.mark.slow),
+        pytest.param("bumpy", {"integrator": "whitted"}, marks=pytest.mark.slow),
+    ],
+)
+def test_the_image_is_the_same(device: Device, gpu: LikeGpu, scene: str, settings: dict[str, Any]) -> None:
+    wanted = render(scene, [device], **settings).stats["image_sha256"]
+    assert render(scene, [gpu], **settings).stats["image_sha256"] == wanted
+    assert gpu.group >= 64
+    assert {local for _, _, local in gpu.launched} == {gpu.group}
+
+
+def test_other_groups_may_be_asked_for(device: Device, gpu: LikeGpu) -> None:
+    from image_support import Cutting
+
+    wanted = render("room", [device]).stats["image_sha256"]
+    assert render("room", [gpu], Cutting(work_group=32)).stats["image_sha256"] == wanted
+    groups = {kernel: local for kernel, _, local in gpu.launched}
+    assert groups["integrator_path"] == 32
+    assert groups["film_accumulate"] == groups["rows_primitives"] == groups["build_scan"] == gpu.group
+
+
+def test_the_compiler_was_told(gpu: LikeGpu) -> None:
+    """A kernel that was compiled for groups of 64 runs in no others."""
+    render("room", [gpu])
+    program = next(each for each in gpu._programs.values() if "integrator_path" in each.kernels)
+    kernel = program.kernels["integrator_path"]
+    compiled_for = kernel.get_work_group_info(gpu._cl.kernel_work_group_info.COMPILE_WORK_GROUP_SIZE, gpu._handle)
+    assert list(compiled_for) == [gpu.group, 1, 1]
+    with pytest.raises(RenderError, match="INVALID_WORK_GROUP_SIZE"):
+        gpu.launch(program, "integrator_path", 2 * gpu.group, 2 * gpu.group, [])
+
+
+def test_launches_fill_a_gpu(gpu: LikeGpu) -> None:
+    """Once the speed is known, a launch has a thread for each pixel of a large image, and not samples instead.
+
+    What a launch would last at 10^9 samples a second is no limit then, whatever PoCL's speed.
+    """
+    from clrender import layout
+    from clrender.device.worker import DeviceWorker
+    from clrender.flatten import flatten
+    from clrender.scene import load
+
+    settings = np.zeros(1, layout.dtype("Settings"))
+    settings["width"] = settings["height"] = 1024
+    worker = DeviceWorker(gpu, flatten(load("room"), 1024, 1024), settings)
+    slots, worker._rate = 1 << 20, 1e9
+    passes = worker._passes(slots, 64)
+    assert passes == 16
+    assert worker._slice_slots(slots, passes) >= 300_000
+    worker._rate = 1e7  # 1.5 million samples are a launch: rather many pixels than many samples
+    passes = worker._passes(slots, 64)
+    assert worker._slice_slots(slots, passes) >= 300_000
+    worker.release()
+
+
+@pytest.mark.parametrize(
+    ("multiple", "most", "group"),
+    [
+        (32, 1024, 64),
+        (64, 256, 64),
+        (1, 1024, 64),
+        (48, 512, 96),
+        (8, 4096, 64),
+        (128, 1024, 128),
+        (32, 32, 32),
+        (0, 16, 16),
+    ],
+)
+def test_groups_are_whole_warps(multiple: int, most: int, group: int) -> None:
+    assert whole_warps(multiple, most) == group

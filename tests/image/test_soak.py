@@ -1,0 +1,109 @@
+"""A session that renders for hours grows by nothing and leaves no handle behind.
+
+``CLRENDER_SOAK_SECONDS=7200 ./scripts/test -n 0 -m slow tests/image/test_soak.py`` is the
+two hours; ``--all`` has a minute.
+"""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import os
+import statistics
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import pyopencl as cl
+import pytest
+
+import clrender
+from clrender.device import Device, select
+
+SECONDS: Final = float(os.environ.get("CLRENDER_SOAK_SECONDS", "60"))
+"""How long it renders once everything has been rendered before."""
+
+JOBS: Final[tuple[tuple[str, dict[str, Any]], ...]] = (
+    ("room", {"size": (200, 160), "spp": 8}),
+    ("room", {"size": (120, 120), "spp": 4, "aov": ("albedo", "normal", "crypto_object")}),
+    ("cornell", {"integrator": "reuse", "size": (128, 128), "spp": 4}),
+    ("room-diffuse", {"integrator": "radiosity", "size": (96, 96), "spp": 2, "patches": 500, "patch_rays": 64}),
+    ("caustic", {"integrator": "photon", "size": (96, 96), "spp": 4, "photons": 4096}),
+    ("room", {"integrator": "whitted", "size": (160, 120), "spp": 2}),
+    ("drink", {"size": (96, 96), "spp": 4}),
+    ("avenue", {"size": (96, 96), "spp": 4}),
+    ("textures", {"size": (128, 96), "spp": 4}),
+)
+"""What a session has to forget from one render to the next: scenes, integrators, sizes and layers."""
+
+HANDLES: Final = (cl.Buffer, cl.Program, cl.Kernel, cl.CommandQueue, cl.Context)
+
+
+@dataclass(frozen=True)
+class Held:
+    """What the process has of things that can leak."""
+
+    files: int
+    threads: int
+    handles: tuple[tuple[str, int], ...]
+
+    @classmethod
+    def now(cls) -> Held:
+        gc.collect()
+        handles = Counter(type(each).__name__ for each in gc.get_objects() if isinstance(each, HANDLES))
+        return cls(
+            sum(1 for _ in Path("/proc/self/fd").iterdir()), threading.active_count(), tuple(sorted(handles.items()))
+        )
+
+
+def resident_bytes() -> int:
+    """Memory of the process at this moment, not at its peak."""
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def sizes_on(device: Device) -> list[int]:
+    """Bytes of the buffers that are not released."""
+    return sorted(buffer.nbytes for buffer in device.buffers)
+
+
+def rounds(session: clrender.Session, checkpoint: Path) -> Iterator[None]:
+    """Render all jobs, again and again, each time with another seed; every scene is read anew, as by a server."""
+    for seed in itertools.count():
+        for name, settings in JOBS:
+            session.render(clrender.load(name), seed=seed, **settings)
+        session.render(clrender.load("room"), seed=seed, size=(64, 64), spp=4, checkpoint=checkpoint)
+        checkpoint.unlink()
+        yield
+
+
+@pytest.mark.slow
+def test_hours_of_renders_leave_nothing(tmp_path: Path) -> None:
+    select("pocl")[0].close()  # the driver's own threads and files begin with its first device
+    before = Held.now()
+    device: Device = select("pocl")[0]
+    grown: list[int] = []
+    with clrender.Session(device) as session:
+        again = rounds(session, tmp_path / "saved.film")
+        for _ in range(3):
+            next(again)
+        settled, end = Held.now(), time.monotonic() + SECONDS
+        sizes, builds = sizes_on(device), device.builds
+        while time.monotonic() < end or len(grown) < 8:
+            next(again)
+            grown.append(resident_bytes())
+        assert device.builds == builds
+        assert sizes_on(device) == sizes
+        assert Held.now() == settled
+    quarter = len(grown) // 4
+    first, last = statistics.median(grown[:quarter]), statistics.median(grown[-quarter:])
+    print(f"{len(grown)} rounds of {len(JOBS) + 1} renders: {first / 2**20:.1f} MiB, then {last / 2**20:.1f} MiB")
+    assert last < 1.01 * first
+    assert not device.buffers
+    device.close()
+    del device, session, again
+    assert Held.now() == before
