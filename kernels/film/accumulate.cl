@@ -137,23 +137,25 @@ __kernel void film_accumulate_replicates(__global const Settings* settings, __gl
         for (int k = 0; k < 4; ++k) square[c][k] = squares[(at * 3 + c) * 4 + k];
     }
     uint accepted = counts[at], start_accepted = start_counts[at];
-    for (uint n = 0; n < sample_count; ++n) {
+    for (uint n = 0; n < sample_count;) {
         const uint within = sampler_within(first_sample + n, replicate_spp);
         if (within == 0) {
             for (int c = 0; c < 3; ++c) start[c] = sum[c];
             start_accepted = accepted;
         }
-        __global const float* sample = samples + (size_t)n * 3 * slot_count + slot;
-        const float r = sample[0], g = sample[slot_count], b = sample[2 * (size_t)slot_count];
-        if (fixed_representable(r) && fixed_representable(g) && fixed_representable(b)) {
+        const uint stop = min(sample_count, n + replicate_spp - within);
+        const int whole = stop == n + replicate_spp - within;
+        for (; n < stop; ++n) {
+            __global const float* sample = samples + (size_t)n * 3 * slot_count + slot;
+            const float r = sample[0], g = sample[slot_count], b = sample[2 * (size_t)slot_count];
+            if (!(fixed_representable(r) && fixed_representable(g) && fixed_representable(b))) continue;
             sum[0] = fixed_add(sum[0], r);
             sum[1] = fixed_add(sum[1], g);
             sum[2] = fixed_add(sum[2], b);
             ++accepted;
         }
-        if (within == replicate_spp - 1) {
-            for (int c = 0; c < 3; ++c) fixed_add_square(square[c], fixed_subtract(sum[c], start[c]));
-        }
+        if (!whole) continue;
+        for (int c = 0; c < 3; ++c) fixed_add_square(square[c], fixed_subtract(sum[c], start[c]));
     }
     for (int c = 0; c < 3; ++c) {
         fixed_store(sums, at * 3 + c, sum[c]);
