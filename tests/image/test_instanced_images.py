@@ -167,7 +167,7 @@ def test_every_integrator(device: Device, pictures: Path, integrator: str) -> No
 
 def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are written out, and the image is that of the trees that they would have."""
-    shapes = [{**_FLOOR}]
+    shapes: list[dict[str, Any]] = [_FLOOR]
     groups = {}
     for number in range(66):
         x, z = number % 11 * 0.4 - 2.0, number // 11 * 0.6 - 2.0
@@ -175,7 +175,7 @@ def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.M
         shapes += [
             {"type": "instance", "group": f"{number}", "transform": {"translate": [x, y, z]}} for y in (0.3, 0.9)
         ]
-    more = {"shapes": shapes, "groups": groups}
+    more: dict[str, Any] = {"shapes": shapes, "groups": groups}
     what = scene(pictures, ball(material="lambert"), **more)
     assert flatten(what, 8, 8).instances.count == 0
     written = render(what, device)
