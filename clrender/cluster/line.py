@@ -7,7 +7,7 @@ import concurrent.futures
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
@@ -148,7 +148,7 @@ class Line:
     def call(self, method: str, *arguments: Any, should_stop: Callable[[], bool] | None = None) -> Any:
         """What a method of the actor gives; None where nobody waits for that any more.
 
-        With `should_stop` it is waited for until that says yes, and then a moment for what there is.
+        With `should_stop` it is waited for until that says yes, and then a moment for what there is, if anything.
 
         Raises
         ------
@@ -157,8 +157,18 @@ class Line:
         ClrenderError
             As its method raises.
         """
-        if self._actor is None:
+        try:
+            return self._call(method, arguments, should_stop)
+        except DeviceFailure:
+            if should_stop is None or not should_stop():
+                raise
             return None
+
+    def _call(self, method: str, arguments: Sequence[Any], should_stop: Callable[[], bool] | None) -> Any:
+        if self._actor is None:
+            if should_stop is None:  # it was given up while it was to be met
+                return None
+            raise DeviceFailure(f"{self._title} is not connected")
         future = self._begin(method, *arguments)
         question: _Future | None = None
         heard, stopped = time.monotonic(), 0.0

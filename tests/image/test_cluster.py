@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from cluster_support import DEVICE, Machines, machines, namespaces
 
@@ -25,7 +26,6 @@ from clrender.rendered_image import IncompleteRender, Progress
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.session import Session
 
-pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's
 
 SIZE = (96, 64)
@@ -82,6 +82,15 @@ def test_the_bits_are_those_of_a_render_here(local: DaskCluster, here: Session, 
     assert sum(each["samples"] for each in far.stats["devices"]) == far.stats["samples"]
     for each in far.stats["devices"]:
         assert each["host"].startswith("worker ") and each["driver"] and each["type"] == "cpu"
+
+
+def test_only_this_machine_reaches_a_local_cluster(local: DaskCluster) -> None:
+    """Neither its ports nor the pages that Dask serves about each process."""
+    me = psutil.Process()
+    found = [each.net_connections("inet") for each in (me, *me.children(recursive=True))]
+    listening = [socket.laddr.ip for sockets in found for socket in sockets if socket.status == psutil.CONN_LISTEN]
+    assert len(listening) >= 1 + 2 * 2  # the scheduler, and of each worker the nanny and its process
+    assert set(listening) == {"127.0.0.1"}
 
 
 def test_a_session_without_a_device_uses_a_cluster(local: DaskCluster) -> None:
