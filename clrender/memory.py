@@ -58,7 +58,7 @@ def largest_tile(limit: int | None, tile: int) -> int:
     return tile if slots is None else max(4, min(tile, isqrt(slots) // 4 * 4))
 
 
-def check_image(width: int, height: int, limit: int | None, pixel_bytes: int) -> None:
+def check_image(width: int, height: int, limit: int | None, pixel_bytes: int = _SUM_BYTES) -> None:
     """Refuse an image that takes more memory than there is, or than is allowed, before anything is read.
 
     Parameters

@@ -11,7 +11,7 @@ from clrender.film.unit import slot_count, tile_side
 from clrender.job import RenderJob
 from clrender.job_memory import needs, told
 from clrender.limits import Bytes, NotAllowed
-from clrender.memory import FILM_BYTES, check_host, check_image, largest_tile, process_bytes, shown, unit_slots
+from clrender.memory import check_host, check_image, film_bytes, largest_tile, process_bytes, shown, unit_slots
 
 GIB = 1 << 30
 AMOUNT = Bytes(1 << 24)
@@ -33,7 +33,7 @@ def test_other_texts_are_no_amounts(text: str) -> None:
 
 def test_a_film_takes_what_is_reckoned() -> None:
     film = Film(173, 91)
-    assert sum(band.nbytes for band in film.bands()) + film.counts.nbytes == 173 * 91 * FILM_BYTES
+    assert sum(band.nbytes for band in film.bands()) + film.counts.nbytes == 173 * 91 * film_bytes(False)
 
 
 @pytest.mark.parametrize("limit", [1 << 24, 100 << 20, GIB])
@@ -41,7 +41,7 @@ def test_a_film_takes_what_is_reckoned() -> None:
 def test_a_unit_has_room_for_a_tile(limit: int, tile: int) -> None:
     side = tile_side(largest_tile(limit, tile), 8192, 8192)
     slots = unit_slots(limit)
-    assert slots is not None and side * side <= slots and FILM_BYTES * slots <= limit // 64
+    assert slots is not None and side * side <= slots and film_bytes(False) * slots <= limit // 64
     assert largest_tile(None, tile) == tile and unit_slots(None) is None
 
 
