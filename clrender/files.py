@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 import stat
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO, BinaryIO, Final
 
 from clrender.errors import RenderError, UsageError
+
+try:
+    import fcntl
+except ImportError:  # a system without
+    fcntl = None  # type: ignore[assignment]
 
 __all__ = ["UnreadableFile", "atomic_write", "check_writable", "open_input", "open_regular", "remove_temporaries"]
 
@@ -21,7 +28,11 @@ class UnreadableFile(Exception):
     """A file that cannot be read; the message goes on from its name: "is a folder; …"."""
 
 
+_PART: Final = re.compile(r"\.clrender-\d+-[0-9a-f]{12}\.part")
+"""Names of files that are being written."""
 _temporaries: set[Path] = set()
+_tidied: set[Path] = set()
+"""Folders that were looked through for what killed processes have left."""
 _beginning = threading.Lock()
 
 
@@ -170,20 +181,76 @@ def remove_temporaries() -> None:
 def _beside(path: Path, name: str | None = None) -> Iterator[tuple[IO[bytes], Path]]:
     """New file in the folder where `path` really lies, removed at the end unless it was renamed."""
     folder = Path(os.path.realpath(path)).parent
+    _tidy(folder)
     temporary = folder / (name or f".clrender-{os.getpid()}-{secrets.token_hex(6)}.part")
     try:
         with _beginning:
             _temporaries.add(temporary)
             if name is not None:
                 temporary.unlink(missing_ok=True)  # not opened and emptied: it may be a link
-            # Not `tempfile`: the final file shall have the rights that the user's umask gives.
-            descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+            descriptor = _new_locked(temporary)
         with os.fdopen(descriptor, "wb") as file:
             yield file, temporary
     finally:
         with suppress(OSError):
             temporary.unlink()
         _temporaries.discard(temporary)
+
+
+def _new_locked(path: Path) -> int:
+    """Descriptor of a new file, locked for as long as this process writes it: whoever tidies up sees that it lives."""
+    while True:
+        # Not `tempfile`: the final file shall have the rights that the user's umask gives.
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        try:
+            _lock(descriptor)
+            if os.fstat(descriptor).st_nlink:
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)  # somebody took it for one that was left behind, before it was locked
+
+
+def _lock(descriptor: int) -> None:
+    """Lock a new file, where its file system knows locks."""
+    if fcntl is None:
+        return
+    for _ in range(100):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:  # whoever tidies up is about to remove it
+            time.sleep(0.01)
+        except OSError:
+            return
+
+
+def _tidy(folder: Path) -> None:
+    """Remove what killed processes of this user were writing in a folder; once for each folder.
+
+    A lock ends with the process that has it, on whatever machine that runs. Where a file system knows no locks nothing
+    is removed, for nobody can tell.
+    """
+    if fcntl is None or folder in _tidied:
+        return
+    _tidied.add(folder)
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if _PART.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
+                with suppress(OSError):
+                    _remove_if_left(Path(entry.path))
+
+
+def _remove_if_left(part: Path) -> None:
+    """Remove a file that is being written, unless somebody still does."""
+    descriptor = os.open(part, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(descriptor).st_uid == os.geteuid():
+            part.unlink()
+    finally:
+        os.close(descriptor)
 
 
 def _refuse_special(path: Path) -> None:

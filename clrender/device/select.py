@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -53,7 +54,12 @@ def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify |
             raise _nothing_found(reports)
         for line in _unusable(reports):
             tell(f"warning: {line}; see `clrender doctor`")
-        chosen = choose(specs, known, lambda info: probe(info, notify=tell), tell)
+        try:
+            chosen = choose(specs, known, lambda info: probe(info, notify=tell), tell)
+        except UsageError as error:
+            if not _from_environment(spec):
+                raise
+            raise UsageError(str(error).replace("--device ", "CLRENDER_DEVICE=", 1)) from None
         try:
             opened = open_devices(chosen, known)
         except DeviceError:
@@ -88,8 +94,13 @@ def _nothing_found(reports: Sequence[DriverReport]) -> DeviceError:
     )
 
 
+def _from_environment(spec: str | int | Sequence[str | int] | None) -> bool:
+    """Whether nobody said anything but, perhaps, ``CLRENDER_DEVICE``."""
+    return spec is None or (not isinstance(spec, int) and len(spec) == 0)
+
+
 def _normalise(spec: str | int | Sequence[str | int] | None) -> list[str]:
-    if spec is None or (not isinstance(spec, int) and len(spec) == 0):
+    if spec is None or _from_environment(spec):
         spec = os.environ.get("CLRENDER_DEVICE", "").strip() or "auto"
     parts = [spec] if isinstance(spec, (str, int)) else list(spec)
     return [str(part).strip() or "auto" for part in parts]
@@ -162,7 +173,7 @@ def _none_ok(kind: str, candidates: Sequence[DeviceInfo], probe_one: Probe) -> D
 def _named(spec: str, ranked: Sequence[DeviceInfo]) -> list[DeviceInfo]:
     """Devices that an index or a part of a name fits, best first."""
     listed = ", ".join(f"{info.index} = {info.title}" for info in sorted(ranked, key=lambda info: info.index))
-    if spec.lstrip("+-").isdigit():
+    if re.fullmatch(r"[+-]?\d+", spec):
         by_index = [info for info in ranked if info.index == int(spec)]
         if not by_index:
             raise UsageError(f"--device {spec}: there is no device with that index; there are {listed}")

@@ -10,6 +10,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -37,14 +38,20 @@ def check_checkpoint(path: Path, resume: bool) -> None:
     Raises
     ------
     UsageError
-        There is a file, and it is not to be resumed; or none can be written.
+        It has not the ending of a film. There is a file, and it is not to be resumed; or none can be written.
     """
+    _check_ending(path)
     if not resume and path.exists():
         raise UsageError(
             f"{path}: there is a file already, which a checkpoint would replace; add --resume (resume=True) to go on "
             "from it, or remove it, or name another"
         )
     check_writable(path)
+
+
+def _check_ending(path: Path) -> None:
+    if path.suffix.lower() != ".film":  # by which all commands know what it is
+        raise UsageError(f"{path}: a checkpoint is a film; give it the ending .film")
 
 
 @dataclass
@@ -83,7 +90,7 @@ class Checkpoint:
     Raises
     ------
     UsageError
-        The file may not be written or is no film, or another process has it.
+        The file has not the ending of a film, may not be written or is no film, or another process has it.
     """
 
     def __init__(
@@ -94,6 +101,9 @@ class Checkpoint:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.path = Path(path)
+        _check_ending(self.path)
+        target = Path(os.path.realpath(path))
+        self._part = target.with_name(f".{target.name}.part")
         self.resumed: Mapping[str, int] = {"samples": 0, "rays": 0, "shadow_rays": 0, "max_depth": 0}
         self._resume, self._notify, self._clock = resume, notify, clock
         self._film: RunningFilm | None = None
@@ -115,6 +125,9 @@ class Checkpoint:
         try:
             # What another render has just begun to write counts, too: so only now
             check_checkpoint(self.path, self._resume)
+            if self._lock.works:  # nobody else writes it: a killed process has left it
+                with suppress(OSError):
+                    self._part.unlink()
             if self.path.exists():
                 self._film = RunningFilm.load(self.path)
             elif self._resume:
@@ -234,7 +247,7 @@ class Checkpoint:
         account = film.account()
         save = _Save(began, film.changes, account["samples"])
         try:
-            film.save(self.path, {**self._about, **account}, beside=f".{Path(os.path.realpath(self.path)).name}.part")
+            film.save(self.path, {**self._about, **account}, beside=self._part.name)
         except ClrenderError as error:
             save.error = str(error).rstrip(".")
         except MemoryError:
@@ -263,10 +276,12 @@ class Checkpoint:
         else:
             self._failures += 1
             if last:
-                self._notify(f"warning: {save.error}; the checkpoint holds {self._held} samples, the image all")
+                kept = f"the checkpoint holds {self._held} samples" if self.path.exists() else "there is no checkpoint"
+                self._notify(f"warning: {save.error}; {kept}, the image all")
             elif not self._failing:
+                kept = "its last checkpoint stays, " if self.path.exists() else ""
                 self._notify(
-                    f"warning: {save.error}; the render goes on, its last checkpoint stays, and the next is tried in "
+                    f"warning: {save.error}; the render goes on, {kept}and the next is tried in "
                     f"{self._cadence.interval:.0f} s"
                 )
         self._failing = save.error is not None

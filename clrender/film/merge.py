@@ -76,14 +76,28 @@ def _add(merged: Film, film: Film, names: Sequence[str], path: str) -> None:
 def _account(film: Film, accounts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """How the merged film was made, from how its parts were."""
     told = {name: accounts[0][name] for name in _SAME if name in accounts[0]}
-    told |= {name: sum(each.get(name, 0) for each in accounts) for name in _SUMMED}
+    told |= {name: sum(_number(each, name) for each in accounts) for name in _SUMMED}
     taken = film.ledger.taken()
     return told | {
         "image_sha256": image_sha256(film.mean()),
         "denoised": False,
         "spp": int(taken.max()),
-        "max_depth": max((each.get("max_depth", 0) for each in accounts), default=0),
+        "max_depth": int(max(_number(each, "max_depth") for each in accounts)),
         "nonfinite_samples": film.ledger.samples - film.samples,
-        "devices": [device for each in accounts for device in each.get("devices", [])],
+        "devices": [device for each in accounts for device in _list(each, "devices")],
         "merged_films": len(accounts),
     }
+
+
+def _number(account: Mapping[str, Any], name: str) -> float:
+    """A number that a film says of itself, 0 where it says none that makes sense: it is no part of the image."""
+    value = account.get(name, 0)
+    # Of a NaN neither comparison holds
+    sound = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 <= value < 2**63
+    return value if sound else 0
+
+
+def _list(account: Mapping[str, Any], name: str) -> list[Any]:
+    """Of what stands there, the tables."""
+    value = account.get(name)
+    return [each for each in value if isinstance(each, Mapping)] if isinstance(value, list) else []

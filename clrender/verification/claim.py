@@ -136,6 +136,10 @@ class ImageClaim(Claim):
         blocks = np.arange(len(ledger.taken()))
         ledger.add(blocks, first, np.full(len(blocks), count))
         super().__init__({**settings, **{key: provenance[key] for key in _HASHES}}, ledger, provenance)
+        if provenance.get("spp") != provenance["settings"].get("spp"):
+            self.faults.append(
+                f"it says both that spp is {provenance.get('spp')} and that it is {provenance['settings'].get('spp')}"
+            )
         whole = not self._display and self._stored["exr_type"] == "float"
         if whole and provenance.get("image_sha256") != image_sha256(self._image):
             self.faults.append("its pixels have another hash than it says (image_sha256)")

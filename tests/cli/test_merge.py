@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from cli_support import run
 
 from clrender.film import Film
+from clrender.film.merge import merge_films
 
 SIZE = ("--size", "37x22", "--spp", "8", "--quiet")
 
@@ -39,6 +41,17 @@ def test_shards_in_any_order_are_the_render(shards: Path, order: tuple[str, ...]
     assert merged.ledger == whole.ledger and merged.request == whole.request
     for name in ("image_sha256", "samples", "rays", "spp", "scene_sha256", "kernel_sha256", "nonfinite_samples"):
         assert merged.provenance[name] == whole.provenance[name], name
+
+
+@pytest.mark.parametrize("nonsense", ["many", None, [1], True, float("nan"), -5, 10**30])
+def test_numbers_that_make_no_sense_do_not_count(shards: Path, tmp_path: Path, nonsense: Any) -> None:
+    """They are no part of the image."""
+    film = Film.load(shards / "1.film")
+    names = ("samples", "rays", "shadow_rays", "render_seconds", "max_depth", "devices")
+    film.save(tmp_path / "odd.film", {**film.provenance, **dict.fromkeys(names, nonsense)})
+    merged = merge_films([tmp_path / "odd.film", shards / "2.film"])
+    other = Film.load(shards / "2.film").provenance
+    assert {name: merged.provenance[name] for name in names} == {name: other[name] for name in names}
 
 
 def refused(folder: Path, *arguments: str) -> str:

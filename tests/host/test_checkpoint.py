@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -337,7 +338,7 @@ def test_a_disk_that_is_full_to_the_end(tmp_path: Path, monkeypatch: pytest.Monk
     with opened(path, told, clock) as checkpoint:
         film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
         monkeypatch.setattr("os.fsync", fail(FULL))
-    assert len(told) == 1 and "no room is left" in told[0] and "holds 0 samples" in told[0]
+    assert len(told) == 1 and "no room is left" in told[0] and "there is no checkpoint" in told[0]
     assert not list(tmp_path.iterdir())
 
 
@@ -382,6 +383,30 @@ def test_what_a_kill_left_is_replaced_and_not_followed(tmp_path: Path) -> None:
         film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
     assert sorted(each.name for each in tmp_path.iterdir()) == ["a.film", "other"]
     assert (tmp_path / "other").read_text() == "precious" and same(Film.load(tmp_path / "a.film"), whole(1))
+
+
+def test_what_a_kill_left_goes_when_the_next_render_begins(tmp_path: Path) -> None:
+    """Also where that render finds that nothing is left to do."""
+    with opened(tmp_path / "a.film", [], Clock()) as checkpoint:
+        film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
+    (tmp_path / ".a.film.part").write_text("half a film")
+    with Checkpoint(tmp_path / "a.film", True, print):
+        assert [each.name for each in tmp_path.iterdir() if each.suffix != ".lock"] == ["a.film"]
+
+
+@pytest.mark.parametrize("name", ["a.png", "a", "/", "film"])
+def test_what_is_no_film_by_its_name_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match=r"a checkpoint is a film; give it the ending \.film"):
+        Checkpoint(name, False, print)
+
+
+def test_a_checkpoint_that_is_gone_is_not_said_to_stay(tmp_path: Path) -> None:
+    said: list[str] = []
+    (tmp_path / "in").mkdir()
+    with opened(tmp_path / "in" / "a.film", said, Clock()) as checkpoint:
+        film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
+        shutil.rmtree(tmp_path / "in")
+    assert len(said) == 1 and "create it first; there is no checkpoint, the image all" in said[0], said
 
 
 # --- resuming --------------------------------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ import numpy.typing as npt
 import pytest
 from PIL import Image
 
+import clrender
 from clrender.errors import ClrenderError, RenderError, UsageError
 from clrender.files import atomic_write, check_writable, open_input
 from clrender.film import Film
@@ -254,6 +255,62 @@ def test_rights_follow_the_umask_and_the_old_file(tmp_path: Path) -> None:
     with atomic_write(tmp_path / "new") as file:
         file.write(b"2")
     assert (tmp_path / "new").stat().st_mode & 0o777 == 0o604
+
+
+WRITER = """
+import sys, time
+from clrender.files import atomic_write
+with atomic_write("a.png") as file:
+    print("writing", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_what_killed_processes_left_is_removed_and_what_others_write_is_not(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", WRITER]
+    environment = {**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent)}
+    processes = [
+        subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(2)
+    ]
+    try:
+        for process in processes:
+            assert process.stdout is not None and process.stdout.readline() == "writing\n"
+        processes[0].kill()
+        processes[0].wait()
+        (tmp_path / ".clrender-notes.part").write_text("not ours")
+        (tmp_path / ".clrender-1-0123456789ab.part").symlink_to(tmp_path / ".clrender-notes.part")
+        assert len(list(tmp_path.glob(".clrender-*-*.part"))) == 3
+        check_writable(tmp_path / "b.png")
+        left = sorted(path.name for path in tmp_path.iterdir())
+        assert left == sorted(
+            [".clrender-1-0123456789ab.part", ".clrender-notes.part"]
+            + [path.name for path in tmp_path.glob(f".clrender-{processes[1].pid}-*.part")]
+        )
+        assert len(left) == 3, "the file of the process that lives"
+    finally:
+        for process in processes:
+            process.kill()
+            process.communicate()
+
+
+def test_a_file_taken_for_a_left_one_before_it_was_locked_is_begun_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from clrender import files
+
+    lock, taken = files._lock, list[Path]()
+
+    def slow_lock(descriptor: int) -> None:
+        if not taken:
+            (part,) = tmp_path.glob(".clrender-*.part")
+            files._remove_if_left(part)
+            taken.append(part)
+        lock(descriptor)
+
+    monkeypatch.setattr(files, "_lock", slow_lock)
+    with atomic_write(tmp_path / "new") as file:
+        file.write(b"1")
+    assert taken and (tmp_path / "new").read_bytes() == b"1" and len(list(tmp_path.iterdir())) == 1
 
 
 def test_threads_write_beside_each_other(tmp_path: Path) -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import re
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from clrender.device import select as select_function
+from clrender.device.discover import Driver
 from clrender.device.info import DeviceInfo
+from clrender.device.probe import DriverReport
 from clrender.device.select import choose
 from clrender.errors import DeviceError, UsageError
 
@@ -64,6 +67,23 @@ def test_a_device_that_fails_is_asked_once(specs: list[str]) -> None:
         choose(specs, known, probe, lambda line: None)
     assert asked
     assert len(set(asked)) == len(asked)
+
+
+@pytest.mark.parametrize("spec", ["²", "+-3", "+", "0,1"])
+def test_what_is_no_number_is_a_name(spec: str) -> None:
+    with pytest.raises(UsageError, match="no device has that in its name"):
+        chosen(spec)
+
+
+def test_a_wrong_variable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        sys.modules[choose.__module__], "survey", lambda refresh: [DriverReport(Driver("a", "b"), "", (), tuple(KNOWN))]
+    )
+    monkeypatch.setenv("CLRENDER_DEVICE", "nonsuch")
+    with pytest.raises(UsageError, match=r"^CLRENDER_DEVICE=nonsuch: no device has that in its name"):
+        select_function()
+    with pytest.raises(UsageError, match=r"^--device other: no device has that in its name"):
+        select_function("other")
 
 
 def test_auto_prefers_pocl_to_layered_drivers_whatever_they_say_of_their_size() -> None:

@@ -416,6 +416,11 @@ def test_another_hash_than_it_says(folder: Path) -> None:
     assert "another hash than it says" in sentence(image("a.exr", {}, {"image_sha256": "0" * 64}), 0.1)
 
 
+@pytest.mark.parametrize("spp", [10**12, -1, None])
+def test_another_number_of_samples_than_its_settings_say(folder: Path, spp: Any) -> None:
+    assert f"it says both that spp is {spp} and that it is " in sentence(image("a.exr", {}, {"spp": spp}), 0.1)
+
+
 # --- how surely ------------------------------------------------------------------------------------------------------
 
 

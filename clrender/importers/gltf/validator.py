@@ -170,7 +170,7 @@ def _check_camera(document: Document, camera: dict[str, Any], at: str) -> None:
     lens = camera[kind]
     for key in ("ymag", "xmag"):
         if lens.get(key) == 0.0:
-            raise document.fault(f"{at}/{kind}/{key}", "is 0; it must be above")
+            raise document.fault(f"{at}/{kind}/{key}", "is 0; it must be above 0 or below")
     if "zfar" in lens and lens["zfar"] <= lens["znear"]:
         raise document.fault(f"{at}/{kind}", "has a zfar that is not beyond its znear; export it again")
 
