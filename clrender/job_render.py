@@ -6,7 +6,8 @@ import dataclasses
 import importlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,9 +17,9 @@ import numpy.typing as npt
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits, matte_names
 from clrender.device import Device
 from clrender.device.preparation import Prepared, Request
-from clrender.device.probe import passes_probe
-from clrender.device.worker import DeviceWorker, LaunchConfig, most_lanes
-from clrender.errors import RenderError, UsageError
+from clrender.device.worker import LaunchConfig
+from clrender.device_team import DeviceTeam, check_lanes, member
+from clrender.errors import RenderError
 from clrender.film import Film
 from clrender.film.checkpoint import Checkpoint
 from clrender.film.convergence import Convergence
@@ -33,15 +34,13 @@ from clrender.job_memory import limited, needs, told
 from clrender.memory import largest_tile
 from clrender.render_stats import error_stats, film_layers, job_stats, peak_rss, render_stats
 from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
-from clrender.scheduling.cluster import Cluster, Member
+from clrender.scheduling.cluster import Cluster, Member, Team
 from clrender.scheduling.contributions import MOST_BYTES
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool, most_slots
+from clrender.scheduling.pool import most_slots
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_good import run_until_good
-from clrender.scheduling.watchdog import TimeLimits
-from clrender.scheduling.worker import Candidate
 
 if TYPE_CHECKING:
     from clrender.session import Session
@@ -134,7 +133,7 @@ class JobRender:
         job, settings, session = self._job, self._settings, self._session
         self._film = film = self._new_film(flat)
         devices = self._devices
-        _check_lanes(settings, devices)
+        check_lanes(settings, devices)
         compiled = sum(device.compile_seconds for device in devices)
         with self._timed("aov_seconds"):
             first = self._layers(flat)
@@ -142,7 +141,8 @@ class JobRender:
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
         sharing = self._devices
-        tally, members, finished, told = self._run(flat, prepared, film, settings.error is not None)
+        taken = self._run(flat, prepared, film, settings.error is not None)
+        tally, members = taken.tally, taken.members
         if self._cluster is None and self._dismissed(sharing, tally) and first and not tally.all_failed:
             with self._timed("aov_seconds"):  # they may be wrong as well
                 first = self._layers(flat)
@@ -158,12 +158,12 @@ class JobRender:
             **memory,
             "compile_seconds": sum(member.compile_seconds for member in members) - compiled,
             "build_seconds": max((member.build_seconds for member in members), default=0.0),
-            "render_seconds": finished - (self._started or finished),
+            "render_seconds": taken.finished - (self._started or taken.finished),
             "render_cpu_seconds": time.process_time() - cpu,
             "write_seconds": 0.0,
             "wall_seconds": time.perf_counter() - self._begin,
         }
-        stats = render_stats(job, flat, film, linear, tally, members, measured, self._checkpoint) | dict(told)
+        stats = render_stats(job, flat, film, linear, tally, members, measured, self._checkpoint) | dict(taken.told)
         if errors is not None:
             stats |= error_stats(job, film, errors, self._found, tally.complete)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
@@ -201,8 +201,7 @@ class JobRender:
         with self._memory_held():
             self._film = film = Film(wanted.width, wanted.height, self._request(flat))
             self._want(wanted)
-            tally, _, _, _ = self._run(flat, None, film)
-            tally.raise_failure()
+            self._run(flat, None, film).tally.raise_failure()
         return film
 
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
@@ -239,63 +238,41 @@ class JobRender:
         self._plan = dataclasses.replace(self._plan, wanted=wanted)
         self._total = self._plan.samples
 
-    def _run(
-        self, flat: FlatScene, prepared: Prepared | None, film: Film, until_good: bool = False
-    ) -> tuple[Tally, list[Member], float, Mapping[str, Any]]:
-        """Take the samples of the plan, by the cluster where nothing is prepared here.
-
-        Gives also who took part, in the order of the tally, the time of the last result, and what else to tell.
-        """
-        told: Mapping[str, Any] = {}
+    def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_good: bool = False) -> _Taken:
+        """Take the samples of the plan; what is not prepared yet is prepared before."""
         if not self._plan.samples:
             if until_good:
                 _, self._found = run_until_good(self._plan, [], film, self._settings)
-            devices = self._devices
-            tally = Tally(complete=True, workers=[WorkerTally(device.info.title) for device in devices])
-            members, finished = [_member(device) for device in devices], time.perf_counter()
-        elif self._cluster is not None:
-            tally, members, finished, told = self._run_on(self._cluster, flat, film, until_good)
+            names = [WorkerTally(device.info.title) for device in self._devices]
+            members = [member(device) for device in self._devices]
+            taken = _Taken(Tally(complete=True, workers=names), members, time.perf_counter(), {})
         else:
-            devices = self._session.devices
-            with self._pool(prepared or self._prepared(flat)) as pool:
-                tally = self._take(pool.candidates, film, until_good)
-                finished = time.perf_counter()
-                workers = pool.workers
-            members = [_member(device, workers.get(number)) for number, device in enumerate(devices)]
+            with self._team(flat, prepared) as team:
+                tally = self._take(team, film, until_good)
+                taken = _Taken.of(tally, team, time.perf_counter())
         if self._checkpoint is not None:
             self._checkpoint.finish()
-        return tally, members, finished, told
+        return taken
 
-    def _take(
-        self, candidates: Sequence[Candidate], film: Film, until_good: bool, limits: TimeLimits | None = None
-    ) -> Tally:
-        """Have workers take the samples of the plan, or as many as make the image good enough."""
+    def _take(self, team: Team, film: Film, until_good: bool) -> Tally:
+        """Have a team take the samples of the plan, or as many as make the image good enough."""
         take = partial(
             run,
             should_stop=self._stops,
             tell=self._session.tell,
-            limits=limits,
+            limits=team.limits,
             apart_bytes=self._apart_bytes,
         )
         if not until_good:
-            return take(self._plan, candidates, film, self._advance)
-        tally, self._found = run_until_good(self._plan, candidates, film, self._settings, take, self._advance)
+            return take(self._plan, team.candidates, film, self._advance)
+        tally, self._found = run_until_good(self._plan, team.candidates, film, self._settings, take, self._advance)
         return tally
 
-    def _run_on(
-        self, cluster: Cluster, flat: FlatScene, film: Film, until_good: bool
-    ) -> tuple[Tally, list[Member], float, Mapping[str, Any]]:
-        """The same by workers of a cluster; of those that never came nothing is told."""
-        with cluster.team(self._job, flat.sha256, self._ready) as team:
-            tally = self._take(team.candidates, film, until_good, team.limits)
-            finished = time.perf_counter()
-            taken = [
-                (member or Member(done.name, "", ""), done)
-                for member, done in zip(team.members(), tally.workers, strict=True)
-                if member is not None or done.failures
-            ]
-            tally.workers = [done for _, done in taken]
-            return tally, [member for member, _ in taken], finished, team.stats()
+    def _team(self, flat: FlatScene, prepared: Prepared | None) -> AbstractContextManager[Team]:
+        """Who takes the samples."""
+        if self._cluster is not None:
+            return self._cluster.team(self._job, flat.sha256, self._ready)
+        return self._device_team(prepared or self._prepared(flat))
 
     def _prepared(self, flat: FlatScene) -> Prepared:
         """What the integrator renders with."""
@@ -324,33 +301,18 @@ class JobRender:
             total = resumed + self._total
             self._on_progress(Progress(resumed + samples, total, seconds, rays, self._film, resumed))
 
-    def pool(self) -> tuple[WorkerPool, str]:
-        """The session's devices as workers for the job's samples, for who schedules them elsewhere; hash of the arrays.
+    def team(self) -> tuple[DeviceTeam, str]:
+        """The session's devices for who schedules them elsewhere, and the hash of the scene's arrays.
 
-        They are to be released by whoever asked.
+        Whoever asked is to release it.
         """
         flat, _ = self._flat()
-        _check_lanes(self._settings, self._session.devices)
-        return self._pool(self._prepared(flat)), flat.sha256
+        check_lanes(self._settings, self._session.devices)
+        return self._device_team(self._prepared(flat)), flat.sha256
 
-    def _pool(self, prepared: Prepared) -> WorkerPool:
-        """The devices as workers; the render begins when the first of them is ready."""
+    def _device_team(self, prepared: Prepared) -> DeviceTeam:
         settings = self._settings.struct(self._plan.tile, self._job.integrator.fixed)
-        make = partial(
-            self._session.worker,
-            flat=prepared.flat,
-            settings=settings,
-            pipeline=prepared.pipeline,
-            launch=self._launch,
-            on_device=prepared.on_device,
-        )
-
-        def ready(device: Device) -> DeviceWorker:
-            worker = make(device)
-            self._ready()
-            return worker
-
-        return WorkerPool(self._session.devices, ready, self._session.restart, passes_probe)
+        return DeviceTeam(self._session, prepared, settings, self._launch, self._ready)
 
     def _ready(self) -> None:
         """A worker is ready."""
@@ -416,11 +378,36 @@ class JobRender:
         self._seconds[name] = time.perf_counter() - begin
 
 
-def _member(device: Device, worker: DeviceWorker | None = None) -> Member:
-    """A device in the statistics."""
-    info, driver = device.info, f"{device.info.platform} {device.info.driver}"
-    busy, build = (worker.busy_seconds, worker.build_seconds) if worker is not None else (0.0, 0.0)
-    return Member(info.name, driver, info.type, busy, build, device.compile_seconds, device.allocated_bytes)
+@dataclass(frozen=True)
+class _Taken:
+    """How the samples of a plan were taken.
+
+    Attributes
+    ----------
+    tally : Tally
+    members : list of Member
+        Who took part, in the order of the tally.
+    finished : float
+        When the last result was there, by `time.perf_counter`.
+    told : mapping
+        What else the statistics say.
+    """
+
+    tally: Tally
+    members: list[Member]
+    finished: float
+    told: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, tally: Tally, team: Team, finished: float) -> _Taken:
+        """Of those that never came nothing is told."""
+        came = [
+            (each or Member(done.name, "", ""), done)
+            for each, done in zip(team.members(), tally.workers, strict=True)
+            if each is not None or done.failures
+        ]
+        tally.workers = [done for _, done in came]
+        return cls(tally, [each for each, _ in came], finished, team.stats())
 
 
 def _plan_of(job: RenderJob) -> Plan:
@@ -435,12 +422,3 @@ def _plan_of(job: RenderJob) -> Plan:
         job.integrator.pipeline.sample_by_sample,
         whole=settings.replicate_spp or 1,
     )
-
-
-def _check_lanes(settings: RenderSettings, devices: Sequence[Device]) -> None:
-    for device in devices:
-        if (settings.lanes or 1) > (limit := most_lanes(device)):
-            raise UsageError(
-                f"lanes is {settings.lanes}; {device.info.title} takes at most {limit}: leave it out, or choose "
-                "another device"
-            )

@@ -17,6 +17,7 @@ from clrender.device import Buffer, Device, select
 from clrender.device.preparation import DevicePreparation
 from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker, LaunchConfig, Scratch
+from clrender.device_team import DeviceTeam
 from clrender.errors import DeviceError, UsageError
 from clrender.film import Film
 from clrender.film.checkpoint import Checkpoint
@@ -27,7 +28,6 @@ from clrender.job import RenderJob
 from clrender.job_render import JobRender
 from clrender.rendered_image import Progress, RenderedImage
 from clrender.scheduling.cluster import Cluster
-from clrender.scheduling.pool import WorkerPool
 from clrender.turn import Turn
 
 if TYPE_CHECKING:
@@ -185,10 +185,10 @@ class Session:
         with self._alone(), Checkpoint(checkpoint, resume, self.tell) as saved:
             return JobRender(self, job, on_progress, should_stop, saved, cluster).image(keep_film)
 
-    def pool(self, job: RenderJob) -> tuple[WorkerPool, str]:
-        """The devices as workers for a job's samples, as of `clrender.job_render.JobRender.pool`."""
+    def team(self, job: RenderJob) -> tuple[DeviceTeam, str]:
+        """The devices at a job's disposal, as of `clrender.job_render.JobRender.team`."""
         with self._alone():
-            return JobRender(self, job, None, None).pool()
+            return JobRender(self, job, None, None).team()
 
     def render_part(
         self,

@@ -16,10 +16,10 @@ from typing import Any, Final, TypeVar
 
 from clrender.device import Device
 from clrender.device.worker import DeviceWorker
+from clrender.device_team import DeviceTeam
 from clrender.errors import ClrenderError, DeviceError, DeviceFailure, RenderError
 from clrender.film.unit import Unit, UnitSums
 from clrender.job import RenderJob
-from clrender.scheduling.pool import WorkerPool
 from clrender.scheduling.worker import Candidate
 from clrender.session import Session
 
@@ -140,7 +140,7 @@ class RemoteRenderer:
     def __init__(self, spec: _Spec = None) -> None:
         self._spec = spec
         self._session: Session | None = None
-        self._pool: WorkerPool | None = None
+        self._team: DeviceTeam | None = None
         self._device: Device | None = None
         self._worker: DeviceWorker | None = None
         self._prepared: tuple[str, Described] | None = None
@@ -200,7 +200,7 @@ class RemoteRenderer:
                 "for each, with another CLRENDER_DEVICE"
             )
         before = self._device.compile_seconds
-        self._pool, here = self._session.pool(job)
+        self._team, here = self._session.team(job)
         if here != arrays_sha256:
             raise RenderError("the arrays made from the scene are others here, by another NumPy or processor")
         worker = self._worker = self._set_up()
@@ -235,7 +235,7 @@ class RemoteRenderer:
     @answered
     def restart(self) -> None:
         """Forget what is on a device that failed."""
-        if self._pool is not None and (restart := self._candidate().restart) is not None:
+        if self._team is not None and (restart := self._candidate().restart) is not None:
             self._worker = None
             restart()
 
@@ -245,10 +245,10 @@ class RemoteRenderer:
         return worker
 
     def _candidate(self) -> Candidate:
-        assert self._pool is not None
-        return self._pool.candidates[0]
+        assert self._team is not None
+        return self._team.candidates[0]
 
     def _release(self) -> None:
-        pool, self._pool, self._worker, self._prepared = self._pool, None, None, None
-        if pool is not None:
-            pool.__exit__()
+        team, self._team, self._worker, self._prepared = self._team, None, None, None
+        if team is not None:
+            team.__exit__()

@@ -48,14 +48,15 @@ class Team(Protocol):
     ----------
     candidates : sequence of Candidate
         Some may stand for workers that may join later.
-    limits : TimeLimits
+    limits : TimeLimits or None
+        None: as always.
     """
 
     @property
     def candidates(self) -> Sequence[Candidate]: ...
 
     @property
-    def limits(self) -> TimeLimits: ...
+    def limits(self) -> TimeLimits | None: ...
 
     def members(self) -> list[Member | None]:
         """One for each candidate; None: nobody took its place, or nothing is known of who did."""
