@@ -125,6 +125,7 @@ RENDERS: Final = {
     "path-4-instances": Run("path", 4, samples=2, instances=True),
     "path-8-single-instances": Run("path", 8, "single", instances=True, textured=True),
     "path-4-instances-holes": Run("path", 4, instances=True, opacity="holes"),
+    "path-1-instances-holes": Run("path", 1, instances=True, opacity="holes"),
     "path-4-skin": Run("path", 4, samples=2, skin=True),
     "path-1-skin": Run("path", 1, rough=True, textured=True, skin=True),
     "path-4-textured": Run("path", 4, samples=2, textured=True),
