@@ -172,6 +172,11 @@ class Session:
             When every device fails; `IncompleteRender`, with the image so far, when samples were finished by then.
         """
         job = RenderJob.given(scene, **settings)
+        if isinstance(cluster, str):
+            raise UsageError(
+                f"cluster is {cluster!r}, but a session wants what clrender.cluster.open_cluster opens there; "
+                "clrender.render takes addresses"
+            )
         if checkpoint is None:
             if resume:
                 raise UsageError("resume has no effect without a checkpoint; name its file")

@@ -289,7 +289,8 @@ class RenderSettings:
                 "unbiased"
             )
         if self.spp % size:
-            cure = f"{self.spp // size * size or size} or {(self.spp // size + 1) * size}"
+            above = (self.spp // size + 1) * size
+            cure = f"{above - size} or {above}" if above > size else f"{size}"
             raise UsageError(f"spp is {self.spp}, but must be a multiple of replicate_spp, {size}: for example {cure}")
         if self.error is not None and self.spp < FIRST_LOOK * size:
             raise UsageError(

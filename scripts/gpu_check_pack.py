@@ -29,6 +29,25 @@ def requirements(root: Path = _ROOT) -> list[str]:
     return [*filter(None, parser["options"]["install_requires"].splitlines()), "pip"]
 
 
+def for_python(wanted: Sequence[str], python: str) -> list[str]:
+    """Requirements that hold for a version of Python, without their conditions: pip judges these by its own version.
+
+    Parameters
+    ----------
+    wanted : sequence of str
+    python : str
+    """
+    version, held = int(python.split(".")[1]), []
+    for each in wanted:
+        name, _, condition = (part.strip() for part in each.partition(";"))
+        found = re.fullmatch(r'python_version\s*(<|>=)\s*"3\.(\d+)"', condition)
+        if condition and not found:
+            raise ValueError(f'{each}: only conditions such as python_version < "3.11" are understood')
+        if not found or (version < int(found[2])) == (found[1] == "<"):
+            held.append(name)
+    return held
+
+
 def pack(folder: Path, pythons: Sequence[str], machine: str, wanted: Sequence[str]) -> int:
     """Download wheels of all that is wanted; gives the bytes in the folder.
 
@@ -57,7 +76,9 @@ def pack(folder: Path, pythons: Sequence[str], machine: str, wanted: Sequence[st
         command += ["--abi", f"cp{python.replace('.', '')}", "--abi", "abi3", "--abi", "none"]
         for platform in _PLATFORMS:
             command += ["--platform", platform.format(machine)]
-        done = subprocess.run([*command, "--dest", str(folder), *wanted], capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [*command, "--dest", str(folder), *for_python(wanted, python)], capture_output=True, text=True, check=False
+        )
         if done.returncode:
             last = next((line for line in reversed(done.stderr.splitlines()) if line.strip()), "no word from pip")
             raise ValueError(f"pip found no wheels for Python {python} on {machine}: {last.strip()}")

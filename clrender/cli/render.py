@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -326,7 +327,7 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     seconds = numbers["render_seconds"]
     speed = quantity((held - resumed) / seconds) if seconds > 0 else "-"
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))
-    parts.append(f"{speed} samples/s on {', '.join(device['name'] for device in numbers['devices'])}")
+    parts.append(f"{speed} samples/s on {_device_names(numbers)}")
     if numbers.get("nonfinite_samples"):
         parts.append(f"{numbers['nonfinite_samples']} samples were not finite and are left out")
     return ", ".join(parts)
@@ -337,3 +338,11 @@ def _convergence_words(numbers: Mapping[str, Any], pixels: int) -> str:
     left = numbers["unconverged_pixels"]
     words = f"{left} of {pixels} pixels ({left / pixels:.2%}) not within {numbers['error']:.3g} of their luminance"
     return f"{words} at {numbers['confidence']:.4g} confidence" + ("" if numbers["converged"] else ": NOT CONVERGED")
+
+
+def _device_names(numbers: Mapping[str, Any]) -> str:
+    """Who did it; of a cluster, how many of a kind."""
+    names = [device["name"] for device in numbers["devices"]]
+    if "cluster" in numbers:
+        names = [name if count == 1 else f"{count} x {name}" for name, count in Counter(names).items()]
+    return ", ".join(names)

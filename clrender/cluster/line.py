@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import importlib
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
@@ -123,32 +124,50 @@ class Line:
         if self.leads_to(peer):
             return
         self._questions, self._broken, self._actor, self._peer = [], None, None, peer
-        self._holder = self._client.submit(
-            RemoteRenderer, self._spec, key=f"clrender-{uuid.uuid4().hex}", workers=[peer.address],
-            allow_other_workers=False, pure=False, retries=0, actor=True,
+        # By itself first: a class that a worker cannot load would end its process, which may not be ours alone
+        loaded = self._submit(importlib.import_module, RemoteRenderer.__module__)
+        if self._await(loaded) and loaded.status != "error":
+            self._holder = self._submit(RemoteRenderer, self._spec, actor=True)
+            if self._await(self._holder):
+                self._actor = self._result(self._holder.result)
+        elif loaded.status == "error":
+            raise RenderError(
+                f"{peer.title} cannot load clrender ({_line(self._result(loaded.exception))}); install clrender "
+                f"{__version__} there"
+            )
+
+    def _submit(self, function: Callable[..., Any], *arguments: Any, actor: bool = False) -> Any:
+        """Dask's future of a function's result on the worker, and nowhere else."""
+        assert self._peer is not None
+        return self._client.submit(
+            function, *arguments, key=f"clrender-{uuid.uuid4().hex}", workers=[self._peer.address],
+            allow_other_workers=False, pure=False, retries=0, actor=actor,
         )  # fmt: skip
+
+    def _await(self, future: Any) -> bool:
+        """Wait for one of Dask's futures; gives whether it is done."""
         begun = time.monotonic()
-        while not self._holder.done():
+        while not future.done():
             if self._given_up.is_set():
-                return
+                return False
             if self._moved() or time.monotonic() - begun > ANSWER_SECONDS:
                 raise self._lose("did not take the job")
             time.sleep(_WAIT / 8)
+        return True
+
+    def _result(self, get: Callable[..., Any]) -> Any:
+        """What one of Dask's futures that is done came to."""
         try:
-            self._actor = self._holder.result(timeout=ANSWER_SECONDS)
+            return get(timeout=ANSWER_SECONDS)
         except (OSError, concurrent.futures.CancelledError, asyncio.CancelledError):
             raise self._lose("broke off") from None
-        except ImportError as error:
-            raise RenderError(
-                f"{peer.title} cannot load clrender ({error}); install clrender {__version__} there"
-            ) from None
-        except Exception as error:  # of whatever the worker's Python thinks of our class
-            raise RenderError(f"{peer.title} cannot take jobs ({type(error).__name__}: {_line(error)})") from None
+        except Exception as error:  # of whatever Python is there
+            raise RenderError(f"{self._title} cannot take jobs ({type(error).__name__}: {_line(error)})") from None
 
     def call(self, method: str, *arguments: Any, should_stop: Callable[[], bool] | None = None) -> Any:
         """What a method of the actor gives; None where nobody waits for that any more.
 
-        With `should_stop` it is waited for until that says yes, and then a moment for what there is.
+        With `should_stop` it is waited for until that says yes, and then a moment for what there is, if anything.
 
         Raises
         ------
@@ -157,8 +176,18 @@ class Line:
         ClrenderError
             As its method raises.
         """
-        if self._actor is None:
+        try:
+            return self._call(method, arguments, should_stop)
+        except DeviceFailure:
+            if should_stop is None or not should_stop():
+                raise
             return None
+
+    def _call(self, method: str, arguments: Sequence[Any], should_stop: Callable[[], bool] | None) -> Any:
+        if self._actor is None:
+            if should_stop is None:  # it was given up while it was to be met
+                return None
+            raise DeviceFailure(f"{self._title} is not connected")
         future = self._begin(method, *arguments)
         question: _Future | None = None
         heard, stopped = time.monotonic(), 0.0

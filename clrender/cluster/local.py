@@ -54,7 +54,9 @@ def local_cluster(count: int) -> Iterator[str]:
     processes: list[subprocess.Popen[bytes]] = []
     with tempfile.TemporaryDirectory(prefix="clrender-cluster-", ignore_cleanup_errors=True) as folder:
         with dask.config.set(_DASK):
-            scheduler = local(n_workers=0, protocol="tcp", host=LOOPBACK, dashboard_address=None)
+            # Each of Dask's processes serves pages about itself, to the whole network unless told where
+            pages = {"dashboard": False, "dashboard_address": f"{LOOPBACK}:0"}
+            scheduler = local(n_workers=0, protocol="tcp", host=LOOPBACK, scheduler_kwargs=pages)
         try:
             address = str(scheduler.scheduler_address)
             processes += [_worker(address, number, count, Path(folder)) for number in range(count)]
@@ -72,7 +74,8 @@ def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.P
     threads = str(max(1, (os.cpu_count() or 1) // count))
     environment = {**dict.fromkeys(_THREADS, threads), **_variables(), **os.environ, "PYTHONPATH": path}
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--name", str(number), "--nthreads", "1"]
-    command += ["--host", LOOPBACK, "--no-dashboard", "--memory-limit", "0", "--local-directory", str(folder)]
+    command += ["--host", LOOPBACK, "--no-dashboard", "--dashboard-address", f"{LOOPBACK}:0"]
+    command += ["--memory-limit", "0", "--local-directory", str(folder)]
     with (folder / f"{number}.log").open("wb") as log:
         return subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, env=environment

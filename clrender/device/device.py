@@ -17,10 +17,10 @@ import numpy.typing as npt
 
 from clrender.device.compiled import Sentinel, leave
 from clrender.device.compiler import build, program_key, store
-from clrender.device.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
+from clrender.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.turn import Turn
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import os
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from clrender.device.info import DeviceInfo
 from clrender.device.probe import DriverReport, probe, survey
 from clrender.errors import DeviceError, UsageError
 
-__all__ = ["choose", "open_devices", "select"]
+__all__ = ["choose", "open_devices", "select", "spare_cores"]
 
 Notify = Callable[[str], None]
 Probe = Callable[[DeviceInfo], DeviceInfo]
@@ -209,7 +210,37 @@ def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo]) -> l
     wanted = [driver for driver in discover.drivers() if driver.library in libraries]
     platforms = discover.load_platforms(wanted)
     loaded = [info for info in known if info.library in libraries]
-    return [Device(replace(info), _handle(info, platforms, loaded)) for info in chosen]
+    handles = [_handle(info, platforms, loaded) for info in chosen]
+    return [Device(replace(info), handle) for info, handle in spare_cores(chosen, handles)]
+
+
+def spare_cores(chosen: Sequence[DeviceInfo], handles: Sequence[Any]) -> list[tuple[DeviceInfo, Any]]:
+    """Leave a core to the threads that feed GPUs: CPU devices beside one get one core less, where their driver can.
+
+    Parameters
+    ----------
+    chosen : sequence of DeviceInfo
+    handles : sequence of pyopencl.Device
+
+    Returns
+    -------
+    list of (DeviceInfo, pyopencl.Device)
+        Of a CPU that was divided, the part with all cores but one.
+    """
+    import pyopencl as cl
+
+    fed = any(info.type != "cpu" for info in chosen)
+    opened = []
+    for info, handle in zip(chosen, handles, strict=True):
+        left = info.compute_units - 1
+        if fed and info.type == "cpu" and left >= 1:
+            by_counts = cl.device_partition_property.BY_COUNTS
+            end = cl.device_partition_property.BY_COUNTS_LIST_END
+            with contextlib.suppress(cl.Error):  # a driver that cannot: the system's scheduler has to do
+                (handle,) = handle.create_sub_devices([by_counts, left, end])
+                info = replace(info, compute_units=left)
+        opened.append((info, handle))
+    return opened
 
 
 def _handle(info: DeviceInfo, platforms: Sequence[Any], known: Sequence[DeviceInfo]) -> Any:

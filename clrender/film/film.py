@@ -20,6 +20,7 @@ from clrender.film.file import FilmReader, write_film
 from clrender.film.fixed_point import add_words, subtract_words, to_float64
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums
+from clrender.huge_pages import LARGE_BYTES, prefer_large_pages
 from clrender.memory import film_bytes
 
 __all__ = ["Film"]
@@ -82,6 +83,9 @@ class Film:
             np.zeros((min(self.band_rows, height - top), width, 3, 4), np.uint64)
             for top in range(0, height if self.replicate_spp else 0, self.band_rows)
         ]
+        for band in self._bands:
+            if band is not None and band.nbytes >= LARGE_BYTES:
+                prefer_large_pages(band.ctypes.data, band.nbytes)
         self._whole = threading.RLock()  # the sums and the ledger agree while nobody else holds it
         self._pixels = threading.Lock()  # a pixel's sums and its count agree, likewise
 

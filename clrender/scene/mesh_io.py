@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from clrender.scene.values import COORDINATE_LIMIT
 from clrender.scene.vertex_colors import VertexColors
 from clrender.scene.wording import quoted
 
-__all__ = ["FILE_LIMIT", "checked_mesh", "read_mesh"]
+__all__ = ["FILE_LIMIT", "checked_mesh", "read_mesh", "read_serialized_mesh"]
+
+_Found = TypeVar("_Found")
 
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
@@ -50,20 +52,57 @@ def read_mesh(
     if read is None:
         allowed_file(name, base_folder, allow_paths, label)
         raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply, .obj or .stl")
+    mesh = _read(name, base_folder, allow_paths, label, lambda file, size: read(file, size, label, colors))
+    if colors is not None and mesh.colors is None:
+        text = "has no colours of vertices (red, green, blue), which vertex_colors asks for"
+        raise SceneError(f"{label} {text}; export the mesh with them, or leave vertex_colors out")
+    return checked_mesh(mesh, label)
+
+
+def read_serialized_mesh(
+    name: str, base_folder: Path, allow_paths: Sequence[Path], place: str, index: int
+) -> tuple[MeshData, bool]:
+    """Read one mesh of a file of Mitsuba's `.serialized` ones.
+
+    Parameters
+    ----------
+    name, base_folder, allow_paths, place
+        As of `read_mesh`.
+    index : int
+        Of the mesh in the file, from 0.
+
+    Returns
+    -------
+    mesh : MeshData
+    faceted : bool
+        Whether the file wants it to be flat.
+
+    Raises
+    ------
+    SceneError
+        If it may not be read or is not a sound mesh.
+    """
+    from clrender.scene.mesh_serialized import read_serialized
+
+    label = f"{place}: {quoted(name)}"
+    found = _read(name, base_folder, allow_paths, label, lambda file, size: read_serialized(file, size, label, index))
+    return checked_mesh(found.mesh, label), found.faceted
+
+
+def _read(
+    name: str, base_folder: Path, allow_paths: Sequence[Path], label: str, read: Callable[[BinaryIO, int], _Found]
+) -> _Found:
+    """What a reader makes of a file and its size."""
     file, size = open_named_file(name, base_folder, allow_paths, label, FILE_LIMIT)
     with file:
         if size == 0:
             raise SceneError(f"{label} is empty; it must hold a mesh")
         try:
-            mesh = read(file, size, label, colors)
+            return read(file, size)
         except MemoryError:
             raise SceneError(f"{label} is too large for the memory of this machine") from None
         except OSError as error:
             raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
-    if colors is not None and mesh.colors is None:
-        text = "has no colours of vertices (red, green, blue), which vertex_colors asks for"
-        raise SceneError(f"{label} {text}; export the mesh with them, or leave vertex_colors out")
-    return checked_mesh(mesh, label)
 
 
 def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], MeshData] | None:

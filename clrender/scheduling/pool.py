@@ -22,7 +22,7 @@ _SUMS_BYTES: Final = 48
 
 def most_slots(devices: Sequence[Device], limit: int | None) -> int:
     """Slots of a unit that every device can hold, where each may use so many bytes in all (None: no limit)."""
-    room = min(device.max_allocation_bytes // _SUMS_BYTES for device in devices)
+    room = min((device.max_allocation_bytes // _SUMS_BYTES for device in devices), default=1 << 31)
     allowed = unit_slots(limit)
     return room if allowed is None else min(room, allowed)
 

@@ -25,6 +25,7 @@ import numpy as np
 import OpenEXR
 import rival_scenes
 from gltf_files import Model
+from serialized_files import serialized
 
 from clrender.errors import ClrenderError
 from clrender.film import Film
@@ -34,7 +35,7 @@ from clrender.importers import load
 from clrender.scene import Scene
 from clrender.scene.ies import read_ies
 from clrender.scene.lamp_tables import lamp_table
-from clrender.scene.mesh_io import read_mesh
+from clrender.scene.mesh_io import read_mesh, read_serialized_mesh
 
 __all__ = ["main"]
 
@@ -140,6 +141,11 @@ def originals(folder: Path, ending: str) -> list[bytes]:
         rival_scenes.write_parts(folder)
         texts = [rival_scenes.PBRT] if ending == ".pbrt" else [rival_scenes.MITSUBA, rival_scenes.MITSUBA_06]
         return [text.encode() for text in texts]
+    if ending == ".serialized":
+        points = np.arange(15).reshape(5, 3) * 0.3
+        sheet = {"vertices": points, "triangles": [[0, 1, 2], [2, 3, 4]], "normals": points, "uvs": points[:, :2]}
+        double = {"vertices": points, "triangles": [[0, 1, 4]], "colors": points / 5.0, "double": True, "flags": 0x10}
+        return [serialized([sheet, double], 3), serialized([double, sheet], 4), serialized([sheet])]
     if ending == ".film":
         film = Film(6, 5)
         film.save(path, {"seed": 1})
@@ -201,10 +207,27 @@ def changed_model(rng: random.Random, ending: str) -> bytes:
     return bytes(model.glb() if ending == ".glb" else model.gltf())
 
 
+def changed_meshes(data: bytes, rng: random.Random) -> bytes:
+    """The file with some of the bytes of its first mesh changed before they were compressed."""
+    inflate = zlib.decompressobj()
+    body = inflate.decompress(data[4:])
+    packed = zlib.compress(mutated(body, rng))
+    if rng.random() < 0.2:
+        return data[:4] + packed + inflate.unused_data
+    kind = "<I" if data[2] == 3 else "<Q"
+    count = int.from_bytes(data[-4:], "little")
+    second = [4 + len(packed)] if count == 2 else []
+    rest = inflate.unused_data[: -4 - count * struct.calcsize(kind)]
+    table = b"".join(struct.pack(kind, place) for place in (0, *second))
+    return data[:4] + packed + rest + table + data[-4:]
+
+
 def mutated(data: bytes, rng: random.Random, ending: str = "") -> bytes:
     """The file with some of its bytes changed, cut out, doubled or put in; headers more often than the rest."""
     if ending in (".gltf", ".glb") and rng.random() < 0.8:
         return changed_model(rng, ending)
+    if ending == ".serialized" and rng.random() < 0.7:
+        return changed_meshes(data, rng)
     new = bytearray(data)
     words = b"scene version" in data or b"WorldBegin" in data  # it is all of one kind
     for _ in range(rng.randint(1, 4)):
@@ -266,6 +289,10 @@ def _mesh(path: Path) -> Any:
         raise problem
 
 
+def _serialized(path: Path) -> Any:
+    return read_serialized_mesh(path.name, path.parent, (), "here", zlib.crc32(path.read_bytes()) % 3 // 2)
+
+
 def _library(path: Path) -> Any:
     return load(path.with_name("model.obj"))
 
@@ -302,6 +329,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     ".ply": _mesh,
     ".obj": _mesh,
     ".stl": _mesh,
+    ".serialized": _serialized,
     ".mtl": _library,
     ".ies": _lamp,
     ".film": Film.load,

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 FILES = [".npy", ".exr", ".png", ".hdr", ".ies", ".film"]
-SCENES = [".ply", ".obj", ".mtl", ".stl", ".gltf", ".glb", ".xml", ".pbrt", "-places.npy"]
+SCENES = [".ply", ".obj", ".mtl", ".stl", ".serialized", ".gltf", ".glb", ".xml", ".pbrt", "-places.npy"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""
@@ -29,6 +29,10 @@ def answers(folder: Path, count: int, seed: int, endings: list[str]) -> None:
 @pytest.mark.parametrize("ending", [*FILES, *SCENES])
 def test_mutated_files(tmp_path: Path, ending: str) -> None:
     answers(tmp_path, 60, 1, [ending])
+
+
+def test_two_thousand_serialized_meshes(tmp_path: Path) -> None:
+    answers(tmp_path, 2000, 4, [".serialized"])
 
 
 @pytest.mark.slow

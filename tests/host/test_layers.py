@@ -35,7 +35,7 @@ LAYERS = (
     ("scene",),
     ("settings",),
     ("integrators",),
-    ("limits", "exposure", "memory"),
+    ("limits", "exposure", "memory", "huge_pages"),
     ("image",),
     ("files", "npy", "turn"),
     ("resources",),

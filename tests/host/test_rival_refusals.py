@@ -59,7 +59,7 @@ def refusal(path: Path, text: str | bytes) -> str:
         ('<texture type="scale" id="a"><ref id="a"/></texture>\n<shape type="sphere"><bsdf type="diffuse">\
 <ref name="reflectance" id="a"/></bsdf></shape>', 2, "contains itself"),
         ('<shape type="ply"/>', 2, 'has no "filename"'),
-        ('<shape type="serialized"/>', 2, "convert the file to .ply"),
+        ('<shape type="serialized"/>', 2, 'has no "filename"'),
         ('<shape type="ply"><string name="filename" value="none.ply"/></shape>', 2, "none.ply"),
         ('<shape type="ply"><string name="filename" value="../x.ply"/></shape>', 2, "outside the scene's own folder"),
         ('<shape type="ply"><string name="filename" value="http://x/x.ply"/></shape>', 2, "nothing is fetched"),

@@ -147,7 +147,14 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
         made = settings_for(PLAIN, None, chosen)
     except UsageError as error:
         assert_one_sentence(error)
-        together = ("has no effect", "takes", "pixels")
+        together = (
+            "has no effect",
+            "takes",
+            "pixels",
+            "a multiple of replicate_spp",
+            "no spread of its",
+            "first looked at",
+        )
         bad = [name for name, value in chosen.items() if not fits(name, value)]
         assert any(name in str(error) for name in bad) if bad else any(word in str(error) for word in together)
         return

@@ -176,21 +176,28 @@ class Liar(FakeWorker):
         return result
 
 
-def meet(plan: Plan, film: Film, *workers: FakeWorker, proof: Callable[[FakeWorker], bool] | None = None) -> Tally:
+def meet(
+    plan: Plan,
+    film: Film,
+    *workers: FakeWorker,
+    proof: Callable[[FakeWorker], bool] | None = None,
+    apart_bytes: int = MOST_BYTES,
+) -> Tally:
     candidates = [
         Candidate(worker.name, partial(lambda each: each, worker), prove=proof and partial(proof, worker))
         for worker in workers
     ]
-    return run(plan, candidates, film)
+    return run(plan, candidates, film, apart_bytes=apart_bytes)
 
 
+@pytest.mark.parametrize("apart_bytes", [MOST_BYTES, 0], ids=["films apart", "no memory for them"])
 @pytest.mark.parametrize("constant", [False, True])
 @pytest.mark.parametrize("order", [1, -1])
-def test_a_liar_is_found_and_its_units_are_done_again(constant: bool, order: int) -> None:
+def test_a_liar_is_found_and_its_units_are_done_again(constant: bool, order: int, apart_bytes: int) -> None:
     plan, film = plan_for(40, 24, 12, 8), Film(40, 24)
     pair = [Liar(plan, 1.0, constant), FakeWorker(plan, "honest")][::order]
     with cut_as(small_units):
-        tally = meet(plan, film, *pair, proof=lambda worker: worker.name == "honest")
+        tally = meet(plan, film, *pair, proof=lambda worker: worker.name == "honest", apart_bytes=apart_bytes)
     assert_whole(plan, film)
     assert tally.complete and tally.samples == 40 * 24 * 12
     states = {each.name: each.state for each in tally.workers}

@@ -13,19 +13,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from cluster_support import DEVICE, Machines, machines, namespaces
 
 import clrender
 from clrender.bench.shapes import geodesic, write_ply
 from clrender.cluster import DaskCluster, check_address, line, open_cluster, opened
-from clrender.errors import RenderError, UsageError
+from clrender.errors import ClrenderError, RenderError, UsageError
 from clrender.film import Film
 from clrender.rendered_image import IncompleteRender, Progress
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.session import Session
 
-pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's
 
 SIZE = (96, 64)
@@ -85,6 +85,15 @@ def test_the_bits_are_those_of_a_render_here(local: DaskCluster, here: Session, 
         assert each["host"].startswith("worker ") and each["driver"] and each["type"] == "cpu"
 
 
+def test_only_this_machine_reaches_a_local_cluster(local: DaskCluster) -> None:
+    """Neither its ports nor the pages that Dask serves about each process."""
+    me = psutil.Process()
+    found = [each.net_connections("inet") for each in (me, *me.children(recursive=True))]
+    listening = [socket.laddr.ip for sockets in found for socket in sockets if socket.status == psutil.CONN_LISTEN]
+    assert len(listening) >= 1 + 2 * 2  # the scheduler, and of each worker the nanny and its process
+    assert set(listening) == {"127.0.0.1"}
+
+
 def test_a_session_without_a_device_uses_a_cluster(local: DaskCluster) -> None:
     with Session("no such device") as session:
         assert not session.render(clrender.load("room"), spp=16, size=SIZE, cluster=local).interrupted
@@ -141,6 +150,11 @@ def test_addresses(address: str) -> None:
     check_address(address)
 
 
+def test_a_session_wants_a_cluster_that_is_open() -> None:
+    with Session(DEVICE) as session, pytest.raises(UsageError, match="open_cluster"):
+        session.render(clrender.load("room"), cluster="local:2")  # type: ignore[arg-type]
+
+
 def test_nobody_at_an_address(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opened, "CONNECT_SECONDS", 1.0)
     with pytest.raises(RenderError, match="no Dask scheduler answers there"), open_cluster("tcp://127.0.0.1:9"):
@@ -154,9 +168,20 @@ def render_on(
         return session.render(clrender.load("room"), spp=spp, size=size, cluster=cluster, **more)
 
 
-def test_a_worker_that_would_give_another_image_is_left_out_by_name(tmp_path: Path, here: Session) -> None:
+@pytest.mark.parametrize(
+    ("preload", "words"),
+    [
+        ("import clrender.job\nclrender.job.__version__ = 'another'\n", "version differ here"),
+        ("import sys\nsys.modules['clrender.cluster.remote'] = None\n", "cannot load clrender ("),
+        ("import os\nos.environ['CLRENDER_DEVICE'] = 'none such'\n", "none such"),
+    ],
+    ids=["version", "no clrender", "no device"],
+)
+def test_a_worker_that_cannot_do_it_is_left_out_by_name(
+    tmp_path: Path, here: Session, preload: str, words: str
+) -> None:
     other = tmp_path / "other.py"
-    other.write_text("import clrender.job\nclrender.job.__version__ = 'another'\n")
+    other.write_text(preload)
     told: list[str] = []
     with machines(tmp_path, 1) as running:
         running.add("--preload", str(other))
@@ -164,12 +189,13 @@ def test_a_worker_that_would_give_another_image_is_left_out_by_name(tmp_path: Pa
             wait_for_workers(cluster, 2)
             image = render_on(cluster, told)
             assert hash_of(image) == hash_of(here.render(clrender.load("room"), spp=64, size=SIZE))
-            assert [line for line in told if "worker w1 on" in line and "version differ here" in line], told
+            assert told and all("worker w1 on" in line and words in line for line in told), told
             assert len(told) == 1
             running.end(0)
             wait_for_workers(cluster, 1)
-            with pytest.raises(RenderError, match="version differ here"):
+            with pytest.raises(ClrenderError) as caught:
                 render_on(cluster)
+            assert words in str(caught.value)
 
 
 HANGS = """

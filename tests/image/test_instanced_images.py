@@ -167,8 +167,8 @@ def test_every_integrator(device: Device, pictures: Path, integrator: str) -> No
 
 def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are written out, and the image is that of the trees that they would have."""
-    shapes: list[dict[str, Any]] = [{**_FLOOR}]
-    groups: dict[str, Any] = {}
+    shapes: list[dict[str, Any]] = [_FLOOR]
+    groups = {}
     for number in range(66):
         x, z = number % 11 * 0.4 - 2.0, number // 11 * 0.6 - 2.0
         groups[f"{number}"] = {"shapes": [ball(material="lambert", transform={"scale": 0.2 + 0.002 * number})]}

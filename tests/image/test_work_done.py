@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from image_support import render
 
+import clrender
 from clrender.device import Device
+from clrender.device.faults import FaultyDevice
 
 if TYPE_CHECKING:
-    from clrender.device.device import Program
+    import numpy.typing as npt
+
+    from clrender.device.device import Buffer, Program, Reading
 
 
 @pytest.fixture
@@ -50,6 +54,36 @@ def test_a_frame_is_a_few_launches(device: Device, launched: Counter[str], size:
     assert frame.keys() == {"film_clear", "integrator_path", "film_accumulate"}
     assert frame["film_clear"] == 1
     assert 1 <= frame["integrator_path"] == frame["film_accumulate"] <= 6
+
+
+class Noted(FaultyDevice):
+    """How many slices were on their way when one was waited for, and how many launches there were in all."""
+
+    def __init__(self, device: Device) -> None:
+        super().__init__(device)
+        self.flying, self.seen = 0, Counter[int]()
+
+    def begin_read(self, buffer: Buffer, array: npt.NDArray[Any]) -> Reading:
+        self.flying += 1
+        return super().begin_read(buffer, array)
+
+    def end_read(self, reading: Reading) -> None:
+        self.seen[self.flying] += 1
+        self.flying -= 1
+        super().end_read(reading)
+
+
+@pytest.mark.parametrize(
+    ("how", "most"), [({}, 2), ({"samples_per_pass": 1}, 2), ({"integrator": "photon", "photons": 2000}, 1)], ids=str
+)
+def test_a_device_need_not_wait_for_the_host(device: Device, how: dict[str, Any], most: int) -> None:
+    """Two slices are on their way, but for the first, and where something is computed for each sample."""
+    noted = Noted(device)
+    with clrender.Session(noted) as session:
+        session.render(clrender.load("room"), size=(96, 96), spp=40 if most > 1 else 4, **how)
+    assert noted.flying == 0 and max(noted.seen) == most
+    slices = noted.seen.total()
+    assert noted.seen[most] >= slices // 2 and slices >= 3
 
 
 def test_launches_of_the_tree_grow_with_its_depth_only(device: Device, launched: Counter[str]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -29,6 +30,7 @@ from clrender.importers.shared.meshes import (
 )
 from clrender.importers.shared.staging import Staging
 from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_io import read_mesh, read_serialized_mesh
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
 from clrender.scene.wording import quoted
 
@@ -117,9 +119,8 @@ class ShapeReader:
             "cylinder": self._cylinder,
             "obj": self._file,
             "ply": self._file,
+            "serialized": self._file,
         }
-        if plugin.type == "serialized":
-            raise plugin.fault("meshes in .serialized files are not read; convert the file to .ply and name that")
         if plugin.type not in known:
             self._staging.note(f"{plugin.label} is not known and left out")
             return
@@ -231,17 +232,26 @@ class ShapeReader:
         if plugin.has("max_smooth_angle"):
             self._staging.note('"max_smooth_angle" is left out: such meshes are smooth as others are')
             plugin.ignore("max_smooth_angle")
+        index = plugin.whole("shape_index", 0) if plugin.type == "serialized" else 0
         plugin.ignore("collapse", "shape_index")
+        faceted = False
+
+        def serialized(name: str, folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
+            nonlocal faceted
+            mesh, wanted = read_serialized_mesh(name, folder, allow_paths, place, index)
+            faceted = wanted and self._old  # Mitsuba 3 does not look at it
+            return without_normals(mesh) if faceted else mesh
 
         def adapted(mesh: MeshData) -> MeshData:
             if turned != self._old:  # in 0.6 pictures stand upright by the file's own numbers
                 mesh = flipped_v(mesh)
-            if flat:
+            if flat or faceted:
                 return without_normals(mesh)
             return faced_by_normals(mesh) if mesh.normals is not None else smoothed(mesh)
 
-        kind = f"{plugin.type}{', flat' if flat else ''}{', turned' if turned else ''}"
-        name, had_normals = self._staging.mesh_of_file(file, kind, plugin.line, adapted)
+        kind = f"{plugin.type}{f' {index}' if index else ''}{', flat' if flat else ''}{', turned' if turned else ''}"
+        read = serialized if plugin.type == "serialized" else read_mesh
+        name, had_normals = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
         # The winding decides where the file has no normals, and a mirror turns it round
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(matrix) < 0.0)

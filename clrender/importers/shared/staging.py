@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -134,7 +135,14 @@ class Staging:
             self.draft.meshes[name] = make()
         self.shape({"type": "mesh", "file": name, **described}, matrix, line)
 
-    def mesh_of_file(self, uri: str, kind: str, line: int, adapt: Callable[[MeshData], MeshData]) -> tuple[str, bool]:
+    def mesh_of_file(
+        self,
+        uri: str,
+        kind: str,
+        line: int,
+        adapt: Callable[[MeshData], MeshData],
+        read: Callable[[str, Path, Sequence[Path], str], MeshData] = read_mesh,
+    ) -> tuple[str, bool]:
         """Read a mesh file, once for each way to take it.
 
         Parameters
@@ -145,6 +153,8 @@ class Staging:
         line : int
         adapt : callable
             What this way does with the mesh.
+        read : callable
+            As `clrender.scene.mesh_io.read_mesh`.
 
         Returns
         -------
@@ -157,7 +167,7 @@ class Staging:
         if key not in self._read:
             place = f"line {line}"
             name = self.files.name(uri, place)
-            mesh = read_mesh(name, self.files.folder, self.files.allow_paths, f"{self.files.source}: {place}")
+            mesh = read(name, self.files.folder, self.files.allow_paths, f"{self.files.source}: {place}")
             self._read[key] = (f"{uri} ({kind})", mesh.normals is not None)
             self.draft.meshes[f"{uri} ({kind})"] = adapt(mesh)
         return self._read[key]

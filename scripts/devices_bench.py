@@ -1,0 +1,141 @@
+#!/usr/bin/env python3
+"""How near several devices come to the sum of their speeds: `python scripts/devices_bench.py`, on a quiet machine.
+
+For each set of devices: each alone; all at once, each with an image of its own, which shows what they take from each
+other; and all on one image. Prints a line of JSON for each round. Sets are made of what is here: parts of the CPU's
+cores, other drivers, and parts that are slowed down by sleeping.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Final
+
+import clrender
+from clrender.bench.scenes import SCENES, write_scene
+from clrender.device import Device, select
+from clrender.device.device import Reading
+from clrender.device.faults import FaultyDevice
+from clrender.rendered_image import RenderedImage
+
+_LONGEST_SLEEP: Final = 2.0
+
+
+class SlowDevice(FaultyDevice):
+    """A device that takes some times as long for each slice.
+
+    Parameters
+    ----------
+    device : Device
+    times : float
+    """
+
+    def __init__(self, device: Device, times: float) -> None:
+        super().__init__(device, name=f"{device.info.name}, {times:g} times as slow")
+        self._times, self._since = times, 0.0
+
+    def end_read(self, reading: Reading) -> None:
+        """Wait for the slice, and so much longer."""
+        begin = time.perf_counter()
+        super().end_read(reading)
+        now = time.perf_counter()
+        # A first slice that waits for a compiler is no measure
+        time.sleep(min((self._times - 1.0) * (now - max(begin, self._since)), _LONGEST_SLEEP))
+        self._since = time.perf_counter()
+
+
+def parts(device: Device, count: int) -> list[Device]:
+    """As many devices, each some of the cores of one; none where its driver cannot divide it so."""
+    import pyopencl as cl
+
+    cores = device.info.compute_units // count
+    if cores < 1:
+        return []
+    try:
+        equally: list[Any] = [cl.device_partition_property.EQUALLY, cores]
+        handles = device._handle.create_sub_devices(equally)[:count]
+    except cl.Error:
+        return []
+    return [Device(device.info, handle) for handle in handles]
+
+
+def device_sets() -> dict[str, Callable[[], list[Device]]]:
+    """What can be measured here, by name."""
+    every = sorted(select("all"), key=lambda each: "pocl" not in each.info.version.lower())
+    first = every[0]
+    sets: dict[str, Callable[[], list[Device]]] = {
+        f"{count} parts of {first.info.name}": lambda count=count: parts(first, count)  # type: ignore[misc]
+        for count in (2, 3, 4)
+    }
+    for times in (4.0, 100.0):
+
+        def slowed(times: float = times) -> list[Device]:
+            halves = parts(first, 2)
+            return [halves[0], SlowDevice(halves[1], times)] if halves else []
+
+        sets[f"a half and one {times:g} times as slow"] = slowed
+    if len(every) > 1:
+        sets["every driver"] = lambda: every
+    return sets
+
+
+def rates(devices: Sequence[Device], scene: Any, seconds: float, size: tuple[int, int]) -> list[float]:
+    """Samples a second of each, all at once, each with an image of its own."""
+
+    def one(device: Device) -> float:
+        with clrender.Session(device) as session:
+            session.render(scene, spp=1, size=(64, 64))
+            image = session.render(scene, spp=1 << 20, size=size, time_limit=seconds)
+        return float(image.stats["samples"] / image.stats["render_seconds"])
+
+    with ThreadPoolExecutor(len(devices)) as pool:
+        return list(pool.map(one, devices))
+
+
+def together(devices: Sequence[Device], scene: Any, spp: int, size: tuple[int, int]) -> RenderedImage:
+    """One image by all of them."""
+    with clrender.Session(list(devices)) as session:
+        session.render(scene, spp=1, size=(256, 256))  # programs are built, trees are there
+        return session.render(scene, spp=spp, size=size)
+
+
+def main() -> None:
+    """Measure what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", nargs="*", default=["S1", "S3-1M"], choices=[*SCENES, []], metavar="SCENE")
+    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--side", type=int, default=800, help="of the image, pixels (800)")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=8.0, help="for which speeds are measured (8)")
+    parser.add_argument("--set", help="measure only sets whose names hold this")
+    options = parser.parse_args()
+    size, hashes = (options.side, options.side), set()
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.scenes:
+            scene = clrender.load(write_scene(name, Path(folder)))
+            for title, make in device_sets().items():
+                devices = make() if (options.set or "") in title else []
+                for _ in range(options.rounds if devices else 0):
+                    alone = [rates([each], scene, options.seconds, size)[0] for each in devices]
+                    beside = rates(devices, scene, options.seconds, size)
+                    image = together(devices, scene, options.spp, size)
+                    rate = image.stats["samples"] / image.stats["render_seconds"]
+                    hashes.add((name, image.stats["image_sha256"]))
+                    line = {"scene": name, "devices": title, "seconds": round(image.stats["render_seconds"], 2)}
+                    line |= {"mpaths_alone": [round(each / 1e6, 3) for each in alone]}
+                    line |= {"mpaths_beside": [round(each / 1e6, 3) for each in beside]}
+                    line |= {"mpaths_together": round(rate / 1e6, 3)}
+                    line |= {"of_sum_alone": round(rate / sum(alone), 3), "of_sum": round(rate / sum(beside), 3)}
+                    print(json.dumps(line), flush=True)
+    if len(hashes) != len(options.scenes):
+        raise SystemExit(f"the images differ: {hashes}")
+
+
+if __name__ == "__main__":
+    main()
