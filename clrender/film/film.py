@@ -163,7 +163,7 @@ class Film:
         if unit.first_sample % whole or (result.done % np.uint32(whole)).any():
             raise RenderError(f"a unit came with parts of replicates of {whole} samples.")
         words, squares = _words(result.sums), None  # (slots, 3, 2)
-        if self.replicate_spp:
+        if self.replicate_spp and result.done.any():
             if result.squares is None or result.squares.shape != (slots, 3, 8):
                 raise RenderError(f"a unit of {slots} slots came without the squares of its replicates.")
             squares = _words(result.squares)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 __all__ = ["WorkerPool", "most_slots"]
 
 
-_SUMS_BYTES: Final = 48
-"""Of a slot, in one buffer."""
+_SUMS_BYTES: Final = 96
+"""Of a slot, in one buffer at most: the squares of its replicates."""
 
 
 def most_slots(devices: Sequence[Device], limit: int | None) -> int:
