@@ -21,6 +21,7 @@ LAYERS = (
     ("__init__",),
     ("agreement", "furnace", "verification"),
     ("rendering",),
+    ("cluster",),
     ("session",),
     ("job_render", "job_memory"),
     ("rendered_image", "render_stats"),
