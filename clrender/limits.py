@@ -143,7 +143,8 @@ class Bytes:
         return self._checked(number, value)
 
     def parse(self, text: str) -> int:
-        match = re.fullmatch(r"(\d{1,18}(?:\.\d{1,9})?) ?([KMGT]?)(?:iB|B)?", text.strip(), re.ASCII | re.IGNORECASE)
+        one = r"(\d{1,18}|\d{1,18}\.\d{1,9}(?= ?[KMGT])) ?([KMGT]?)(?:iB|B)?"
+        match = re.fullmatch(one, text.strip(), re.ASCII | re.IGNORECASE)
         number = -1 if match is None else int(float(match[1]) * _SUFFIXES[match[2].upper()])
         return self._checked(number, text)
 
