@@ -27,7 +27,7 @@ import psutil
 import clrender
 from clrender.bench.scenes import write_scene
 from clrender.cluster import DaskCluster, open_cluster
-from clrender.cluster.line import Line
+from clrender.cluster.connection import Connection
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, slot_count
 from clrender.job import RenderJob
@@ -85,20 +85,20 @@ def costs(scene: clrender.Scene, device: str) -> dict[str, Any]:
     tiles = 20
     unit = Unit(0, tiles * _TILE * _TILE, 0, _DEEP, _TILE)
     with clrender.Session(device) as session, open_cluster("local:1", device=device) as cluster:
-        line = Line(cluster.client, cluster.spec, lambda: cluster.peers, lambda: None)
-        line.connect(next(iter(cluster.peers.values())))
+        connection = Connection(cluster.client, cluster.spec, lambda: cluster.peers, lambda: None)
+        connection.connect(next(iter(cluster.peers.values())))
         text, _ = job.to_json()
         begun = time.perf_counter()
-        line.call("prepare", text, [], session.flat(job).sha256)
+        connection.call("prepare", text, [], session.flat(job).sha256)
         prepared = time.perf_counter() - begun
-        rate = _rate(line, unit)
+        rate = _rate(connection, unit)
         shallow = [Unit(unit.first_slot, unit.slot_count, sample, 1, _TILE) for sample in range(20)]
-        large = min(_beside(line, each) for each in shallow)
-        small = min(_beside(line, Unit(0, _TILE * _TILE, sample, 1, _TILE)) for sample in range(50))
-        result: UnitSums = line.call("render", unit)
+        large = min(_beside(connection, each) for each in shallow)
+        small = min(_beside(connection, Unit(0, _TILE * _TILE, sample, 1, _TILE)) for sample in range(50))
+        result: UnitSums = connection.call("render", unit)
         return {
             "samples_per_second": rate,
-            "round_trip_seconds": _least(lambda: line.call("state"), 200),
+            "round_trip_seconds": _least(lambda: connection.call("state"), 200),
             "unit_slots": unit.slot_count,
             "unit_samples": _DEEP,
             "unit_bytes": sum(each.nbytes for each in (result.sums, result.counts, result.done)),
@@ -108,7 +108,7 @@ def costs(scene: clrender.Scene, device: str) -> dict[str, Any]:
             / (52.25 * unit.slot_count),
             "commit_slot_seconds": _commit(unit, result),
             "prepare_seconds": prepared,
-            "asset_byte_seconds": _asset(line),
+            "asset_byte_seconds": _asset(connection),
             "merge_pixel_seconds": _merge(),
             "job_bytes": len(text),
             "poll_seconds": _poll(cluster),
@@ -132,19 +132,19 @@ def _least(do: Callable[[], object], times: int) -> float:
     return min(found)
 
 
-def _rate(line: Line, unit: Unit) -> float:
+def _rate(connection: Connection, unit: Unit) -> float:
     """Samples a second of a worker, at its best."""
-    line.call("render", unit)
-    before = line.state.busy_seconds
-    line.call("render", unit)
-    return unit.slot_count * unit.sample_count / (line.state.busy_seconds - before)
+    connection.call("render", unit)
+    before = connection.state.busy_seconds
+    connection.call("render", unit)
+    return unit.slot_count * unit.sample_count / (connection.state.busy_seconds - before)
 
 
-def _beside(line: Line, unit: Unit) -> float:
+def _beside(connection: Connection, unit: Unit) -> float:
     """Seconds of a unit beside its launches."""
-    before, begun = line.state.busy_seconds, time.perf_counter()
-    line.call("render", unit)
-    return time.perf_counter() - begun - (line.state.busy_seconds - before)
+    before, begun = connection.state.busy_seconds, time.perf_counter()
+    connection.call("render", unit)
+    return time.perf_counter() - begun - (connection.state.busy_seconds - before)
 
 
 def _commit(unit: Unit, result: UnitSums) -> float:
@@ -160,10 +160,10 @@ def _commit(unit: Unit, result: UnitSums) -> float:
     return min(found) / unit.slot_count
 
 
-def _asset(line: Line) -> float:
+def _asset(connection: Connection) -> float:
     """Seconds a byte of an asset, to a worker on this machine."""
     data = os.urandom(1 << 26)
-    return _least(lambda: line.call("take", {"test": data}), 5) / len(data)
+    return _least(lambda: connection.call("take", {"test": data}), 5) / len(data)
 
 
 def _merge() -> float:

@@ -5,6 +5,6 @@ with clrender.cluster.open_cluster("tcp://host:8786") as cluster, clrender.Sessi
 """
 
 from clrender.cluster.address import check_address
-from clrender.cluster.opened import DaskCluster, open_cluster
+from clrender.cluster.dask_cluster import DaskCluster, open_cluster
 
 __all__ = ["DaskCluster", "check_address", "open_cluster"]

@@ -12,7 +12,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
-import clrender
 from clrender.errors import RenderError
 
 __all__ = ["local_cluster"]
@@ -69,7 +68,7 @@ def local_cluster(count: int) -> Iterator[str]:
 
 def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.Popen[bytes]:
     """A worker with its nanny, which starts it anew when it dies. Ctrl-C at the terminal is not for them."""
-    home = str(Path(clrender.__file__).resolve().parent.parent)
+    home = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
     threads = str(max(1, (os.cpu_count() or 1) // count))
     environment = {**dict.fromkeys(_THREADS, threads), **_variables(), **os.environ, "PYTHONPATH": path}

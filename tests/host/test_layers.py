@@ -24,7 +24,7 @@ LAYERS = (
     ("cluster",),
     ("session",),
     ("job_render", "job_memory"),
-    ("rendered_image", "render_stats"),
+    ("device_team", "rendered_image", "render_stats"),
     ("job",),
     ("aov",),
     ("radiosity", "photon_maps"),

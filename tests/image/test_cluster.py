@@ -19,7 +19,7 @@ from cluster_support import DEVICE, Machines, machines, namespaces
 
 import clrender
 from clrender.bench.shapes import geodesic, write_ply
-from clrender.cluster import DaskCluster, check_address, line, open_cluster, opened
+from clrender.cluster import DaskCluster, check_address, connection, dask_cluster, open_cluster
 from clrender.errors import ClrenderError, RenderError, UsageError
 from clrender.film import Film
 from clrender.rendered_image import IncompleteRender, Progress
@@ -156,7 +156,7 @@ def test_a_session_wants_a_cluster_that_is_open() -> None:
 
 
 def test_nobody_at_an_address(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opened, "CONNECT_SECONDS", 1.0)
+    monkeypatch.setattr(dask_cluster, "CONNECT_SECONDS", 1.0)
     with pytest.raises(RenderError, match="no Dask scheduler answers there"), open_cluster("tcp://127.0.0.1:9"):
         pass
 
@@ -224,7 +224,7 @@ def test_what_holds_for_devices_holds_for_workers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: Session, fault: str, state: str
 ) -> None:
     """A driver that hangs in a process that answers, and one whose results are wrong, if only in what is checked."""
-    monkeypatch.setattr(opened, "_LIMITS", TimeLimits(call=3.0, compile=60.0, steady=1))
+    monkeypatch.setattr(dask_cluster, "_LIMITS", TimeLimits(call=3.0, compile=60.0, steady=1))
     (tmp_path / "fault.py").write_text(fault)
     told: list[str] = []
     with machines(tmp_path, 1) as running:
@@ -264,7 +264,7 @@ def test_a_worker_joins(tmp_path: Path) -> None:
 def test_all_workers_or_the_scheduler_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, local: DaskCluster, here: Session, gone: str
 ) -> None:
-    monkeypatch.setattr(opened, "PATIENCE", 2.0)
+    monkeypatch.setattr(dask_cluster, "PATIENCE", 2.0)
     saved, how = tmp_path / "a.film", {"spp": 3000, "size": SIZE}
     once: list[int] = []
     with machines(tmp_path) as running, open_cluster(running.address) as cluster:
@@ -385,7 +385,7 @@ def survive(running: Machines, runs: int, kinds: tuple[str, ...], seed: int, exp
 
 
 def test_workers_killed_and_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: Session) -> None:
-    monkeypatch.setattr(line, "ANSWER_SECONDS", 2.0)
+    monkeypatch.setattr(connection, "ANSWER_SECONDS", 2.0)
     expected = hash_of(here.render(clrender.load("room"), spp=3000, size=SIZE))
     with machines(tmp_path) as running:
         hits = survive(running, 1, ("kill",), 1, expected, 3000)
@@ -396,7 +396,7 @@ def test_workers_killed_and_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 @pytest.mark.slow
 def test_workers_killed_stopped_and_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: Session) -> None:
     """`CLRENDER_TEST_FAULTS` is how many renders there are (6); issue 20 asks for 50."""
-    monkeypatch.setattr(line, "ANSWER_SECONDS", 2.0)
+    monkeypatch.setattr(connection, "ANSWER_SECONDS", 2.0)
     runs = int(os.environ.get("CLRENDER_TEST_FAULTS", "6"))
     expected = hash_of(here.render(clrender.load("room"), spp=4000, size=SIZE))
     with namespaces(3) as made:

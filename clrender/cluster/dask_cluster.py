@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.cluster.address import check_address, local_workers
+from clrender.cluster.proxy import JobPayload, WorkerProxy
 from clrender.cluster.quiet import quiet_logs
-from clrender.cluster.seat import Parcel, Seat
 from clrender.errors import RenderError, UsageError
 from clrender.scheduling.cluster import Member
 from clrender.scheduling.watchdog import TimeLimits
@@ -179,8 +179,8 @@ class DaskCluster:
     def team(self, job: RenderJob, arrays_sha256: str, on_ready: Callable[[], None]) -> Iterator[DaskTeam]:
         """As of `clrender.scheduling.cluster.Cluster.team`."""
         text, assets = job.to_json()
-        parcel = Parcel(text, assets, arrays_sha256, job.settings.width, job.settings.height)
-        team = DaskTeam(self, parcel, on_ready, len(self._peers) + self._spare)
+        payload = JobPayload(text, assets, arrays_sha256, job.settings.width, job.settings.height)
+        team = DaskTeam(self, payload, on_ready, len(self._peers) + self._spare)
         try:
             yield team
         finally:
@@ -205,24 +205,24 @@ class DaskCluster:
 class DaskTeam:
     """Workers of a cluster at a job's disposal; a `clrender.scheduling.cluster.Team`.
 
-    Each has a seat; seats that are free are for workers that join later.
+    Each has a proxy; those that stand for nobody yet are for workers that join later.
     """
 
-    def __init__(self, cluster: DaskCluster, parcel: Parcel, on_ready: Callable[[], None], seats: int) -> None:
+    def __init__(self, cluster: DaskCluster, payload: JobPayload, on_ready: Callable[[], None], proxies: int) -> None:
         self.cluster = cluster
         self.limits = _LIMITS
         self._active = time.monotonic()
         self._lock = threading.Lock()
         self._refused: dict[str, str] = {}
-        self._seats = [Seat(self, parcel, on_ready) for _ in range(max(seats, 1))]
-        for seat, peer in zip(self._seats, list(cluster.peers.values()), strict=False):
-            seat.take(peer)
-        self._asset_bytes = sum(map(len, parcel.assets.values()))
+        self._proxies = [WorkerProxy(self, payload, on_ready) for _ in range(max(proxies, 1))]
+        for proxy, peer in zip(self._proxies, list(cluster.peers.values()), strict=False):
+            proxy.assign(peer)
+        self._asset_bytes = sum(map(len, payload.assets.values()))
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """One for each seat."""
-        return [seat.candidate for seat in self._seats]
+        """One for each proxy."""
+        return [proxy.candidate for proxy in self._proxies]
 
     def active(self) -> None:
         """A worker answered something."""
@@ -234,16 +234,16 @@ class DaskTeam:
             self._refused[peer.key] = why
 
     def newcomer(self) -> Peer | None:
-        """A worker that nobody has a seat for yet."""
-        taken = {seat.peer.key for seat in self._seats if seat.peer is not None}
+        """A worker that nobody has a proxy for yet."""
+        taken = {proxy.peer.key for proxy in self._proxies if proxy.peer is not None}
         return next((peer for key, peer in self.cluster.peers.items() if key not in taken), None)
 
-    def seat_newcomer(self, seat: Seat) -> None:
-        """Give a seat to a worker that has none, if there is one."""
+    def assign_newcomer(self, proxy: WorkerProxy) -> None:
+        """Let a proxy stand for a worker that has none, if there is one."""
         with self._lock:
             peer = self.newcomer()
             if peer is not None:
-                seat.take(peer)
+                proxy.assign(peer)
 
     def check(self) -> None:
         """Make sure that there is somebody to wait for.
@@ -266,22 +266,22 @@ class DaskTeam:
 
     def members(self) -> list[Member | None]:
         """As of `clrender.scheduling.cluster.Team.members`."""
-        return [seat.member() for seat in self._seats]
+        return [proxy.member() for proxy in self._proxies]
 
     def stats(self) -> Mapping[str, Any]:
         """Bytes that went there and came back."""
         return {
             "cluster": {
                 "address": self.cluster.address,
-                "workers": sum(seat.described is not None for seat in self._seats),
+                "workers": sum(proxy.described is not None for proxy in self._proxies),
                 "asset_bytes": self._asset_bytes,
-                "sent_bytes": sum(seat.sent_bytes for seat in self._seats),
-                "received_bytes": sum(seat.received_bytes for seat in self._seats),
-                "lost": sum(seat.lost for seat in self._seats),
+                "sent_bytes": sum(proxy.sent_bytes for proxy in self._proxies),
+                "received_bytes": sum(proxy.received_bytes for proxy in self._proxies),
+                "lost": sum(proxy.lost for proxy in self._proxies),
             }
         }
 
     def release(self) -> None:
         """Let the workers go."""
-        for seat in self._seats:
-            seat.release()
+        for proxy in self._proxies:
+            proxy.release()

@@ -19,9 +19,9 @@ from clrender.version import __version__
 if TYPE_CHECKING:
     from distributed import Client
 
-    from clrender.cluster.opened import Peer
+    from clrender.cluster.dask_cluster import Peer
 
-__all__ = ["Line"]
+__all__ = ["Connection"]
 
 _Future = concurrent.futures.Future[Any]
 
@@ -41,7 +41,7 @@ _FORGET_SECONDS: Final = 10.0
 """After which an address that broke off is called again, if the scheduler still knows it."""
 
 
-class Line:
+class Connection:
     """The connection with a worker: an actor in its process, once there is one.
 
     Parameters
@@ -132,7 +132,7 @@ class Line:
                 self._actor = self._result(self._holder.result)
         elif loaded.status == "error":
             raise RenderError(
-                f"{peer.title} cannot load clrender ({_line(self._result(loaded.exception))}); install clrender "
+                f"{peer.title} cannot load clrender ({_first_line(self._result(loaded.exception))}); install clrender "
                 f"{__version__} there"
             )
 
@@ -162,7 +162,9 @@ class Line:
         except (OSError, concurrent.futures.CancelledError, asyncio.CancelledError):
             raise self._lose("broke off") from None
         except Exception as error:  # of whatever Python is there
-            raise RenderError(f"{self._title} cannot take jobs ({type(error).__name__}: {_line(error)})") from None
+            raise RenderError(
+                f"{self._title} cannot take jobs ({type(error).__name__}: {_first_line(error)})"
+            ) from None
 
     def call(self, method: str, *arguments: Any, should_stop: Callable[[], bool] | None = None) -> Any:
         """What a method of the actor gives; None where nobody waits for that any more.
@@ -262,5 +264,5 @@ async def _awaited(answer: Any) -> Any:
     return await answer
 
 
-def _line(error: Exception) -> str:
+def _first_line(error: Exception) -> str:
     return str(error).split("\n", maxsplit=1)[0]
