@@ -167,7 +167,8 @@ def film_layers(
     """The layers that come from the image's own film, each (height, width, channels) float32."""
     layers = {"samples": film.counts[..., None].astype(np.float32)}
     if errors is not None:
-        layers["stderr"] = errors.astype(np.float32)
+        # Channel by channel, as files have it, so that nothing is copied when it is written
+        layers["stderr"] = np.moveaxis(np.moveaxis(errors, 2, 0).astype(np.float32, order="C"), 0, 2)
     if found is not None:
         layers["unconverged"] = found.unconverged[..., None].astype(np.float32)
     return layers

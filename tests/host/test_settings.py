@@ -21,7 +21,16 @@ from clrender.integrators import INTEGRATORS
 from clrender.limits import Bytes, Choice, Range
 from clrender.scene import Scene
 from clrender.scene.load import load
-from clrender.settings import IMAGE, PIXEL_LIMIT, SETTINGS, STOP, WORK, RenderSettings, settings_for, settings_of
+from clrender.settings import (
+    IMAGE,
+    PIXEL_LIMIT,
+    SETTINGS,
+    STOP,
+    WORK,
+    RenderSettings,
+    settings_for,
+    settings_of,
+)
 
 CAMERA = {"position": [0, 0, 3], "target": [0, 0, 0]}
 ROOM = load("room")

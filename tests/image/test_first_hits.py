@@ -10,13 +10,13 @@ import numpy.typing as npt
 import pytest
 
 import clrender
-from clrender.aov import AOVS, exr_channels
+from clrender.aov import AOVS, OF_FILM, exr_channels
 from clrender.device import Device
 from clrender.errors import UsageError
 from clrender.image.files import read_image
 from clrender.scene import Scene
 
-ASKED = tuple(name for name in AOVS if name != "samples")
+ASKED = tuple(name for name in AOVS if name not in OF_FILM)
 WIDTH, HEIGHT = 40, 24
 
 COLOURS = {"red": [0.63, 0.065, 0.05], "green": [0.14, 0.45, 0.091]}
@@ -263,11 +263,12 @@ def test_layers_of_a_render_and_in_a_file(device: Device, tmp_path: Path) -> Non
     import OpenEXR
 
     what = clrender.load("room")
-    plain = clrender.render(what, size=(WIDTH, HEIGHT), spp=2)
-    image = clrender.render(what, size=(WIDTH, HEIGHT), spp=2, aov=AOVS)
+    errors: dict[str, Any] = {"size": (WIDTH, HEIGHT), "spp": 32, "replicate_spp": 2, "error": 1e-6}
+    plain = clrender.render(what, **errors)
+    image = clrender.render(what, **errors, aov=AOVS)
     assert plain.aovs == {} and list(image.aovs) == list(AOVS)
     assert image.stats["image_sha256"] == plain.stats["image_sha256"] and not image.stats["denoised"]
-    assert same(image.aovs["samples"], 2.0)
+    assert same(image.aovs["samples"], 32.0)
     # What is written is not copied
     assert all(layer[..., i].flags.c_contiguous for layer in image.aovs.values() for i in range(layer.shape[2]))
     image.save(tmp_path / "a.exr")
