@@ -31,7 +31,7 @@ __all__ = ["Argument", "Buffer", "Device", "Program", "Reading", "leave_lost_dev
 _T = TypeVar("_T")
 _ROUNDED: Final = "-cl-fp32-correctly-rounded-divide-sqrt"
 _CORRECTED: Final = "-D CORRECT_DIVIDE=1"
-"""Of a device that does not round divisions and roots by itself: ``kernels/core/quotient.h`` does."""
+"""Of a GPU that does not round divisions and roots by itself: ``kernels/core/quotient.h`` does."""
 _CPU_GROUP: Final = 16
 _GPU_GROUP: Final = 64
 """Work-items of a group where nothing else decides: on a GPU at least so many, in whole warps."""
@@ -129,7 +129,10 @@ class Device:
             ) from error
         # Any option that lets the compiler round differently would cost the equal bits on all drivers.
         # -w: some drivers write warnings to stderr, which is the user's.
-        self.options = "-cl-std=CL1.2 -w " + (_ROUNDED if rounded else _CORRECTED)
+        # Processors divide and take roots as IEEE 754 says, also where their driver does not promise it (rusticl).
+        self.options = " ".join(
+            ["-cl-std=CL1.2 -w", _ROUNDED if rounded else "" if self.is_cpu else _CORRECTED]
+        ).strip()
         if "oclgrind" in info.platform.lower():
             self.options += " -cl-opt-disable"  # the interpreter does not know all that its own optimiser writes
         self.compile_seconds = 0.0
