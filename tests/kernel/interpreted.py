@@ -89,6 +89,8 @@ class Run:
         With sun and sky in the place of an environment.
     instances : bool
         With all shapes but the floor in a group, which stands there twice, once mirrored.
+    replicate : int
+        Samples of a replicate; 0: none.
     """
 
     kernel: str
@@ -107,6 +109,7 @@ class Run:
     opacity: str = ""
     sun: bool = False
     instances: bool = False
+    replicate: int = 0
 
 
 RENDERS: Final = {
@@ -147,6 +150,7 @@ RENDERS: Final = {
     "path-1-sun": Run("path", 1, rough=True, lamps=True, sun=True),
     "whitted-1-sun": Run("whitted", 1, sun=True),
     "photon-4-sun": Run("photon", 4, sun=True),
+    "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
     "path-8-large": Run("path", 8, large=True),
@@ -310,6 +314,7 @@ def render(device: Device, run: Run) -> str:
     for name, value in {
         "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": 2, "max_depth": 6, "reuse": 16,
         "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": 2, "bsdf_samples": indirect,
+        "replicate_spp": run.replicate,
     }.items():  # fmt: skip
         settings[name] = value
     with tempfile.TemporaryDirectory() as folder:
@@ -321,7 +326,8 @@ def render(device: Device, run: Run) -> str:
     worker.release()
     assert (sums.done == run.samples).all()
     assert sums.counts.sum() == run.samples * WIDTH * HEIGHT
-    return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes()).hexdigest()
+    squares = b"" if sums.squares is None else sums.squares.tobytes()
+    return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes() + squares).hexdigest()
 
 
 def layers(device: Device) -> str:
