@@ -139,10 +139,15 @@ class Connection:
     def _submit(self, function: Callable[..., Any], *arguments: Any, actor: bool = False) -> Any:
         """Dask's future of a function's result on the worker, and nowhere else."""
         assert self._peer is not None
-        return self._client.submit(
-            function, *arguments, key=f"clrender-{uuid.uuid4().hex}", workers=[self._peer.address],
-            allow_other_workers=False, pure=False, retries=0, actor=actor,
-        )  # fmt: skip
+        try:
+            return self._client.submit(
+                function, *arguments, key=f"clrender-{uuid.uuid4().hex}", workers=[self._peer.address],
+                allow_other_workers=False, pure=False, retries=0, actor=actor,
+            )  # fmt: skip
+        except (
+            Exception
+        ):  # the client closes itself when it has lost the scheduler, with an error of each version's own
+            raise self._lose("cannot be reached any more") from None
 
     def _await(self, future: Any) -> bool:
         """Wait for one of Dask's futures; gives whether it is done."""
@@ -230,10 +235,10 @@ class Connection:
     def _begin(self, method: str, *arguments: Any) -> _Future:
         try:
             answer = getattr(self._actor, method)(*arguments)
-        except RuntimeError:  # Dask knows already that the actor is lost
+            loop: Any = self._client.loop
+            return asyncio.run_coroutine_threadsafe(_awaited(answer), loop.asyncio_loop)
+        except RuntimeError:  # Dask knows already that the actor is lost, or has closed the client
             raise self._lose("broke off") from None
-        loop: Any = self._client.loop
-        return asyncio.run_coroutine_threadsafe(_awaited(answer), loop.asyncio_loop)
 
     def _hear(self, future: _Future) -> Any:
         """What came of a call."""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import psutil
@@ -20,7 +20,7 @@ from cluster_support import DEVICE, Machines, machines, namespaces
 import clrender
 from clrender.bench.shapes import geodesic, write_ply
 from clrender.cluster import DaskCluster, check_address, connection, dask_cluster, open_cluster
-from clrender.errors import ClrenderError, RenderError, UsageError
+from clrender.errors import ClrenderError, DeviceFailure, RenderError, UsageError
 from clrender.film import Film
 from clrender.rendered_image import IncompleteRender, Progress
 from clrender.scheduling.watchdog import TimeLimits
@@ -290,6 +290,18 @@ def test_all_workers_or_the_scheduler_gone(
     image = here.render(clrender.load("room"), cluster=local, checkpoint=saved, resume=True, **how)  # type: ignore[arg-type]
     assert image.stats["resumed_samples"] == held
     assert hash_of(image) == hash_of(here.render(clrender.load("room"), **how))  # type: ignore[arg-type]
+
+
+def test_a_client_that_has_closed_itself(local: DaskCluster) -> None:
+    """As Dask's does when it has lost its scheduler: that is told as any worker that is gone."""
+    scheduler: Any = local.client.scheduler
+    with open_cluster(scheduler.address) as cluster:
+        peer, client = next(iter(cluster.peers.values())), cast(Any, cluster.client)
+        client.close()
+        line = connection.Connection(client, None, lambda: cluster.peers, lambda: None)
+        with pytest.raises(DeviceFailure, match="cannot be reached any more"):
+            line.connect(peer)
+        assert line.lost == 1
 
 
 def test_encrypted_and_with_certificates(tmp_path: Path, here: Session) -> None:
