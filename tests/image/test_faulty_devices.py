@@ -258,14 +258,14 @@ def test_layers_that_a_liar_may_have_made_are_made_again(device: Device) -> None
 
 def test_two_that_differ_and_pass_the_probe_are_both_refused(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody guesses which image is right."""
-    monkeypatch.setattr("clrender.job_render.passes_probe", lambda device: True)
+    monkeypatch.setattr("clrender.device_team.passes_probe", lambda device: True)
     liar = FaultyDevice(device, Lie(constant=True), name="one")
     with pytest.raises(clrender.RenderError, match="give different results for the same samples, each the same every"):
         share(liar, FaultyDevice(device, name="two"))
 
 
 def test_two_of_one_driver_outvote_a_third(device: Device, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.job_render.passes_probe", lambda device: pytest.fail("they need no probe"))
+    monkeypatch.setattr("clrender.device_team.passes_probe", lambda device: pytest.fail("they need no probe"))
     liar = FaultyDevice(device, Lie(constant=True), name="liar")
     outcome = share(FaultyDevice(device, name="a"), liar, FaultyDevice(device, name="b"), spp=256)
     assert outcome.states == ["ok", "wrong", "ok"]
