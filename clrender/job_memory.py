@@ -36,9 +36,10 @@ def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool) -> d
         Whether its film has been read already.
     """
     settings = job.settings
-    pixels, pixel_bytes = settings.width * settings.height, film_bytes(settings.replicate_spp is not None)
+    replicates = settings.replicate_spp is not None
+    pixels, pixel_bytes = settings.width * settings.height, film_bytes(replicates)
     side = tile_side(settings.tile, settings.width, settings.height)
-    slots = min(unit_slots(settings.max_memory) or 0, slot_count(settings.width, settings.height, side))
+    slots = min(unit_slots(settings.max_memory, replicates) or 0, slot_count(settings.width, settings.height, side))
     layers = channel_count({*job.aov, *(GUIDES if job.denoise else ())})
     return {
         "this program and the scene": process_bytes(),

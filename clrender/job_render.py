@@ -119,7 +119,8 @@ class JobRender:
     def _memory_held(self) -> Iterator[None]:
         """Take no more memory than is allowed; refuse before it is taken."""
         devices, checkpoint = self._devices, self._checkpoint
-        self._plan = dataclasses.replace(self._plan, most_slots=most_slots(devices, self._settings.max_memory))
+        most = most_slots(devices, self._settings.max_memory, self._settings.replicate_spp is not None)
+        self._plan = dataclasses.replace(self._plan, most_slots=most)
         resumed = checkpoint is not None and checkpoint.loaded
         wanted = needs(self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
         with limited(devices, self._settings.max_memory, wanted) as self._apart_bytes:
@@ -413,12 +414,13 @@ class _Taken:
 def _plan_of(job: RenderJob) -> Plan:
     """All of a job's samples."""
     settings = job.settings
+    tile = largest_tile(settings.max_memory, settings.tile, settings.replicate_spp is not None)
     return Plan(
         settings.width,
         settings.height,
         job.first_sample,
         job.sample_count,
-        tile_side(largest_tile(settings.max_memory, settings.tile), settings.width, settings.height),
+        tile_side(tile, settings.width, settings.height),
         job.integrator.pipeline.sample_by_sample,
         whole=settings.replicate_spp or 1,
     )

@@ -47,14 +47,14 @@ def film_bytes(replicates: bool) -> int:
     return _SUM_BYTES + _SQUARE_BYTES * replicates
 
 
-def unit_slots(limit: int | None) -> int | None:
+def unit_slots(limit: int | None, replicates: bool = False) -> int | None:
     """Slots of a unit at most, where that many bytes are allowed; None: no limit."""
-    return None if limit is None else max(16, limit // (_UNIT_SHARE * film_bytes(False)))
+    return None if limit is None else max(16, limit // (_UNIT_SHARE * film_bytes(replicates)))
 
 
-def largest_tile(limit: int | None, tile: int) -> int:
+def largest_tile(limit: int | None, tile: int, replicates: bool = False) -> int:
     """Side of a tile, for which a unit has to have room."""
-    slots = unit_slots(limit)
+    slots = unit_slots(limit, replicates)
     return tile if slots is None else max(4, min(tile, isqrt(slots) // 4 * 4))
 
 

@@ -38,11 +38,10 @@ class Rows:
     top, left : int
         Its first pixel.
     sums : (height, width, 3, 2) uint64
-        Low word first. Overwritten when the next rectangle is asked for.
+        Low word first.
     counts : (height, width) uint32
-        Likewise.
     squares : (height, width, 3, 4) uint64 or None
-        Likewise.
+        Lowest word first.
     """
 
     top: int

@@ -22,6 +22,7 @@ from clrender.film.cadence import Cadence, processors
 from clrender.film.lock import FileLock
 from clrender.film.request import differences, options_for
 from clrender.film.running import RunningFilm
+from clrender.image.files import DISPLAY_ENDINGS, LINEAR_ENDINGS
 
 __all__ = ["Checkpoint", "check_checkpoint"]
 
@@ -38,7 +39,7 @@ def check_checkpoint(path: Path, resume: bool) -> None:
     Raises
     ------
     UsageError
-        It has not the ending of a film. There is a file, and it is not to be resumed; or none can be written.
+        It has the ending of an image. There is a file, and it is not to be resumed; or none can be written.
     """
     _check_ending(path)
     if not resume and path.exists():
@@ -50,8 +51,8 @@ def check_checkpoint(path: Path, resume: bool) -> None:
 
 
 def _check_ending(path: Path) -> None:
-    if path.suffix.lower() != ".film":  # by which all commands know what it is
-        raise UsageError(f"{path}: a checkpoint is a film; give it the ending .film")
+    if path.suffix.lower() in DISPLAY_ENDINGS + LINEAR_ENDINGS:
+        raise UsageError(f"{path}: a checkpoint is a film, and this is the name of an image; end it in .film")
 
 
 @dataclass
@@ -90,7 +91,7 @@ class Checkpoint:
     Raises
     ------
     UsageError
-        The file has not the ending of a film, may not be written or is no film, or another process has it.
+        The file has the ending of an image, may not be written or is no film, or another process has it.
     """
 
     def __init__(

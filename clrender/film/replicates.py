@@ -19,8 +19,8 @@ from clrender.film.unit import BLOCK, blocks_across
 
 __all__ = ["deviations", "image_error", "pooled", "replicate_counts", "standard_error"]
 
-_CHUNK: Final = 1 << 16
-"""Pixels looked at together: their temporaries stay small."""
+_CHUNK: Final = 1 << 12
+"""Pixels looked at together: their temporaries, some hundred numbers of each, stay in the cache."""
 _LIMB: Final = np.uint64(32)
 _LOW: Final = np.uint64(0xFFFFFFFF)
 

@@ -20,10 +20,10 @@ _SUMS_BYTES: Final = 96
 """Of a slot, in one buffer at most: the squares of its replicates."""
 
 
-def most_slots(devices: Sequence[Device], limit: int | None) -> int:
+def most_slots(devices: Sequence[Device], limit: int | None, replicates: bool = False) -> int:
     """Slots of a unit that every device can hold, where each may use so many bytes in all (None: no limit)."""
     room = min((device.max_allocation_bytes // _SUMS_BYTES for device in devices), default=1 << 31)
-    allowed = unit_slots(limit)
+    allowed = unit_slots(limit, replicates)
     return room if allowed is None else min(room, allowed)
 
 

@@ -394,10 +394,17 @@ def test_what_a_kill_left_goes_when_the_next_render_begins(tmp_path: Path) -> No
         assert [each.name for each in tmp_path.iterdir() if each.suffix != ".lock"] == ["a.film"]
 
 
-@pytest.mark.parametrize("name", ["a.png", "a", "/", "film"])
-def test_what_is_no_film_by_its_name_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match=r"a checkpoint is a film; give it the ending \.film"):
+@pytest.mark.parametrize("name", ["a.png", "a.EXR", "a.npy"])
+def test_the_name_of_an_image_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match=rf"{name}: a checkpoint is a film, and this is the name of an image"):
         Checkpoint(name, False, print)
+
+
+@pytest.mark.parametrize("name", ["a", "a.ckpt", "a.film"])
+def test_any_other_name_is_taken(tmp_path: Path, name: str) -> None:
+    with opened(tmp_path / name, [], Clock()) as checkpoint:
+        film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
+    assert Film.load(tmp_path / name).ledger.samples
 
 
 def test_a_checkpoint_that_is_gone_is_not_said_to_stay(tmp_path: Path) -> None:

@@ -42,6 +42,8 @@ def test_a_unit_has_room_for_a_tile(limit: int, tile: int) -> None:
     side = tile_side(largest_tile(limit, tile), 8192, 8192)
     slots = unit_slots(limit)
     assert slots is not None and side * side <= slots and film_bytes(False) * slots <= limit // 64
+    with_squares = unit_slots(limit, True)
+    assert with_squares is not None and film_bytes(True) * with_squares <= max(limit // 64, 16 * film_bytes(True))
     assert largest_tile(None, tile) == tile and unit_slots(None) is None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
@@ -95,6 +96,24 @@ def test_one_replicate_says_nothing_of_errors() -> None:
 
 
 # --- films -----------------------------------------------------------------------------------------------------------
+
+
+def test_standard_errors_take_little_memory_beside_themselves() -> None:
+    """What they are computed with is of a few pixels at a time: `--max-memory` does not count it."""
+    side = 512
+    film = Film(side, side, REQUEST)
+    unit = Unit(0, side * side, 0, 2 * SIZE, side)
+    sums, squares = np.ones((side * side, 3, 4), np.uint32), np.full((side * side, 3, 8), 9, np.uint32)
+    counts, done = np.full(side * side, 2 * SIZE, np.uint32), np.full(side * side // 16, 2 * SIZE, np.uint32)
+    film.commit(unit, UnitSums(sums, counts, done, 0, 0, 0, squares))
+    tracemalloc.start()
+    try:
+        errors = standard_error(film)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert np.isfinite(errors).all() and (errors > 0.0).all()
+    assert peak < errors.nbytes + 16 * side * side + (8 << 20)
 
 
 def test_any_cut_and_any_way_through_files_gives_the_same_film(tmp_path: Path) -> None:
