@@ -9,7 +9,7 @@ from clrender.aov import GUIDES, channel_count
 from clrender.device import Device
 from clrender.film.unit import slot_count, tile_side
 from clrender.job import RenderJob
-from clrender.memory import IMAGE_BYTES, check_host, film_bytes, process_bytes, unit_slots
+from clrender.memory import ERROR_BYTES, IMAGE_BYTES, check_host, film_bytes, process_bytes, unit_slots
 from clrender.memory import shown as amount
 from clrender.scheduling.contributions import MOST_BYTES
 
@@ -48,6 +48,7 @@ def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool) -> d
         "what devices that turn out to be wrong did": pixel_bytes * pixels * (resumed and devices > 1),
         "the image": IMAGE_BYTES * pixels * (2 if job.denoise else 1),
         "layers": (4 * layers + film_bytes(False) * resumed) * pixels if layers else 0,
+        "standard errors": ERROR_BYTES * pixels * replicates,
         "units of work": (_UNITS_WAITING + devices) * pixel_bytes * slots,
     }
 

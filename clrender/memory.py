@@ -13,6 +13,7 @@ from typing import Final
 from clrender.errors import MemoryRefused, UsageError
 
 __all__ = [
+    "ERROR_BYTES",
     "IMAGE_BYTES",
     "check_host",
     "check_image",
@@ -29,6 +30,8 @@ _SQUARE_BYTES: Final = 96
 """Of the squares of its replicates."""
 IMAGE_BYTES: Final = 12
 """Of a pixel of the image."""
+ERROR_BYTES: Final = 144
+"""Of a pixel while the errors of all pixels are judged (`clrender.film.convergence.judge`)."""
 
 _UNIT_SHARE: Final = 64
 """Of the memory that is allowed, one unit takes so small a part: some ten of them may wait on the host."""

@@ -63,6 +63,9 @@ def test_what_a_render_needs_is_all_that_it_holds() -> None:
     assert plain["layers"] == 4 * (1 + 3) * pixels
     assert plain["units of work"] == 12 * 52 * min(GIB // 64 // 52, slot_count(1000, 500, 64))
     assert 0 < plain["this program and the scene"] <= process_bytes() + (64 << 20)
+    judged = needs(RenderJob.of(job.scene, size=(1000, 500), error=0.1), 1, checkpoint=False, resumed=False)
+    assert plain["standard errors"] == 0 and judged["standard errors"] == 144 * pixels
+    assert judged["the film"] == 148 * pixels
     saved = needs(job, 2, checkpoint=True, resumed=True)
     assert saved["the film"] == 0, "it is in memory already"
     assert (

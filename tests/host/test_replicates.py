@@ -24,6 +24,7 @@ from clrender.film.fixed_point import add_words, subtract_words
 from clrender.film.replicates import deviations, image_error, replicate_counts, standard_error
 from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side
+from clrender.memory import ERROR_BYTES
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import run
 from clrender.scheduling.until_good import run_until_good
@@ -98,22 +99,28 @@ def test_one_replicate_says_nothing_of_errors() -> None:
 # --- films -----------------------------------------------------------------------------------------------------------
 
 
-def test_standard_errors_take_little_memory_beside_themselves() -> None:
-    """What they are computed with is of a few pixels at a time: `--max-memory` does not count it."""
+def test_errors_take_no_more_memory_than_is_reckoned_with() -> None:
+    """What they are computed with is of a few pixels at a time."""
     side = 512
     film = Film(side, side, REQUEST)
-    unit = Unit(0, side * side, 0, 2 * SIZE, side)
+    unit = Unit(0, side * side, 0, 16 * SIZE, side)
     sums, squares = np.ones((side * side, 3, 4), np.uint32), np.full((side * side, 3, 8), 9, np.uint32)
-    counts, done = np.full(side * side, 2 * SIZE, np.uint32), np.full(side * side // 16, 2 * SIZE, np.uint32)
+    counts, done = np.full(side * side, 16 * SIZE, np.uint32), np.full(side * side // 16, 16 * SIZE, np.uint32)
     film.commit(unit, UnitSums(sums, counts, done, 0, 0, 0, squares))
-    tracemalloc.start()
-    try:
-        errors = standard_error(film)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
+    errors, peak = traced(lambda: standard_error(film))
     assert np.isfinite(errors).all() and (errors > 0.0).all()
     assert peak < errors.nbytes + 16 * side * side + (8 << 20)
+    found, peak = traced(lambda: judge(film, asked(spp=1024)))
+    assert found.errors.tobytes() == errors.tobytes() and peak < ERROR_BYTES * side * side
+
+
+def traced(make: Callable[[], Any]) -> tuple[Any, int]:
+    """What comes of it, and the most memory that NumPy and Python took for it, bytes."""
+    tracemalloc.start()
+    try:
+        return make(), tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 def test_any_cut_and_any_way_through_files_gives_the_same_film(tmp_path: Path) -> None:
