@@ -60,6 +60,10 @@ class WorkerTally:
     def withdraw(self, units: list[Unit]) -> None:
         """All that was kept of its is no longer."""
         self.requeued += len(units)
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is kept of what it did."""
         self.units = self.samples = self.rays = self.shadow_rays = self.deepest = 0
 
 
@@ -88,6 +92,13 @@ class Tally:
     check_samples: int = 0
     checks: int = 0
     differences: int = 0
+
+    def take_back(self) -> None:
+        """All that was kept of all workers is no longer."""
+        for each in self.workers:
+            each.requeued += each.units
+            each.forget()
+        self.complete = False
 
     @property
     def samples(self) -> int:

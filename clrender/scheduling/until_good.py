@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from clrender.film import Film
 from clrender.film.convergence import Convergence, judge, looks
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import run
@@ -13,7 +15,6 @@ from clrender.scheduling.tally import Tally, WorkerTally
 from clrender.scheduling.worker import Candidate
 
 if TYPE_CHECKING:
-    from clrender.film import Film
     from clrender.settings import RenderSettings
 
 __all__ = ["run_until_good"]
@@ -31,7 +32,8 @@ def run_until_good(
 
     What is decided at a look follows from the film, which then has exactly the samples up to there. So the render stops
     after the same samples whoever computed them, and however often it was interrupted: looks that a resumed film is
-    beyond have been taken.
+    beyond have been taken. A worker that turns out to be wrong after a look to which it has contributed spoils all that
+    was done for looks before: that is taken back, and begun anew by the others.
 
     Parameters
     ----------
@@ -55,8 +57,11 @@ def run_until_good(
     """
     tally = Tally(complete=True, workers=[WorkerTally(candidate.name) for candidate in candidates])
     able = list(range(len(candidates)))
+    before = _copy(film) if len(candidates) > 1 and film.ledger.samples else None
     found: Convergence | None = None
-    for samples in looks(settings):
+    ahead = deque(looks(settings))
+    while ahead:
+        samples = ahead.popleft()
         if int(film.ledger.taken().max()) > samples:
             continue
         part = dataclasses.replace(plan, sample_count=samples, wanted=film.ledger.lacking(0, samples))
@@ -69,10 +74,30 @@ def run_until_good(
                     on_progress(done + more, rays + more_rays)
 
             tally.absorb(take(part, [candidates[n] for n in able], film, advance), able)
+            wrong = [number for number in able if tally.workers[number].state == "wrong"]
             able = [number for number in able if tally.workers[number].state == "ok"]
+            if any(tally.workers[number].samples for number in wrong):
+                # Of earlier looks it is not known who did what
+                _take_back(film, before)
+                tally.take_back()
+                ahead = deque(looks(settings) if able else ())
+                continue
             if not tally.complete:
                 break
         found = judge(film, settings)
         if found.reached:
             break
     return tally, found or judge(film, settings)
+
+
+def _copy(film: Film) -> Film:
+    copy = Film(film.width, film.height, film.request)
+    film.copy_to(copy)
+    return copy
+
+
+def _take_back(film: Film, before: Film | None) -> None:
+    """Leave in a film what was there before, if anything was."""
+    film.take_out(film)
+    if before is not None:
+        film.merge(before)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import tracemalloc
 from collections.abc import Callable
 from fractions import Fraction
@@ -27,6 +28,7 @@ from clrender.film.unit import Unit, UnitSums, slot_count, tile_side
 from clrender.memory import ERROR_BYTES
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import run
+from clrender.scheduling.tally import Tally
 from clrender.scheduling.until_good import run_until_good
 from clrender.scheduling.worker import Candidate
 from clrender.settings import RenderSettings
@@ -258,6 +260,56 @@ class Painter:
         self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
     ) -> UnitSums:
         return sums_of(unit, self.values, self.width, self.height)
+
+
+class Liar(Painter):
+    """One that is wrong, and each time otherwise."""
+
+    def __init__(self, values: Floats, width: int, height: int, lied: threading.Event) -> None:
+        super().__init__(values, width, height)
+        self.lied = lied
+
+    def render(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> UnitSums:
+        self.values = self.values * np.float32(1.01)
+        self.lied.set()
+        return super().render(unit, on_slice, should_stop)
+
+
+class Patient(Painter):
+    """One that begins when the other has lied."""
+
+    def __init__(self, values: Floats, width: int, height: int, lied: threading.Event) -> None:
+        super().__init__(values, width, height)
+        self.lied = lied
+
+    def render(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> UnitSums:
+        assert self.lied.wait(30.0)
+        return super().render(unit, on_slice, should_stop)
+
+
+@pytest.mark.parametrize("before", [0, 32])
+def test_what_a_wrong_device_did_for_earlier_looks_is_done_again(before: int) -> None:
+    """It is found at the second look alone. `before`: samples that were there when the render began."""
+    values, lied = samples_of(12, 64, 256), threading.Event()
+    film = film_of(values, 8, 8, [before] if before else [], REQUEST)
+    wanted, shares = asked(spp=256, error=1e-6), iter([0.0])
+    plan = Plan(8, 8, 0, wanted.spp, 4, whole=SIZE, short_units=True)
+    candidates = [
+        Candidate("liar", lambda: Liar(values, 8, 8, lied)),
+        Candidate("honest", lambda: Patient(values, 8, 8, lied)),
+    ]
+
+    def take(part: Plan, able: list[Candidate], receiver: Film, on_progress: Callable[[int, int], None]) -> Tally:
+        return run(part, able, receiver, on_progress, check_share=next(shares, 1.0))
+
+    tally, _ = run_until_good(plan, candidates, film, wanted, take)
+    assert tally.complete and [each.state for each in tally.workers] == ["wrong", "ok"]
+    assert same(film, film_of(values, 8, 8, [256], REQUEST))
+    assert tally.workers[0].samples == 0 and tally.samples == 64 * (256 - before)
 
 
 def stopped_at(values: Floats, film: Film, limit: int | None = None, **more: Any) -> int:
