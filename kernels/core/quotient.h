@@ -24,14 +24,6 @@
 #define UNSIGNED(x) vuint_from_int(x)
 #define WIDE(name) name##_lanes
 #include "core/quotient.inc"
-#undef F
-#undef I
-#undef U
-#undef BITS
-#undef FROM_BITS
-#undef SIGNED
-#undef UNSIGNED
-#undef WIDE
 
 #if LANES == 1
 #define quotient_one quotient_lanes
@@ -45,14 +37,6 @@
 #define UNSIGNED(x) as_uint(x)
 #define WIDE(name) name##_one
 #include "core/quotient.inc"
-#undef F
-#undef I
-#undef U
-#undef BITS
-#undef FROM_BITS
-#undef SIGNED
-#undef UNSIGNED
-#undef WIDE
 #endif
 
 #if LANES == 8
@@ -68,14 +52,6 @@
 #define UNSIGNED(x) as_uint8(x)
 #define WIDE(name) name##_pack
 #include "core/quotient.inc"
-#undef F
-#undef I
-#undef U
-#undef BITS
-#undef FROM_BITS
-#undef SIGNED
-#undef UNSIGNED
-#undef WIDE
 #endif
 
 #else

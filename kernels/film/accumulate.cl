@@ -80,6 +80,21 @@ static void fixed_store(__global ulong* sums, size_t number, Fixed sum) {
     sums[number * 2 + 1] = sum.high;
 }
 
+// Add the samples [first, stop) of a slot to its sums; gives how many of them count.
+static uint film_add(__global const float* samples, uint slot, uint slot_count, uint first, uint stop, Fixed sum[3]) {
+    uint accepted = 0;
+    for (uint k = first; k < stop; ++k) {
+        __global const float* sample = samples + (size_t)k * 3 * slot_count + slot;
+        const float r = sample[0], g = sample[slot_count], b = sample[2 * (size_t)slot_count];
+        if (!(fixed_representable(r) && fixed_representable(g) && fixed_representable(b))) continue;
+        sum[0] = fixed_add(sum[0], r);
+        sum[1] = fixed_add(sum[1], g);
+        sum[2] = fixed_add(sum[2], b);
+        ++accepted;
+    }
+    return accepted;
+}
+
 // samples: float [sample_count][3][slot_count] of the slots from first_slot on. sums: ulong [slot][3][2] (low, high) and counts:
 // uint [slot], both from `offset` slots before that on.
 __kernel void film_accumulate(__global const Settings* settings, __global const float* samples, uint first_slot, uint slot_count,
@@ -89,25 +104,9 @@ __kernel void film_accumulate(__global const Settings* settings, __global const 
     if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
     const size_t at = (size_t)(offset + slot);
     Fixed sum[3];
-    for (int c = 0; c < 3; ++c) {
-        sum[c].low = sums[(at * 3 + c) * 2];
-        sum[c].high = sums[(at * 3 + c) * 2 + 1];
-    }
-    uint accepted = 0;
-    for (uint k = 0; k < sample_count; ++k) {
-        __global const float* sample = samples + (size_t)k * 3 * slot_count + slot;
-        const float r = sample[0], g = sample[slot_count], b = sample[2 * (size_t)slot_count];
-        if (!(fixed_representable(r) && fixed_representable(g) && fixed_representable(b))) continue;
-        sum[0] = fixed_add(sum[0], r);
-        sum[1] = fixed_add(sum[1], g);
-        sum[2] = fixed_add(sum[2], b);
-        ++accepted;
-    }
-    for (int c = 0; c < 3; ++c) {
-        sums[(at * 3 + c) * 2] = sum[c].low;
-        sums[(at * 3 + c) * 2 + 1] = sum[c].high;
-    }
-    counts[at] += accepted;
+    for (int c = 0; c < 3; ++c) sum[c] = fixed_load(sums, at * 3 + c);
+    counts[at] += film_add(samples, slot, slot_count, 0, sample_count, sum);
+    for (int c = 0; c < 3; ++c) fixed_store(sums, at * 3 + c, sum[c]);
 }
 
 // A new unit starts from nothing.
@@ -145,15 +144,8 @@ __kernel void film_accumulate_replicates(__global const Settings* settings, __gl
         }
         const uint stop = min(sample_count, n + replicate_spp - within);
         const int whole = stop == n + replicate_spp - within;
-        for (; n < stop; ++n) {
-            __global const float* sample = samples + (size_t)n * 3 * slot_count + slot;
-            const float r = sample[0], g = sample[slot_count], b = sample[2 * (size_t)slot_count];
-            if (!(fixed_representable(r) && fixed_representable(g) && fixed_representable(b))) continue;
-            sum[0] = fixed_add(sum[0], r);
-            sum[1] = fixed_add(sum[1], g);
-            sum[2] = fixed_add(sum[2], b);
-            ++accepted;
-        }
+        accepted += film_add(samples, slot, slot_count, n, stop, sum);
+        n = stop;
         if (!whole) continue;
         for (int c = 0; c < 3; ++c) fixed_add_square(square[c], fixed_subtract(sum[c], start[c]));
     }

@@ -89,7 +89,7 @@ def test_scenes_name_them(tmp_path: Path) -> None:
 
 
 def test_mitsuba_reads_the_same(tmp_path: Path) -> None:
-    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba = pytest.importorskip("mitsuba", reason="Mitsuba is a second opinion, 100 MB that no test needs")
     mitsuba.set_variant("scalar_rgb")
     for version in (3, 4):
         (tmp_path / "m.serialized").write_bytes(serialized(MESHES, version))
