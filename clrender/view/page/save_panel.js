@@ -1,0 +1,45 @@
+// Saves the image: as a download of the browser, and to the files that the command line named.
+
+import { make } from "./elements.js";
+
+const DOWNLOADS = [
+  ["image.png", ".png", "As it is shown, 8 bits"],
+  ["image.exr", ".exr", "Linear, with layers"],
+  ["image.film", ".film", "All sums: to resume, merge and verify"],
+];
+
+/**
+ * A panel's content.
+ * @param {Object} choice whose `toneMap` and `exposure` .png files get
+ * @param {string | null} address of the downloads' folder; null: there are none
+ */
+export function createSavePanel(hub, choice, say, address) {
+  const links = DOWNLOADS.map(([name, label, title]) => make("a", { class: "cv-button", href: "#", download: "", title }, label));
+
+  function aim() {
+    const stops = choice.exposure + (hub.newest("state")?.camera_stops ?? 0);
+    links.forEach((link, i) => {
+      const query = DOWNLOADS[i][0].endsWith(".png") ? `?tone_map=${choice.toneMap}&exposure=${stops}` : "";
+      link.href = address + DOWNLOADS[i][0] + query;
+    });
+  }
+  // The choice may have changed since: the address is made when it is used.
+  links.forEach((link) => ["pointerdown", "keydown", "click"].forEach((event) => link.addEventListener(event, aim)));
+
+  const files = make("div", { class: "cv-row" });
+  hub.on("hello", (hello) => {
+    files.replaceChildren(
+      ...hello.saves.map((name) => make("button", { type: "button", onclick: () => save(name) }, `Save ${name}`)),
+    );
+  });
+
+  function save(name) {
+    const message = { type: "save", name, tone_map: choice.toneMap, exposure: choice.exposure };
+    hub.send(message, (reply) => {
+      if (reply.type === "saved") say(`${reply.name} is written: ${(reply.bytes / 1e6).toFixed(2)} MB.`);
+    });
+  }
+
+  const downloads = address === null ? [] : [make("p", { class: "cv-note" }, "Download the image so far:"), make("div", { class: "cv-row" }, ...links)];
+  return [...downloads, files];
+}
