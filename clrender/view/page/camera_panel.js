@@ -63,6 +63,7 @@ export function createCameraPanel(hub, say, focusButton, camera) {
     const field = createField({ label, help, schema: { anyOf: [schema, { type: "null" }] } }, (value) => {
       hub.send({ type: "camera", camera: { [name]: value } }, (reply) => {
         if (reply.type === "refused") field.complain(reply.message);
+        return true;
       });
     });
     return [name, field];

@@ -72,13 +72,19 @@ void main() {
 }`;
 
 /**
- * The display of a canvas.
- * @param {HTMLCanvasElement} canvas
+ * A canvas and what draws on it.
  * @param {boolean} [plain] without WebGL
  */
-export function createDisplay(canvas, plain = false) {
+export function createDisplay(plain = false) {
+  const canvas = document.createElement("canvas");
   const context = plain ? null : canvas.getContext("webgl2", { alpha: false, antialias: false });
-  return context ? shaderDisplay(canvas, context) : plainDisplay(canvas);
+  if (context === null) return plainDisplay(canvas);
+  try {
+    return shaderDisplay(canvas, context);
+  } catch (error) {
+    console.warn(error.message);
+    return plainDisplay(document.createElement("canvas")); // the first one is WebGL's for good
+  }
 }
 
 /** The display values 0..1 of one pixel, as the shader has them. */
@@ -123,9 +129,9 @@ function shaderDisplay(canvas, gl) {
     gl.bindTexture(gl.TEXTURE_2D, textures.get(name));
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     const half = data instanceof Uint16Array;
-    const inside = channels === 1 ? (half ? gl.R16F : gl.R32F) : half ? gl.RGB16F : gl.RGB32F;
-    const outside = channels === 1 ? gl.RED : gl.RGB;
-    gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, outside, half ? gl.HALF_FLOAT : gl.FLOAT, data);
+    const inside = half ? [gl.R16F, gl.RG16F, gl.RGB16F] : [gl.R32F, gl.RG32F, gl.RGB32F];
+    const outside = [gl.RED, gl.RG, gl.RGB][channels - 1];
+    gl.texImage2D(gl.TEXTURE_2D, 0, inside[channels - 1], width, height, 0, outside, half ? gl.HALF_FLOAT : gl.FLOAT, data);
     for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
   }
 
@@ -166,6 +172,7 @@ function shaderDisplay(canvas, gl) {
   });
 
   return {
+    canvas,
     method: "WebGL 2",
     setImage(name, image) {
       images.set(name, image);
@@ -199,7 +206,7 @@ function plainDisplay(canvas) {
     const values = data instanceof Uint16Array ? Float32Array.from(data, halfToNumber) : data;
     const pixels = new ImageData(width, height);
     for (let i = 0, j = 0; i < values.length; i += channels, j += 4) {
-      const [r, g, b] = shownValues(look, values[i], values[i + 1], values[i + 2]);
+      const [r, g, b] = shownValues(look, values[i], channels > 1 ? values[i + 1] : 0, channels > 2 ? values[i + 2] : 0);
       pixels.data[j] = r * 255; // rounded by the array
       pixels.data[j + 1] = g * 255;
       pixels.data[j + 2] = b * 255;
@@ -220,6 +227,7 @@ function plainDisplay(canvas) {
   }
 
   return {
+    canvas,
     method: "2D canvas",
     setImage(name, image) {
       images.set(name, image);

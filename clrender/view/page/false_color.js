@@ -13,11 +13,12 @@ const STEPS = [
   [1.0, 0.93, 0.86],
 ];
 
-/** The colour at a place 0..1 of the scale; places beyond are its ends. */
+/** The colour at a place 0..1 of the scale; places beyond are its ends, and not-a-number is magenta. */
 export function rampColor(place) {
-  const position = Math.min(Math.max(place, 0), 1) * (STEPS.length - 1); // not-a-number stays one
-  const first = Math.min(Math.floor(position), STEPS.length - 2) || 0;
-  const part = position - first || 0;
+  if (Number.isNaN(place)) return [1, 0, 1];
+  const position = Math.min(Math.max(place, 0), 1) * (STEPS.length - 1);
+  const first = Math.min(Math.floor(position), STEPS.length - 2);
+  const part = position - first;
   return STEPS[first].map((value, channel) => value + part * (STEPS[first + 1][channel] - value));
 }
 

@@ -5,7 +5,7 @@ import { srgbEncode } from "./tone_map.js";
 
 /**
  * A labelled field.
- * @param {Object} about `label`, `help`, `schema`, and for colours `kind: "color"`
+ * @param {Object} about `label`, `help`, `schema`, `default_words` for null, and for colours `kind: "color"`
  * @param {(value: any) => void} changed called with what the user entered, null where a field was emptied
  * @returns {{element: HTMLElement, show: (value: any, changed: boolean) => void, complain: (text: string) => void}}
  */
@@ -22,6 +22,9 @@ export function createField(about, changed) {
     "↺",
   );
   const label = make("label", { for: id, title: about.help ?? null }, about.label);
+  const control = input.element.id === id ? input.element : input.element.querySelector(`#${id}`);
+  control.title = about.help ?? "";
+  control.setAttribute("aria-describedby", complaint.id);
   const element = make("div", { class: "cv-field" }, label, input.element, undo, complaint);
   return {
     element,
@@ -56,9 +59,8 @@ function inputFor(about, id, changed) {
 
 function choiceInput(values, optional, about, id, changed) {
   const options = optional ? [null, ...values] : values;
-  const words = (value) => (value === null ? "–" : String(value));
+  const words = (value) => (value === null ? (about.default_words ?? "–") : String(value));
   const element = make("select", { id }, ...options.map((value, i) => make("option", { value: i }, words(value))));
-  element.title = about.help ?? "";
   element.addEventListener("change", () => changed(options[Number(element.value)]));
   let last = 0;
   const again = () => (element.value = String(last));
@@ -92,7 +94,7 @@ function numberInput(schema, about, id, changed) {
   const low = schema.minimum ?? schema.exclusiveMinimum;
   const high = schema.maximum ?? schema.exclusiveMaximum;
   const whole = schema.type === "integer";
-  const number = make("input", { id, type: "number", min: low, max: high, step: whole ? 1 : "any", inputmode: whole ? "numeric" : "decimal", placeholder: "–" });
+  const number = make("input", { id, type: "number", min: low, max: high, step: whole ? 1 : "any", inputmode: whole ? "numeric" : "decimal", placeholder: about.default_words ?? "–" });
   const slides = !whole && low !== undefined && high !== undefined && high - low <= 10;
   const slider = slides ? make("input", { type: "range", min: low, max: high, step: (high - low) / 200, "aria-label": about.label }) : null;
   const element = make("span", { class: slides ? "cv-number cv-slides" : "cv-number" }, slider, number);
@@ -128,10 +130,10 @@ function colorInput(about, id, changed) {
   const numbers = ["red", "green", "blue"].map((name, i) =>
     make("input", { id: i === 0 ? id : null, type: "number", min: 0, step: "any", inputmode: "decimal", "aria-label": `${about.label}: ${name}` }),
   );
-  let last = [0, 0, 0];
+  let last = null;
   const again = () => {
-    picker.value = `#${last.map(hexadecimal).join("")}`;
-    numbers.forEach((input, i) => (input.value = readable(last[i], 4)));
+    picker.value = `#${(last ?? [0, 0, 0]).map(hexadecimal).join("")}`;
+    numbers.forEach((input, i) => (input.value = last === null ? "" : readable(last[i], 4)));
   };
   picker.addEventListener("input", () => {
     const linear = [1, 3, 5].map((at) => Number(srgbDecode(parseInt(picker.value.slice(at, at + 2), 16) / 255).toPrecision(4)));
@@ -143,7 +145,7 @@ function colorInput(about, id, changed) {
     element: make("span", { class: "cv-color" }, picker, ...numbers),
     again,
     show(value) {
-      last = value;
+      last = typeof value === "number" ? [value, value, value] : value; // a number is a grey
       again();
     },
   };

@@ -3,6 +3,7 @@
 const CLICK_DISTANCE = 4; // pixels: a pointer that moved less was held still
 const KEY_STEP = 0.04; // of the image's height, for each press of an arrow key
 const WHEEL_RATE = 0.0012;
+const OF_ITS_OWN = "button, input, select, textarea, a, summary, pre, dialog"; // what does something else with keys
 const FLY_KEYS = { w: [1, 0, 0], s: [-1, 0, 0], d: [0, 1, 0], a: [0, -1, 0], e: [0, 0, 1], q: [0, 0, -1] };
 
 /**
@@ -12,7 +13,8 @@ const FLY_KEYS = { w: [1, 0, 0], s: [-1, 0, 0], d: [0, 1, 0], a: [0, -1, 0], e: 
  * @param {Object} actions functions: orbit, look, pan (shares of the image's height), zoom (factor), fly (three
  *   directions and seconds), click and hover (places 0..1 in the image; hover null: left), and key (name, whether
  *   with Shift), which says whether it took the key
- * @param {boolean} shared whether the page has other contents, whose scrolling must not stop at the image
+ * @param {boolean} shared whether the page has other contents, which get the keys and the wheel while the image has not
+ *   the focus
  */
 export function listenToGestures(stage, picture, actions, shared) {
   const pointers = new Map(); // id -> last place
@@ -85,10 +87,10 @@ export function listenToGestures(stage, picture, actions, shared) {
     { passive: false },
   );
 
-  listenToKeys(stage, actions);
+  listenToKeys(shared ? stage : document, actions);
 }
 
-function listenToKeys(stage, actions) {
+function listenToKeys(target, actions) {
   const flying = new Set();
   let last = 0;
   let stepping = false;
@@ -104,8 +106,8 @@ function listenToKeys(stage, actions) {
     requestAnimationFrame(step);
   }
 
-  stage.addEventListener("keydown", (event) => {
-    if (event.target !== stage || event.ctrlKey || event.metaKey || event.altKey) return;
+  target.addEventListener("keydown", (event) => {
+    if (event.target.closest(OF_ITS_OWN) || event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const taken = actions.key(key, event.shiftKey) || moved(key, event.shiftKey) || flown(key);
     if (taken) event.preventDefault();
@@ -131,6 +133,6 @@ function listenToKeys(stage, actions) {
     return true;
   }
 
-  stage.addEventListener("keyup", (event) => flying.delete(event.key.toLowerCase()));
-  stage.addEventListener("blur", () => flying.clear());
+  target.addEventListener("keyup", (event) => flying.delete(event.key.toLowerCase()));
+  for (const source of [target, window]) source.addEventListener("blur", () => flying.clear());
 }

@@ -25,11 +25,8 @@ export function createHub(transport) {
     }
     const message = JSON.parse(data);
     const answered = waiting.get(message.id);
-    if (answered !== undefined) {
-      waiting.delete(message.id);
-      answered(message);
-    }
-    tell(message.type, message);
+    waiting.delete(message.id);
+    if (!answered?.(message)) tell(message.type, message);
   };
   transport.onstate = (state) => {
     if (state === "lost") waiting.clear();
@@ -44,7 +41,10 @@ export function createHub(transport) {
     },
     /** The newest message of a type that says how things stand, or undefined. */
     newest: (type) => newest.get(type),
-    /** Sends a message, and returns its number; `answered` gets a reply to it, where one comes. */
+    /**
+     * Sends a message, and returns its number. `answered` gets a reply to it, where one comes, and returns true where
+     * it has told people all that there is to tell.
+     */
     send(message, answered) {
       count += 1;
       if (answered !== undefined) waiting.set(count, answered);

@@ -26,7 +26,9 @@ export function createMaterialPanel(hub) {
     const { material, values: changed } = waiting;
     waiting = null;
     hub.send({ type: "material", name: material, values: changed }, (reply) => {
-      if (reply.type === "refused") fields.get(Object.keys(changed)[0])?.complain(reply.message);
+      const field = fields.get(Object.keys(changed)[0]);
+      if (reply.type === "refused") field?.complain(reply.message);
+      return field !== undefined;
     });
   }
 

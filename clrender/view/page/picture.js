@@ -14,19 +14,21 @@ const PIXELATED_FROM = 4; // times: from there pixels are shown as squares
  * @param {boolean} plain without WebGL
  */
 export function createPicture(hub, choice, plain) {
-  const canvas = make("canvas", { class: "cv-canvas", role: "img", "aria-label": "The image", width: 16, height: 9 });
+  const display = createDisplay(plain);
+  const { canvas } = display;
+  for (const [name, value] of Object.entries({ class: "cv-canvas", role: "img", "aria-label": "The image" })) canvas.setAttribute(name, value);
   const split = make("input", { type: "range", class: "cv-split", min: 0, max: 1, step: 0.002, value: 0.5, hidden: true });
   const names = [make("span", { class: "cv-side cv-left", hidden: true }), make("span", { class: "cv-side cv-right", hidden: true })];
   const divider = make("div", { class: "cv-divider", hidden: true });
   const cross = make("div", { class: "cv-cross", hidden: true });
   const box = make("div", { class: "cv-picture" }, canvas, divider, ...names, split, cross);
   const legend = make("div", { class: "cv-legend-place" });
-  const display = createDisplay(canvas, plain);
 
   const frames = new Map(); // layer -> newest frame
   const unanswered = new Set(); // numbers of frames to acknowledge when they are drawn
   const drawnListeners = [];
   let scheduled = false;
+  let first = true;
   let size = [16, 9];
 
   const layerNamed = (name) => hub.newest("hello")?.layers.find((layer) => layer.name === name);
@@ -41,6 +43,8 @@ export function createPicture(hub, choice, plain) {
       const compared = choice.compared === null || !frames.has(choice.compared) ? null : { name: choice.compared, look: lookAt(choice.compared), from: Number(split.value) };
       display.draw(choice.layer, lookAt(choice.layer), compared);
       drawnListeners.forEach((listener) => listener(frames.get(choice.layer)));
+      if (first) performance.mark("clrender-first-image");
+      first = false;
     }
     unanswered.forEach((frame) => hub.send({ type: "ack", frame }));
     unanswered.clear();
@@ -83,7 +87,6 @@ export function createPicture(hub, choice, plain) {
     }
     schedule();
   });
-  hub.on("hello", show);
   hub.on("state", refresh);
 
   function fitCanvas(frame) {
@@ -122,7 +125,14 @@ export function createPicture(hub, choice, plain) {
     refresh,
     /** Width and height of the image, pixels. */
     size: () => size,
+    /** The newest frame of the layer that is shown. */
+    frame: () => frames.get(choice.layer),
     onDrawn: (listener) => drawnListeners.push(listener),
+    /** What is shown, as a PNG file. */
+    snapshot() {
+      draw(); // a canvas of WebGL keeps its pixels for as long as this function runs
+      return new Promise((resolve) => canvas.toBlob(resolve));
+    },
     /** Marks a pixel, or none. */
     mark(pixel) {
       cross.hidden = pixel === null;

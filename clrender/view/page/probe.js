@@ -37,13 +37,14 @@ export function createProbe(hub, picture, picked) {
         hub.send({ type: "probe", x: question[0], y: question[1] }, (reply) => {
           asked = false;
           last = performance.now();
-          if (reply.type !== "probe") return;
+          if (reply.type !== "probe") return true; // the image has become smaller
           if (pixel !== null && reply.x === pixel[0] && reply.y === pixel[1]) show(reply);
           answered?.(reply);
           if (again) {
             again = false;
             ask();
           }
+          return true;
         }),
       answered === undefined ? Math.max(0, last + LEAST_WAIT - performance.now()) : 0,
     );

@@ -13,13 +13,12 @@ const DOWNLOADS = [
  * @param {Object} choice whose `toneMap` and `exposure` .png files get
  * @param {string | null} address of the downloads' folder; null: there are none
  */
-export function createSavePanel(hub, choice, say, address) {
+export function createSavePanel(hub, choice, picture, say, address) {
   const links = DOWNLOADS.map(([name, label, title]) => make("a", { class: "cv-button", href: "#", download: "", title }, label));
 
   function aim() {
-    const stops = choice.exposure + (hub.newest("state")?.camera_stops ?? 0);
     links.forEach((link, i) => {
-      const query = DOWNLOADS[i][0].endsWith(".png") ? `?tone_map=${choice.toneMap}&exposure=${stops}` : "";
+      const query = DOWNLOADS[i][0].endsWith(".png") ? `?tone_map=${choice.toneMap}&exposure=${choice.exposure}` : "";
       link.href = address + DOWNLOADS[i][0] + query;
     });
   }
@@ -27,6 +26,15 @@ export function createSavePanel(hub, choice, say, address) {
   links.forEach((link) => ["pointerdown", "keydown", "click"].forEach((event) => link.addEventListener(event, aim)));
 
   const files = make("div", { class: "cv-row" });
+  const shown = make("button", { type: "button", title: "With false colours and divider", onclick: saveShown }, "What is shown, as .png");
+
+  async function saveShown() {
+    const link = make("a", { download: `${hub.newest("scene")?.title || "image"}.png` });
+    link.href = URL.createObjectURL(await picture.snapshot());
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+  }
+
   hub.on("hello", (hello) => {
     files.replaceChildren(
       ...hello.saves.map((name) => make("button", { type: "button", onclick: () => save(name) }, `Save ${name}`)),
@@ -36,10 +44,12 @@ export function createSavePanel(hub, choice, say, address) {
   function save(name) {
     const message = { type: "save", name, tone_map: choice.toneMap, exposure: choice.exposure };
     hub.send(message, (reply) => {
-      if (reply.type === "saved") say(`${reply.name} is written: ${(reply.bytes / 1e6).toFixed(2)} MB.`);
+      if (reply.type !== "saved") return false;
+      say(`${reply.name} is written: ${(reply.bytes / 1e6).toFixed(2)} MB.`);
+      return true;
     });
   }
 
   const downloads = address === null ? [] : [make("p", { class: "cv-note" }, "Download the image so far:"), make("div", { class: "cv-row" }, ...links)];
-  return [...downloads, files];
+  return [...downloads, make("div", { class: "cv-row" }, shown), files];
 }

@@ -21,14 +21,25 @@ export function createSettingsPanel(hub) {
   const restart = make("button", { type: "button", onclick: () => hub.send({ type: "restart" }) }, "Begin anew");
   let fields = new Map(); // name -> {setting, field}
   let devices = null;
+  let made = ""; // settings that the fields are made for
 
   function sent(name, value) {
     hub.send({ type: "set", settings: { [name]: value } }, (reply) => {
-      if (reply.type === "refused") fields.get(name)?.field.complain(reply.message);
+      if (reply.type === "refused") fields.get(name).field.complain(reply.message);
+      return true;
     });
   }
 
   hub.on("hello", (hello) => {
+    // It comes again when all devices are known; nobody's field is taken away for that.
+    const key = JSON.stringify(hello.settings);
+    if (key !== made) makeFields(hello);
+    made = key;
+    makeDevices(hello);
+    if (hub.newest("state") !== undefined) update(hub.newest("state"));
+  });
+
+  function makeFields(hello) {
     fields = new Map();
     for (const setting of hello.settings) {
       const described = { ...setting, label: setting.label ?? labelOf(setting.name) };
@@ -37,15 +48,19 @@ export function createSettingsPanel(hub) {
     const placed = FIRST.filter((name) => fields.has(name));
     common.replaceChildren(...placed.map((name) => fields.get(name).field.element));
     others.replaceChildren(...[...fields].filter(([name]) => !placed.includes(name)).map(([, { field }]) => field.element));
+  }
+
+  function makeDevices(hello) {
     const names = hello.devices.map((each) => `${each.index}: ${each.name}`);
     devices = createField({ label: "Device", schema: { enum: names }, help: "Where it is rendered" }, (name) => {
       hub.send({ type: "device", device: Number(name.split(":")[0]) }, (reply) => {
         if (reply.type === "refused") devices.complain(reply.message);
+        return true;
       });
     });
     device.replaceChildren(devices.element);
-    if (hub.newest("state") !== undefined) update(hub.newest("state"));
-  });
+    device.hidden = names.length === 0;
+  }
 
   function update(state) {
     for (const [name, { setting, field }] of fields) {
@@ -56,7 +71,7 @@ export function createSettingsPanel(hub) {
     const integrator = hub.newest("hello")?.integrators.find((each) => each.name === state.settings.integrator);
     about.hidden = !integrator?.bias;
     about.textContent = integrator?.bias ? `${integrator.name} is ${integrator.bias}.` : "";
-    reset.disabled = state.changed.length === 0;
+    reset.disabled = !state.changed.some((name) => fields.has(name));
   }
 
   hub.on("state", update);

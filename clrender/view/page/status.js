@@ -99,7 +99,10 @@ export function createStrip(hub) {
     setText(samples.value, `${readable(progress.samples, 4)} / ${progress.spp}`);
     const left = progress.seconds_left === null || progress.sha256 !== null ? "" : ` · ${readableTime(progress.seconds_left)} left`;
     setText(time.value, readableTime(progress.seconds) + left);
-    setText(speed.value, progress.samples_per_second > 0 ? readableCount(progress.samples_per_second) : "–");
+    const { width, height } = hub.newest("state") ?? { width: 0, height: 0 };
+    const mean = progress.seconds > 0 ? (progress.samples * width * height) / progress.seconds : 0;
+    const rate = progress.samples_per_second || mean;
+    setText(speed.value, rate > 0 ? readableCount(rate) : "–");
     setText(error.value, progress.error === null ? "–" : `${readable(100 * progress.error, 3)} %`);
     if (progress.error !== null) chart.add(progress.seconds, progress.error);
     element.dataset.sha256 = progress.sha256 ?? "";

@@ -91,6 +91,7 @@ export function createViewPanel(hub, choice, picture) {
     const known = (name) => hello.layers.some((each) => each.name === name && each.needs !== "denoise");
     if (!known(choice.layer)) choice.layer = hello.layers[0].name;
     if (choice.compared !== null && !known(choice.compared)) choice.compared = null;
+    picture.show();
     update();
   });
   hub.on("state", update);

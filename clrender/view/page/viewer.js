@@ -43,7 +43,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     render: section("Render", true, createSettingsPanel(hub)),
     material: section("Material", false, materialPanel.content),
     camera: section("Camera", false, cameraPanel.content),
-    save: section("Save", false, createSavePanel(hub, choice, status.say, downloads)),
+    save: section("Save", false, createSavePanel(hub, choice, picture, status.say, downloads)),
   };
 
   const commands = {
@@ -60,7 +60,11 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     "?": () => help.showModal(),
   };
   const tool = (name, label, key) =>
-    make("button", { type: "button", title: `${label} (${key.toUpperCase()})`, "aria-label": label, "aria-keyshortcuts": key, onclick: () => commands[key]() }, icon(name));
+    make("button", { type: "button", title: `${label} (${key.toUpperCase()})`, "aria-label": label, "aria-keyshortcuts": key, onclick: (event) => used(key, event) }, icon(name));
+  const used = (key, event) => {
+    if (event.detail > 0) stage.focus(); // with a pointer: what comes next is on the image
+    commands[key]();
+  };
   const tools = make(
     "div",
     { class: "cv-tools", role: "toolbar", "aria-label": "Tools" },
@@ -86,7 +90,8 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const about = make("span", { class: "cv-about" });
   hub.on("scene", (scene) => {
     setText(title, scene.title || scene.source);
-    setText(about, `${scene.source} · ${scene.triangles.toLocaleString("en")} triangles · ${scene.lights} ${scene.lights === 1 ? "light" : "lights"}`);
+    const count = (number, word) => `${number.toLocaleString("en")} ${word}${number === 1 ? "" : "s"}`;
+    setText(about, `${scene.source} · ${count(scene.shapes, "shape")}`);
   });
 
   root.classList.add("cv");
@@ -103,7 +108,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     help,
   );
 
-  listenToGestures(stage, picture.canvas, { ...camera, ...picks(probe, focus), key: pressed }, shared);
+  listenToGestures(stage, picture.box, { ...camera, ...picks(probe, focus), key: pressed }, shared);
   function pressed(key, shifted) {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     if (probe.isPinned() && key in arrows) probe.step(...arrows[key].map((by) => by * (shifted ? 10 : 1)));
