@@ -16,6 +16,7 @@ PACKAGE = Path(clrender.errors.__file__).parent
 LAYERS = (
     ("__main__",),
     ("cli",),
+    ("view",),
     ("bench",),
     ("report",),
     ("__init__",),
