@@ -84,7 +84,7 @@ def _pictures(
 ) -> None:
     options = {"viewport": {"width": size[0], "height": size[1]}, "color_scheme": scheme}
     with view_of(browser, server, name, **options) as view:
-        view.wait("view.picture.frame() !== undefined && view.hub.newest('progress')?.samples > 12", seconds=120)
+        view.wait("view.picture.frame() !== undefined && view.hub.newest('progress')?.samples > 4", seconds=120)
         page = view.page
         page.screenshot(path=folder / f"{name}.png")
         box = page.locator(".cv-canvas").bounding_box()

@@ -188,7 +188,7 @@ class view_of:  # noqa: N801 (reads as a function)
         """The engine's newest message of a kind."""
         return self.run(f"view.hub.newest('{kind}') ?? null")
 
-    def wait(self, condition: str, argument: Any = None, seconds: float = 30) -> None:
+    def wait(self, condition: str, argument: Any = None, seconds: float = 60) -> None:
         """Until a condition holds, in which `view` is what `mount` returned."""
         end = time.monotonic() + seconds
         while not self.run(condition, argument):

@@ -100,11 +100,11 @@ export function createPicture(hub, choice, plain) {
   }
 
   function fitBox() {
-    const stage = box.parentElement;
-    if (stage === null || stage.clientWidth === 0) return;
-    // A narrow page makes the stage as high as the image is at its width.
-    stage.style.setProperty("--cv-ratio", String(size[0] / size[1]));
-    const scale = Math.min(stage.clientWidth / size[0], stage.clientHeight / size[1]);
+    const room = box.parentElement;
+    if (room === null || room.clientWidth === 0) return;
+    // A narrow page makes the room as high as the image is at its width.
+    room.style.setProperty("--cv-ratio", String(size[0] / size[1]));
+    const scale = Math.min(room.clientWidth / size[0], room.clientHeight / size[1]);
     box.style.width = `${Math.floor(size[0] * scale)}px`;
     box.style.height = `${Math.floor(size[1] * scale)}px`;
     box.classList.toggle("cv-pixelated", scale >= PIXELATED_FROM);

@@ -69,8 +69,8 @@ export function createSettingsPanel(hub) {
     }
     if (state.device !== null) devices?.show(`${state.device.index}: ${state.device.name}`, false);
     const integrator = hub.newest("hello")?.integrators.find((each) => each.name === state.settings.integrator);
-    about.hidden = !integrator?.bias;
-    about.textContent = integrator?.bias ? `${integrator.name} is ${integrator.bias}.` : "";
+    about.hidden = integrator === undefined || integrator.has_errors;
+    about.textContent = about.hidden ? "" : `${integrator.name} is ${integrator.bias}.`;
     reset.disabled = !state.changed.some((name) => fields.has(name));
   }
 

@@ -79,7 +79,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const stage = make(
     "div",
     { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "image that one can move in", "aria-label": "The view. Arrow keys orbit, plus and minus zoom, P probes, question mark lists all keys." },
-    picture.box,
+    make("div", { class: "cv-room" }, picture.box),
     status.banner,
     probe.card,
     picture.legend,
@@ -89,9 +89,10 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const title = make("h1", {}, "clrender");
   const about = make("span", { class: "cv-about" });
   hub.on("scene", (scene) => {
-    setText(title, scene.title || scene.source);
+    const file = scene.source.split(/[\\/]/).pop();
+    setText(title, scene.title || file);
     const count = (number, word) => `${number.toLocaleString("en")} ${word}${number === 1 ? "" : "s"}`;
-    setText(about, `${scene.source} · ${count(scene.shapes, "shape")}`);
+    setText(about, `${file} · ${count(scene.shapes, "shape")}`);
   });
 
   root.classList.add("cv");
