@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from view_support import Onlooker
+from view_clients import Onlooker
 
 import clrender
 from clrender.device import Buffer, Device

@@ -1,174 +1,213 @@
-"""Who looks on at a view in tests: a viewer of an engine without a transport, and a page without a screen."""
+"""`clrender view` as a process of its own, and Chromium in front of it."""
 
 from __future__ import annotations
 
-import http.client
-import json
 import os
+import re
+import select
+import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from typing import Any, Final
 
-import numpy as np
-import numpy.typing as npt
-from websockets.sync.client import ClientConnection, connect
+import pytest
 
 import clrender
-from clrender.view import Engine
 
-__all__ = ["Onlooker", "Page", "Received", "Server"]
+__all__ = ["FAILURES", "SCENE", "Server", "chromium", "view_of"]
 
-_SECONDS = 120.0
-"""Longer than anything should take here, and a test that waits so long has failed."""
+FAILURES: Final = Path(__file__).parents[2] / "test-artifacts"
+"""Where screenshots of failed tests go."""
 
+SCENE: Final = """
+title = "A ball on a table"
+[camera]
+position = [0.0, 1.2, 4.0]
+target = [0.0, 0.6, 0.0]
+vertical_fov = 40.0
+[image]
+width = 320
+height = 180
+[render]
+spp = 32
+[materials.table]
+type = "lambert"
+reflectance = [0.5, 0.45, 0.4]
+[materials.ball]
+type = "lambert"
+reflectance = [0.8, 0.1, 0.05]
+[[shapes]]
+type = "quad"
+origin = [-6.0, 0.0, 6.0]
+edge_u = [12.0, 0.0, 0.0]
+edge_v = [0.0, 0.0, -12.0]
+material = "table"
+[[shapes]]
+type = "sphere"
+center = [0.0, 0.6, 0.0]
+radius = 0.6
+material = "ball"
+[[lights]]
+type = "environment"
+radiance = [0.3, 0.4, 0.6]
+[[shapes]]
+type = "sphere"
+center = [2.5, 3.0, 2.0]
+radius = 0.5
+emission = [15.0, 14.0, 12.0]
+"""
 
-@dataclass
-class Received:
-    """A message: a JSON object, or the header of a frame with its pixels."""
+_WITH_TOKEN: Final = """
+import secrets, sys
+from clrender.__main__ import main
+token = sys.argv.pop(1)
+secrets.token_urlsafe = lambda length: token
+main()
+"""
 
-    kind: str
-    content: dict[str, Any]
-    pixels: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 0), np.float32))
-
-    @classmethod
-    def of(cls, data: str | bytes) -> Received:
-        if isinstance(data, str):
-            content = json.loads(data)
-            return cls(content["type"], content)
-        start = 4 + int.from_bytes(data[:4], "little")
-        assert start % 8 == 0
-        header = json.loads(data[4:start])
-        kind = {"float16": "<f2", "float32": "<f4"}[header["format"]]
-        shape = header["height"], header["width"], header["channels"]
-        return cls("frame", header, np.frombuffer(data[start:], kind).reshape(shape).astype(np.float32))
-
-
-class _Talks:
-    """What both have: messages until one that is waited for."""
-
-    def __init__(self) -> None:
-        self.newest: dict[str, Received] = {}
-
-    def say(self, kind: str, **content: Any) -> None:
-        raise NotImplementedError
-
-    def next(self, seconds: float) -> Received:
-        raise NotImplementedError
-
-    def until(self, wanted: Callable[[Received], bool], seconds: float = _SECONDS) -> Received:
-        """The next message of which something holds; frames are acknowledged on the way."""
-        end = time.monotonic() + seconds
-        while True:
-            received = self.next(end - time.monotonic())
-            self.newest[received.kind] = received
-            if received.kind == "frame":
-                self.say("ack", frame=received.content["frame"])
-            if wanted(received):
-                return received
-
-    def until_kind(self, kind: str, **content: Any) -> Received:
-        """The next message of a type that holds this content."""
-        return self.until(lambda m: m.kind == kind and all(m.content.get(k) == v for k, v in content.items()))
-
-    def until_done(self) -> str:
-        """The hash of the image, once all samples are there."""
-        found: str = self.until(lambda m: m.kind == "progress" and m.content["sha256"] is not None).content["sha256"]
-        return found
-
-
-class Onlooker(_Talks):
-    """A viewer of an engine."""
-
-    def __init__(self, engine: Engine) -> None:
-        super().__init__()
-        self._awake = threading.Event()
-        self.viewer = engine.connect(self._awake.set)
-
-    def say(self, kind: str, **content: Any) -> None:
-        self.viewer.receive(json.dumps({"type": kind, **content}))
-
-    def next(self, seconds: float) -> Received:
-        end = time.monotonic() + seconds
-        while True:
-            self._awake.clear()
-            if (taken := self.viewer.take()) is not None:
-                return Received.of(taken)
-            if not self._awake.wait(max(0.0, end - time.monotonic())):
-                raise TimeoutError(f"nothing came; so far {list(self.newest)}")
-
-
-class Page(_Talks):
-    """A page's socket."""
-
-    def __init__(self, address: str, **options: Any) -> None:
-        super().__init__()
-        url = address.replace("http://", "ws://").replace("/?", "/socket?")
-        self.socket: ClientConnection = connect(url, max_size=None, compression=None, **options)
-
-    def __enter__(self) -> Page:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.socket.close()
-
-    def say(self, kind: str, **content: Any) -> None:
-        self.socket.send(json.dumps({"type": kind, **content}))
-
-    def next(self, seconds: float) -> Received:
-        return Received.of(self.socket.recv(timeout=max(0.0, seconds)))
+_ADDRESS: Final = re.compile(r"http://127\.0\.0\.1:(\d+)/\?token=\S+")
 
 
 class Server:
-    """`clrender view` in a process of its own."""
+    """A running `clrender view`.
 
-    def __init__(self, *arguments: str, folder: Path | None = None, open_: bool = False) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "clrender", "view", *arguments, *([] if open_ else ["--no-open"])],
-            cwd=folder,
+    Parameters
+    ----------
+    scene : Path or str
+    *arguments : str
+        More of the command line.
+    token : str, optional
+        In place of a random one: so that a server can come back at the address of an earlier one.
+
+    Attributes
+    ----------
+    address : str
+        What it printed.
+    port : int
+    """
+
+    def __init__(self, scene: Path | str, *arguments: str, token: str | None = None) -> None:
+        program = ["-m", "clrender"] if token is None else ["-c", _WITH_TOKEN, token]
+        self._process = subprocess.Popen(
+            [sys.executable, *program, "view", str(scene), "--no-open", "-d", _device(), *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             env={**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent)},
         )
-        assert self.process.stdout is not None
-        self.address = self.process.stdout.readline().strip()
-        parts = urlsplit(self.address)
-        self.port = parts.port or 0
-        self.token = parse_qs(parts.query).get("token", [""])[0]
+        assert self._process.stdout is not None
+        ready = select.select([self._process.stdout], [], [], 60)[0]
+        line = self._process.stdout.readline() if ready else ""
+        found = _ADDRESS.search(line)
+        if found is None:
+            self._process.kill()
+            raise AssertionError(f"no address, but {line!r} and {self._process.communicate()[1]}")
+        self.address, self.port = found[0], int(found[1])
 
-    def __enter__(self) -> Server:
+    def close(self) -> int:
+        """End it by Ctrl-C; its exit status."""
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.communicate(timeout=20)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+        return self._process.returncode
+
+
+def _device() -> str:
+    return os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """A Playwright browser; skips the test where there is none."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("Chromium is not installed")
+    with playwright.sync_playwright() as started:
+        # Without a GPU, WebGL is drawn by SwiftShader, which newer versions want to be asked for.
+        options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = started.chromium.launch(executable_path=program, args=options)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+class view_of:  # noqa: N801 (reads as a function)
+    """A page that shows a server's view; as a context manager, it fails on any error in the console.
+
+    Parameters
+    ----------
+    browser
+        Of `chromium`.
+    server : Server
+    name : str
+        Of the screenshot, where the test fails.
+    plain : bool
+        Without WebGL.
+    options
+        Of Playwright's `new_context`.
+    """
+
+    def __init__(self, browser: Any, server: Server, name: str, *, plain: bool = False, **options: Any) -> None:
+        self._context = browser.new_context(**{"viewport": {"width": 1280, "height": 720}, **options})
+        self.page = self._context.new_page()
+        self.errors: list[str] = []
+        self._name = name
+        self.page.on("console", lambda said: self.errors.append(said.text) if said.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.goto(server.address + ("#plain" if plain else ""))
+
+    def __enter__(self) -> view_of:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.communicate()
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is not None or self.errors:
+            FAILURES.mkdir(exist_ok=True)
+            self.page.screenshot(path=FAILURES / f"{self._name}.png")
+        self._context.close()
+        if kind is None:
+            assert not self.errors
 
-    def get(
-        self, path: str, headers: Mapping[str, str] | None = None, method: str = "GET"
-    ) -> tuple[int, bytes, http.client.HTTPMessage]:
-        """Status, body and headers of an answer; the path is sent as it is."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=_SECONDS)
-        try:
-            connection.putrequest(method, path, skip_host=headers is not None and "Host" in headers)
-            for name, value in (headers or {}).items():
-                connection.putheader(name, value)
-            connection.endheaders()
-            answer = connection.getresponse()
-            return answer.status, answer.read(), answer.headers
-        finally:
-            connection.close()
+    def run(self, script: str, argument: Any = None) -> Any:
+        """The value of an expression or function body in which `view` is what `mount` returned."""
+        body = script if "return" in script else f"return {script}"
+        whole = f"async (argument) => {{ const {{ view }} = await import('/page/page.js'); {body} }}"
+        return self.page.evaluate(whole, argument)
 
-    def end(self, number: int = signal.SIGINT) -> tuple[int, str, str]:
-        """Exit code, and what it printed besides its first line."""
-        self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=_SECONDS)
-        return self.process.returncode, out, err
+    def newest(self, kind: str) -> Any:
+        """The engine's newest message of a kind."""
+        return self.run(f"view.hub.newest('{kind}') ?? null")
+
+    def wait(self, condition: str, argument: Any = None, seconds: float = 30) -> None:
+        """Until a condition holds, in which `view` is what `mount` returned."""
+        end = time.monotonic() + seconds
+        while not self.run(condition, argument):
+            assert time.monotonic() < end, f"still not: {condition}"
+            time.sleep(0.05)
+
+    def wait_until_done(self) -> None:
+        """All samples are there, and drawn."""
+        self.wait("view.hub.newest('state')?.status === 'done' && view.picture.frame()?.final", seconds=120)
+
+    def pixels(self) -> list[int]:
+        """What the canvas shows: RGBA bytes, rows from the top."""
+        return list(self.run(_PIXELS))
+
+
+_PIXELS: Final = """
+    const image = await createImageBitmap(await view.picture.snapshot());
+    const canvas = new OffscreenCanvas(image.width, image.height);
+    const context = canvas.getContext("2d");
+    context.drawImage(image, 0, 0);
+    return [...context.getImageData(0, 0, image.width, image.height).data];
+"""
