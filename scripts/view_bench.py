@@ -18,6 +18,7 @@ import threading
 import time
 import urllib.request
 from collections.abc import Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
@@ -30,10 +31,15 @@ class Page:
 
     def __init__(self, address: str) -> None:
         urllib.request.urlopen(address).read()
-        self.socket: ClientConnection = connect(
-            address.replace("http", "ws").replace("/?", "/socket?"), compression=None, max_size=None
-        )
+        url = address.replace("http", "ws").replace("/?", "/socket?")
+        self._open = ExitStack()
+        opened = connect(url, compression=None, max_size=None)
+        self.socket: ClientConnection = self._open.enter_context(opened)
         self.said: dict[str, Any] = {}
+
+    def close(self) -> None:
+        """Look on no more."""
+        self._open.close()
 
     def say(self, **message: Any) -> None:
         """Send a message."""
@@ -138,7 +144,7 @@ def main() -> None:
                 other = Page(address)
                 other.frame()
                 firsts.append(time.perf_counter() - begin)
-                other.socket.close()
+                other.close()
             told("first_picture", firsts)
             camera = page.said["state"]["camera"]
             told("orbit", orbit(page, camera, options.rounds, 0.5))
