@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-__all__ = ["PAGE", "viewer_module"]
+__all__ = ["PAGE", "viewer_module", "widget_module"]
 
 PAGE: Final = Path(__file__).parent / "page"
 """Folder of the page's files."""
@@ -21,9 +21,19 @@ def viewer_module() -> str:
     Each module becomes a function that is called once and returns what the module exports, so that names of one do not
     meet those of another.
     """
+    return f"{_joined('viewer.js')}\nconst {{ mount }} = {_variable('viewer.js')};\n"
+
+
+def widget_module() -> str:
+    """A module as an ``anywidget`` wants it: what it exports has ``render``, the function of ``widget.js``."""
+    return f"{_joined('widget.js')}\nexport default {{ render: {_variable('widget.js')}.render }};\n"
+
+
+def _joined(name: str) -> str:
+    """A module with all that it imports."""
     parts: dict[str, str] = {}
-    _add("viewer.js", parts)
-    return "\n".join([*parts.values(), f"const {{ mount }} = {_variable('viewer.js')};\n"])
+    _add(name, parts)
+    return "\n".join(parts.values())
 
 
 def _add(name: str, parts: dict[str, str]) -> None:

@@ -123,6 +123,11 @@ class Engine:
         """What is looked at."""
         return self._subject
 
+    @property
+    def problem(self) -> str | None:
+        """Why there is no image, or none of the scene as it is now."""
+        return (*self._problems.values(), None)[0]
+
     def connect(self, wake: Callable[[], None]) -> Viewer:
         """Somebody more looks on.
 
