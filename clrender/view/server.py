@@ -21,6 +21,7 @@ from clrender.view.subject import camera_toml
 
 try:
     import uvicorn
+    import websockets  # noqa: F401  # which uvicorn imports only when it is asked for it
     from starlette.applications import Starlette
     from starlette.requests import Request
     from starlette.responses import PlainTextResponse, Response
@@ -37,6 +38,8 @@ __all__ = ["listen", "serve"]
 
 _MOST_CONNECTIONS: Final = 128
 """At the same time, whatever they ask; more are hung up on."""
+_GOODBYE_SECONDS: Final = 0.1
+"""For what is still to be sent at the end."""
 _SILENT_SECONDS: Final = 10.0
 """How long a connection may stay open without having asked anything."""
 _TYPES: Final = {
@@ -71,6 +74,19 @@ class _Connection(H11Protocol):
     def _hang_up_on_silence(self) -> None:
         if self.cycle is None and not self.transport.is_closing() and self in self.connections:
             self.transport.abort()
+
+
+class _Server(uvicorn.Server):
+    """Says goodbye before it hangs up."""
+
+    def __init__(self, config: uvicorn.Config, engine: Engine) -> None:
+        super().__init__(config)
+        self._engine = engine
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._engine.say_goodbye()
+        await asyncio.sleep(_GOODBYE_SECONDS)
+        await super().shutdown(sockets)
 
 
 class _Guarded:
@@ -178,7 +194,7 @@ def serve(
     )
     shown = "localhost" if host == "localhost" else f"[{host}]" if ":" in host else host
     ready(f"http://{shown}:{port}/?token={token}")
-    uvicorn.Server(config).run(sockets=[listening])
+    _Server(config, engine).run(sockets=[listening])
 
 
 async def _page(request: Request) -> Response:
