@@ -265,6 +265,12 @@ class _Asked:
 def _smaller(job: RenderJob, step: int, spp: int, aov: tuple[str, ...] = ()) -> RenderJob:
     """The same job with fewer pixels and so many samples of each, and without errors."""
     settings = job.settings
-    sides = {"width": -(-settings.width // step), "height": -(-settings.height // step)}
-    plain = dataclasses.replace(settings, **sides, spp=spp, replicate_spp=None, error=None, time_limit=None)
+    plain = dataclasses.replace(
+        settings,
+        width=-(-settings.width // step),
+        height=-(-settings.height // step),
+        spp=spp,
+        replicate_spp=None,
+        error=None,
+    )
     return dataclasses.replace(job, settings=plain, first_sample=0, sample_count=spp, aov=aov, denoise=False)

@@ -100,7 +100,7 @@ class _Guarded:
             await self._app(scope, receive, send)
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        asked = Request(scope | {"type": "http", "method": "GET"})
+        asked = Request({**scope, "type": "http", "method": "GET"})
         token = asked.query_params.get("token")
 
         async def send_with_headers(message: Message) -> None:

@@ -299,12 +299,13 @@ def test_there_are_not_too_many_viewers(opened: Callable[..., Any]) -> None:
 def test_what_is_refused_leaves_the_image(opened: Callable[..., Any], device: Device) -> None:
     _, page = opened()
     page.until_done()
-    for kind, content in {
+    bad: dict[str, dict[str, Any]] = {
         "camera": {"camera": {"vertical_fov": 500}},
         "set": {"settings": {"integrator": "radiosity"}},  # the room has glass
         "material": {"name": "white", "values": {"reflectance": {"texture": "x.png"}}},
         "device": {"device": "no such device"},
-    }.items():
+    }
+    for kind, content in bad.items():
         page.say(kind, id=kind, **content)
         assert page.until_kind("refused", to=kind, id=kind).content["message"]
     page.say("restart")
