@@ -326,7 +326,7 @@ def test_stop_and_go_on_and_false_colour_by_keyboard(browser: Any, server: Serve
         assert view.newest("progress")["samples"] == samples
         before = _image(view)
         page.keyboard.press("l")
-        assert page.get_by_label("False colour", exact=True).first.is_checked()
+        assert page.get_by_label("False colour", exact=True).is_checked()
         assert page.locator(".cv-legend").is_visible()
         assert np.abs(_image(view).astype(int) - before).mean() > 10
         page.keyboard.press("l")
@@ -363,7 +363,8 @@ def test_it_fits_its_width(browser: Any, server: Server, width: int, scheme: str
         view.page.locator("details").evaluate_all("all => all.forEach((each) => each.open = true)")
         assert view.run("document.documentElement.scrollWidth") <= width
         over = view.page.locator(".cv button, .cv input, .cv select").evaluate_all(
-            "(all, width) => all.filter((each) => each.getBoundingClientRect().right > width + 0.5).map((it) => it.outerHTML)",
+            """(all, width) => all.filter((each) => each.getBoundingClientRect().right > width + 0.5)
+                .map((each) => each.outerHTML)""",
             width,
         )
         assert over == []

@@ -92,6 +92,7 @@ class view_of:
     def __init__(self, browser: Any, server: Server, name: str, *, plain: bool = False, **options: Any) -> None:
         self._context = browser.new_context(**{"viewport": {"width": 1280, "height": 720}, **options})
         self.page = self._context.new_page()
+        self.page.set_default_timeout(120_000)  # of a machine that has much else to do
         self.errors: list[str] = []
         self._name = name
         self.page.on(
@@ -121,7 +122,7 @@ class view_of:
         """The engine's newest message of a kind."""
         return self.run(f"view.hub.newest('{kind}') ?? null")
 
-    def wait(self, condition: str, argument: Any = None, seconds: float = 60) -> None:
+    def wait(self, condition: str, argument: Any = None, seconds: float = 120) -> None:
         """Until a condition holds, in which `view` is what `mount` returned."""
         end = time.monotonic() + seconds
         while not self.run(condition, argument):
@@ -130,7 +131,7 @@ class view_of:
 
     def wait_until_done(self) -> None:
         """All samples are there, and drawn."""
-        self.wait("view.hub.newest('state')?.status === 'done' && view.picture.frame()?.final", seconds=120)
+        self.wait("view.hub.newest('state')?.status === 'done' && view.picture.frame()?.final", seconds=300)
 
     def pixels(self) -> list[int]:
         """What the canvas shows: RGBA bytes, rows from the top."""

@@ -68,7 +68,10 @@ export function createCamera(hub) {
       }),
     /** Of the newest camera that was sent: `answers` of frames tells which one they show. */
     lastSent: () => lastSent,
-    reset: () => hub.send({ type: "reset", what: "camera" }),
+    reset() {
+      awaited = null;
+      hub.send({ type: "reset", what: "camera" });
+    },
   };
 }
 
