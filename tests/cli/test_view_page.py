@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from view_browser import SCENE, chromium, view_of
 from view_clients import Server
 
@@ -22,6 +24,11 @@ from clrender.film import Film
 from clrender.film.replicates import standard_error
 from clrender.image.tone_map import TONE_MAPS, to_display
 from clrender.view.bundle import PAGE, viewer_module
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 _DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
 
@@ -32,17 +39,18 @@ def browser() -> Iterator[Any]:
         yield started
 
 
-@pytest.fixture
-def scene(tmp_path: Path) -> Path:
-    path = tmp_path / "ball.toml"
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("scene") / "ball.toml"
     path.write_text(SCENE)
     return path
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def server(browser: Any, scene: Path) -> Iterator[Server]:
+    """One for all tests: each begins with everything as in the scene file."""
     # The browser comes first: without one the test is skipped before anything is rendered.
-    with Server(str(scene), "-d", _DEVICE) as started:
+    with Server(scene.name, "-d", _DEVICE, "-o", "saved.npy", folder=scene.parent) as started:
         yield started
         assert started.end()[0] == 0
 
@@ -183,6 +191,89 @@ def test_the_probe_says_the_numbers_of_the_film(browser: Any, server: Server, tm
         assert f"{linear[55, 71, 0]:.4g}".rstrip("0") in text
         assert "ball" in text
         assert "71, 55" in view.page.locator(".cv-hidden[aria-live]").inner_text()  # and is read aloud
+
+
+def test_two_layers_are_shown_beside_a_divider(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "divider") as view:
+        view.wait_until_done()
+        image = _image(view)
+        view.page.get_by_label("Layer").select_option(label="Albedo")
+        view.wait("view.picture.frame()?.layer === 'albedo' && !view.picture.frame().coarse")
+        albedo = _image(view)
+        assert (
+            np.abs(albedo[45, 80] - 255 * np.array([0.906, 0.349, 0.247])).max() < 2
+        )  # sRGB of the ball's reflectance
+        view.page.get_by_label("Layer").select_option(label="Image")
+        view.page.get_by_label("Compare with").select_option(label="Albedo")
+        view.wait("view.picture.frame()?.layer === 'image' && document.querySelector('.cv-divider').checkVisibility()")
+        for part in (0.5, 0.25):
+            view.page.locator(".cv-split").fill(str(part))
+            edge = round(160 * part)
+            view.wait("view.picture.isWhole()")
+            shown = _image(view)
+            assert (shown[:, :edge] == image[:, :edge]).all()
+            assert (shown[:, edge:] == albedo[:, edge:]).all()
+        # The keys of the divider are its own: they do not move the camera.
+        view.page.locator(".cv-split").focus()
+        view.page.keyboard.press("ArrowLeft")
+        assert float(view.page.locator(".cv-split").input_value()) == pytest.approx(0.248)
+        assert "camera" not in view.newest("state")["changed"]
+
+
+def test_the_error_map_measures_errors_first(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "error_map") as view:
+        view.wait_until_done()
+        view.page.get_by_label("Layer").select_option(label="Standard error")
+        view.page.get_by_role("button", name="Measure the errors").click()
+        view.wait("view.hub.newest('state').settings.replicate_spp === 4")
+        view.wait_until_done()
+        view.wait("view.picture.frame().layer === 'stderr'")
+        assert not view.page.get_by_role("button", name="Measure the errors").is_visible()
+        assert "Standard error, W/(sr m²)" in view.page.locator(".cv-legend").inner_text()
+        error = view.newest("progress")["error"]
+        assert 0.0 < error < 1.0
+        shown = view.page.locator(".cv-strip dl").inner_text()
+        assert f"{100 * error:.3g} %" in shown
+
+
+def test_focus_by_click_and_the_camera_as_toml(browser: Any, server: Server) -> None:
+    permissions = ["clipboard-read", "clipboard-write"]
+    with view_of(browser, server, "focus", permissions=permissions) as view:
+        view.wait_until_done()
+        view.page.locator(".cv-stage").focus()
+        view.page.keyboard.press("f")
+        box = view.page.locator(".cv-canvas").bounding_box()
+        view.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        view.wait("view.hub.newest('state').changed.includes('camera')")
+        # The near side of a ball of 0.6 m, whose middle is looked at from sqrt(4^2 + 0.6^2) m.
+        distance = view.newest("state")["camera"]["focus_distance"]
+        assert distance == pytest.approx(np.hypot(4.0, 0.6) - 0.6, abs=0.01)
+        view.page.keyboard.press("Escape")
+        view.page.keyboard.press("c")
+        view.wait("document.querySelector('.cv-toast').textContent.includes('copied')")
+        copied = tomllib.loads(view.page.evaluate("navigator.clipboard.readText()"))["camera"]
+        assert copied["position"] == [0.0, 1.2, 4.0]
+        assert copied["focus_distance"] == pytest.approx(distance)
+
+
+def test_saving_and_downloading(browser: Any, server: Server, scene: Path) -> None:
+    with view_of(browser, server, "save") as view:
+        view.wait_until_done()
+        view.page.get_by_text("Save", exact=True).click()
+        view.page.get_by_role("button", name="Save saved.npy").click()
+        view.wait("document.querySelector('.cv-toast').textContent.includes('is written')")
+        linear = np.load(scene.parent / "saved.npy")
+        view.page.get_by_label("Tone curve").select_option("agx")
+        with view.page.expect_download() as download:
+            view.page.get_by_role("link", name=".png", exact=True).click()
+        with Image.open(download.value.path()) as picture:
+            assert (np.asarray(picture) == to_display(linear, "agx", 0.0)).all()
+        shown = _image(view)
+        with view.page.expect_download() as download:
+            view.page.get_by_role("button", name="What is shown, as .png").click()
+        assert download.value.suggested_filename == "A ball on a table.png"
+        with Image.open(download.value.path()) as picture:
+            assert (np.asarray(picture.convert("RGB")) == shown).all()
 
 
 def test_a_changed_scene_file_is_read_again_and_a_broken_one_told_of(browser: Any, server: Server, scene: Path) -> None:

@@ -102,6 +102,11 @@ class view_of:
         self.page.goto(server.address + ("#plain" if plain else ""))
 
     def __enter__(self) -> view_of:
+        # Whatever an earlier test has changed.
+        self.wait("view.hub.newest('state') !== undefined")
+        self.run("['camera', 'settings', 'materials'].forEach((what) => view.hub.send({ type: 'reset', what }))")
+        self.run("view.hub.send({ type: 'run', run: true })")
+        self.wait("view.hub.newest('state').changed.length === 0")
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
