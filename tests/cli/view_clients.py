@@ -30,6 +30,14 @@ __all__ = ["Onlooker", "Page", "Received", "Server"]
 _SECONDS = 120.0
 """Longer than anything should take here, and a test that waits so long has failed."""
 
+_WITH_TOKEN = """
+import secrets, sys
+from clrender.__main__ import main
+token = sys.argv.pop(1)
+secrets.token_urlsafe = lambda length: token
+main()
+"""
+
 
 @dataclass
 class Received:
@@ -57,6 +65,7 @@ class _Talks:
 
     def __init__(self) -> None:
         self.newest: dict[str, Received] = {}
+        self._done = (0, 0)
 
     def say(self, kind: str, **content: Any) -> None:
         raise NotImplementedError
@@ -80,9 +89,15 @@ class _Talks:
         return self.until(lambda m: m.kind == kind and all(m.content.get(k) == v for k, v in content.items()))
 
     def until_done(self) -> str:
-        """The hash of the image, once all samples are there."""
-        found: str = self.until(lambda m: m.kind == "progress" and m.content["sha256"] is not None).content["sha256"]
-        return found
+        """The hash of the image, once all samples are there, of another than was waited for last."""
+
+        def finished(m: Received) -> bool:
+            told = m.content
+            return m.kind == "progress" and bool(told["sha256"]) and (told["revision"], told["spp"]) != self._done
+
+        told = self.until(finished).content
+        self._done = told["revision"], told["spp"]
+        return str(told["sha256"])
 
 
 class Onlooker(_Talks):
@@ -130,11 +145,14 @@ class Page(_Talks):
 
 
 class Server:
-    """`clrender view` in a process of its own."""
+    """`clrender view` in a process of its own; with a token, at the address of an earlier one."""
 
-    def __init__(self, *arguments: str, folder: Path | None = None, open_: bool = False) -> None:
+    def __init__(
+        self, *arguments: str, folder: Path | None = None, open_: bool = False, token: str | None = None
+    ) -> None:
+        program = ["-m", "clrender"] if token is None else ["-c", _WITH_TOKEN, token]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "clrender", "view", *arguments, *([] if open_ else ["--no-open"])],
+            [sys.executable, *program, "view", *arguments, *([] if open_ else ["--no-open"])],
             cwd=folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

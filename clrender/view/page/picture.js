@@ -5,7 +5,6 @@ import { make } from "./elements.js";
 import { legendOf, lookOf } from "./looks.js";
 
 const LARGEST_SIDE = 2048; // pixels, of frames and of the canvas
-const NARROW_SIDE = 1024; // on a narrow screen
 const PIXELATED_FROM = 4; // times: from there pixels are shown as squares
 
 /**
@@ -57,8 +56,7 @@ export function createPicture(hub, choice, plain) {
 
   function show() {
     const layers = [choice.layer, choice.compared].filter((name) => name !== null);
-    const narrow = Math.max(box.parentElement?.clientWidth ?? 0, 1) * window.devicePixelRatio < NARROW_SIDE / 2;
-    hub.send({ type: "show", layers, max_side: narrow ? NARROW_SIDE : LARGEST_SIDE });
+    hub.send({ type: "show", layers, max_side: LARGEST_SIDE });
     [...frames.keys()].filter((name) => !layers.includes(name)).forEach((name) => frames.delete(name));
     const isSplit = choice.compared !== null;
     for (const element of [split, divider, ...names]) element.hidden = !isSplit;
@@ -127,6 +125,8 @@ export function createPicture(hub, choice, plain) {
     size: () => size,
     /** The newest frame of the layer that is shown. */
     frame: () => frames.get(choice.layer),
+    /** Whether all layers that are shown are there. */
+    isWhole: () => frames.has(choice.layer) && (choice.compared === null || frames.has(choice.compared)),
     onDrawn: (listener) => drawnListeners.push(listener),
     /** What is shown, as a PNG file. */
     snapshot() {

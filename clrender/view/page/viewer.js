@@ -71,7 +71,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     tool("focus", "Focus by click", "f"),
     tool("probe", "Probe by keyboard", "p"),
     tool("compare", "Before and after the denoiser", "b"),
-    tool("palette", "False colour", "l"),
+    tool("palette", "False colour of luminance", "l"),
     tool("reset", "Reset the camera", "r"),
     tool("panel", "Hide or show the panel", "h"),
     tool("help", "Keys and gestures", "?"),
