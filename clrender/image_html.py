@@ -110,7 +110,7 @@ def shrunk(pixels: _Array, most: int) -> _Array:
     Returns
     -------
     (h, w, channels) float32
-        The given one where it is small enough. What is left over of a square at the right and at the bottom is left out.
+        The given one where it is small enough. What is left of a square at the right and at the bottom is left out.
     """
     step = _step(pixels, most)
     if step == 1:
@@ -152,7 +152,9 @@ def _layer(key: str, layer: _Array, image: RenderedImage) -> tuple[_Bytes, str]:
             return _colored(some[..., 0].astype(np.int64)), "a colour for each number; black: nothing"
         case _ if key in MATTES:
             names = np.ascontiguousarray(some[..., 0]).view(np.uint32).astype(np.int64)
-            return _colored(np.where(some[..., 1] > 0.0, names, -1)), "a colour for the name that covers most of a pixel"
+            return _colored(
+                np.where(some[..., 1] > 0.0, names, -1)
+            ), "a colour for the name that covers most of a pixel"
         case "stderr":
             return _ranged((some @ np.asarray(LUMINANCE, np.float32))[..., None], "luminance", "W/(sr m²)")
         case _:

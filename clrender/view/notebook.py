@@ -154,7 +154,7 @@ class View:
         return image
 
     def close(self) -> None:
-        """End: the view becomes its last picture, and what is on the devices is released. A second call does nothing."""
+        """End: the view becomes its last picture, and devices are released. A second call does nothing."""
         with self._closing:
             if self._closed:
                 return

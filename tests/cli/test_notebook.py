@@ -96,22 +96,19 @@ class Kernel:
                 return got
 
 
-@pytest.fixture
-def execute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
-    """Executes cells in a kernel, and goes on as told; gives the notebook."""
-    (tmp_path / "scene.toml").write_text(SCENE)
-    for name in ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_RUNTIME_DIR", "MPLCONFIGDIR"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.setenv("PYTHONPATH", str(Path(clrender.__path__[0]).parent))
-    monkeypatch.setenv("PYDEVD_DISABLE_FILE_VALIDATION", "1")
+@pytest.fixture(scope="module")
+def execute(tmp_path_factory: pytest.TempPathFactory, cache_folder: Path) -> Iterator[Callable[..., Any]]:
+    """Executes cells in a kernel that begins in a folder of its own, and goes on as told; gives notebook and folder."""
+    own = tmp_path_factory.mktemp("jupyter")
     device = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
 
-    def run(cells: tuple[str, ...], talk: Callable[[Kernel], Awaitable[None]]) -> Any:
-        notebook = nbformat.v4.new_notebook()
+    def run(cells: tuple[str, ...], talk: Callable[[Kernel], Awaitable[None]]) -> tuple[Any, Path]:
+        notebook, folder = nbformat.v4.new_notebook(), tmp_path_factory.mktemp("notebook")
+        (folder / "scene.toml").write_text(SCENE)
 
         async def whole() -> None:
             client = nbclient.NotebookClient(
-                notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+                notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
             )
             client.reset_execution_trackers()
             async with client.async_setup_kernel():
@@ -122,9 +119,14 @@ def execute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
             client.set_widgets_metadata()
 
         asyncio.run(whole())
-        return notebook
+        return notebook, folder
 
-    yield run
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_RUNTIME_DIR", "MPLCONFIGDIR"):
+            patch.setenv(name, str(own / name))
+        patch.setenv("PYTHONPATH", str(Path(clrender.__path__[0]).parent))
+        patch.setenv("PYDEVD_DISABLE_FILE_VALIDATION", "1")
+        yield run
 
 
 def stills(outputs: Any) -> list[str]:
@@ -140,75 +142,82 @@ def picture(html: str) -> np.ndarray[Any, np.dtype[np.uint8]]:
     return np.asarray(Image.open(io.BytesIO(base64.b64decode(found[1]))).convert("RGB"))
 
 
-def test_a_notebook_is_executed_spoken_to_and_exported(execute: Callable[..., Any], tmp_path: Path) -> None:
-    async def talk(kernel: Kernel) -> None:
-        cells = kernel.client.nb.cells
-        model = cells[1].outputs[0].data[WIDGET]["model_id"]
-        state = kernel.client.widget_state[model]
-        assert state["_model_module"] == "anywidget"
-        assert "function mount(" in state["_esm"] and ".cv" in state["_css"]
-        assert state["still"] in stills(cells[1].outputs)[0]
-        assert cells[3].outputs[0].data[WIDGET]["model_id"] == model  # another display of the same
+async def _talk(kernel: Kernel) -> None:
+    cells = kernel.client.nb.cells
+    model = cells[1].outputs[0].data[WIDGET]["model_id"]
+    state = kernel.client.widget_state[model]
+    assert state["_model_module"] == "anywidget"
+    assert "function mount(" in state["_esm"] and ".cv" in state["_css"]
+    assert state["still"] in stills(cells[1].outputs)[0]
+    assert cells[3].outputs[0].data[WIDGET]["model_id"] == model  # another display of the same
 
-        # An output begins, and is told how things stand; it has acknowledged nothing when another one comes.
-        kernel.say(model, {"display": "first"})
-        got = await kernel.received(model, "first", lambda m: m.kind == "hello")
-        assert got.content["protocol"] == 1
-        shown = await kernel.received(model, "first", lambda m: m.kind == "frame" and m.content["final"])
-        assert shown.pixels.shape == (54, 96, 3)
-        kernel.say(model, {"display": "second"})
-        await kernel.received(model, "second", lambda m: m.kind == "hello")
-        other = await kernel.received(model, "second", lambda m: m.kind == "frame" and m.content["final"])
-        np.testing.assert_array_equal(other.pixels, shown.pixels)
+    # An output begins, and is told how things stand; it has acknowledged nothing when another one comes.
+    kernel.say(model, {"display": "first"})
+    got = await kernel.received(model, "first", lambda m: m.kind == "hello")
+    assert got.content["protocol"] == 1
+    shown = await kernel.received(model, "first", lambda m: m.kind == "frame" and m.content["final"])
+    assert shown.pixels.shape == (54, 96, 3)
+    kernel.say(model, {"display": "second"})
+    await kernel.received(model, "second", lambda m: m.kind == "hello")
+    other = await kernel.received(model, "second", lambda m: m.kind == "frame" and m.content["final"])
+    np.testing.assert_array_equal(other.pixels, shown.pixels)
 
-        # The camera moves: the first output is not read any more, and the second has its frames all the same.
-        move = {"type": "camera", "id": 5, "camera": {"position": [0.5, 2.0, 4.0]}}
-        kernel.say(model, {"display": "second", "text": json.dumps(move)})
-        moved = await kernel.received(model, "second", lambda m: m.kind == "frame" and m.content["answers"] == 5)
-        assert moved.content["revision"] > shown.content["revision"]
-        done = await kernel.received(model, "second", lambda m: m.kind == "progress" and bool(m.content["sha256"]))
-        there = "view.scene.camera.position.tolist() if hasattr(view.scene.camera.position, 'tolist') else "
-        outputs = await kernel.run(f"{there}list(view.scene.camera.position)")
-        assert outputs[0].data["text/plain"] == "[0.5, 2.0, 4.0]"
-        again = await kernel.run(
-            "clrender.render(view.scene, device=device, size=(96, 54), spp=8).stats['image_sha256']"
-        )
-        assert again[0].data["text/plain"] == repr(done.content["sha256"])
-        kernel.say(model, {"display": "second", "text": '{"type": "nonsense"}'})
-        await kernel.received(model, "second", lambda m: m.kind == "refused")
+    # The camera moves: the first output is not read any more, and the second has its frames all the same.
+    move = {"type": "camera", "id": 5, "camera": {"position": [0.5, 2.0, 4.0]}}
+    kernel.say(model, {"display": "second", "text": json.dumps(move)})
+    moved = await kernel.received(model, "second", lambda m: m.kind == "frame" and m.content["answers"] == 5)
+    assert moved.content["revision"] > shown.content["revision"]
+    done = await kernel.received(model, "second", lambda m: m.kind == "progress" and bool(m.content["sha256"]))
+    outputs = await kernel.run("list(view.scene.camera.position)")
+    assert outputs[0].data["text/plain"] == "[0.5, 2.0, 4.0]"
+    again = await kernel.run("clrender.render(view.scene, device=device, size=(96, 54), spp=8).stats['image_sha256']")
+    assert again[0].data["text/plain"] == repr(done.content["sha256"])
+    kernel.say(model, {"display": "second", "text": '{"type": "nonsense"}'})
+    await kernel.received(model, "second", lambda m: m.kind == "refused")
 
-        # Its end: the widget goes, the pictures show what was seen last, and the device is as it was.
-        outputs = await kernel.run("view.close(); view.close()\n(device.buffers == before, view)")
-        assert outputs[-1].data["text/plain"].startswith("(True, <clrender.View of A ball on a table, 96 x 54, closed>")
-        outputs = await kernel.run("view")
-        assert len(outputs) == 1 and WIDGET not in outputs[0].data
+    # Its end: the widget goes, the pictures show what was seen last, and the device is as it was.
+    outputs = await kernel.run("view.close(); view.close()\n(device.buffers == before, view)")
+    assert outputs[-1].data["text/plain"].startswith("(True, <clrender.View of A ball on a table, 96 x 54, closed>")
+    outputs = await kernel.run("view")
+    assert len(outputs) == 1 and WIDGET not in outputs[0].data
 
-    notebook = execute(CELLS, talk)
+
+@pytest.fixture(scope="module")
+def executed(execute: Callable[..., Any]) -> tuple[Any, Path]:
+    """A notebook that was executed and spoken to, and the HTML it was exported to."""
+    notebook, folder = execute(CELLS, _talk)
+    html, _ = nbconvert.HTMLExporter().from_notebook_node(notebook)
+    (folder / "notebook.html").write_text(html, encoding="utf-8")
+    return notebook, folder / "notebook.html"
+
+
+def test_a_notebook_is_executed_spoken_to_and_exported(executed: tuple[Any, Path]) -> None:
+    notebook, exported = executed
     first, last = (picture(stills(cell.outputs)[0]) for cell in (notebook.cells[1], notebook.cells[-1]))
     assert first.shape == (54, 96, 3)
     np.testing.assert_array_equal(first, last)  # brought up to date when the view ended
-    finished, moved = notebook.cells[5].outputs[0].data["text/html"], last
-    assert np.abs(picture(finished).astype(int) - moved).mean() > 3.0  # the camera was elsewhere
+    finished = notebook.cells[5].outputs[0].data["text/html"]
+    assert np.abs(picture(finished).astype(int) - last).mean() > 3.0  # the camera was elsewhere
     assert finished.count("<input") == 3
-    live, plot = (notebook.cells[at].outputs[0].data["text/html"] for at in (4, 6))
-    for drawn in (live, plot):
+    for drawn in (notebook.cells[at].outputs[0].data["text/html"] for at in (4, 6)):
         assert "<svg" in drawn and "relative error (RMS)" in drawn
     assert notebook.metadata.widgets[STATE]["state"]
-
-    html, _ = nbconvert.HTMLExporter().from_notebook_node(notebook)
+    html = exported.read_text(encoding="utf-8")
     assert html.count("data-clrender-still") >= 3
     np.testing.assert_array_equal(picture(html[html.index("data-clrender-still") :]), last)
-    (tmp_path / "notebook.html").write_text(html, encoding="utf-8")
-    with chromium() as browser:  # where there is one
+
+
+def test_what_is_exported_is_seen_without_a_network(executed: tuple[Any, Path]) -> None:
+    with chromium() as browser:
         page = browser.new_page(viewport={"width": 1000, "height": 900})
-        page.route(re.compile("^https?:"), lambda route: route.abort())  # what is exported shows itself without a network
-        page.goto((tmp_path / "notebook.html").as_uri())
+        page.route(re.compile("^https?:"), lambda route: route.abort())
+        page.goto(executed[1].as_uri())
         try:
             still = page.locator("[data-clrender-still] img").first
             assert still.is_visible() and still.evaluate("image => image.naturalWidth") == 96
-            page.get_by_text("object", exact=True).click()
+            page.locator("label", has_text="object").click()
             assert page.locator("figure img[alt=object]").is_visible()
-            assert not page.locator(".jp-OutputArea figure img[alt=normal]").is_visible()
+            assert not page.locator("figure img[alt=normal]").is_visible()
         finally:
             FAILURES.mkdir(exist_ok=True)
             page.screenshot(path=FAILURES / "notebook.png", full_page=True)
@@ -247,12 +256,14 @@ for arguments in ({"spp": 0}, {"size": 3}, {"outputs": ["a.xyz"]}, {"device": "n
 
     async def talk(kernel: Kernel) -> None:
         outputs = await kernel.run(wrong)
-        assert outputs[0].data["text/plain"].replace("\n", "").startswith("(4, [], True,"), outputs[0].data["text/plain"]
+        assert outputs[0].data["text/plain"].replace("\n", "").startswith("(4, [], True,"), outputs[0].data[
+            "text/plain"
+        ]
 
     execute((CELLS[0].replace("view = ", "# "),), talk)
 
 
-def test_a_kernel_that_ends_ends_its_views(execute: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_kernel_that_ends_ends_its_views(execute: Callable[..., Any]) -> None:
     async def talk(kernel: Kernel) -> None:
         await kernel.run(
             "import atexit, pathlib\n"
@@ -260,5 +271,5 @@ def test_a_kernel_that_ends_ends_its_views(execute: Callable[..., Any], tmp_path
             "view._engine.close = lambda: (end(), pathlib.Path('ended').write_text(str(device.buffers == before)))"
         )
 
-    execute((CELLS[0], "view"), talk)
-    assert (tmp_path / "ended").read_text() == "True"
+    _, folder = execute((CELLS[0], "view"), talk)
+    assert (folder / "ended").read_text() == "True"

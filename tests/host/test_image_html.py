@@ -76,7 +76,9 @@ def test_colours_tell_names_of_mattes_apart() -> None:
     assert not shown[1].any() and not shown[0, 2].any()
 
 
-@pytest.mark.parametrize("key", ["albedo", "emission", "tangent", "position", "uv", "samples", "unconverged", "material"])
+@pytest.mark.parametrize(
+    "key", ["albedo", "emission", "tangent", "position", "uv", "samples", "unconverged", "material"]
+)
 def test_every_layer_has_a_picture(key: str) -> None:
     channels = {"uv": 2, "samples": 1, "unconverged": 1, "material": 1}.get(key, 3)
     layer = np.linspace(0.0, 1.0, 20 * 30 * channels, dtype=np.float32).reshape(20, 30, channels)
@@ -90,7 +92,9 @@ def test_it_stays_small_and_says_so() -> None:
     image = image_of(noise, aovs={"albedo": noise, "material": np.floor(noise[..., :1] * 9)})
     html = image._repr_html_()
     assert "866 × 466 of 2600 × 1400 pixels" in html
-    assert [max(each.shape) <= side for each, side in zip(pictures(html), (IMAGE_SIDE, LAYER_SIDE, LAYER_SIDE), strict=True)]
+    assert [
+        max(each.shape) <= side for each, side in zip(pictures(html), (IMAGE_SIDE, LAYER_SIDE, LAYER_SIDE), strict=True)
+    ]
     assert len(html) < 3_000_000
     assert max(Image.open(io.BytesIO(image._repr_png_())).size) <= IMAGE_SIDE
 
@@ -117,5 +121,8 @@ def test_nothing_of_it_comes_from_elsewhere_or_runs() -> None:
 
 def test_two_images_of_a_notebook_do_not_share_buttons() -> None:
     layers = {"albedo": grey(4, 4)}
-    names = [re.findall(r'<div class="clrender-image" id="(.*?)"', image_of(grey(4, 4), aovs=layers)._repr_html_()) for _ in range(2)]
+    names = [
+        re.findall(r'<div class="clrender-image" id="(.*?)"', image_of(grey(4, 4), aovs=layers)._repr_html_())
+        for _ in range(2)
+    ]
     assert names[0] != names[1]
