@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from clrender.version import __version__
 
 if TYPE_CHECKING:
+    from clrender.convergence_plot import ConvergencePlot as ConvergencePlot
     from clrender.device import devices as devices
     from clrender.errors import ClrenderError as ClrenderError
     from clrender.errors import DeviceError as DeviceError
@@ -26,10 +27,12 @@ if TYPE_CHECKING:
     from clrender.scene import Scene as Scene
     from clrender.session import Session as Session
     from clrender.verification import verify as verify
+    from clrender.view.notebook import View as View
 
 # What each name comes from. They are fetched when first used: `clrender --version` must not load NumPy.
 _HOMES = {
     "ClrenderError": "clrender.errors",
+    "ConvergencePlot": "clrender.convergence_plot",
     "DeviceError": "clrender.errors",
     "Progress": "clrender.rendered_image",
     "RenderError": "clrender.errors",
@@ -39,6 +42,7 @@ _HOMES = {
     "SceneError": "clrender.errors",
     "Session": "clrender.session",
     "UsageError": "clrender.errors",
+    "View": "clrender.view.notebook",
     "devices": "clrender.device",
     "load": "clrender.importers",
     "render": "clrender.rendering",

@@ -25,6 +25,7 @@ from clrender.film.checkpoint import Checkpoint
 from clrender.film.convergence import Convergence
 from clrender.film.ledger import Ledger
 from clrender.film.replicates import standard_error
+from clrender.film.running import RunningFilm
 from clrender.film.unit import tile_side
 from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
@@ -48,6 +49,9 @@ if TYPE_CHECKING:
 
 __all__ = ["JobRender"]
 
+_LIVE_SECONDS: Final = 0.02
+"""What a launch should last where somebody watches who may want another image at any moment."""
+
 _DEPTH: Final = 64
 """Samples of a pixel in a unit that goes to a cluster: a third of the bytes of sixteen."""
 
@@ -68,6 +72,8 @@ class JobRender:
         Open.
     cluster : Cluster, optional
         Whose workers take the samples in place of the session's devices, which then make the layers alone.
+    begun : RunningFilm, optional
+        A film of the job, as `refine` leaves it; what it holds is not taken again.
     """
 
     def __init__(
@@ -78,6 +84,7 @@ class JobRender:
         should_stop: Callable[[], bool] | None,
         checkpoint: Checkpoint | None = None,
         cluster: Cluster | None = None,
+        begun: RunningFilm | None = None,
     ) -> None:
         self._begin = time.perf_counter()
         self._session = session
@@ -87,6 +94,7 @@ class JobRender:
         self._should_stop = should_stop or (lambda: False)
         self._checkpoint = checkpoint
         self._cluster = cluster
+        self._begun = begun
         self._plan = _plan_of(job)
         if cluster is not None:
             self._plan = dataclasses.replace(self._plan, short_units=True, depth=_DEPTH)
@@ -102,6 +110,7 @@ class JobRender:
         self._film: Film | None = None
         self._found: Convergence | None = None
         self._apart_bytes = MOST_BYTES
+        self._resumed: Mapping[str, int] = dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
 
     @property
     def _devices(self) -> list[Device]:
@@ -129,10 +138,18 @@ class JobRender:
             yield
 
     def _image(
-        self, flat: FlatScene, memory: Mapping[str, float], keep_film: bool, denoiser: Denoiser | None
+        self,
+        flat: FlatScene,
+        memory: Mapping[str, float],
+        keep_film: bool,
+        denoiser: Denoiser | None,
+        take: bool = True,
     ) -> RenderedImage:
         job, settings, session = self._job, self._settings, self._session
         self._film = film = self._new_film(flat)
+        left_out = 0 if take else self._plan.samples
+        if left_out:
+            self._want(Ledger(film.width, film.height))
         devices = self._devices
         check_lanes(settings, devices)
         compiled = sum(device.compile_seconds for device in devices)
@@ -142,7 +159,7 @@ class JobRender:
         self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
         cpu = time.process_time()
         sharing = self._devices
-        taken = self._run(flat, prepared, film, settings.error is not None)
+        taken = self._run(flat, prepared, film, take and settings.error is not None)
         tally, members = taken.tally, taken.members
         if self._cluster is None and self._dismissed(sharing, tally) and first and not tally.all_failed:
             with self._timed("aov_seconds"):  # they may be wrong as well
@@ -164,13 +181,14 @@ class JobRender:
             "write_seconds": 0.0,
             "wall_seconds": time.perf_counter() - self._begin,
         }
-        stats = render_stats(job, flat, film, linear, tally, members, measured, self._checkpoint) | dict(taken.told)
+        resumed, checkpoint = self._resumed, self._checkpoint
+        stats = render_stats(job, flat, film, linear, tally, members, measured, resumed, checkpoint) | dict(taken.told)
         if errors is not None:
             stats |= error_stats(job, film, errors, self._found, tally.complete)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
         layers = {name: first[name] for name in job.aov if name in first}
         mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers}
-        image = RenderedImage(linear, stats, film, not tally.complete, denoised, layers, mattes)
+        image = RenderedImage(linear, stats, film, not tally.complete or left_out > 0, denoised, layers, mattes)
         if tally.all_failed and not tally.complete:
             raise IncompleteRender(str(tally.failures[-1]), image) from tally.failures[-1]
         for line in failures_told(tally):
@@ -205,6 +223,38 @@ class JobRender:
             self._run(flat, None, film).tally.raise_failure()
         return film
 
+    def refine(self) -> RunningFilm:
+        """Add what it lacks to the film that was begun, or to a new one; `Session.refine` has the details."""
+        settings = self._settings
+        self._plan = dataclasses.replace(self._plan, gradual=True)
+        self._launch = dataclasses.replace(self._launch, slice_seconds=_LIVE_SECONDS)
+        flat, _ = self._flat()
+        film = self._begun or RunningFilm(settings.width, settings.height, {"replicate_spp": settings.replicate_spp})
+        self._film, self._resumed = film, film.account()
+        if film.ledger.samples:
+            first = self._job.first_sample
+            self._want(film.ledger.lacking(first, first + self._job.sample_count))
+        with self._memory_held():
+            devices = self._devices
+            check_lanes(settings, devices)
+            tally = self._run(flat, None, film, settings.error is not None).tally
+        self._dismissed(devices, tally)
+        if tally.all_failed and not tally.complete:
+            raise tally.failures[-1]
+        for line in failures_told(tally):
+            self._session.tell(line)
+        return film
+
+    def layers(self) -> _Arrays:
+        """The layers of the job alone, but for those of its film."""
+        flat, _ = self._flat()
+        return self._layers(flat)
+
+    def developed(self) -> RenderedImage:
+        """The image of the film that was begun, as it is; `Session.develop` has the details."""
+        flat, memory = self._flat()
+        return self._image(flat, memory, keep_film=True, denoiser=None, take=False)
+
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
         """The scene as arrays, and what memory that took."""
         with self._timed("read_seconds"):
@@ -225,11 +275,16 @@ class JobRender:
         """The film to be filled: an empty one, or that of the checkpoint."""
         job, settings = self._job, self._settings
         request = self._request(flat)
-        if self._checkpoint is None:
-            return Film(settings.width, settings.height, request)
         samples = range(job.first_sample, job.first_sample + job.sample_count)
-        film = self._checkpoint.begin(request, samples, job_stats(job, request))
-        self._plan = dataclasses.replace(self._plan, short_units=True)
+        if self._checkpoint is not None:
+            film = self._checkpoint.begin(request, samples, job_stats(job, request))
+            self._resumed = self._checkpoint.resumed
+            self._plan = dataclasses.replace(self._plan, short_units=True)
+        elif self._begun is not None:
+            film, self._resumed = self._begun, self._begun.account()
+            film.request = request
+        else:
+            return Film(settings.width, settings.height, request)
         if film.ledger.samples:
             self._want(film.ledger.lacking(samples.start, samples.stop))
         return film
@@ -298,7 +353,7 @@ class JobRender:
         if self._on_progress is not None:
             begun = self._started or time.perf_counter()
             seconds = time.perf_counter() - begun
-            resumed = self._checkpoint.resumed["samples"] if self._checkpoint is not None else 0
+            resumed = self._resumed["samples"]
             total = resumed + self._total
             self._on_progress(Progress(resumed + samples, total, seconds, rays, self._film, resumed))
 

@@ -62,6 +62,7 @@ def render_stats(
     tally: Tally,
     members: Sequence[Member],
     measured: Mapping[str, float],
+    resumed: Mapping[str, int],
     checkpoint: Checkpoint | None = None,
 ) -> dict[str, Any]:
     """What ``--stats`` writes of a render.
@@ -76,11 +77,12 @@ def render_stats(
         Who took part, in the order of the tally.
     measured : mapping
         The keys that end in ``_seconds``, and those about the memory of reading and flattening.
+    resumed : mapping
+        ``samples``, ``rays``, ``shadow_rays`` and ``max_depth`` of what the film held before; they count, too, but not
+        in what this render's devices did.
     checkpoint : Checkpoint, optional
-        Whose samples count, too, but not in what this render's devices did.
     """
     seconds = max(measured["render_seconds"], 1e-9)
-    resumed = checkpoint.resumed if checkpoint else dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
     return {
         "image_sha256": image_sha256(linear),
         "denoised": False,

@@ -146,8 +146,15 @@ class RenderedImage:
             told = {**self.stats, "stored": {"tone_map": tone_map, "exposure": exposure}}
             write_image(path, self.picture, told, tone_map, exposure)
 
+    def _repr_html_(self) -> str:
+        from clrender.image_html import image_html
+
+        return image_html(self)
+
     def _repr_png_(self) -> bytes:
-        return png_bytes(self.picture, exposure=self.camera_stops)
+        from clrender.image_html import IMAGE_SIDE, shrunk
+
+        return png_bytes(shrunk(self.picture, IMAGE_SIDE), exposure=self.camera_stops)
 
 
 def check_mattes(layers: Iterable[str], exr: ExrFormat) -> None:

@@ -22,6 +22,7 @@ from clrender.errors import DeviceError, UsageError
 from clrender.film import Film
 from clrender.film.checkpoint import Checkpoint
 from clrender.film.ledger import Ledger
+from clrender.film.running import RunningFilm
 from clrender.flatten import FlatScene, flatten, scene_origin, seen_by
 from clrender.integrators.descriptor import Pipeline
 from clrender.job import RenderJob
@@ -184,6 +185,67 @@ class Session:
                 return JobRender(self, job, on_progress, should_stop, None, cluster).image(keep_film)
         with self._alone(), Checkpoint(checkpoint, resume, self.tell) as saved:
             return JobRender(self, job, on_progress, should_stop, saved, cluster).image(keep_film)
+
+    def refine(
+        self,
+        job: RenderJob,
+        film: RunningFilm | None = None,
+        *,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> RunningFilm:
+        """Render for somebody who watches: begin with one sample of each pixel, stop soon, and go on later.
+
+        The sums are those of `render`, whatever the stops. Only samples are taken: the job's layers are not rendered.
+
+        Parameters
+        ----------
+        job : RenderJob
+        film : RunningFilm, optional
+            To go on from: one that `refine` returned for this job, or for the same with fewer samples per pixel.
+        on_progress, should_stop : callable, optional
+            As of `render`. A yes is answered within a twentieth of a second on a device that is not slower than that
+            with a few thousand pixels.
+
+        Returns
+        -------
+        RunningFilm
+            The one given, or a new one. Which request it is of is noted by `develop`.
+
+        Raises
+        ------
+        SceneError, UsageError, DeviceError, RenderError
+            As `render`. The film keeps what was finished.
+        """
+        with self._alone():
+            return JobRender(self, job, on_progress, should_stop, begun=film).refine()
+
+    def develop(self, job: RenderJob, film: RunningFilm) -> RenderedImage:
+        """The image of what a film holds, with its numbers, as if a render had been stopped there.
+
+        Parameters
+        ----------
+        job : RenderJob
+            Its layers are rendered; no more samples are taken.
+        film : RunningFilm
+            That `refine` returned for this job; the image holds it.
+        """
+        with self._alone():
+            return JobRender(self, job, None, None, begun=film).developed()
+
+    def layers(
+        self, job: RenderJob, should_stop: Callable[[], bool] | None = None
+    ) -> dict[str, npt.NDArray[np.float32]]:
+        """The layers of a job that are seen first, without its image, as of `clrender.aov.first_hits`.
+
+        Parameters
+        ----------
+        job : RenderJob
+        should_stop : callable, optional
+            After a yes, samples are missing.
+        """
+        with self._alone():
+            return JobRender(self, job, None, should_stop).layers()
 
     def team(self, job: RenderJob) -> tuple[DeviceTeam, str]:
         """The devices at a job's disposal, as of `clrender.job_render.JobRender.team`."""

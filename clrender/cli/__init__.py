@@ -27,6 +27,7 @@ STARTED: Final = time.perf_counter()
 
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
+    "view": "Show a scene live in the browser.",
     "devices": "List OpenCL devices and whether each computes correctly.",
     "doctor": "Diagnose OpenCL on this machine: causes and cures.",
     "scenes": "List the built-in scenes.",

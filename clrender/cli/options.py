@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import Any, Final
 
@@ -107,10 +107,10 @@ def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[
     )
 
 
-def setting_options(command: Any) -> Any:
-    """Decorator: the options of all settings of the table, in its order."""
+def setting_options(command: Any, without: Container[str] = ()) -> Any:
+    """Decorator: the options of all settings of the table, in its order, but for some."""
     for setting in reversed(list(SETTINGS.values())):
-        if setting.option is not None:
+        if setting.option is not None and setting.name not in without:
             command = setting_option(setting.name)(command)
     return command
 

@@ -72,12 +72,15 @@ class LaunchConfig:
         Samples of a pixel in one launch; None: adapted as the render goes.
     traversal : str or None
         ``packet`` (the default) or ``single``.
+    slice_seconds : float
+        What a launch should last. A render stops after two of them at most.
     """
 
     lanes: int | None = None
     work_group: int | None = None
     samples_per_pass: int | None = None
     traversal: str | None = None
+    slice_seconds: float = SLICE_SECONDS
 
 
 @dataclass(frozen=True)
@@ -217,6 +220,7 @@ class DeviceWorker:
             group = launch.work_group or _work_group(device, self.lanes, self._packets)
             self._group = group if launch.work_group else min(group, device.max_work_group)
             self._per_pass = launch.samples_per_pass
+            self._slice_seconds = launch.slice_seconds
             platform = device.info.platform.lower()
             self._short_loops = any(name in platform for name in _SHORT_LOOPS)
             self._prefetches = self._parts and not any(name in platform for name in _NO_PREFETCH)
@@ -314,7 +318,7 @@ class DeviceWorker:
         on_slice: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> UnitSums:
-        """Trace the samples of a unit, in slices of about `SLICE_SECONDS`.
+        """Trace the samples of a unit, in slices of about `LaunchConfig.slice_seconds`.
 
         Parameters
         ----------
@@ -457,12 +461,12 @@ class DeviceWorker:
         if self._rate == 0.0:
             return 1
         return max(
-            1, min(left, _MOST_SAMPLES_PER_PASS, int(self._rate * SLICE_SECONDS / min(slots, _fill(self.device))))
+            1, min(left, _MOST_SAMPLES_PER_PASS, int(self._rate * self._slice_seconds / min(slots, _fill(self.device))))
         )
 
     def _slice_slots(self, left: int, passes: int) -> int:
         """Slots of the next launch, from the speed of the last; the first is small, to find the speed."""
-        wanted = self._rate * SLICE_SECONDS / passes if self._rate else 4096
+        wanted = self._rate * self._slice_seconds / passes if self._rate else 4096
         room = self._room() // ((12 + self._pipeline.record_bytes) * passes + _STATS_BYTES)
         return min(left, max(256, int(min(wanted, room)) // 16 * 16))
 

@@ -17,7 +17,7 @@ from clrender.film.film import Film
 from clrender.film.fixed_point import QUANTUM_BITS
 from clrender.film.unit import BLOCK, blocks_across
 
-__all__ = ["deviations", "image_error", "pooled", "replicate_counts", "standard_error"]
+__all__ = ["deviations", "image_error", "pooled", "replicate_counts", "standard_error", "standard_error_of"]
 
 _CHUNK: Final = 1 << 12
 """Pixels looked at together: their temporaries, some hundred numbers of each, stay in the cache."""
@@ -66,21 +66,34 @@ def standard_error(film: Film) -> _Floats:
     RenderError
         After `Film.develop`.
     """
-    replicates = replicate_counts(film).reshape(-1)
-    errors = np.empty((film.height * film.width, 3), np.float64)
-    counts = film.counts.reshape(-1)
-    start = 0
-    for sums, squares in zip(film.bands(), film.square_bands(), strict=True):
-        pixels = len(sums) * film.width
-        for first in range(0, pixels, _CHUNK):
-            here = slice(first, min(first + _CHUNK, pixels))
-            there = slice(start + here.start, start + here.stop)
-            spread = deviations(sums.reshape(-1, 3, 2)[here], squares.reshape(-1, 3, 4)[here], replicates[there])
-            known = (replicates[there] >= 2) & (counts[there] > 0)
-            divisor = np.where(known, replicates[there] - 1.0, np.nan)[:, None]
-            errors[there] = np.sqrt(spread / divisor) / np.maximum(counts[there], 1)[:, None]
-        start += pixels
-    return errors.reshape(film.height, film.width, 3)
+    return standard_error_of(film, slice(0, film.height))
+
+
+def standard_error_of(film: Film, rows: slice) -> _Floats:
+    """The same of some rows alone: (n, width, 3) float64.
+
+    Parameters
+    ----------
+    film : Film
+    rows : slice
+        From a first row to one that is not included, within the image, maybe not every one.
+    """
+    wanted = range(*rows.indices(film.height))
+    replicates, bands, squares = replicate_counts(film), film.bands(), film.square_bands()
+    errors = np.empty((len(wanted), film.width, 3), np.float64)
+    step = max(1, _CHUNK // film.width)
+    for first in range(0, len(wanted), step):
+        some = wanted[first : first + step]
+        places = [divmod(row, film.band_rows) for row in some]
+        sums = np.concatenate([bands[band][row] for band, row in places])
+        of_squares = np.concatenate([squares[band][row] for band, row in places])
+        counts, taken = film.counts[some].reshape(-1), replicates[some].reshape(-1)
+        spread = deviations(sums, of_squares, taken)
+        known = (taken >= 2) & (counts > 0)
+        divisor = np.where(known, taken - 1.0, np.nan)[:, None]
+        found = np.sqrt(spread / divisor) / np.maximum(counts, 1)[:, None]
+        errors[first : first + len(some)] = found.reshape(len(some), film.width, 3)
+    return errors
 
 
 def image_error(errors: _Floats, by_blocks: bool = False) -> _Floats:

@@ -87,6 +87,8 @@ class Plan:
         Samples of a pixel that no unit may part, counted from 0 on: those of a replicate.
     depth : int
         Samples of a pixel that a unit may have, however slow its worker is. The more there are, the fewer sums travel.
+    gradual : bool
+        The image is refined by one sample first, and then by twice as many each time: for whoever watches.
     """
 
     width: int
@@ -101,6 +103,7 @@ class Plan:
     most_slots: int | None = None
     whole: int = 1
     depth: int = _UNIT_SAMPLES
+    gradual: bool = False
 
     @property
     def samples(self) -> int:
@@ -241,7 +244,8 @@ class Remaining:
             return 1
         slots = self._plan.tiles * self._area
         rate = sum(self._rates.values()) * max(BAND_SECONDS, slots * _PIXEL_SECONDS) / slots
-        return max(_UNIT_SAMPLES, min(2 * before, max(int(rate), self._plan.depth)))
+        least = 1 if self._plan.gradual else _UNIT_SAMPLES
+        return max(least, min(2 * before, max(int(rate), self._plan.depth)))
 
 
 def _ranges(plan: Plan, depth: Callable[[int], int]) -> Iterator[tuple[int, int]]:

@@ -159,3 +159,9 @@ def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
     assert named <= set(clrender.__all__) | {"radiosity", "cluster"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))
+
+
+def test_the_notebook_has_the_cells_of_its_page() -> None:
+    notebook = json.loads((ROOT / "docs" / "notebook.ipynb").read_text())
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert cells == [block.strip() for block in code((ROOT / "docs" / "notebook.md").read_text(), "python")]

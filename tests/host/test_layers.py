@@ -16,6 +16,7 @@ PACKAGE = Path(clrender.errors.__file__).parent
 LAYERS = (
     ("__main__",),
     ("cli",),
+    ("view",),
     ("bench",),
     ("report",),
     ("__init__",),
@@ -24,7 +25,8 @@ LAYERS = (
     ("cluster",),
     ("session",),
     ("job_render", "job_memory"),
-    ("device_team", "rendered_image", "render_stats"),
+    ("convergence_plot",),
+    ("device_team", "rendered_image", "render_stats", "image_html"),
     ("job",),
     ("aov",),
     ("radiosity", "photon_maps"),

@@ -1,0 +1,131 @@
+"""`clrender view`: a scene in the browser, live."""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from clrender.cli.options import EnvironmentType, allow_path_option, choice_options, setting_options
+from clrender.cli.options import size as parse_size
+from clrender.cli.outputs import check_distinct, scene_files
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+__all__ = ["view"]
+
+
+@dataclass(frozen=True)
+class _SceneFile:
+    """Where the scene comes from: what the command line named."""
+
+    name: str
+    how: dict[str, Any]
+
+    def read(self) -> Scene:
+        from clrender.importers import load
+
+        return load(self.name, **self.how)
+
+    def files(self, scene: Scene) -> Sequence[Path]:
+        return scene_files(self.name, scene)
+
+
+@click.command()
+@click.argument("scene", metavar="SCENE")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="(one that is free).")
+@click.option("--host", default="127.0.0.1", metavar="A", help="Address to listen at (127.0.0.1: this machine only).")
+@click.option("--no-open", is_flag=True, help="Only print the address; open no browser.")
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="A file that the page may write: .png .jpg .exr .npy .hdr .film. No other is written. Repeatable.",
+)
+@click.option("--size", type=parse_size, metavar="WxH", help="Of the image, pixels (800x800).")
+@click.option(
+    "-d",
+    "--device",
+    "devices",
+    metavar="SPEC",
+    multiple=True,
+    help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
+    "(CLRENDER_DEVICE, else auto).",
+)
+@partial(setting_options, without=("time_limit",))
+@click.option(
+    "--environment",
+    type=EnvironmentType(),
+    metavar="FILE",
+    help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
+)
+@choice_options
+@allow_path_option
+def view(
+    *,
+    scene: str,
+    port: int,
+    host: str,
+    no_open: bool,
+    outputs: tuple[Path, ...],
+    size: tuple[int, int] | None,
+    devices: tuple[str, ...],
+    environment: Path | float | None,
+    time_at: float | None,
+    variant: str | None,
+    allow_paths: tuple[Path, ...],
+    **settings: Any,
+) -> None:
+    """Show SCENE in the browser while it renders; camera, settings and materials may change meanwhile.
+
+    The first line is the page's address. Whoever has it can see and steer the view, from this machine alone unless
+    --host says otherwise. The scene is read anew when its file changes. Ctrl-C ends the view.
+    """
+    from clrender.image.files import check_output
+    from clrender.view.engine import Engine
+    from clrender.view.server import listen, serve
+
+    for path in outputs:
+        check_output(path)
+    source = _SceneFile(
+        scene, {"allow_paths": allow_paths, "time_at": time_at, "variant": variant, "environment": environment}
+    )
+    check_distinct(outputs, [Path(scene)])
+    description = source.read()
+    check_distinct(outputs, source.files(description))
+    chosen = {name: value for name, value in settings.items() if value is not None}
+    if size is not None:
+        chosen |= {"width": size[0], "height": size[1]}
+    listening = listen(host, port)
+    if listening.getsockname()[0] not in ("127.0.0.1", "::1"):
+        click.echo(
+            f"warning: {host} can be reached from other machines; whoever learns the address with its token can steer "
+            "the view, and it goes over the network unencrypted",
+            err=True,
+        )
+
+    def ready(address: str) -> None:
+        click.echo(address)
+        sys.stdout.flush()
+        if not no_open:
+            webbrowser.open(address)
+
+    try:
+        with (
+            listening,
+            Engine(description, device=list(devices) or None, source=source, outputs=outputs, **chosen) as engine,
+        ):
+            serve(engine, listening, host, ready)
+    except KeyboardInterrupt as end:
+        if type(end) is not KeyboardInterrupt:  # SIGTERM
+            raise

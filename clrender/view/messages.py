@@ -1,0 +1,164 @@
+"""What a page may say: one model for each type of message, with its limits."""
+
+from __future__ import annotations
+
+import functools
+from typing import Annotated, Any, Final, Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, Strict, TypeAdapter, ValidationError
+
+from clrender.errors import UsageError
+from clrender.image.tone_map import TONE_MAPS
+
+__all__ = [
+    "MESSAGE_BYTES",
+    "PROTOCOL",
+    "Ack",
+    "DeviceChoice",
+    "Message",
+    "MoveCamera",
+    "Probe",
+    "Reset",
+    "Restart",
+    "Run",
+    "Save",
+    "SetMaterial",
+    "SetSettings",
+    "Show",
+    "parse",
+]
+
+PROTOCOL: Final = 1
+"""Number of the protocol, which `docs/view.md` describes."""
+
+MESSAGE_BYTES: Final = 65536
+"""Longest message of a page, as UTF-8."""
+
+_Whole = Annotated[int, Strict(), Field(ge=0, le=2**53)]
+_Text = Annotated[str, Strict(), Field(max_length=200)]
+_Exposure = Annotated[float, Strict(), Field(ge=-128.0, le=128.0, allow_inf_nan=False)]
+_ToneMap: TypeAlias = Literal[tuple(TONE_MAPS)]  # type: ignore[valid-type]  # the table of tone maps
+
+
+class Message(BaseModel):
+    """What all have in common."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    id: _Whole | Annotated[str, Strict(), Field(max_length=64)] | None = None
+
+
+class MoveCamera(Message):
+    """Replace keys of the camera."""
+
+    type: Literal["camera"]
+    camera: Annotated[dict[_Text, Any], Field(max_length=32)]
+
+
+class SetSettings(Message):
+    """Replace settings."""
+
+    type: Literal["set"]
+    settings: Annotated[dict[_Text, Any], Field(max_length=64)]
+
+
+class DeviceChoice(Message):
+    """Render on another device."""
+
+    type: Literal["device"]
+    device: _Whole | _Text
+
+
+class SetMaterial(Message):
+    """Change keys of a material."""
+
+    type: Literal["material"]
+    name: _Text
+    values: Annotated[dict[_Text, Any], Field(max_length=64)]
+
+
+class Reset(Message):
+    """Take back what was changed."""
+
+    type: Literal["reset"]
+    what: Literal["camera", "settings", "materials"]
+
+
+class Run(Message):
+    """Go on, or stop."""
+
+    type: Literal["run"]
+    run: Annotated[bool, Strict()]
+
+
+class Restart(Message):
+    """Begin the image anew."""
+
+    type: Literal["restart"]
+
+
+class Probe(Message):
+    """Tell what is known of a pixel."""
+
+    type: Literal["probe"]
+    x: _Whole
+    y: _Whole
+
+
+class Show(Message):
+    """What frames hold."""
+
+    type: Literal["show"]
+    layers: Annotated[tuple[_Text, ...], Field(min_length=1, max_length=2)]
+    format: Literal["float16", "float32"] = "float16"
+    max_side: Annotated[int, Strict(), Field(ge=16, le=8192)] = 2048
+
+
+class Ack(Message):
+    """A frame has arrived."""
+
+    type: Literal["ack"]
+    frame: _Whole
+
+
+class Save(Message):
+    """Write a file that the command line named."""
+
+    type: Literal["save"]
+    name: _Text
+    tone_map: _ToneMap = "srgb"
+    exposure: _Exposure = 0.0
+
+
+_Any: TypeAlias = (
+    MoveCamera | SetSettings | DeviceChoice | SetMaterial | Reset | Run | Restart | Probe | Show | Ack | Save
+)
+
+
+@functools.cache
+def _adapter() -> TypeAdapter[_Any]:
+    return TypeAdapter(Annotated[_Any, Field(discriminator="type")])
+
+
+def parse(text: str) -> _Any:
+    """A page's message.
+
+    Parameters
+    ----------
+    text : str
+        JSON.
+
+    Raises
+    ------
+    UsageError
+        It is none, in one sentence.
+    """
+    if len(text) > MESSAGE_BYTES or len(text.encode(errors="replace")) > MESSAGE_BYTES:
+        raise UsageError(f"a message has at most {MESSAGE_BYTES} bytes")
+    try:
+        return _adapter().validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(step)[:40] for step in first["loc"][1:])
+        sentence = first["msg"][:1].lower() + first["msg"][1:200]
+        raise UsageError(f"{place}: {sentence}" if place else sentence) from None

@@ -1,0 +1,127 @@
+// The camera: its numbers, its text for a scene file, and the moves that gestures ask for.
+
+import { fly, look, orbit, pan, zoom, distanceToTarget } from "./camera.js";
+import { make } from "./elements.js";
+import { createField } from "./fields.js";
+
+const LONGEST_WAIT = 3000; // milliseconds for the engine to take over a camera; then its own counts again
+const FLY_RATE = 0.6; // of the distance to the target, a second
+const NUMBERS = [
+  ["vertical_fov", "Field of view", "Vertical, degrees", { type: "number", exclusiveMinimum: 0 }],
+  ["height", "Height", "Of what is seen, metres", { type: "number", exclusiveMinimum: 0 }],
+  ["aperture_radius", "Aperture radius", "Metres; 0: all is sharp", { type: "number", minimum: 0 }],
+  ["focus_distance", "Focus distance", "Metres; click with Focus armed to set it in the image", { type: "number", exclusiveMinimum: 0 }],
+];
+
+/** The camera in motion: what gestures change, sent once a screen frame. */
+export function createCamera(hub) {
+  let camera = null;
+  let scheduled = false; // moved, and not sent yet
+  let awaited = null; // what was sent, until the engine says the same
+  let lastSent = null;
+  let timer = null;
+
+  // A state that comes while one drags is of an earlier camera, and must not throw the view back.
+  function settle() {
+    const told = hub.newest("state")?.camera;
+    if (scheduled || told === undefined) return;
+    const isTaken = awaited === null || Object.entries(awaited).every(([name, value]) => String(told[name]) === String(value));
+    if (!isTaken) return;
+    awaited = null;
+    camera = told;
+  }
+  hub.on("state", settle);
+
+  function giveUp() {
+    awaited = null;
+    settle();
+  }
+
+  function send() {
+    scheduled = false;
+    const { position, target, up } = camera;
+    awaited = { position, target, up, ...(camera.type === "orthographic" ? { height: camera.height } : {}) };
+    lastSent = hub.send({ type: "camera", camera: awaited }, () => {
+      giveUp(); // the only reply is a refusal
+      return false;
+    });
+    clearTimeout(timer);
+    timer = setTimeout(giveUp, LONGEST_WAIT);
+  }
+
+  function move(change) {
+    if (camera === null) return;
+    camera = change(camera);
+    if (!scheduled) requestAnimationFrame(send);
+    scheduled = true;
+  }
+
+  return {
+    orbit: (across, down) => move((now) => orbit(now, across, down)),
+    look: (across, down) => move((now) => look(now, across, down)),
+    pan: (across, down) => move((now) => pan(now, across, down)),
+    zoom: (factor) => move((now) => zoom(now, factor)),
+    fly: ([ahead, sideways, upward], seconds) =>
+      move((now) => {
+        const step = FLY_RATE * distanceToTarget(now) * seconds;
+        return fly(now, ahead * step, sideways * step, upward * step);
+      }),
+    /** Of the newest camera that was sent: `answers` of frames tells which one they show. */
+    lastSent: () => lastSent,
+    reset() {
+      awaited = null;
+      hub.send({ type: "reset", what: "camera" });
+    },
+  };
+}
+
+/** A panel's content. */
+export function createCameraPanel(hub, say, focusButton, camera) {
+  const fields = NUMBERS.map(([name, label, help, schema]) => {
+    const field = createField({ label, help, schema: { anyOf: [schema, { type: "null" }] } }, (value) => {
+      hub.send({ type: "camera", camera: { [name]: value } }, (reply) => {
+        if (reply.type === "refused") field.complain(reply.message);
+        return true;
+      });
+    });
+    return [name, field];
+  });
+  const text = make("pre", { class: "cv-toml", tabindex: 0, "aria-label": "The camera as TOML" });
+
+  async function copy() {
+    const toml = hub.newest("state")?.camera_toml ?? "";
+    if (await copied(toml)) say("The camera is copied: paste it into the scene file.");
+    else {
+      text.focus();
+      getSelection()?.selectAllChildren(text);
+      say("The browser does not let the page copy: the text is selected, copy it by hand.");
+    }
+  }
+
+  hub.on("state", (state) => {
+    for (const [name, field] of fields) {
+      const value = state.camera[name];
+      field.element.hidden = value === undefined || (value === null && name !== "focus_distance");
+      field.show(value ?? null, false);
+    }
+    if (text.textContent !== state.camera_toml) text.textContent = state.camera_toml;
+  });
+  return {
+    copy,
+    content: [
+      ...fields.map(([, field]) => field.element),
+      make("div", { class: "cv-row" }, focusButton, make("button", { type: "button", onclick: camera.reset }, "Reset")),
+      text,
+      make("div", { class: "cv-row" }, make("button", { type: "button", onclick: copy }, "Copy as TOML")),
+    ],
+  };
+}
+
+async function copied(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+    return true;
+  } catch {
+    return false; // not allowed, or no secure context
+  }
+}

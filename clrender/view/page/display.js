@@ -1,0 +1,253 @@
+// Draws linear images on a canvas, tone-mapped or in false colour: with WebGL 2, or pixel by pixel where there is none.
+
+import { RAMP_GLSL, rampColor } from "./false_color.js";
+import { TONE_MAPS, TONE_MAP_GLSL, displayValues, luminanceOf, srgbEncode } from "./tone_map.js";
+
+/**
+ * How an image is shown.
+ * @typedef {Object} Look
+ * @property {string} kind "radiance": tone-mapped; "luminance" and "scalar": the luminance, or the first channel, in
+ *   false colour; "reflectance": sRGB without exposure; "direction": low..high as 0..1; "label": a colour each
+ * @property {string} toneMap one of TONE_MAPS
+ * @property {number} exposure stops
+ * @property {number} low, high the ends of the scale of colours
+ * @property {boolean} logarithmic of that scale
+ */
+
+const KINDS = ["radiance", "luminance", "scalar", "reflectance", "direction", "label"];
+
+const VERTEX = `#version 300 es
+void main() {
+  gl_Position = vec4(vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0), 0.0, 1.0);
+}`;
+
+const FRAGMENT = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+uniform sampler2D image;
+uniform ivec2 canvas_size;
+uniform int kind, tone_map;
+uniform float scale, low, high;
+uniform bool logarithmic;
+out vec4 color;
+${TONE_MAP_GLSL}
+${RAMP_GLSL}
+
+vec3 label_color(float number) {
+  uint hash = (uint(number) + 1u) * 2654435769u;
+  hash = (hash ^ (hash >> 15u)) * 2246822519u;
+  hash ^= hash >> 13u;
+  return 0.2 + 0.7 * vec3(hash & 255u, (hash >> 8u) & 255u, (hash >> 16u) & 255u) / 255.0;
+}
+
+vec3 shown(vec3 value) {
+  if (kind == 0) return display_values(value, tone_map, scale);
+  if (kind == 3) return srgb_encode(clamp(value, 0.0, 1.0));
+  if (kind == 4) return clamp((value - low) / (high - low), 0.0, 1.0);
+  if (kind == 5) return value.x < 0.0 ? vec3(0.0) : label_color(value.x);
+  float number = kind == 2 ? value.x : dot(value, LUMINANCE);
+  if (isnan(number)) return vec3(1.0, 0.0, 1.0);
+  return ramp_color(logarithmic ? log(max(number, 1e-30) / low) / log(high / low) : (number - low) / (high - low));
+}
+
+vec3 texel(ivec2 place, ivec2 size) {
+  return texelFetch(image, clamp(place, ivec2(0), size - 1), 0).rgb;
+}
+
+void main() {
+  ivec2 size = textureSize(image, 0);
+  vec2 pixel = vec2(gl_FragCoord.x, float(canvas_size.y) - gl_FragCoord.y);
+  if (size == canvas_size) {
+    color = vec4(shown(texel(ivec2(pixel), size)), 1.0);
+    return;
+  }
+  // A coarse image is interpolated after tone mapping, so that lamps do not bleed.
+  vec2 place = pixel * vec2(size) / vec2(canvas_size) - 0.5;
+  ivec2 corner = ivec2(floor(place));
+  vec2 part = place - floor(place);
+  vec3 above = mix(shown(texel(corner, size)), shown(texel(corner + ivec2(1, 0), size)), part.x);
+  vec3 below = mix(shown(texel(corner + ivec2(0, 1), size)), shown(texel(corner + 1, size)), part.x);
+  color = vec4(kind == 5 ? shown(texel(ivec2(place + 0.5), size)) : mix(above, below, part.y), 1.0);
+}`;
+
+/**
+ * A canvas and what draws on it.
+ * @param {boolean} [plain] without WebGL
+ */
+export function createDisplay(plain = false) {
+  const canvas = document.createElement("canvas");
+  const context = plain ? null : canvas.getContext("webgl2", { alpha: false, antialias: false });
+  if (context === null) return plainDisplay(canvas);
+  try {
+    return shaderDisplay(canvas, context);
+  } catch (error) {
+    console.warn(error.message);
+    return plainDisplay(document.createElement("canvas")); // the first one is WebGL's for good
+  }
+}
+
+/** The display values 0..1 of one pixel, as the shader has them. */
+function shownValues(look, r, g, b) {
+  switch (look.kind) {
+    case "radiance":
+      return displayValues(r, g, b, look.toneMap, look.exposure);
+    case "reflectance":
+      return [r, g, b].map((x) => srgbEncode(Math.min(Math.max(x, 0), 1)));
+    case "direction":
+      return [r, g, b].map((x) => Math.min(Math.max((x - look.low) / (look.high - look.low), 0), 1));
+    case "label":
+      return labelColor(r);
+    default:
+      return rampColor(placeOnScale(look, look.kind === "scalar" ? r : luminanceOf(r, g, b)));
+  }
+}
+
+/** Where a value lies on the scale of a look: 0 at its low end, 1 at its high end. */
+export function placeOnScale(look, value) {
+  if (!look.logarithmic) return (value - look.low) / (look.high - look.low);
+  return Math.log(Math.max(value, 1e-30) / look.low) / Math.log(look.high / look.low);
+}
+
+function labelColor(number) {
+  if (number < 0) return [0, 0, 0];
+  let hash = Math.imul(number + 1, 2654435769) >>> 0;
+  hash = Math.imul(hash ^ (hash >>> 15), 2246822519) >>> 0;
+  hash ^= hash >>> 13;
+  return [hash & 255, (hash >>> 8) & 255, (hash >>> 16) & 255].map((byte) => 0.2 + (0.7 * byte) / 255);
+}
+
+function shaderDisplay(canvas, gl) {
+  const images = new Map(); // name -> {width, height, channels, data}
+  let textures = new Map();
+  let program = compiled(gl);
+  let last = null;
+
+  function upload(name) {
+    const { width, height, channels, data } = images.get(name);
+    if (!textures.has(name)) textures.set(name, gl.createTexture());
+    gl.bindTexture(gl.TEXTURE_2D, textures.get(name));
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    const half = data instanceof Uint16Array;
+    const inside = half ? [gl.R16F, gl.RG16F, gl.RGB16F] : [gl.R32F, gl.RG32F, gl.RGB32F];
+    const outside = [gl.RED, gl.RG, gl.RGB][channels - 1];
+    gl.texImage2D(gl.TEXTURE_2D, 0, inside[channels - 1], width, height, 0, outside, half ? gl.HALF_FLOAT : gl.FLOAT, data);
+    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
+  }
+
+  function drawOne(name, look) {
+    const place = (uniform) => gl.getUniformLocation(program, uniform);
+    gl.bindTexture(gl.TEXTURE_2D, textures.get(name));
+    gl.uniform2i(place("canvas_size"), canvas.width, canvas.height);
+    gl.uniform1i(place("kind"), KINDS.indexOf(look.kind));
+    gl.uniform1i(place("tone_map"), TONE_MAPS.indexOf(look.toneMap));
+    gl.uniform1f(place("scale"), 2 ** look.exposure);
+    gl.uniform1f(place("low"), look.low);
+    gl.uniform1f(place("high"), look.high);
+    gl.uniform1i(place("logarithmic"), look.logarithmic ? 1 : 0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  function draw(name, look, compared = null) {
+    last = [name, look, compared];
+    if (gl.isContextLost() || !textures.has(name)) return;
+    gl.viewport(0, 0, canvas.width, canvas.height);
+    gl.useProgram(program);
+    gl.disable(gl.SCISSOR_TEST);
+    drawOne(name, look);
+    if (compared !== null && textures.has(compared.name)) {
+      const first = Math.round(canvas.width * compared.from);
+      gl.enable(gl.SCISSOR_TEST);
+      gl.scissor(first, 0, canvas.width - first, canvas.height);
+      drawOne(compared.name, compared.look);
+    }
+  }
+
+  canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+  canvas.addEventListener("webglcontextrestored", () => {
+    program = compiled(gl);
+    textures = new Map();
+    images.forEach((_, name) => upload(name));
+    if (last !== null) draw(...last);
+  });
+
+  return {
+    canvas,
+    method: "WebGL 2",
+    setImage(name, image) {
+      images.set(name, image);
+      if (!gl.isContextLost()) upload(name);
+    },
+    draw,
+  };
+}
+
+function compiled(gl) {
+  const program = gl.createProgram();
+  for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    gl.attachShader(program, shader);
+    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) {
+      throw new Error(`The page's shader was refused: ${gl.getShaderInfoLog(shader)}`);
+    }
+  }
+  gl.linkProgram(program);
+  return program;
+}
+
+function plainDisplay(canvas) {
+  const context = canvas.getContext("2d", { alpha: false });
+  const images = new Map();
+
+  function picture(name, look) {
+    const { width, height, channels, data } = images.get(name);
+    const values = data instanceof Uint16Array ? Float32Array.from(data, halfToNumber) : data;
+    const pixels = new ImageData(width, height);
+    for (let i = 0, j = 0; i < values.length; i += channels, j += 4) {
+      const [r, g, b] = shownValues(look, values[i], channels > 1 ? values[i + 1] : 0, channels > 2 ? values[i + 2] : 0);
+      pixels.data[j] = r * 255; // rounded by the array
+      pixels.data[j + 1] = g * 255;
+      pixels.data[j + 2] = b * 255;
+      pixels.data[j + 3] = 255;
+    }
+    const drawn = Object.assign(document.createElement("canvas"), { width, height });
+    drawn.getContext("2d").putImageData(pixels, 0, 0);
+    return drawn;
+  }
+
+  function drawOne(name, look, from) {
+    context.save();
+    context.beginPath();
+    context.rect(from, 0, canvas.width - from, canvas.height);
+    context.clip();
+    context.drawImage(picture(name, look), 0, 0, canvas.width, canvas.height);
+    context.restore();
+  }
+
+  return {
+    canvas,
+    method: "2D canvas",
+    setImage(name, image) {
+      images.set(name, image);
+    },
+    draw(name, look, compared = null) {
+      if (!images.has(name)) return;
+      drawOne(name, look, 0);
+      if (compared !== null && images.has(compared.name)) {
+        drawOne(compared.name, compared.look, Math.round(canvas.width * compared.from));
+      }
+    },
+  };
+}
+
+/** The number of a half's 16 bits (IEEE 754 binary16). */
+export function halfToNumber(bits) {
+  const exponent = (bits >> 10) & 31;
+  const fraction = bits & 1023;
+  const sign = bits & 32768 ? -1 : 1;
+  if (exponent === 0) return sign * fraction * 2 ** -24;
+  if (exponent === 31) return fraction ? NaN : sign * Infinity;
+  return sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
+}

@@ -1,0 +1,65 @@
+// What a view knows: messages of the engine, handed to whoever listens, and messages to it with their answers.
+
+/** Messages of the engine that say how things stand: who listens later gets the newest at once. */
+const STANDING = ["hello", "scene", "state", "progress"];
+const MOST_WAITING = 64;
+
+/**
+ * @param {Object} transport `send(text)`; `onmessage(string | ArrayBuffer)` and `onstate("open" | "lost")` are set here
+ */
+export function createHub(transport) {
+  const listeners = new Map(); // type -> functions
+  const newest = new Map();
+  const waiting = new Map(); // id -> function
+  let count = 0;
+
+  function tell(type, message) {
+    if (STANDING.includes(type)) newest.set(type, message);
+    (listeners.get(type) ?? []).forEach((listener) => listener(message));
+  }
+
+  transport.onmessage = (data) => {
+    if (typeof data !== "string") {
+      tell("frame", decodedFrame(data));
+      return;
+    }
+    const message = JSON.parse(data);
+    const answered = waiting.get(message.id);
+    waiting.delete(message.id);
+    if (!answered?.(message)) tell(message.type, message);
+  };
+  transport.onstate = (state) => {
+    if (state === "lost") waiting.clear();
+    tell("connection", state);
+  };
+
+  return {
+    /** Calls a function for each message of a type; also "frame" and "connection". */
+    on(type, listener) {
+      listeners.set(type, [...(listeners.get(type) ?? []), listener]);
+      if (newest.has(type)) listener(newest.get(type));
+    },
+    /** The newest message of a type that says how things stand, or undefined. */
+    newest: (type) => newest.get(type),
+    /**
+     * Sends a message, and returns its number. `answered` gets a reply to it, where one comes, and returns true where
+     * it has told people all that there is to tell.
+     */
+    send(message, answered) {
+      count += 1;
+      if (answered !== undefined) waiting.set(count, answered);
+      if (waiting.size > MOST_WAITING) waiting.delete(waiting.keys().next().value); // most messages have no reply
+      transport.send(JSON.stringify({ ...message, id: count }));
+      return count;
+    },
+  };
+}
+
+/** A binary message: its header, with the numbers as `data` (Float32Array, or Uint16Array of halves). */
+function decodedFrame(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const numbers = header.width * header.height * header.channels;
+  const Kind = header.format === "float16" ? Uint16Array : Float32Array;
+  return { ...header, data: new Kind(buffer, 4 + length, numbers) };
+}

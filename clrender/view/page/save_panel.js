@@ -1,0 +1,55 @@
+// Saves the image: as a download of the browser, and to the files that the command line named.
+
+import { make } from "./elements.js";
+
+const DOWNLOADS = [
+  ["image.png", ".png", "As it is shown, 8 bits"],
+  ["image.exr", ".exr", "Linear, with layers"],
+  ["image.film", ".film", "All sums: to resume, merge and verify"],
+];
+
+/**
+ * A panel's content.
+ * @param {Object} choice whose `toneMap` and `exposure` .png files get
+ * @param {string | null} address of the downloads' folder; null: there are none
+ */
+export function createSavePanel(hub, choice, picture, say, address) {
+  const links = DOWNLOADS.map(([name, label, title]) => make("a", { class: "cv-button", href: "#", download: "", title }, label));
+
+  function aim() {
+    links.forEach((link, i) => {
+      const query = DOWNLOADS[i][0].endsWith(".png") ? `?tone_map=${choice.toneMap}&exposure=${choice.exposure}` : "";
+      link.href = address + DOWNLOADS[i][0] + query;
+    });
+  }
+  // The choice may have changed since: the address is made when it is used.
+  links.forEach((link) => ["pointerdown", "keydown", "click"].forEach((event) => link.addEventListener(event, aim)));
+
+  const files = make("div", { class: "cv-row" });
+  const shown = make("button", { type: "button", title: "With false colours and divider", onclick: saveShown }, "What is shown, as .png");
+
+  async function saveShown() {
+    const link = make("a", { download: `${hub.newest("scene")?.title || "image"}.png` });
+    link.href = URL.createObjectURL(await picture.snapshot());
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+  }
+
+  hub.on("hello", (hello) => {
+    files.replaceChildren(
+      ...hello.saves.map((name) => make("button", { type: "button", onclick: () => save(name) }, `Save ${name}`)),
+    );
+  });
+
+  function save(name) {
+    const message = { type: "save", name, tone_map: choice.toneMap, exposure: choice.exposure };
+    hub.send(message, (reply) => {
+      if (reply.type !== "saved") return false;
+      say(`${reply.name} is written: ${(reply.bytes / 1e6).toFixed(2)} MB.`);
+      return true;
+    });
+  }
+
+  const downloads = address === null ? [] : [make("p", { class: "cv-note" }, "Download the image so far:"), make("div", { class: "cv-row" }, ...links)];
+  return [...downloads, make("div", { class: "cv-row" }, shown), files];
+}

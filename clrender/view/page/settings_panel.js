@@ -1,0 +1,85 @@
+// Settings of the render and the device, made from the table that the engine sends.
+
+import { make } from "./elements.js";
+import { createField } from "./fields.js";
+
+/** What people change most; the others are folded away. */
+const FIRST = ["integrator", "spp", "width", "height", "max_depth", "light_sampler", "shadow_rays", "replicate_spp"];
+
+export function labelOf(name) {
+  const words = name.replaceAll("_", " ").replace(/\bspp\b/, "samples");
+  return words[0].toUpperCase() + words.slice(1);
+}
+
+/** A panel's content: a field for each setting that the integrator in force takes. */
+export function createSettingsPanel(hub) {
+  const common = make("div", { class: "cv-fields" });
+  const others = make("div", { class: "cv-fields" });
+  const device = make("div", { class: "cv-fields" });
+  const about = make("p", { class: "cv-note", hidden: true });
+  const reset = make("button", { type: "button", onclick: () => hub.send({ type: "reset", what: "settings" }) }, "Reset settings");
+  const restart = make("button", { type: "button", onclick: () => hub.send({ type: "restart" }) }, "Begin anew");
+  let fields = new Map(); // name -> {setting, field}
+  let devices = null;
+  let made = ""; // settings that the fields are made for
+
+  function sent(name, value) {
+    hub.send({ type: "set", settings: { [name]: value } }, (reply) => {
+      if (reply.type === "refused") fields.get(name).field.complain(reply.message);
+      return true;
+    });
+  }
+
+  hub.on("hello", (hello) => {
+    // It comes again when all devices are known; nobody's field is taken away for that.
+    const key = JSON.stringify(hello.settings);
+    if (key !== made) makeFields(hello);
+    made = key;
+    makeDevices(hello);
+    if (hub.newest("state") !== undefined) update(hub.newest("state"));
+  });
+
+  function makeFields(hello) {
+    fields = new Map();
+    for (const setting of hello.settings) {
+      const described = { ...setting, label: setting.label ?? labelOf(setting.name) };
+      fields.set(setting.name, { setting, field: createField(described, (value) => sent(setting.name, value)) });
+    }
+    const placed = FIRST.filter((name) => fields.has(name));
+    common.replaceChildren(...placed.map((name) => fields.get(name).field.element));
+    others.replaceChildren(...[...fields].filter(([name]) => !placed.includes(name)).map(([, { field }]) => field.element));
+  }
+
+  function makeDevices(hello) {
+    const names = hello.devices.map((each) => `${each.index}: ${each.name}`);
+    devices = createField({ label: "Device", schema: { enum: names }, help: "Where it is rendered" }, (name) => {
+      hub.send({ type: "device", device: Number(name.split(":")[0]) }, (reply) => {
+        if (reply.type === "refused") devices.complain(reply.message);
+        return true;
+      });
+    });
+    device.replaceChildren(devices.element);
+    device.hidden = names.length === 0;
+  }
+
+  function update(state) {
+    for (const [name, { setting, field }] of fields) {
+      field.element.hidden = setting.integrator !== null && setting.integrator !== state.settings.integrator;
+      field.show(state.settings[name], state.changed.includes(name));
+    }
+    if (state.device !== null) devices?.show(`${state.device.index}: ${state.device.name}`, false);
+    const integrator = hub.newest("hello")?.integrators.find((each) => each.name === state.settings.integrator);
+    about.hidden = integrator === undefined || integrator.has_errors;
+    about.textContent = about.hidden ? "" : `${integrator.name} is ${integrator.bias}.`;
+    reset.disabled = !state.changed.some((name) => fields.has(name));
+  }
+
+  hub.on("state", update);
+  return [
+    common,
+    about,
+    device,
+    make("details", { class: "cv-more" }, make("summary", {}, "More settings"), others),
+    make("div", { class: "cv-row" }, restart, reset),
+  ];
+}

@@ -1,0 +1,121 @@
+// What is shown and how: layer, comparison, exposure, tone curve, false colour. Nothing here is rendered anew.
+
+import { freshId, make, setText } from "./elements.js";
+import { TONE_MAPS } from "./tone_map.js";
+import { replicatesFor } from "./status.js";
+
+const MOST_STOPS = 10;
+const TONE_MAP_WORDS = { linear: "Linear", sqrt: "Square root", srgb: "sRGB", reinhard: "Reinhard", aces: "ACES", agx: "AgX" };
+
+/** A row: a label of a control, which may stand in an element with others. */
+function labelled(label, control, title, row = control) {
+  control.id = freshId("view");
+  return make("div", { class: "cv-field" }, make("label", { for: control.id, title }, label), row);
+}
+
+/**
+ * A panel's content.
+ * @param {Object} choice as `createPicture` takes it; changed here
+ * @param {Object} picture
+ */
+export function createViewPanel(hub, choice, picture) {
+  const layer = make("select", { onchange: () => chooseLayer(layer.value) });
+  const compared = make("select", { onchange: () => chooseCompared(compared.value) });
+  const toneMap = make("select", { onchange: () => set("toneMap", toneMap.value) }, ...TONE_MAPS.map((name) => make("option", { value: name }, TONE_MAP_WORDS[name])));
+  const slider = make("input", { type: "range", min: -MOST_STOPS, max: MOST_STOPS, step: 0.1, "aria-label": "Exposure, stops" });
+  const stops = make("input", { type: "number", min: -MOST_STOPS, max: MOST_STOPS, step: "any" });
+  const falseColor = make("input", { type: "checkbox", onchange: () => set("falseColor", falseColor.checked) });
+  const hint = make("p", { class: "cv-note", hidden: true });
+  const turnOn = make("button", { type: "button", hidden: true, onclick: measure }, "Measure the errors");
+
+  toneMap.value = choice.toneMap;
+  setStops(choice.exposure);
+  slider.addEventListener("input", () => setStops(Number(slider.value)));
+  stops.addEventListener("change", () => setStops(Number(stops.value)));
+
+  function set(name, value) {
+    choice[name] = value;
+    picture.refresh();
+  }
+
+  function setStops(value) {
+    const kept = Math.min(Math.max(value, -MOST_STOPS), MOST_STOPS);
+    slider.value = String(kept);
+    stops.value = String(Number(kept.toFixed(2)));
+    set("exposure", kept);
+  }
+
+  function measure() {
+    hub.send({ type: "set", settings: { replicate_spp: replicatesFor(hub) } });
+  }
+
+  function chooseLayer(name) {
+    choice.layer = name;
+    if (choice.compared === name) choice.compared = null;
+    picture.show();
+    update();
+  }
+
+  function chooseCompared(name) {
+    choice.compared = name === "" || name === choice.layer ? null : name;
+    picture.show();
+    update();
+  }
+
+  function update() {
+    const hello = hub.newest("hello");
+    if (hello === undefined) return;
+    const measured = (hub.newest("state")?.settings.replicate_spp ?? null) !== null;
+    const option = ({ name, label, needs }) => {
+      const missing = needs === "denoise" ? " (not installed)" : "";
+      return make("option", { value: name, disabled: needs === "denoise" }, label + missing);
+    };
+    fill(layer, hello.layers.map(option), choice.layer);
+    fill(compared, [make("option", { value: "" }, "Nothing"), ...hello.layers.map(option)], choice.compared ?? "");
+    const shown = hello.layers.filter(({ name }) => name === choice.layer || name === choice.compared);
+    const unmeasured = shown.some(({ needs }) => needs === "replicates") && !measured;
+    const possible = replicatesFor(hub) !== null;
+    hint.hidden = turnOn.hidden = !unmeasured;
+    turnOn.hidden = !unmeasured || !possible;
+    setText(hint, possible ? "Errors are known where samples come in replicates. Turning that on begins the image anew." : "Of this integrator, or of so few samples, no errors are known.");
+  }
+
+  function fill(select, options, value) {
+    const key = (list) => list.map((each) => `${each.value}\t${each.textContent}`).join("\n");
+    if (key([...select.options]) !== key(options)) select.replaceChildren(...options);
+    select.value = value;
+  }
+
+  hub.on("hello", (hello) => {
+    // After a reconnection the engine may have other layers.
+    const known = (name) => hello.layers.some((each) => each.name === name && each.needs !== "denoise");
+    if (!known(choice.layer)) choice.layer = hello.layers[0].name;
+    if (choice.compared !== null && !known(choice.compared)) choice.compared = null;
+    picture.show();
+    update();
+  });
+  hub.on("state", update);
+  return {
+    changeExposure: (by) => setStops(choice.exposure + by),
+    toggleFalseColor() {
+      falseColor.checked = !falseColor.checked;
+      set("falseColor", falseColor.checked);
+    },
+    /** Turns the comparison with the denoised image on or off; says whether it could. */
+    toggleDenoised() {
+      const denoised = hub.newest("hello")?.layers.find((each) => each.name === "denoised");
+      if (denoised === undefined || denoised.needs === "denoise") return false;
+      chooseCompared(choice.compared === "denoised" ? "" : "denoised");
+      return true;
+    },
+    content: [
+      labelled("Exposure", stops, "Stops, added to the camera's own", make("span", { class: "cv-number cv-slides" }, slider, stops)),
+      labelled("Tone curve", toneMap),
+      labelled("False colour", falseColor, "Of luminance"),
+      labelled("Layer", layer),
+      labelled("Compare with", compared, "A divider on the image between both"),
+      hint,
+      turnOn,
+    ],
+  };
+}

@@ -1,0 +1,187 @@
+// The live view: an image that refines, the camera in one's hand, everything about a pixel, every control.
+
+import { createCamera, createCameraPanel } from "./camera_panel.js";
+import { make, setText } from "./elements.js";
+import { listenToGestures } from "./gestures.js";
+import { createHelp } from "./help.js";
+import { createHub } from "./hub.js";
+import { icon } from "./icons.js";
+import { createMaterialPanel } from "./material_panel.js";
+import { createPicture } from "./picture.js";
+import { createProbe } from "./probe.js";
+import { createSavePanel } from "./save_panel.js";
+import { createSettingsPanel } from "./settings_panel.js";
+import { createStatus, createStrip } from "./status.js";
+import { createViewPanel } from "./view_panel.js";
+
+/**
+ * Puts a view into an element.
+ * @param {HTMLElement} root
+ * @param {Object} transport `send(text)`, and where the view sets `onmessage(string | ArrayBuffer)` and
+ *   `onstate("open" | "lost")`
+ * @param {Object} [options] `shared`: the page has other contents, and the wheel scrolls them while the image has not
+ *   the focus; `downloads`: address of the folder of downloads; `plain`: no WebGL
+ */
+export function mount(root, transport, { shared = false, downloads = null, plain = false } = {}) {
+  const hub = createHub(transport);
+  const choice = { layer: "image", compared: null, toneMap: "srgb", exposure: 0, falseColor: false };
+  const status = createStatus(hub);
+  const picture = createPicture(hub, choice, plain);
+  const camera = createCamera(hub);
+  const viewPanel = createViewPanel(hub, choice, picture);
+  const materialPanel = createMaterialPanel(hub);
+  const help = createHelp();
+  const focus = createFocus(hub, status.say);
+  const probe = createProbe(hub, picture, (reply) => {
+    if (reply.material === null) return;
+    materialPanel.choose(reply.material);
+    sections.material.open = true;
+  });
+  const cameraPanel = createCameraPanel(hub, status.say, focus.button, camera);
+  const sections = {
+    view: section("View", true, viewPanel.content),
+    render: section("Render", true, createSettingsPanel(hub)),
+    material: section("Material", false, materialPanel.content),
+    camera: section("Camera", false, cameraPanel.content),
+    save: section("Save", false, createSavePanel(hub, choice, picture, status.say, downloads)),
+  };
+
+  const commands = {
+    " ": () => !status.button.disabled && status.toggle(),
+    r: camera.reset,
+    c: cameraPanel.copy,
+    f: focus.toggle,
+    p: () => (probe.isPinned() ? probe.release() : probe.step(0, 0)),
+    l: viewPanel.toggleFalseColor,
+    b: () => viewPanel.toggleDenoised() || status.say("The denoiser is not installed: pip install 'clrender[denoise]'."),
+    h: () => root.classList.toggle("cv-bare"),
+    "[": () => viewPanel.changeExposure(-1 / 3),
+    "]": () => viewPanel.changeExposure(1 / 3),
+    "?": () => help.showModal(),
+  };
+  const tool = (name, label, key) =>
+    make("button", { type: "button", title: `${label} (${key.toUpperCase()})`, "aria-label": label, "aria-keyshortcuts": key, onclick: (event) => used(key, event) }, icon(name));
+  const used = (key, event) => {
+    if (event.detail > 0) stage.focus(); // with a pointer: what comes next is on the image
+    commands[key]();
+  };
+  const tools = make(
+    "div",
+    { class: "cv-tools", role: "toolbar", "aria-label": "Tools" },
+    tool("focus", "Focus by click", "f"),
+    tool("probe", "Probe by keyboard", "p"),
+    tool("compare", "Before and after the denoiser", "b"),
+    tool("palette", "False colour of luminance", "l"),
+    tool("reset", "Reset the camera", "r"),
+    tool("panel", "Hide or show the panel", "h"),
+    tool("help", "Keys and gestures", "?"),
+  );
+  const stage = make(
+    "div",
+    { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "image that one can move in", "aria-label": "The view. Arrow keys orbit, plus and minus zoom, P probes, question mark lists all keys." },
+    make("div", { class: "cv-room" }, picture.box),
+    status.banner,
+    probe.card,
+    picture.legend,
+    tools,
+    status.toast,
+  );
+  const title = make("h1", {}, "clrender");
+  const about = make("span", { class: "cv-about" });
+  hub.on("scene", (scene) => {
+    const file = scene.source.split(/[\\/]/).pop();
+    setText(title, scene.title || file);
+    const count = (number, word) => `${number.toLocaleString("en")} ${word}${number === 1 ? "" : "s"}`;
+    setText(about, `${file} · ${count(scene.shapes, "shape")}`);
+  });
+
+  root.classList.add("cv");
+  root.append(
+    make(
+      "div",
+      { class: "cv-frame" },
+      make("header", { class: "cv-bar" }, title, about, status.pill, status.button),
+      stage,
+      createStrip(hub),
+      make("aside", { class: "cv-panel", "aria-label": "Controls" }, ...Object.values(sections)),
+    ),
+    probe.spoken,
+    help,
+  );
+
+  listenToGestures(stage, picture.box, { ...camera, ...picks(probe, focus), key: pressed }, shared);
+  function pressed(key, shifted) {
+    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    if (probe.isPinned() && key in arrows) probe.step(...arrows[key].map((by) => by * (shifted ? 10 : 1)));
+    else if (key === "Enter" && focus.isArmed() && probe.isPinned()) focus.at(probe, null);
+    else if (key === "Enter" && probe.isPinned()) probe.pickPinned();
+    else if (key === "Escape") {
+      probe.release();
+      focus.disarm();
+    } else if (key in commands) commands[key]();
+    else return false;
+    return true;
+  }
+
+  const observer = new ResizeObserver(picture.fit);
+  observer.observe(stage);
+  return {
+    hub,
+    camera,
+    picture,
+    close() {
+      observer.disconnect();
+      transport.close?.();
+      root.replaceChildren();
+    },
+  };
+}
+
+function section(title, open, content) {
+  return make("details", { class: "cv-section", open }, make("summary", {}, title), make("div", { class: "cv-content" }, ...content));
+}
+
+/** What hovering and clicking do. */
+function picks(probe, focus) {
+  return {
+    hover: probe.hover,
+    click(place) {
+      if (focus.isArmed()) focus.at(probe, place);
+      else probe.pick(place);
+    },
+  };
+}
+
+/** Focus by click: armed by a button or key, done by the next click. */
+function createFocus(hub, say) {
+  const button = make("button", { type: "button", "aria-pressed": "false", onclick: toggle }, "Focus by click");
+  let armed = false;
+
+  function set(value) {
+    armed = value;
+    button.setAttribute("aria-pressed", String(armed));
+  }
+  function toggle() {
+    set(!armed);
+    if (armed) say("Focus: click on what shall be sharp.");
+  }
+
+  return {
+    button,
+    toggle,
+    isArmed: () => armed,
+    disarm: () => set(false),
+    at(probe, place) {
+      set(false);
+      probe.focusAt(place, (distance) => {
+        if (distance === null) {
+          say("Nothing is seen there that one could focus on.");
+          return;
+        }
+        hub.send({ type: "camera", camera: { focus_distance: distance } });
+        const sharp = (hub.newest("state")?.camera.aperture_radius ?? 0) === 0 ? " The aperture is 0, so that all is sharp anyway." : "";
+        say(`Focused at ${distance.toPrecision(4)} m.${sharp}`);
+      });
+    },
+  };
+}

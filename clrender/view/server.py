@@ -1,0 +1,290 @@
+"""The web server of the live view: the page, its socket, and files to download. An extra: `clrender[view]`."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import importlib.resources
+import secrets
+import socket
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from pathlib import Path
+from typing import Any, Final
+
+from clrender.errors import ClrenderError, UsageError
+from clrender.view.engine import Engine
+from clrender.view.guard import CONTENT_POLICY, Guard
+from clrender.view.messages import MESSAGE_BYTES
+from clrender.view.subject import camera_toml
+
+try:
+    import uvicorn
+    import websockets  # noqa: F401  # which uvicorn imports only when it is asked for it
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import PlainTextResponse, Response
+    from starlette.routing import Route, WebSocketRoute
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+    from starlette.websockets import WebSocket, WebSocketDisconnect
+    from uvicorn.protocols.http.h11_impl import H11Protocol
+except ImportError as missing:
+    raise UsageError(
+        f"the live view needs {missing.name or 'a web server'}, which is not installed; pip install 'clrender[view]'"
+    ) from None
+
+__all__ = ["listen", "serve"]
+
+_MOST_CONNECTIONS: Final = 128
+"""At the same time, whatever they ask; more are hung up on."""
+_GOODBYE_SECONDS: Final = 0.1
+"""For what is still to be sent at the end."""
+_SILENT_SECONDS: Final = 10.0
+"""How long a connection may stay open without having asked anything."""
+_TYPES: Final = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".png": "image/png",
+    ".json": "application/json",
+}
+_HEADERS: Final = {
+    "content-security-policy": CONTENT_POLICY,
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
+_DOWNLOADS: Final = {"image.png": "image/png", "image.exr": "image/x-exr", "image.film": "application/octet-stream"}
+
+
+class _Connection(H11Protocol):
+    """A connection that is one of not too many, and that asks something soon."""
+
+    def connection_made(self, transport: Any) -> None:
+        super().connection_made(transport)
+        if len(self.connections) > _MOST_CONNECTIONS:
+            transport.abort()
+        else:
+            self.loop.call_later(_SILENT_SECONDS, self._hang_up_on_silence)
+
+    def _hang_up_on_silence(self) -> None:
+        if self.cycle is None and not self.transport.is_closing() and self in self.connections:
+            self.transport.abort()
+
+
+class _Server(uvicorn.Server):
+    """Says goodbye before it hangs up."""
+
+    def __init__(self, config: uvicorn.Config, engine: Engine) -> None:
+        super().__init__(config)
+        self._engine = engine
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._engine.say_goodbye()
+        await asyncio.sleep(_GOODBYE_SECONDS)
+        await super().shutdown(sockets)
+
+
+class _Guarded:
+    """Answers only those whom the guard lets pass, and adds what browsers are to keep to."""
+
+    def __init__(self, app: ASGIApp, guard: Guard) -> None:
+        self._app, self._guard = app, guard
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        asked = Request({**scope, "type": "http", "method": "GET"})
+        token = asked.query_params.get("token")
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                more = dict(_HEADERS)
+                if scope["path"] == "/" and message["status"] == 200 and token is not None:
+                    more["set-cookie"] = f"{self._guard.cookie}={token}; HttpOnly; SameSite=Strict; Path=/"
+                extra = [(name.encode(), value.encode("latin-1")) for name, value in more.items()]
+                message = {**message, "headers": [*message.get("headers", []), *extra]}
+            await send(message)
+
+        if self._guard.allows(headers, token):
+            await self._app(scope, receive, send_with_headers)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008, "reason": ""})  # before it is accepted: 403
+        else:
+            refusal = PlainTextResponse("403: open the address that clrender printed, with its token\n", 403)
+            await refusal(scope, receive, send_with_headers)
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that a server can use.
+
+    Parameters
+    ----------
+    host : str
+        Name or number of an address of this machine.
+    port : int
+        0: one that is free.
+
+    Raises
+    ------
+    UsageError
+        It is taken, or not of this machine.
+    """
+    try:
+        family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        taken = socket.socket(family, kind, proto)
+        try:
+            taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            taken.bind(address)
+            taken.listen(128)
+        except BaseException:
+            taken.close()
+            raise
+    except (OSError, UnicodeError) as error:
+        raise UsageError(f"cannot listen at {host} port {port}: {error}; name another --host or --port") from None
+    return taken
+
+
+def serve(
+    engine: Engine, listening: socket.socket, host: str, ready: Callable[[str], None], token: str | None = None
+) -> None:
+    """Serve an engine's view until SIGINT or SIGTERM; in the main thread.
+
+    Parameters
+    ----------
+    engine : Engine
+    listening : socket.socket
+        As of `listen`.
+    host : str
+        As of `listen`.
+    ready : callable
+        Told the address with its token.
+    token : str, optional
+        Default: a new one, that nobody can guess.
+    """
+    token = token or secrets.token_urlsafe(24)
+    port = listening.getsockname()[1]
+    guard = Guard(token, port, host)
+    routes = [
+        Route("/", _page),
+        Route("/page/{name}", _page_file),
+        Route("/download/{name}", _download),
+        WebSocketRoute("/socket", _socket),
+    ]
+    app = Starlette(routes=routes)
+    app.state.engine = engine
+    config = uvicorn.Config(
+        _Guarded(app, guard),
+        http=_Connection,
+        ws="websockets-sansio",
+        ws_max_size=MESSAGE_BYTES,
+        ws_per_message_deflate=False,
+        log_level="error",
+        access_log=False,
+        lifespan="off",
+        server_header=False,
+        timeout_graceful_shutdown=1,
+        h11_max_incomplete_event_size=16384,
+    )
+    shown = "localhost" if host == "localhost" else f"[{host}]" if ":" in host else host
+    ready(f"http://{shown}:{port}/?token={token}")
+    _Server(config, engine).run(sockets=[listening])
+
+
+async def _page(request: Request) -> Response:
+    return _package_file("index.html")
+
+
+async def _page_file(request: Request) -> Response:
+    return _package_file(request.path_params["name"])
+
+
+def _package_file(name: str) -> Response:
+    """A file of the page: one of those that are there, by its name alone."""
+    folder = importlib.resources.files("clrender.view") / "page"
+    found = {each.name: each for each in folder.iterdir()} if folder.is_dir() else {}
+    kind = _TYPES.get(Path(name).suffix)
+    if name not in found or kind is None or not found[name].is_file():
+        return PlainTextResponse("404: there is no such file\n", 404)
+    return Response(found[name].read_bytes(), media_type=kind)
+
+
+async def _download(request: Request) -> Response:
+    engine: Engine = request.app.state.engine
+    name = request.path_params["name"]
+    if name == "camera.toml":
+        return Response(camera_toml(engine.subject.camera), media_type="application/toml", headers=_as_file(name))
+    if name not in _DOWNLOADS:
+        return PlainTextResponse("404: there is no such file\n", 404)
+    try:
+        exposure = float(request.query_params.get("exposure", "0"))
+        data = await asyncio.to_thread(_saved, engine, name, request.query_params.get("tone_map", "srgb"), exposure)
+    except (ClrenderError, ValueError, CancelledError) as error:
+        return PlainTextResponse(f"400: {error}\n", 400)
+    return Response(data, media_type=_DOWNLOADS[name], headers=_as_file(name))
+
+
+def _as_file(name: str) -> dict[str, str]:
+    return {"content-disposition": f'attachment; filename="{name}"'}
+
+
+def _saved(engine: Engine, name: str, tone_map: str, exposure: float) -> bytes:
+    """The image so far as a file, by way of a folder that is gone afterwards."""
+    image = engine.image().result()
+    if image is None:
+        raise UsageError("there is no sample yet, and so nothing to save")
+    with tempfile.TemporaryDirectory(prefix="clrender-view-") as folder:
+        path = Path(folder) / name
+        image.save(path, tone_map, exposure)
+        return path.read_bytes()
+
+
+async def _socket(page: WebSocket) -> None:
+    """A page's socket: what comes in goes to its viewer, what the viewer has goes out."""
+    engine: Engine = page.app.state.engine
+    loop, awake = asyncio.get_running_loop(), asyncio.Event()
+
+    def wake() -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(awake.set)
+
+    await page.accept()
+    try:
+        viewer = engine.connect(wake)
+    except UsageError as error:
+        await page.close(1013, str(error))
+        return
+
+    async def send() -> None:
+        while True:
+            awake.clear()
+            while (item := await asyncio.to_thread(viewer.take)) is not None:
+                await (page.send_text(item) if isinstance(item, str) else page.send_bytes(item))
+            if viewer.closed is not None:
+                await page.close(1008, viewer.closed[:100])
+                return
+            await awake.wait()
+
+    sending = asyncio.create_task(send())
+    try:
+        while not sending.done():
+            message = await page.receive()
+            if message["type"] == "websocket.disconnect":
+                break
+            if message.get("text") is None:
+                await page.close(1003, "messages are texts")
+                break
+            viewer.receive(message["text"])
+    except (WebSocketDisconnect, RuntimeError):  # the latter: it was closed from this side meanwhile
+        pass
+    finally:
+        viewer.close()
+        sending.cancel()
+        with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+            await sending

@@ -1,0 +1,203 @@
+"""What is looked at: a scene, and what the view has changed about its camera, its materials and the settings."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import tomli_w
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from clrender.errors import SceneError, UsageError
+from clrender.job import RenderJob
+from clrender.limits import nearest, shown
+from clrender.scene import Scene
+from clrender.scene.camera import Camera
+from clrender.scene.references import check_references
+from clrender.scene.validation_errors import scene_error
+from clrender.settings import IMAGE, SETTINGS, settings_of
+from clrender.view.parameters import changeable, is_plain
+
+if TYPE_CHECKING:
+    from clrender.scene.materials import Material
+
+__all__ = ["NOT_LIVE", "Subject", "camera_toml"]
+
+NOT_LIVE: Final = ("time_limit", "max_memory", "traversal")
+"""Settings that a page cannot change: somebody who watches stops by hand, and memory is the command line's affair."""
+
+_ONLY_WITH: Final = {
+    "absorption": ("roulette", "absorption"),
+    "confidence": ("error", None),
+    "share": ("error", None),
+    "error_floor": ("error", None),
+}
+"""Settings that only count beside another: of this value, or (None) of any."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A scene as it is looked at; make one with `Subject.of`. What changes it returns another.
+
+    Attributes
+    ----------
+    scene : Scene
+        As it was read.
+    given : mapping
+        Settings of the command line, or of the call.
+    camera : Camera
+    materials : mapping
+        Those that were changed.
+    settings : mapping
+        Those that were changed.
+    checked : RenderJob
+        All of it but the camera.
+    """
+
+    scene: Scene
+    given: Mapping[str, Any]
+    camera: Camera
+    materials: Mapping[str, Material]
+    settings: Mapping[str, Any]
+    checked: RenderJob
+
+    @classmethod
+    def of(cls, scene: Scene, given: Mapping[str, Any]) -> Subject:
+        """A scene as it is.
+
+        Raises
+        ------
+        UsageError, SceneError
+            As of `RenderJob.of`.
+        """
+        return cls._made(scene, given, scene.camera, {}, {})
+
+    @classmethod
+    def _made(
+        cls,
+        scene: Scene,
+        given: Mapping[str, Any],
+        camera: Camera,
+        materials: Mapping[str, Material],
+        settings: Mapping[str, Any],
+    ) -> Subject:
+        changed = scene
+        if materials:
+            changed = scene.model_copy(update={"materials": {**scene.materials, **materials}})
+            try:
+                check_references(changed)
+            except PydanticCustomError as error:
+                raise SceneError(str((error.context or {}).get("sentence", error))) from None
+        return cls(scene, given, camera, materials, settings, RenderJob.of(changed, **{**given, **settings}))
+
+    @property
+    def job(self) -> RenderJob:
+        """What is to be rendered."""
+        scene = self.checked.scene
+        if scene.camera is self.camera:
+            return self.checked
+        return dataclasses.replace(self.checked, scene=scene.model_copy(update={"camera": self.camera}))
+
+    def moved(self, keys: Mapping[str, Any]) -> Subject:
+        """With other keys of the camera; None stands for a key's default.
+
+        Raises
+        ------
+        SceneError
+            There is no such camera.
+        """
+        values = {name: getattr(self.camera, name) for name in self.camera.model_fields_set}
+        values |= keys
+        values = {name: value for name, value in values.items() if value is not None}
+        try:
+            return dataclasses.replace(self, camera=Camera.model_validate(values))
+        except ValidationError as error:
+            raise scene_error(error, Camera, "camera") from None
+
+    def set(self, values: Mapping[str, Any]) -> Subject:
+        """With other settings; None takes a change back. What no longer has an effect is forgotten.
+
+        Raises
+        ------
+        UsageError, SceneError
+            A name is unknown, or a value is not allowed or has no effect.
+        """
+        for name in values:
+            if name not in SETTINGS or name in NOT_LIVE:
+                near = nearest(name, [each for each in SETTINGS if each not in NOT_LIVE])
+                raise UsageError(f"there is no setting {shown(name)} to change here{near}")
+        settings = {**self.settings, **values}
+        settings = {name: value for name, value in settings.items() if value is not None}
+        told = {**self.scene.render.model_dump(), **self.given, **settings}
+        kept = settings_of(str(told["integrator"]), settings)
+        for name, (other, value) in _ONLY_WITH.items():
+            there = told.get(other)
+            if there is None or (value is not None and there != value):
+                kept.pop(name, None)
+        kept |= {name: settings[name] for name in values if name in settings}
+        return self._made(self.scene, self.given, self.camera, self.materials, kept)
+
+    def with_material(self, name: str, values: Mapping[str, Any]) -> Subject:
+        """With other values of a material: numbers, colours, choices and truth values, and no files.
+
+        Raises
+        ------
+        UsageError, SceneError
+            There is no such material or key, or the value is not allowed.
+        """
+        material = self.checked.scene.materials.get(name)
+        if material is None:
+            raise UsageError(f"there is no material {shown(name)}{nearest(name, self.scene.materials)}")
+        for key, value in values.items():
+            if key not in changeable(material):
+                near = nearest(key, changeable(material))
+                raise UsageError(f"materials.{name}: {shown(key)} cannot be changed here{near}")
+            if not is_plain(value):
+                raise UsageError(f"materials.{name}.{key} is {shown(value)}, but must be a number, a colour or a name")
+        told: dict[str, Any] = {key: getattr(material, key) for key in material.model_fields_set}
+        told = {key: value for key, value in {**told, **values}.items() if key not in values or value is not None}
+        try:
+            other = type(material).model_validate(told)
+        except ValidationError as error:
+            raise scene_error(error, type(material), f"materials.{name}") from None
+        materials = {**self.materials, name: other}
+        return self._made(self.scene, self.given, self.camera, materials, self.settings)
+
+    def reset(self, what: str) -> Subject:
+        """As in the scene and the command line again: ``camera``, ``settings`` or ``materials``."""
+        camera = self.scene.camera if what == "camera" else self.camera
+        materials = {} if what == "materials" else self.materials
+        settings = {} if what == "settings" else self.settings
+        return self._made(self.scene, self.given, camera, materials, settings)
+
+    def reread(self, scene: Scene) -> Subject:
+        """Of the scene as it is now: changed materials are forgotten, and the camera where the scene has another.
+
+        Raises
+        ------
+        UsageError, SceneError
+            It cannot be rendered with these settings.
+        """
+        camera = self.camera if scene.camera == self.scene.camera else scene.camera
+        return self._made(scene, self.given, camera, {}, self.settings)
+
+    def restarts(self, other: Subject) -> bool:
+        """Whether the image of another subject is another one: its samples are of no use."""
+        a, b = self.checked.settings, other.checked.settings
+        names = [name for name, setting in SETTINGS.items() if setting.group == IMAGE]
+        return (
+            any(getattr(a, name) != getattr(b, name) for name in names)
+            or self.camera != other.camera
+            or self.scene is not other.scene
+            or self.materials != other.materials
+        )
+
+
+def camera_toml(camera: Camera) -> str:
+    """The table of a scene file."""
+    table = tomli_w.dumps({"camera": camera.model_dump(mode="json", exclude_none=True, exclude_unset=True)})
+    return re.sub(r"\[\n([^]]*)\n\]", lambda found: f"[{' '.join(found[1].split()).rstrip(',')}]", table)

@@ -1,0 +1,117 @@
+"""What a page is told of the table of settings, the layers, the devices and the scene, as JSON-able values."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from typing import Any, Final
+
+from clrender.errors import ClrenderError
+from clrender.exposure import photographic_stops
+from clrender.image.tone_map import TONE_MAPS
+from clrender.integrators import INTEGRATORS
+from clrender.settings import IMAGE, SETTINGS
+from clrender.version import __version__
+from clrender.view.frames import LAYERS
+from clrender.view.messages import MESSAGE_BYTES, PROTOCOL
+from clrender.view.parameters import parameters
+from clrender.view.subject import NOT_LIVE, Subject, camera_toml
+
+__all__ = ["MOST_MATERIALS", "devices", "hello", "scene", "state"]
+
+MOST_MATERIALS: Final = 500
+"""Materials that are listed; any other is told when a pixel of it is probed."""
+
+
+def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, Any]:
+    """What does not change while a view runs.
+
+    Parameters
+    ----------
+    known : sequence of dict
+        As of `devices`; empty while they are being looked for.
+    saves : sequence of str
+        Names of files that may be written.
+    """
+    needs = {"stderr": "replicates", "error": "replicates"}
+    if importlib.util.find_spec("pyoidn") is None:
+        needs["denoised"] = "denoise"
+    return {
+        "protocol": PROTOCOL,
+        "version": __version__,
+        "settings": [
+            {
+                "name": name,
+                "group": setting.group,
+                "help": setting.help,
+                "default": setting.default,
+                "default_words": setting.default_words,
+                "schema": setting.schema(),
+                "integrator": setting.integrator,
+                "restarts": setting.group == IMAGE,
+            }
+            for name, setting in SETTINGS.items()
+            if name not in NOT_LIVE
+        ],
+        "integrators": [
+            {
+                "name": name,
+                "bias": integrator.bias,
+                "has_errors": integrator.has_errors,
+                "leaves_out": list(integrator.leaves_out),
+            }
+            for name, integrator in INTEGRATORS.items()
+        ],
+        "devices": list(known),
+        "layers": [
+            {"name": name, "label": label, "kind": kind, "needs": needs.get(name, "")}
+            for name, (label, kind) in LAYERS.items()
+        ],
+        "tone_maps": list(TONE_MAPS),
+        "saves": list(saves),
+        "limits": {"message_bytes": MESSAGE_BYTES},
+    }
+
+
+def devices() -> list[dict[str, Any]]:
+    """The devices that work, probed if they were not yet; that may take a minute."""
+    from clrender.device.probe import devices as all_devices
+
+    try:
+        found = all_devices()
+    except ClrenderError:
+        return []
+    keys = ("index", "name", "platform", "type")
+    return [{key: each[key] for key in keys} for each in found if each["probe"] == "ok"]
+
+
+def scene(subject: Subject) -> dict[str, Any]:
+    """What is in a scene, with the materials as they are now."""
+    now = subject.checked.scene
+    listed = list(now.materials.items())[:MOST_MATERIALS]
+    return {
+        "title": now.title,
+        "source": now.source,
+        "shapes": len(now.shapes),
+        "lights": len(now.lights),
+        "materials": {name: {"type": each.type, "parameters": parameters(each)} for name, each in listed},
+        "names": len(now.materials) > MOST_MATERIALS,
+    }
+
+
+def state(subject: Subject) -> dict[str, Any]:
+    """Camera and settings as they are now."""
+    settings = subject.checked.settings
+    return {
+        "width": settings.width,
+        "height": settings.height,
+        "camera": subject.camera.model_dump(mode="json"),
+        "camera_toml": camera_toml(subject.camera),
+        "camera_stops": photographic_stops(**(subject.camera.exposure or {})),
+        "settings": {name: getattr(settings, name) for name in SETTINGS if name not in NOT_LIVE},
+        "changed": [
+            *(["camera"] if subject.camera != subject.scene.camera else []),
+            *sorted(subject.settings),
+            *(f"materials.{name}" for name in sorted(subject.materials)),
+        ],
+    }

@@ -1,0 +1,111 @@
+"""Measure the page of `clrender view` in Chromium, and take pictures of it: `scripts/view_page.py -o DIR [SCENE]`.
+
+Needs `pip install playwright` and Debian's Chromium. Prints one JSON object: milliseconds from the page's first request
+to the first picture drawn, and from a camera move in the page to the frame that shows it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "cli"))
+
+from view_browser import chromium, view_of
+from view_clients import Server
+
+__all__: list[str] = []
+
+_ORBITS: Final = """
+    const times = [];
+    for (let i = 0; i < argument; i += 1) {
+        await new Promise((resolve) => setTimeout(resolve, 300));
+        const begin = performance.now();
+        await new Promise((resolve) => {
+            const before = view.camera.lastSent();
+            view.picture.onDrawn((frame) => {
+                const sent = view.camera.lastSent();
+                if (sent !== before && frame.answers === sent) resolve();
+            });
+            view.camera.orbit(i % 2 ? 0.05 : -0.05, 0.0);
+        });
+        times.push(performance.now() - begin);
+    }
+    return times;
+"""
+
+
+def main() -> int:
+    """Measure, and take pictures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scene", nargs="?", default="room")
+    parser.add_argument("--size", default="640x360")
+    parser.add_argument("-d", "--device")
+    parser.add_argument("--orbits", type=int, default=20)
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for pictures")
+    chosen = parser.parse_args()
+    chosen.output.mkdir(parents=True, exist_ok=True)
+    with chromium() as browser:
+        arguments = (
+            chosen.scene,
+            "--size",
+            chosen.size,
+            "--spp",
+            "4096",
+            *(["-d", chosen.device] if chosen.device else []),
+        )
+        with Server(*arguments) as server:
+            firsts = [_first(browser, server) for _ in range(5)]
+            orbits = _orbits(browser, server, chosen.orbits)
+            for scheme in ("dark", "light"):
+                for name, width, height in (("desktop", 1440, 900), ("phone", 390, 844)):
+                    _pictures(browser, server, chosen.output, f"{name}-{scheme}", scheme, (width, height))
+            server.end()
+    told = {"scene": chosen.scene, "size": chosen.size, "first_ms": firsts, "orbit_ms": orbits}
+    told |= {"first_median_ms": statistics.median(firsts), "orbit_median_ms": statistics.median(orbits)}
+    print(json.dumps(told))
+    return 0
+
+
+def _first(browser: Any, server: Server) -> float:
+    """Milliseconds to the first picture."""
+    with view_of(browser, server, "first") as view:
+        view.wait("performance.getEntriesByName('clrender-first-image').length > 0")
+        return float(view.run("performance.getEntriesByName('clrender-first-image')[0].startTime"))
+
+
+def _orbits(browser: Any, server: Server, count: int) -> list[float]:
+    """Milliseconds from each of some moves to its picture."""
+    with view_of(browser, server, "orbits") as view:
+        view.wait("view.picture.frame() !== undefined && view.hub.newest('state') !== undefined")
+        times = view.run(_ORBITS, count)
+        view.page.keyboard.press("r")
+        return [round(each, 1) for each in times]
+
+
+def _pictures(browser: Any, server: Server, folder: Path, name: str, scheme: str, size: tuple[int, int]) -> None:
+    options = {"viewport": {"width": size[0], "height": size[1]}, "color_scheme": scheme}
+    with view_of(browser, server, name, **options) as view:
+        view.wait("view.picture.frame() !== undefined && view.hub.newest('progress')?.samples > 4", seconds=120)
+        page = view.page
+        page.screenshot(path=folder / f"{name}.png")
+        box = page.locator(".cv-canvas").bounding_box()
+        page.mouse.click(box["x"] + box["width"] * 0.45, box["y"] + box["height"] * 0.7)
+        view.wait("document.querySelector('.cv-probe').dataset.probe !== undefined")
+        page.wait_for_timeout(300)
+        page.screenshot(path=folder / f"{name}-picked.png")
+        page.keyboard.press("Escape")
+        page.keyboard.press("l")
+        page.wait_for_timeout(200)
+        page.screenshot(path=folder / f"{name}-false.png")
+        page.keyboard.press("l")
+        page.keyboard.press("?")
+        page.screenshot(path=folder / f"{name}-help.png")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,347 @@
+"""The live view's engine on a real device: the same image as `render`, answers to a page, and what it never does."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from view_clients import Onlooker
+
+import clrender
+from clrender.device import Buffer, Device
+from clrender.errors import SceneError, UsageError
+from clrender.film.film import Film
+from clrender.film.replicates import standard_error
+from clrender.view import Engine
+from clrender.view.audience import MOST_VIEWERS
+
+SIZE = {"width": 96, "height": 64}
+
+
+@pytest.fixture
+def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, Onlooker]]]:
+    """Makes an engine, and who looks on; ends it after the test."""
+    engines: list[Engine] = []
+
+    def open_(scene: Any = "room", **options: Any) -> tuple[Engine, Onlooker]:
+        description = clrender.load(scene) if isinstance(scene, (str, Path)) else scene
+        engines.append(Engine(description, device=device, **{**SIZE, "spp": 4, **options}))
+        return engines[-1], Onlooker(engines[-1])
+
+    yield open_
+    for engine in engines:
+        engine.close()
+
+
+def rendered(device: Device, scene: Any = "room", **settings: Any) -> str:
+    """The hash of `render`."""
+    description = clrender.load(scene) if isinstance(scene, (str, Path)) else scene
+    with clrender.Session(device) as session:
+        image = session.render(description, size=(96, 64), **{"spp": 4, **settings})
+    digest: str = image.stats["image_sha256"]
+    return digest
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [
+        ("room", {"spp": 5}),
+        ("room", {"spp": 32, "replicate_spp": 8}),
+        ("room", {"integrator": "photon", "photons": 2048}),
+        ("room-diffuse", {"integrator": "radiosity", "patches": 300, "patch_rays": 32}),
+        ("cornell", {"integrator": "reuse", "seed": 3}),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "-".join(map(str, value.values())),
+)
+def test_the_finished_image_is_that_of_render(
+    opened: Callable[..., Any], device: Device, scene: str, settings: dict[str, Any]
+) -> None:
+    _, page = opened(scene, **settings)
+    assert page.until_done() == rendered(device, scene, **settings)
+
+
+def test_it_is_so_after_a_camera_that_moved_and_a_render_that_stopped_and_went_on(
+    opened: Callable[..., Any], device: Device
+) -> None:
+    _, page = opened(spp=200)
+    for number in range(20):
+        page.say("camera", id=number, camera={"position": [0.05 * number, 2.0, 5.0]})
+        if number % 4 == 0:
+            page.until(lambda m, wanted=number: m.kind == "frame" and m.content["answers"] == wanted)
+    for _ in range(3):
+        page.until(lambda m: m.kind == "frame" and m.content["answers"] == 19 and not m.content["coarse"])
+        page.say("run", run=False)
+        page.until_kind("state", status="stopped")
+        page.say("run", run=True)
+    scene = clrender.load("room")
+    moved = scene.camera.model_copy(update={"position": (0.05 * 19, 2.0, 5.0)})
+    assert page.until_done() == rendered(device, scene.model_copy(update={"camera": moved}), spp=200)
+
+
+def test_more_samples_are_added_to_those_that_are_there(
+    opened: Callable[..., Any], device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[int] = []
+    commit = Film.commit
+
+    def counted(film: Film, unit: Any, result: Any) -> int:
+        taken.append(commit(film, unit, result))
+        return taken[-1]
+
+    engine, page = opened(spp=4)
+    assert page.until_done() == rendered(device)
+    monkeypatch.setattr(Film, "commit", counted)
+    page.say("set", settings={"spp": 9})
+    digest = page.until_done()
+    assert sum(taken) == 5 * 96 * 64  # those that were there are not taken again
+    monkeypatch.undo()
+    assert digest == rendered(device, spp=9)
+    revision = engine.shot.revision
+    page.say("set", settings={"spp": 4})  # fewer than there are: anew
+    assert page.until_done() == rendered(device)
+    assert engine.shot.revision == revision + 1
+
+
+def test_a_camera_that_moves_uploads_nothing_else_and_compiles_nothing(
+    opened: Callable[..., Any], device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, page = opened("room", spp=2)
+    page.until_done()
+    page.say("camera", id="warm", camera={"position": [0.0, 2.0, 5.5]})
+    page.until(lambda m: m.kind == "frame" and m.content["answers"] == "warm" and m.content["final"])
+    writes: list[int] = []
+    uploads: list[int] = []
+    write, upload = Device.write, Device.upload
+
+    def watched(device: Device, buffer: Buffer, array: npt.NDArray[Any]) -> None:
+        writes.append(array.nbytes)
+        write(device, buffer, array)
+
+    def uploaded(device: Device, array: npt.NDArray[Any]) -> Buffer:
+        uploads.append(array.nbytes)
+        return upload(device, array)
+
+    monkeypatch.setattr(Device, "write", watched)
+    monkeypatch.setattr(Device, "upload", uploaded)
+    builds = device.builds
+    for number in range(5):
+        page.say("camera", id=number, camera={"position": [0.1 * number, 2.0, 5.0]})
+        page.until(lambda m, wanted=number: m.kind == "frame" and m.content["answers"] == wanted and m.content["final"])
+    assert engine.shot.revision > 5
+    assert device.builds == builds
+    assert not uploads
+    assert writes
+    assert max(writes) < 16384  # cameras and settings; the settings hold the filter's table
+
+
+def test_a_material_that_changes_gives_the_image_of_that_scene(opened: Callable[..., Any], device: Device) -> None:
+    _, page = opened()
+    before = page.until_done()
+    page.say("material", name="white", values={"reflectance": [0.9, 0.1, 0.1]})
+    told = page.until(
+        lambda m: m.kind == "scene" and m.content["materials"]["white"]["parameters"][-1]["value"][0] > 0.8
+    )
+    assert told.content["materials"]["red"]["type"] == "lambert"
+    scene = clrender.load("room")
+    red = scene.materials["white"].model_copy(update={"reflectance": (0.9, 0.1, 0.1)})
+    changed = scene.model_copy(update={"materials": {**scene.materials, "white": red}})
+    assert page.until_done() == rendered(device, changed) != before
+    page.say("reset", what="materials")
+    assert page.until_done() == before
+
+
+def test_a_pixel_is_told_as_it_is_in_the_film(opened: Callable[..., Any], device: Device) -> None:
+    engine, page = opened(spp=16, replicate_spp=4)
+    page.until_done()
+    with clrender.Session(device) as session:
+        image = session.render(
+            clrender.load("room"), size=(96, 64), spp=16, replicate_spp=4, aov=("object", "material")
+        )
+    errors = standard_error(image.film)
+    scene = clrender.load("room")
+    for x, y in ((0, 0), (95, 63), (40, 30), (60, 50), (20, 45)):
+        page.say("probe", id=f"{x},{y}", x=x, y=y)
+        told = page.until_kind("probe", id=f"{x},{y}").content
+        assert told["radiance"] == image.linear[y, x].tolist()
+        assert told["samples"] == 16
+        assert told["standard_error"] == errors[y, x].tolist()
+        assert told["object"]["index"] == image.aovs["object"][y, x, 0]
+        assert told["material"] == list(scene.materials)[int(image.aovs["material"][y, x, 0])]
+        assert told["object"]["type"] == scene.shapes[told["object"]["index"]].type
+        away = np.linalg.norm(np.subtract(told["position"], scene.camera.position))
+        assert told["depth"] == pytest.approx(float(away), rel=1e-3)
+        assert 0.0 < told["focus_distance"] <= told["depth"] * 1.001
+    page.say("probe", x=96, y=0)
+    assert "no pixel" in page.until_kind("refused", to="probe").content["message"]
+    assert engine.shot.sha256
+
+
+def test_every_layer_is_shown(opened: Callable[..., Any], device: Device) -> None:
+    _, page = opened(spp=16, replicate_spp=4)
+    page.until_done()
+    names = [each["name"] for each in page.newest["hello"].content["layers"]]
+    assert {"image", "albedo", "normal", "depth", "stderr", "error", "object"} <= set(names)
+    with clrender.Session(device) as session:
+        image = session.render(clrender.load("room"), size=(96, 64), spp=16, replicate_spp=4, aov=("stderr", "object"))
+    for name in names:
+        page.say("show", layers=[name], format="float32")
+        shown = page.until(lambda m, wanted=name: m.kind == "frame" and m.content["layer"] == wanted)
+        assert shown.pixels.shape[:2] == (64, 96)
+        assert np.isfinite(shown.pixels).any()
+        if name in ("stderr", "object"):
+            assert np.array_equal(shown.pixels, image.aovs[name], equal_nan=True)
+        if name == "image":
+            assert np.array_equal(shown.pixels, image.linear)
+    page.say("show", layers=["image", "denoised"])
+    for name in ("image", "denoised"):
+        page.until(lambda m, wanted=name: m.kind == "frame" and m.content["layer"] == wanted)
+
+
+def test_a_large_image_comes_in_fewer_pixels(opened: Callable[..., Any]) -> None:
+    _, page = opened(spp=1)
+    page.until_done()
+    page.say("show", layers=["image"], max_side=32)
+    shown = page.until(lambda m: m.kind == "frame" and m.content["width"] <= 32 and not m.content["coarse"])
+    assert (shown.content["width"], shown.content["height"]) == (32, 22)
+    assert (shown.content["image_width"], shown.content["image_height"]) == (96, 64)
+
+
+class _File:
+    """A scene file as the command line names it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def read(self) -> clrender.Scene:
+        return clrender.load(self.path)
+
+    def files(self, scene: clrender.Scene) -> list[Path]:
+        return [self.path]
+
+
+def test_a_scene_file_that_changes_is_read_again_and_a_broken_one_is_told(
+    opened: Callable[..., Any], device: Device, tmp_path: Path
+) -> None:
+    path = tmp_path / "scene.toml"
+    text = Path(clrender.__path__[0], "..", "scenes", "room.toml").read_text()
+    path.write_text(text)
+    engine, page = opened(path, source=_File(path))
+    page.until_done()
+    page.say("camera", camera={"vertical_fov": 50.0})
+    page.until_done()
+    path.write_text(text.replace("vertical_fov = 45.0", "vertical_fov = nonsense"))
+    told = page.until(lambda m: m.kind == "state" and m.content["problem"] is not None).content
+    assert told["problem"]["where"] == "scene"
+    assert "line" in told["problem"]["message"]
+    assert told["status"] == "done"  # the last good image stays
+    assert engine.shot.film is not None
+    other = text.replace("[0.63, 0.065, 0.05]", "[0.05, 0.065, 0.63]")
+    path.write_text(other)
+    digest = page.until_done()
+    assert page.newest["state"].content["problem"] is None
+    scene = clrender.load(path)
+    camera = scene.camera.model_copy(update={"vertical_fov": 50.0})  # the file's has not changed: the page's stays
+    assert digest == rendered(device, scene.model_copy(update={"camera": camera}))
+    path.unlink()
+    assert page.until(lambda m: m.kind == "state" and m.content["problem"] is not None)
+
+
+def test_only_files_of_the_command_line_are_written(opened: Callable[..., Any], device: Device, tmp_path: Path) -> None:
+    wanted = [tmp_path / name for name in ("a.png", "a.exr", "a.film")]
+    _, page = opened(outputs=wanted)
+    digest = page.until_done()
+    assert page.newest["hello"].content["saves"] == [str(path) for path in wanted]
+    for path in wanted:
+        page.say("save", name=str(path), id=path.name)
+        assert page.until_kind("saved", id=path.name).content["bytes"] == path.stat().st_size
+    with clrender.Session(device) as session:
+        image = session.render(clrender.load("room"), size=(96, 64), spp=4)
+    image.save(tmp_path / "b.png")
+    film = Film.load(tmp_path / "a.film")
+    assert np.array_equal(film.mean(), image.linear)
+    assert film.request == image.film.request
+    assert film.provenance["image_sha256"] == digest
+    assert film.provenance["samples"] == 4 * 96 * 64
+    for name in ("b.exr", "../a.png", str(tmp_path / "c.png"), "a.png", "/etc/passwd", ""):
+        page.say("save", name=name)
+        assert "no file of the command line" in page.until_kind("refused", to="save").content["message"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "a.film", "a.png", "b.png"]
+
+
+def test_who_takes_nothing_slows_nobody(opened: Callable[..., Any]) -> None:
+    engine, page = opened(spp=64)
+    idle = engine.connect(lambda: None)
+    for number in range(400):
+        page.say("camera", id=number, camera={"position": [0.001 * number, 2.0, 5.0]})
+    page.until(lambda m: m.kind == "frame" and m.content["answers"] == 399)
+    page.until_done()
+    taken = list(iter(idle.take, None))
+    assert len([each for each in taken if isinstance(each, bytes)]) == 1
+    assert len(taken) < 60
+
+
+def test_there_are_not_too_many_viewers(opened: Callable[..., Any]) -> None:
+    engine, page = opened()
+    more = [Onlooker(engine) for _ in range(MOST_VIEWERS - 1)]
+    with pytest.raises(UsageError, match="viewers"):
+        engine.connect(lambda: None)
+    more[0].viewer.close()
+    engine.connect(lambda: None)
+    assert page.until_done()
+
+
+def test_what_is_refused_leaves_the_image(opened: Callable[..., Any], device: Device) -> None:
+    _, page = opened()
+    page.until_done()
+    bad: dict[str, dict[str, Any]] = {
+        "camera": {"camera": {"vertical_fov": 500}},
+        "set": {"settings": {"integrator": "radiosity"}},  # the room has glass
+        "material": {"name": "white", "values": {"reflectance": {"texture": "x.png"}}},
+        "device": {"device": "no such device"},
+    }
+    for kind, content in bad.items():
+        page.say(kind, id=kind, **content)
+        assert page.until_kind("refused", to=kind, id=kind).content["message"]
+    page.say("restart")
+    assert page.until_done() == rendered(device)
+
+
+def test_a_failing_device_is_told_and_the_view_goes_on(
+    opened: Callable[..., Any], device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, page = opened()
+    digest = page.until_done()
+
+    def failing(*_: Any, **__: Any) -> Any:
+        raise SceneError("made up")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(clrender.Session, "refine", failing)
+        page.say("set", settings={"seed": 5})
+        told = page.until_kind("state", status="failed").content
+        assert told["problem"] == {"where": "render", "message": "made up"}
+    page.say("reset", what="settings")
+    assert page.until_done() == digest
+
+
+def test_another_device_gives_the_same_image(opened: Callable[..., Any]) -> None:
+    _, page = opened()
+    digest = page.until_done()
+    page.say("device", device="cpu")
+    assert page.until_done() == digest
+
+
+def test_it_ends_while_it_renders(opened: Callable[..., Any]) -> None:
+    engine, page = opened(spp=2**16)
+    page.until_kind("frame")
+    begin = time.monotonic()
+    engine.close()
+    assert time.monotonic() - begin < 5.0
+    assert json.loads(json.dumps(page.until_kind("bye").content))["reason"]
+    assert page.viewer.closed

@@ -1,0 +1,181 @@
+"""Outputs of a notebook that display a view, without a kernel: who is sent what, and when nobody is there any more."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import clrender
+from clrender.errors import UsageError
+from clrender.view import displays as module
+from clrender.view.audience import Audience
+from clrender.view.bundle import widget_module
+from clrender.view.displays import Displays
+from clrender.view.viewer import Viewer
+
+
+class FakeEngine:
+    """Viewers alone: those of an engine, which render nothing."""
+
+    def __init__(self) -> None:
+        self.audience = Audience()
+        self.audience.tell("hello", {"protocol": 1})
+        self.shot = None
+        self.posted: list[Any] = []
+
+    def connect(self, wake: Callable[[], None]) -> Viewer:
+        return self.audience.join(self, wake)  # type: ignore[arg-type]
+
+    def disconnect(self, viewer: Viewer) -> None:
+        self.audience.leave(viewer)
+
+    def post(self, viewer: Viewer, message: Any) -> None:
+        self.posted.append(message)
+
+    def nudge(self) -> None:
+        pass
+
+
+class Notebook:
+    """A front end that keeps what is sent to it."""
+
+    def __init__(self) -> None:
+        self.engine = FakeEngine()
+        self.sent: list[dict[str, Any]] = []
+        self.looks = 0
+        self._changed = threading.Condition()
+        self.displays = Displays(self.engine, self._take, self._look)  # type: ignore[arg-type]
+
+    def _take(self, content: dict[str, Any], buffers: Any = None) -> None:
+        with self._changed:
+            self.sent.append(content)
+            self._changed.notify_all()
+
+    def _look(self) -> None:
+        self.looks += 1
+
+    def wait(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        with self._changed:
+            assert self._changed.wait_for(lambda: any(map(wanted, self.sent)), 30), self.sent
+        return next(filter(wanted, self.sent))
+
+    def wait_kind(self, display: str, kind: str) -> dict[str, Any]:
+        found = self.wait(lambda m: m["display"] == display and json.loads(m.get("text", "{}")).get("type") == kind)
+        told: dict[str, Any] = json.loads(found["text"])
+        return told
+
+
+@pytest.fixture
+def notebook() -> Iterator[Notebook]:
+    opened = Notebook()
+    yield opened
+    opened.displays.close()
+
+
+def test_each_output_is_a_viewer_of_its_own(notebook: Notebook) -> None:
+    assert notebook.displays.alone_for == 0.0
+    notebook.displays.hear({"display": "a"})
+    notebook.displays.hear({"display": "b"})
+    assert notebook.wait_kind("a", "hello") == notebook.wait_kind("b", "hello")
+    assert len(notebook.engine.audience) == 2
+    notebook.displays.hear({"display": "a", "text": '{"type": "restart"}'})
+    notebook.displays.hear({"display": "a", "text": '{"type": "nonsense", "id": 7}'})
+    assert notebook.wait_kind("a", "refused")["to"] is None
+    assert len(notebook.engine.posted) == 1
+    assert len(notebook.displays) == 2
+
+
+def test_the_last_output_that_goes_is_noticed(notebook: Notebook) -> None:
+    for name in ("a", "b"):
+        notebook.displays.hear({"display": name})
+    notebook.displays.hear({"display": "a", "leaves": True})
+    assert notebook.displays.alone_for == 0.0
+    notebook.displays.hear({"display": "b", "leaves": True})
+    time.sleep(0.01)
+    assert notebook.displays.alone_for > 0.0
+    assert len(notebook.engine.audience) == 0
+    notebook.displays.hear({"display": "c"})
+    assert notebook.displays.alone_for == 0.0
+
+
+def test_an_output_that_fell_silent_is_forgotten_and_comes_back(
+    notebook: Notebook, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    notebook.displays.hear({"display": "a"})
+    monkeypatch.setattr(module, "_SILENT_SECONDS", 0.0)
+    end = time.monotonic() + 30
+    while len(notebook.displays) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert len(notebook.displays) == 0 == len(notebook.engine.audience)
+    assert notebook.displays.alone_for == 0.0  # asleep, perhaps: the view goes on
+    monkeypatch.setattr(module, "_SILENT_SECONDS", 150.0)
+    notebook.displays.hear({"display": "a"})
+    assert len(notebook.displays) == 1
+
+
+@pytest.mark.parametrize(
+    "content", [None, 3, [], {}, {"display": 4}, {"display": ""}, {"display": "x" * 65}, {"text": "{}"}]
+)
+def test_what_makes_no_sense_is_passed_over(notebook: Notebook, content: Any) -> None:
+    notebook.displays.hear(content)
+    assert len(notebook.displays) == 0
+
+
+@pytest.mark.parametrize("text", [5, [], {"type": "restart"}, "{", "[]", "x" * 100_000])
+def test_what_is_no_message_is_refused(notebook: Notebook, text: Any) -> None:
+    notebook.displays.hear({"display": "a", "text": text})
+    assert notebook.wait_kind("a", "refused")["message"]
+    assert not notebook.engine.posted
+
+
+def test_who_is_one_too_many_is_told(notebook: Notebook) -> None:
+    for number in range(33):
+        notebook.displays.hear({"display": f"d{number}"})
+    assert "32 viewers" in notebook.wait_kind("d32", "refused")["message"]
+    assert len(notebook.displays) == 32
+
+
+def test_all_are_told_the_end_and_nobody_comes_after_it(notebook: Notebook) -> None:
+    notebook.displays.hear({"display": "a"})
+    notebook.engine.audience.say_goodbye("the end")
+    notebook.displays.close()
+    notebook.wait_kind("a", "bye")
+    notebook.wait(lambda message: message == {"display": "a", "ended": True})
+    notebook.displays.hear({"display": "b"})
+    assert len(notebook.displays) == 0
+
+
+def test_a_front_end_that_is_gone_ends_nothing() -> None:
+    engine = FakeEngine()
+
+    def send(content: dict[str, Any], buffers: Any = None) -> None:
+        raise OSError("the socket is closed")
+
+    displays = Displays(engine, send, lambda: None)  # type: ignore[arg-type]
+    displays.hear({"display": "a"})
+    displays.hear({"display": "a", "text": '{"type": "restart"}'})
+    assert len(engine.posted) == 1
+    displays.close()
+
+
+def test_without_the_extra_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    from clrender.view import notebook as home
+
+    home._widget_class.cache_clear()
+    monkeypatch.setitem(__import__("sys").modules, "anywidget", None)
+    with pytest.raises(
+        UsageError, match=r"needs anywidget, which is not installed; pip install 'clrender\[notebook\]'"
+    ):
+        clrender.View(clrender.load("room"))
+
+
+def test_the_widget_is_one_module() -> None:
+    module_text = widget_module()
+    assert "import " not in [line[:7] for line in module_text.splitlines()]
+    assert module_text.rstrip().splitlines()[-1] == "export default { render: module_widget.render };"
+    assert module_text.count("\nexport ") == 1

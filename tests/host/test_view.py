@@ -1,0 +1,447 @@
+"""The live view without a device: messages, tables, frames, who may talk to it, and what waits for whom."""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import clrender
+from clrender.errors import ClrenderError, SceneError, UsageError
+from clrender.film.ledger import Ledger
+from clrender.scheduling.policy import Plan, Remaining
+from clrender.settings import SETTINGS
+from clrender.view import tables
+from clrender.view.frames import Frame, Frames, Shot, encode
+from clrender.view.guard import Guard
+from clrender.view.inbox import Inbox
+from clrender.view.messages import MESSAGE_BYTES, MoveCamera, Probe, Restart, parse
+from clrender.view.parameters import changeable, parameters
+from clrender.view.subject import NOT_LIVE, Subject, camera_toml
+from clrender.view.viewer import Viewer
+from clrender.view.watch import Watcher
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+MATERIALS: dict[str, dict[str, Any]] = {
+    "lambert": {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]},
+    "checked": {"type": "lambert", "reflectance": {"checker": [[0, 0, 0], [1, 1, 1]]}},
+    "mirror": {"type": "mirror"},
+    "glass": {"type": "dielectric", "ior": 1.5},
+    "rough": {"type": "oren_nayar", "reflectance": [0.5, 0.5, 0.5]},
+    "gold": {"type": "conductor", "metal": "Au"},
+    "plastic": {"type": "principled"},
+    "wax": {"type": "subsurface", "albedo": 0.5, "radius": 0.1},
+    "mixed": {"type": "mix", "materials": ["mirror", "lambert"]},
+}
+
+
+@pytest.fixture(scope="module")
+def subject() -> Subject:
+    return Subject.of(clrender.load("room"), {"width": 64, "height": 48})
+
+
+def of_materials() -> Subject:
+    camera = {"position": [0, 0, 3], "target": [0, 0, 0]}
+    return Subject.of(clrender.Scene.model_validate({"camera": camera, "materials": MATERIALS}), {})
+
+
+# --- messages ---
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "JSON"),
+        ("{", "JSON"),
+        ("[]", "object"),
+        ("{}", "type"),
+        ('{"type": "shutdown"}', "shutdown"),
+        ('{"type": "probe", "x": -1, "y": 0}', "x: "),
+        ('{"type": "probe", "x": 1.5, "y": 0}', "x: "),
+        ('{"type": "probe", "x": true, "y": 0}', "x: "),
+        ('{"type": "probe", "x": 1, "y": 0, "z": 0}', "z: "),
+        ('{"type": "probe", "x": 1, "y": 0, "id": {}}', "id"),
+        ('{"type": "show", "layers": []}', "layers"),
+        ('{"type": "show", "layers": ["image", "depth", "normal"]}', "layers"),
+        ('{"type": "show", "layers": ["image"], "max_side": 100000}', "max_side"),
+        ('{"type": "save", "name": "a.png", "tone_map": "film"}', "tone_map"),
+        ('{"type": "save", "name": "a.png", "exposure": NaN}', "exposure"),
+        ('{"type": "run", "run": 1}', "run"),
+        ('{"type": "restart", "id": "' + "x" * MESSAGE_BYTES + '"}', f"{MESSAGE_BYTES} bytes"),
+        ("[" * 20000 + "]" * 20000, "recursion|JSON|object"),
+    ],
+)
+def test_a_malformed_message_is_refused_in_a_sentence(text: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words) as refused:
+        parse(text)
+    assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 500
+
+
+@given(st.text(max_size=200) | st.recursive(st.none() | st.floats() | st.text(), st.lists).map(json.dumps))
+def test_no_text_does_more_than_be_refused(text: str) -> None:
+    with pytest.raises(UsageError):
+        parse(text)
+
+
+# --- what is looked at ---
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda s: s.moved({"vertical_fov": 200}),
+        lambda s: s.moved({"position": [0.0, 2.0, 0.0]}),
+        lambda s: s.moved({"position": [float("nan"), 2.0, 0.0]}),
+        lambda s: s.moved({"file": "/etc/passwd"}),
+        lambda s: s.set({"spp": 0}),
+        lambda s: s.set({"integrator": "bdpt"}),
+        lambda s: s.set({"photons": 10}),
+        lambda s: s.set({"time_limit": 3.0}),
+        lambda s: s.set({"__class__": 3}),
+        lambda s: s.set({"width": 10**9}),
+        lambda s: s.with_material("whit", {"reflectance": [0, 0, 0]}),
+        lambda s: s.with_material("white", {"type": "mirror"}),
+        lambda s: s.with_material("white", {"reflectance": {"texture": "/etc/passwd"}}),
+        lambda s: s.with_material("white", {"reflectance": "/etc/passwd"}),
+        lambda s: s.with_material("white", {"reflectance": [[1], 2, 3]}),
+        lambda s: s.with_material("white", {"normal_map": {"texture": "/etc/passwd"}}),
+        lambda s: s.with_material("white", {"reflectance": [2.0, 0.0, 0.0]}),
+        lambda s: s.with_material("glass", {"ior": None}),
+    ],
+)
+def test_what_cannot_be_rendered_is_refused(subject: Subject, change: Callable[[Subject], Subject]) -> None:
+    with pytest.raises(ClrenderError) as refused:
+        change(subject)
+    assert str(refused.value).count("\n") == 0
+
+
+def test_only_what_makes_another_image_restarts_it(subject: Subject) -> None:
+    assert not subject.set({"spp": 1000}).restarts(subject)
+    assert not subject.set({"tile": 32}).restarts(subject)
+    assert not subject.moved({}).restarts(subject)
+    assert subject.set({"seed": 1}).restarts(subject)
+    assert subject.set({"width": 65}).restarts(subject)
+    assert subject.moved({"position": [0.0, 2.0, 5.5]}).restarts(subject)
+    assert subject.with_material("white", {"reflectance": [0.1, 0.1, 0.1]}).restarts(subject)
+
+
+def test_a_moved_camera_is_that_of_the_job_and_checks_nothing_else(subject: Subject) -> None:
+    moved = subject.moved({"position": [0.5, 2.0, 5.0], "aperture_radius": 0.1})
+    assert moved.job.scene.camera.position == (0.5, 2.0, 5.0)
+    assert moved.job.scene.shapes is subject.scene.shapes
+    assert moved.checked is subject.checked
+    assert moved.moved({"aperture_radius": None}).camera.aperture_radius == 0.0
+    assert moved.reset("camera").camera == subject.camera
+
+
+def test_settings_of_another_integrator_are_forgotten(subject: Subject) -> None:
+    photons = subject.set({"integrator": "photon", "photons": 1000})
+    assert photons.set({"integrator": "path"}).settings == {"integrator": "path"}
+    absorbing = subject.set({"roulette": "absorption", "absorption": 0.5})
+    assert absorbing.set({"roulette": None}).settings == {}
+    assert absorbing.set({"absorption": None}).settings == {"roulette": "absorption"}
+
+
+def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(subject: Subject) -> None:
+    moved = subject.moved({"position": [0.5, 2.0, 5.0]}).with_material("white", {"reflectance": [0, 0, 0]})
+    scene = subject.scene
+    again = moved.reread(scene.model_copy())
+    assert again.camera == moved.camera
+    assert not again.materials
+    other = scene.model_copy(update={"camera": scene.camera.model_copy(update={"vertical_fov": 30.0})})
+    assert moved.reread(other).camera.vertical_fov == 30.0
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {},
+        {"aperture_radius": 0.25, "focus_distance": 1e-7, "blades": 6},
+        {"position": [1e12, -1.2345678901234567, 0.1], "f_stop": 2.8, "shutter": 0.008},
+        {"type": "orthographic", "vertical_fov": None, "height": 3.0, "mirrored": True},
+    ],
+)
+def test_the_camera_as_toml_is_that_camera(subject: Subject, keys: dict[str, Any]) -> None:
+    camera = subject.moved(keys).camera
+    text = camera_toml(camera)
+    assert type(camera).model_validate(tomllib.loads(text)["camera"]) == camera
+    assert text.startswith("[camera]\n")
+    assert max(text.splitlines(), key=len).count("=") == 1
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_every_number_of_a_material_can_be_given_back(name: str) -> None:
+    subject = of_materials()
+    material = subject.scene.materials[name]
+    table = {each["name"]: each for each in json.loads(json.dumps(parameters(material)))}
+    assert table
+    assert {each["kind"] for each in table.values()} <= {"number", "integer", "color", "flag", "choice", "fixed"}
+    same = {key: table[key]["value"] for key in changeable(material) if table[key]["kind"] != "fixed"}
+    given = {key: value for key, value in same.items() if key in material.model_fields_set}
+    assert subject.with_material(name, given).checked.scene.materials[name] == material
+
+
+def test_textures_and_structure_cannot_be_changed() -> None:
+    subject = of_materials()
+    kinds = {each["name"]: each["kind"] for each in parameters(subject.scene.materials["checked"])}
+    assert kinds["reflectance"] == "fixed"
+    kinds = {each["name"]: each["kind"] for each in parameters(subject.scene.materials["mixed"])}
+    assert kinds["materials"] == "fixed"
+    with pytest.raises(UsageError, match="materials"):
+        subject.with_material("mixed", {"materials": ["gold", "glass"]})
+
+
+def test_a_page_is_told_of_every_setting_that_it_may_change(subject: Subject) -> None:
+    told = json.loads(json.dumps(tables.hello([], ["a.png"]), allow_nan=False))
+    assert [each["name"] for each in told["settings"]] == [name for name in SETTINGS if name not in NOT_LIVE]
+    assert told["saves"] == ["a.png"]
+    state = json.loads(json.dumps(tables.state(subject), allow_nan=False))
+    assert set(state["settings"]) == {each["name"] for each in told["settings"]}
+    assert set(json.loads(json.dumps(tables.scene(subject)))["materials"]) == set(subject.scene.materials)
+
+
+# --- who may talk to it ---
+
+HOST = {"host": "127.0.0.1:8000"}
+
+
+@pytest.mark.parametrize(
+    ("headers", "token", "allowed"),
+    [
+        (HOST, "secret", True),
+        ({"host": "localhost:8000"}, "secret", True),
+        ({"host": "[::1]:8000"}, "secret", True),
+        ({**HOST, "origin": "http://127.0.0.1:8000"}, "secret", True),
+        ({**HOST, "cookie": "a=b; clrender-view-8000=secret"}, None, True),
+        (HOST, None, False),
+        (HOST, "", False),
+        (HOST, "secre", False),
+        (HOST, "secret\u00e9", False),
+        ({**HOST, "cookie": "clrender-view-8001=secret"}, None, False),
+        ({**HOST, "cookie": "clrender-view-8000=other"}, None, False),
+        ({**HOST, "cookie": "clrender-view-8000=secret"}, "other", False),
+        ({**HOST, "origin": "http://evil.example"}, "secret", False),
+        ({**HOST, "origin": "http://127.0.0.1:8001"}, "secret", False),
+        ({**HOST, "origin": "https://127.0.0.1:8000"}, "secret", False),
+        ({**HOST, "origin": "null"}, "secret", False),
+        ({**HOST, "sec-fetch-site": "cross-site"}, "secret", False),
+        ({**HOST, "sec-fetch-site": "same-site"}, "secret", False),
+        ({"host": "evil.example:8000", "origin": "http://evil.example:8000"}, "secret", False),
+        ({"host": "127.0.0.1:8001"}, "secret", False),
+        ({"host": "127.0.0.1"}, "secret", False),
+        ({"host": "127.0.0.1.evil.example:8000"}, "secret", False),
+        ({}, "secret", False),
+    ],
+)
+def test_the_guard_lets_nobody_else_pass(headers: dict[str, str], token: str | None, allowed: bool) -> None:
+    assert Guard("secret", 8000, "127.0.0.1").allows(headers, token) is allowed
+
+
+# --- frames ---
+
+
+def test_a_frame_says_what_it_holds() -> None:
+    pixels = np.array([[[1.0, -2.0, 1e9], [0.5, np.inf, np.nan]]], np.float32)
+    shot = Shot(7, 4, 2, 16)
+    data = encode(Frame(shot, "normal", pixels, 3, 1.5, True, False), 9, True, "a")
+    start = 4 + int.from_bytes(data[:4], "little")
+    header = json.loads(data[4:start])
+    assert start % 8 == 0
+    assert (header["frame"], header["revision"], header["answers"], header["samples"]) == (9, 7, "a", 1.5)
+    assert (header["width"], header["height"], header["channels"], header["format"]) == (2, 1, 3, "float16")
+    assert (header["image_width"], header["image_height"], header["coarse"], header["final"]) == (4, 2, True, False)
+    assert header["range"] == [-2.0, 1e9]
+    sent = np.frombuffer(data[start:], "<f2").reshape(1, 2, 3)
+    assert sent[0, 0].tolist() == [1.0, -2.0, 65504.0]
+    assert np.isnan(sent[0, 1, 2])
+    exact = encode(Frame(shot, "depth", pixels[..., :1] + 1e-4, 3, 1.5, False, True), 1, True, None)
+    assert json.loads(exact[4 : 4 + int.from_bytes(exact[:4], "little")])["format"] == "float32"
+
+
+class _Stage:
+    """What a viewer needs of an engine, without one that renders."""
+
+    def __init__(self) -> None:
+        self.frames = Frames()
+        self.shot = Shot(1, 8, 8, 4, preview=np.ones((2, 2, 3), np.float32), changes=1)
+        self.posted: list[Any] = []
+
+    def nudge(self) -> None:
+        pass
+
+    def post(self, viewer: Viewer, message: Any) -> None:
+        self.posted.append(message)
+
+
+def frame_of(taken: str | bytes | None) -> dict[str, Any] | None:
+    if not isinstance(taken, bytes):
+        return None
+    header: dict[str, Any] = json.loads(taken[4 : 4 + int.from_bytes(taken[:4], "little")])
+    return header
+
+
+def test_who_does_not_acknowledge_gets_one_frame_and_then_the_newest() -> None:
+    stage = _Stage()
+    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    first = frame_of(viewer.take())
+    assert first is not None
+    for change in range(2, 6):
+        stage.shot.changes = change
+        assert viewer.take() is None
+    stage.shot.preview = np.full((4, 4, 3), 2.0, np.float32)
+    stage.shot.changes = 6
+    viewer.receive(json.dumps({"type": "ack", "frame": first["frame"] + 1}))  # of no frame
+    assert viewer.take() is None
+    viewer.receive(json.dumps({"type": "ack", "frame": first["frame"]}))
+    second = frame_of(viewer.take())
+    assert second is not None
+    assert second["width"] == 4
+    viewer.receive(json.dumps({"type": "ack", "frame": second["frame"]}))
+    assert viewer.take() is None  # there is nothing newer
+
+
+def test_state_that_nobody_took_is_replaced_and_replies_are_not() -> None:
+    stage = _Stage()
+    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    for number in range(100):
+        viewer.tell("state", {"number": number})
+        viewer.tell("probe", {"number": number}, newest=False)
+    taken = [json.loads(each) for each in iter(viewer.take, None) if isinstance(each, str)]
+    assert [each["number"] for each in taken if each["type"] == "state"] == [99]
+    assert [each["number"] for each in taken if each["type"] == "probe"] == list(range(100))
+
+
+def test_who_takes_no_replies_is_hung_up_on() -> None:
+    stage = _Stage()
+    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    for _ in range(1000):
+        viewer.tell("probe", {}, newest=False)
+    assert viewer.closed
+    assert sum(1 for _ in iter(viewer.take, None)) <= 257
+
+
+def test_malformed_messages_are_replied_to_and_then_end_it() -> None:
+    stage = _Stage()
+    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    for text in ("{", b"\x00", '{"type": "show", "layers": ["depht"]}', '{"type": "probe", "x": 1, "y": 1, "id": 5}'):
+        viewer.receive(text)
+    refused = [json.loads(each) for each in iter(viewer.take, None) if isinstance(each, str)]
+    assert [each["to"] for each in refused] == [None, None, "show"]
+    assert len(stage.posted) == 1
+    assert viewer.closed is None
+    for _ in range(200):
+        viewer.receive("nonsense")
+    assert viewer.closed
+
+
+# --- what waits ---
+
+
+def moved(x: float, number: int) -> MoveCamera:
+    return MoveCamera(type="camera", id=number, camera={"position": [x, 0.0, 0.0]})
+
+
+def test_a_camera_that_waits_is_replaced_by_a_newer_one_of_the_same_viewer() -> None:
+    inbox, one, other = Inbox(), SimpleNamespace(), SimpleNamespace()
+    followed: list[Any] = []
+    for number in range(10_000):
+        inbox.post(one, moved(float(number), number))  # type: ignore[arg-type]
+    inbox.post(other, moved(-1.0, 1))  # type: ignore[arg-type]
+    inbox.post(one, MoveCamera(type="camera", camera={"vertical_fov": 30.0}))  # type: ignore[arg-type]
+    inbox.post(one, MoveCamera(type="camera", id="z", camera={"up": [0, 1, 0]}))  # type: ignore[arg-type]
+    inbox.follow(lambda viewer, message: followed.append((viewer, message)))
+    assert [message.id for _, message in followed] == [9999, 1, "z"]
+    assert followed[2][1].camera == {"vertical_fov": 30.0, "up": [0, 1, 0]}
+
+
+def test_too_many_messages_are_refused_and_calls_are_cancelled_at_the_end() -> None:
+    inbox, one = Inbox(), SimpleNamespace()
+    with pytest.raises(UsageError, match="wait already"):
+        for _ in range(1000):
+            inbox.post(one, Restart(type="restart"))  # type: ignore[arg-type]
+    called = inbox.call(lambda: 3)
+    failing = inbox.call(lambda: int("x"))
+    inbox.follow(lambda viewer, message: None)
+    assert called.result(1) == 3
+    assert isinstance(failing.exception(1), ValueError)
+    late = inbox.call(lambda: 4)
+    inbox.refuse_all()
+    assert late.cancelled()
+    assert inbox.call(lambda: 5).cancelled()
+
+
+def test_the_reader_is_woken() -> None:
+    inbox = Inbox()
+    threading.Timer(0.05, lambda: inbox.post(SimpleNamespace(), Probe(type="probe", x=0, y=0))).start()  # type: ignore[arg-type]
+    inbox.wait()
+    assert inbox.urgent
+
+
+def test_a_file_that_changes_is_noticed_once_it_is_whole(tmp_path: Path) -> None:
+    path, missing = tmp_path / "scene.toml", tmp_path / "later.ply"
+    path.write_text("1")
+    told: list[str] = []
+    watcher = Watcher(lambda: [path, missing], lambda: told.append(path.read_text() if path.exists() else ""))
+
+    def wait_for(count: int) -> None:
+        end = time.monotonic() + 30.0
+        while len(told) < count and time.monotonic() < end:
+            time.sleep(0.05)
+        assert len(told) == count
+
+    try:
+        path.write_text("22")
+        wait_for(1)
+        missing.write_text("x")
+        wait_for(2)
+        path.unlink()
+        wait_for(3)
+        time.sleep(1.0)
+        assert told == ["22", "22", ""]
+    finally:
+        watcher.close()
+
+
+# --- how it refines ---
+
+
+def test_who_watches_gets_one_sample_of_every_pixel_first_and_twice_as_many_each_time() -> None:
+    remaining = Remaining(Plan(64, 64, 0, 100, 64, gradual=True), 1)
+    ranges = []
+    while (unit := remaining.take(0)) is not None:
+        ranges.append((unit.first_sample, unit.sample_count))
+        remaining.measured(0, unit, 1e-3)
+    assert ranges[:5] == [(0, 1), (1, 2), (3, 4), (7, 8), (15, 16)]
+    assert sum(count for _, count in ranges) == 100
+
+
+def test_what_is_left_after_a_stop_is_taken_gradually_too() -> None:
+    ledger = Ledger(64, 64)
+    ledger.add(np.arange(256), 0, np.where(np.arange(256) < 100, 3, 1))
+    plan = Plan(64, 64, 0, 8, 64, wanted=ledger.lacking(0, 8), gradual=True)
+    remaining = Remaining(plan, 1)
+    while (unit := remaining.take(0)) is not None:
+        ledger.add(unit.blocks(64, 64), unit.first_sample, np.full(unit.slot_count // 16, unit.sample_count))
+        remaining.measured(0, unit, 1e-3)
+    assert ledger.holds(0, 8)
+
+
+def test_the_scene_of_a_refused_material_is_not_kept(subject: Subject) -> None:
+    with pytest.raises(SceneError):
+        subject.with_material("white", {"opacity_cutoff": 0.5})
+    assert subject.checked.scene.materials["white"].opacity_cutoff is None
