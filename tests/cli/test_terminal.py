@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import io
+import itertools
 import json
+import os
 import re
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from cli_support import run
 from fake_terminal import cursor_rows, pictures, run_at_terminal
+from replicate_support import REQUEST, SIZE, film_of, samples_of
 
+from clrender.cli import preview
 from clrender.cli.options import PROGRESS_STYLES
-from clrender.cli.progress import STYLES
+from clrender.cli.progress import STYLES, state
+from clrender.cli.terminal import Terminal
 from clrender.film import Film
 from clrender.film.replicates import relative_error
 from clrender.image.files import read_image
 from clrender.image.terminal import PROTOCOLS, encode, fit, resized
+from clrender.image.tone_map import to_display
+from clrender.rendered_image import Progress
 
 SMALL = ("render", "room", "--size", "96x64", "--spp", "32", "-o", "a.png")
 KEYS = {"event", "samples", "samples_total", "seconds", "samples_per_second", "seconds_left", "relative_error"}
 
 
-def display(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+def display(path: Path) -> npt.NDArray[np.uint8]:
     """A .png as it is stored."""
     from PIL import Image
 
@@ -46,20 +56,67 @@ def test_the_picture_in_the_terminal_is_the_image(tmp_path: Path, kind: str) -> 
         assert (last == image).all()
 
 
+class Watched:
+    """A preview on a screen of 80 x 24, with a clock of its own, of a render that always is where a film is."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, kind: str, seconds: float = 0.0) -> None:
+        self.now, self.film = 0.0, film_of(samples_of(3, 40 * 90, SIZE), 40, 90, [SIZE], REQUEST)
+        self.written = io.StringIO()
+        monkeypatch.setattr(sys, "stderr", self.written)
+        monkeypatch.setattr(preview, "_screen", lambda: os.terminal_size((80, 24)))
+        monkeypatch.setattr(preview.time, "perf_counter", lambda: self.now)
+
+        def develop(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+            self.now += seconds
+            return to_display(linear)
+
+        self.preview = preview.Preview(Terminal(kind, (8, 16)), develop)
+
+    def show(self, now: float) -> None:
+        self.now = now
+        self.preview.show(Progress(7, 10, 1.0, 0, self.film))
+
+    def rows(self) -> list[tuple[str, int]]:
+        return cursor_rows(self.written.getvalue(), 24)
+
+
 @pytest.mark.parametrize("kind", PROTOCOLS)
-def test_the_picture_comes_again_and_stays_in_its_place(tmp_path: Path, kind: str) -> None:
-    arguments = ("render", "room", "--size", "160x300", "--spp", "64", "-o", "a.png", "--stats", "s.json", "--preview")
-    shown = run_at_terminal(kind, *arguments, folder=tmp_path)
-    assert shown.code == 0, shown.text
-    drawn, seconds = pictures(shown.text), json.loads((tmp_path / "s.json").read_text())["render_seconds"]
-    assert 2 <= len(drawn) <= 3 + seconds / 0.25 and all(picture.any() for picture in drawn)
-    found = cursor_rows(shown.text, 24)
-    rows = {row for what, row in found if what == "picture"}
-    states = [row for what, row in found if "samples/s" in what]
-    # One place, for 300 pixels of 16 a row, with the line of progress right below
-    (top,) = rows
-    assert set(states) == {top + 19} and drawn[-1].shape[0] in range(298, 305)
-    assert "a.png" in found[-1][0] and found[-1][1] == top + 19
+def test_the_picture_comes_again_and_stays_in_its_place(monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    watched = Watched(monkeypatch, kind)
+    for moment in (0.0, 0.1, 0.2, 0.3, 0.5, 0.6):  # drawn at 0, 0.3 and 0.6
+        watched.show(moment)
+    watched.preview.say("a line")
+    watched.show(1.0)
+    watched.preview.close()
+    drawn = pictures(watched.written.getvalue())
+    assert len(drawn) == 4 and all(picture.shape == (90, 40, 3) for picture in drawn)
+    said = " 70% 7 of 10 samples, 7 samples/s, 0 s left"
+    # 90 pixels are six rows of 16
+    state = [("picture", 0), (said, 6)]
+    assert watched.rows() == [*state, *state, *state, ("a line", 6), ("picture", 0), (said, 7)]
+
+
+def test_a_picture_that_has_left_the_screen_gets_a_new_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch, "kitty")
+    watched.show(0.0)
+    for number in range(30):
+        watched.preview.say(f"line {number}")
+    watched.show(1.0)
+    assert [row for what, row in watched.rows() if what == "picture"] == [0, 36]
+
+
+def test_drawing_takes_a_twentieth_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch, "kitty", seconds=0.5)
+    for moment in range(200):
+        watched.show(0.5 * moment)
+    assert len(pictures(watched.written.getvalue())) == 10  # of 100 s
+
+
+def test_nothing_is_drawn_before_there_is_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = Watched(monkeypatch, "kitty")
+    watched.film = Film(40, 90, REQUEST)
+    watched.show(0.0)
+    assert [what for what, _ in watched.rows()] == [" 70% 7 of 10 samples, 7 samples/s, 0 s left"]
 
 
 def test_a_picture_fits_into_a_small_terminal(tmp_path: Path) -> None:
@@ -123,16 +180,16 @@ def test_styles_without_loading_them_are_the_styles_there_are() -> None:
 
 
 def test_progress_as_json(tmp_path: Path) -> None:
-    arguments = ("--size", "100x75", "--spp", "512", "--replicate-spp", "4", "--progress", "json")
+    arguments = ("--size", "100x75", "--spp", "128", "--replicate-spp", "4", "--progress", "json")
     done = run("render", "room", *arguments, "-o", "a.film", "--stats", "s.json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     events = [json.loads(line) for line in done.stderr.splitlines()]
     progress = [each for each in events if each["event"] == "progress"]
-    assert len(progress) >= 2 and all(set(each) == KEYS for each in progress)
+    assert progress and all(set(each) == KEYS for each in progress)
     moments = [each["seconds"] for each in progress]
-    assert all(after - before >= 0.25 for before, after in zip(moments, moments[1:-1], strict=False))
+    assert all(after - before >= 0.25 for before, after in itertools.pairwise(moments[:-1]))
     counts = [each["samples"] for each in progress]
-    assert counts == sorted(counts) and counts[-1] == progress[-1]["samples_total"] == 100 * 75 * 512
+    assert counts == sorted(counts) and counts[-1] == progress[-1]["samples_total"] == 100 * 75 * 128
     stats = json.loads((tmp_path / "s.json").read_text())
     told = {name: stats[name] for name in ("samples", "render_seconds", "image_sha256")}
     assert events[-1] == {"event": "end", **told, "interrupted": False}
@@ -142,11 +199,14 @@ def test_progress_as_json(tmp_path: Path) -> None:
 
 
 def test_errors_are_said_only_where_they_are_known(tmp_path: Path) -> None:
-    arguments = ("render", "room", "--size", "100x75", "--spp", "1024", "-o", "a.png")
-    plain = run_at_terminal("none", *arguments, folder=tmp_path).text
-    known = run_at_terminal("none", *arguments, "--replicate-spp", "4", folder=tmp_path).text
-    assert "samples/s" in plain and "error" not in plain
-    assert re.search(r"samples/s, error [\d.]+ %, ", known)
+    values = samples_of(3, 9 * 7, 3 * SIZE)
+    known = film_of(values, 9, 7, [3 * SIZE], REQUEST)
+    error = relative_error(known)
+    assert error is not None
+    words = "7 of 10 samples, 7 samples/s"
+    assert state(Progress(7, 10, 1.0, 0, known)) == f"{words}, error {100 * error:.2g} %, 0 s left"
+    for film in (None, Film(9, 7, REQUEST), film_of(values, 9, 7, [SIZE], REQUEST), Film(9, 7)):
+        assert state(Progress(7, 10, 1.0, 0, film)) == f"{words}, 0 s left"
     done = run(*SMALL, "--progress", "json", folder=tmp_path)
     assert {json.loads(line)["relative_error"] for line in done.stderr.splitlines() if '"progress"' in line} == {None}
 
