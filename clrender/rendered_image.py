@@ -14,6 +14,7 @@ from clrender.aov import MATTES, exact_channels, exr_channels, matte_attributes
 from clrender.errors import RenderError, UsageError
 from clrender.exposure import camera_exposure, photographic_stops
 from clrender.film import Film
+from clrender.film.replicates import relative_error
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
 
@@ -59,6 +60,15 @@ class Progress:
         """At the mean speed so far; infinite before the first sample."""
         speed = self.samples_per_second
         return (self.samples_total - self.samples_done) / speed if speed > 0.0 else float("inf")
+
+    @property
+    def relative_error(self) -> float | None:
+        """Mean standard error of the pixels' luminance over their mean luminance, by some thousand of the pixels.
+
+        It takes some milliseconds. None where it is not known: without replicates, before each of them has two, or for
+        who does not watch one render. Only for `on_progress`: a later look at the film may meet half a change.
+        """
+        return relative_error(self.film) if self.film is not None else None
 
 
 @dataclass

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import click
+from click.shell_completion import CompletionItem
 
 import clrender
 from clrender.cli.interrupt import INTERRUPTED, TERMINATED, Terminated, terminable
@@ -30,6 +31,7 @@ COMMANDS: Final[dict[str, str]] = {
     "view": "Show a scene live in the browser.",
     "devices": "List OpenCL devices and whether each computes correctly.",
     "doctor": "Diagnose OpenCL on this machine: causes and cures.",
+    "new": "Write a first scene with comments.",
     "scenes": "List the built-in scenes.",
     "check": "Check a scene file without rendering it.",
     "convert": "Write a scene of any format in clrender's own.",
@@ -42,6 +44,7 @@ COMMANDS: Final[dict[str, str]] = {
     "verify": "Render random parts of an image again and compare bits.",
     "radiosity": "Animate a diffuse scene in which a shape moves.",
     "bench": "Benchmark clrender, beside other renderers if wanted.",
+    "completion": "Print what a shell reads to complete command lines.",
 }
 """Name -> first line of its help; the command `NAME` is `NAME` in the module `clrender.cli.NAME`."""
 
@@ -63,6 +66,11 @@ class _Commands(click.Group):
             cure = nearest(args[0], COMMANDS) or f"; choose one of {', '.join(COMMANDS)}."
             raise click.UsageError(f"there is no command {args[0]!r}{cure}", ctx)
         return super().resolve_command(ctx, args)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        # click's own would import every command as well.
+        names = [CompletionItem(name, help=line) for name, line in COMMANDS.items() if name.startswith(incomplete)]
+        return names + click.Command.shell_complete(self, ctx, incomplete)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         # click's own would import every command for its first line.

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import click
 
+from clrender.cli.completing import complete_benchmarks, complete_devices
 from clrender.cli.options import number, setting_option, size
+from clrender.cli.pages import check_page, write_page
 
 __all__ = ["bench"]
 
 
 @click.command()
-@click.argument("names", metavar="[SCENE]...", nargs=-1)
+@click.argument("names", metavar="[SCENE]...", nargs=-1, shell_complete=complete_benchmarks)
 @click.option("--size", "wanted", type=size, default="800x800", show_default=True, help="Pixels.")
 @setting_option("spp", 16)
 @click.option(
@@ -23,7 +26,7 @@ __all__ = ["bench"]
     show_default=True,
     help="Measured runs of each renderer; a warm-up run comes first.",
 )
-@click.option("-d", "--device", help="As of `clrender render`.")
+@click.option("-d", "--device", shell_complete=complete_devices, help="As of `clrender render`.")
 @click.option(
     "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
 )
@@ -31,10 +34,16 @@ __all__ = ["bench"]
 @click.option(
     "--errors", is_flag=True, help="Also measure error and efficiency, against references of 64 times the samples."
 )
+@click.option(
+    "--plot",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write a page with plots: an .html that needs no other file.",
+)
 @click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
 def bench(
     names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
-    light_sampler: str, errors: bool, listed: bool,
+    light_sampler: str, errors: bool, plot: Path | None, listed: bool,
 ) -> None:  # fmt: skip
     """Render benchmark scenes (default: S1 and S2) and print a line of JSON for each run.
 
@@ -49,10 +58,18 @@ def bench(
             click.echo(f"{name:<8}  {description}")
         click.echo(f"\npeers: {', '.join(PEERS)}")
         return
+    if plot is not None:
+        check_page(plot)
     others = [peer_from(text) for text in peers]
     task = Task(*wanted, spp, errors, light_sampler)
     runs = measure(names or ("S1", "S2"), others, task, repeats, device, lambda run: click.echo(json.dumps(run.line())))
-    click.echo(_table(summary(runs)), err=True)
+    rows = summary(runs)
+    click.echo(_table(rows), err=True)
+    if plot is not None:
+        from clrender.bench.page import bench_page
+
+        how = f"{wanted[0]} × {wanted[1]} pixels, {spp} samples each, {repeats} turns; paths have 14 segments."
+        write_page(plot, bench_page(rows, [run.line() for run in runs], [how]))
 
 
 def _table(rows: list[dict[str, Any]]) -> str:

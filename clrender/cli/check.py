@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from clrender.cli.completing import complete_scenes
 from clrender.cli.options import allow_path_option, choice_options
 from clrender.flatten import flatten
 from clrender.importers import load
@@ -14,7 +15,7 @@ __all__ = ["check"]
 
 
 @click.command()
-@click.argument("scene")
+@click.argument("scene", shell_complete=complete_scenes)
 @choice_options
 @allow_path_option
 def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, variant: str | None) -> None:

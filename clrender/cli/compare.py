@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import click
 
+from clrender.cli.completing import complete_devices, complete_files, complete_scenes
 from clrender.cli.inputs import read_linear
 from clrender.cli.options import allow_path_option, number, setting_option
 from clrender.cli.options import size as parse_size
+from clrender.cli.outputs import check_distinct
+from clrender.cli.pages import check_page, write_page
 
 __all__ = ["compare"]
 
@@ -25,8 +29,8 @@ _LINES: Final = (
 
 
 @click.command()
-@click.argument("first", metavar="A|SCENE")
-@click.argument("second", metavar="[B]", required=False)
+@click.argument("first", metavar="A|SCENE", shell_complete=complete_scenes)
+@click.argument("second", metavar="[B]", required=False, shell_complete=complete_files)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--integrators", metavar="NAME,NAME…", help="Compare integrators on SCENE; the options below go with it.")
 @setting_option("spp", help="Samples per pixel, over all batches (256).")
@@ -34,13 +38,17 @@ _LINES: Final = (
 @setting_option("seed")
 @click.option("--batches", type=number(8, 4096, whole=True), help="Independent batches of each integrator (16).")
 @click.option("--tile-size", type=number(1, 65536, whole=True), help="Side of the tiles that are compared (8).")
-@click.option("-d", "--device", "devices", metavar="SPEC", multiple=True, help="As of `clrender render`; repeatable.")
+@click.option(
+    "-d", "--device", "devices", metavar="SPEC", multiple=True, shell_complete=complete_devices,
+    help="As of `clrender render`; repeatable.",
+)  # fmt: skip
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Write mean images, maps of z-scores and all numbers to this folder.",
+    metavar="FILE|DIR",
+    help="Of two images, write an .html page with them and maps of their differences; of integrators, write mean "
+    "images, maps of z-scores and all numbers to a folder.",
 )
 @click.option("--check", is_flag=True, help="Exit with 1 when integrators differ where they should agree.")
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
@@ -66,6 +74,7 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
 
         compare_on_scene(first, integrators.split(","), as_json=as_json, **options)
         return
+    output = options.pop("output")
     for name, value in options.items():
         if value not in (None, False, ()):
             parameter = next(each for each in ctx.command.params if each.name == name)
@@ -74,10 +83,18 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
         raise click.UsageError("missing argument 'B', the reference; or give --integrators and a scene.", ctx)
     from clrender.image.compare import compare_images
 
-    tested = _films(Path(first), Path(second))
-    numbers = compare_images(read_linear(Path(first))[0], read_linear(Path(second))[0])
-    numbers |= tested
-    click.echo(json.dumps(numbers, indent=2) if as_json else _table(numbers))
+    files = Path(first), Path(second)
+    if output is not None:
+        check_distinct([output], files)
+        check_page(output)
+    tested = _films(*files)
+    images = [read_linear(file)[0] for file in files]
+    numbers = compare_images(*images) | tested
+    if output is not None:
+        from clrender.agreement.page import compare_page
+
+        write_page(output, compare_page((first, second), *images, _lines(numbers)))
+    click.echo(json.dumps(numbers, indent=2) if as_json else _table(_lines(numbers)))
 
 
 def _films(first: Path, second: Path) -> dict[str, Any]:
@@ -108,7 +125,8 @@ def _verdict(found: dict[str, Any]) -> str:
     return f"differ, at the level {found['level']:g}: {' and '.join(what)}"
 
 
-def _table(numbers: dict[str, Any]) -> str:
+def _lines(numbers: dict[str, Any]) -> list[tuple[str, str]]:
+    """Measures and their values, in words."""
     means = [
         ("mean of A", " ".join(f"{value:.6g}" for value in numbers["mean"])),
         ("mean of B", " ".join(f"{value:.6g}" for value in numbers["reference_mean"])),
@@ -118,4 +136,8 @@ def _table(numbers: dict[str, Any]) -> str:
     if "z_test" in numbers:
         tested = numbers["z_test"]
         rows.append(("z-test", _verdict(tested) if tested else f"none: {numbers['z_test_refused']}"))
-    return "\n".join(f"{name:<26}{value}" for name, value in rows)
+    return rows
+
+
+def _table(lines: Sequence[tuple[str, str]]) -> str:
+    return "\n".join(f"{name:<26}{value}" for name, value in lines)

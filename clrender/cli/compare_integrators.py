@@ -183,10 +183,12 @@ def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers
         file.write(json.dumps(numbers, indent=2).encode() + b"\n")
 
 
-def _map(scores: npt.NDArray[np.float64], height: int, width: int, side: int) -> npt.NDArray[np.float64]:
+def _map(
+    scores: npt.NDArray[np.float64], height: int, width: int, side: int
+) -> npt.NDArray[np.float64]:  # fmt: skip
     """Blue where the first is darker, red where it is brighter, white where there is no telling; (height, width, 3)."""
     import numpy as np
 
-    z = np.clip(scores / _FULL, -1.0, 1.0)
-    colors = np.stack([1.0 - np.maximum(-z, 0.0), 1.0 - np.abs(z), 1.0 - np.maximum(z, 0.0)], axis=-1)
-    return np.asarray(colors[np.arange(height) // side][:, np.arange(width) // side], np.float64)
+    from clrender.drawing.pictures import diverging
+
+    return diverging(scores / _FULL)[np.arange(height) // side][:, np.arange(width) // side] / 255.0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from clrender.cli.completing import complete_scenes
 from clrender.cli.options import allow_path_option, choice_options
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
@@ -23,7 +24,7 @@ _ENDINGS = (".toml", ".json")
 
 
 @click.command()
-@click.argument("scene")
+@click.argument("scene", shell_complete=complete_scenes)
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option("--force", is_flag=True, help="Overwrite OUTPUT if it exists.")
 @choice_options

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.folder import output_folder
 from clrender.cli.interrupt import interruptible
 from clrender.cli.options import allow_path_option, numbers, setting_option
@@ -28,7 +29,7 @@ _NUMBERS: Final = "furnace.json"
 
 
 @click.command()
-@click.argument("subject", metavar="MATERIAL|SCENE")
+@click.argument("subject", metavar="MATERIAL|SCENE", shell_complete=complete_scenes)
 @click.option("--material", "names", metavar="NAME", multiple=True, help="Of a scene only this material. Repeatable.")
 @click.option(
     "--uv", "uvs", type=numbers("U,V", "0.25,0.5", most=1e5), metavar="U,V", multiple=True,
@@ -40,7 +41,10 @@ _NUMBERS: Final = "furnace.json"
     help="Write furnace.html, a page with plots that needs no other file, and furnace.json.",
 )  # fmt: skip
 @setting_option("seed", default=0, help="Seed of the random numbers (0).")
-@click.option("-d", "--device", metavar="SPEC", help="As of `clrender render`; of several devices the first measures.")
+@click.option(
+    "-d", "--device", metavar="SPEC", shell_complete=complete_devices,
+    help="As of `clrender render`; of several devices the first measures.",
+)  # fmt: skip
 @click.option("--quick", is_flag=True, help="A sixteenth of the samples.")
 @click.option("--check", is_flag=True, help="Exit with 1 when there is a fault.")
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")

@@ -24,6 +24,7 @@ __all__ = [
     "exr_options",
     "number",
     "numbers",
+    "progress_options",
     "setting_option",
     "setting_options",
     "size",
@@ -225,6 +226,30 @@ def exr_options(command: Any) -> Any:
             help="Of .exr; pxr24, dwaa and dwab change numbers.",
         ),
         click.option("--exr-tile", type=number(16, 4096, whole=True), metavar="N", help="Of .exr: tiles (scan lines)."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+PROGRESS_STYLES: Final = ("auto", "json")
+"""The names of `clrender.cli.progress.STYLES`, likewise."""
+
+
+def progress_options(command: Any) -> Any:
+    """Decorator: what a render says on stderr while it runs."""
+    options = [
+        click.option(
+            "--progress",
+            type=DomainType(Choice(PROGRESS_STYLES)),
+            default="auto",
+            show_default=True,
+            help="On stderr: a bar at a terminal, else a few lines; or JSON, an object a line.",
+        ),
+        click.option(
+            "--preview", is_flag=True, help="Show the picture in the terminal, if it can (kitty, iTerm2, sixel)."
+        ),
+        click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors."),
     ]
     for option in reversed(options):
         command = option(command)

@@ -1,35 +1,45 @@
-"""Progress of a render on stderr: a live bar on a terminal, a few plain lines elsewhere."""
+"""Progress of a render on stderr: a live bar on a terminal, a few plain lines elsewhere, or JSON for programs."""
 
 from __future__ import annotations
 
+import json
+import math
 import sys
 import threading
+from collections.abc import Callable
 from types import TracebackType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
-__all__ = ["ProgressDisplay", "ProgressLike", "duration", "quantity"]
+if TYPE_CHECKING:
+    from clrender.rendered_image import Progress, RenderedImage
 
-_BAR_AFTER = 0.3
+__all__ = ["STYLES", "ProgressDisplay", "ProgressView", "duration", "quantity", "state"]
+
+_BAR_AFTER: Final = 0.3
 """Seconds of rendering before the bar appears: a short render needs none, and its library takes time to load."""
 
-_FIRST_LINE = 2.0
-_LINES_APART_AT_MOST = 60.0
-_SETUP_NOTICE = 3.0
+_BAR_APART: Final = 0.25
+_JSON_APART: Final = 0.25
+_FIRST_LINE: Final = 2.0
+_LINES_APART_AT_MOST: Final = 60.0
+_SETUP_NOTICE: Final = 3.0
+_SETUP_WORDS: Final = "preparing: the first render on a device compiles its kernels, which can take a while"
 
 
-class ProgressLike(Protocol):
-    """What the display reads of a render's progress."""
+class ProgressView(Protocol):
+    """One way to show progress."""
 
-    @property
-    def samples_done(self) -> int: ...
-    @property
-    def samples_total(self) -> int: ...
-    @property
-    def seconds(self) -> float: ...
-    @property
-    def samples_per_second(self) -> float: ...
-    @property
-    def seconds_left(self) -> float | None: ...
+    def show(self, progress: Progress) -> None:
+        """A new state; called after each launch."""
+
+    def say(self, line: str) -> None:
+        """A line of text beside it."""
+
+    def finish(self, image: RenderedImage) -> None:
+        """The render has ended, with this image."""
+
+    def close(self) -> None:
+        """Leave the screen as it should stay; also after a failure."""
 
 
 class ProgressDisplay:
@@ -39,19 +49,17 @@ class ProgressDisplay:
     ----------
     quiet : bool
         Show nothing.
+    view : ProgressView, optional
+        How; by default a bar on a terminal and lines elsewhere.
     """
 
-    def __init__(self, *, quiet: bool = False) -> None:
-        self._quiet = quiet
-        self._terminal = sys.stderr.isatty()
-        self._bar: Any = None
-        self._task: Any = None
-        self._next_line = _FIRST_LINE
-        self._notice = threading.Timer(_SETUP_NOTICE, self._say_setup)
+    def __init__(self, *, quiet: bool = False, view: ProgressView | None = None) -> None:
+        self._view: ProgressView | None = None if quiet else view or STYLES["auto"]()
+        self._notice = threading.Timer(_SETUP_NOTICE, self.say, (_SETUP_WORDS,))
         self._notice.daemon = True
 
     def __enter__(self) -> ProgressDisplay:
-        if not self._quiet:
+        if self._view is not None:
             self._notice.start()
         return self
 
@@ -59,39 +67,65 @@ class ProgressDisplay:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._notice.cancel()
-        if self._bar is not None:
-            self._bar.stop()
+        if self._view is not None:
+            self._view.close()
 
-    def __call__(self, progress: ProgressLike) -> None:
+    def __call__(self, progress: Progress) -> None:
         """Show a new state; cheap enough for every launch."""
-        if self._quiet:
-            return
-        self._notice.cancel()
-        if self._terminal:
-            self._show_bar(progress)
-        elif progress.seconds >= self._next_line:
-            # Lines come at 2, 4, 8, … seconds, then once a minute.
-            self._next_line = progress.seconds + min(progress.seconds, _LINES_APART_AT_MOST)
-            share = progress.samples_done / max(progress.samples_total, 1)
-            print(f"{share:4.0%} {_state(progress)}", file=sys.stderr, flush=True)
+        if self._view is not None:
+            self._notice.cancel()
+            self._view.show(progress)
 
     def say(self, line: str) -> None:
-        """Print a line above the bar."""
-        if self._quiet:
+        """Show a line of text."""
+        if self._view is not None:
+            self._view.say(line)
+
+    def finish(self, image: RenderedImage) -> None:
+        """Show that the render has ended."""
+        if self._view is not None:
+            self._view.finish(image)
+
+
+class _Lines:
+    """Plain lines, at 2, 4, 8, … seconds, then once a minute."""
+
+    def __init__(self) -> None:
+        self._next = _FIRST_LINE
+
+    def show(self, progress: Progress) -> None:
+        if progress.seconds >= self._next:
+            self._next = progress.seconds + min(progress.seconds, _LINES_APART_AT_MOST)
+            self.say(f"{progress.fraction:4.0%} {state(progress)}")
+
+    def say(self, line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    def finish(self, image: RenderedImage) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+class _Bar(_Lines):
+    """A bar that vanishes at the end."""
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._task: Any = None
+        self._next = _BAR_AFTER
+
+    def show(self, progress: Progress) -> None:
+        if progress.seconds < self._next:
             return
-        if self._bar is not None:
-            self._bar.console.print(line, markup=False, highlight=False)
-        else:
-            print(line, file=sys.stderr, flush=True)
-
-    def _show_bar(self, progress: ProgressLike) -> None:
+        self._next = progress.seconds + _BAR_APART
         if self._bar is None:
-            if progress.seconds < _BAR_AFTER:
-                return
             from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn
+            from rich.progress import BarColumn, TextColumn
+            from rich.progress import Progress as Columns
 
-            self._bar = Progress(
+            self._bar = Columns(
                 BarColumn(),
                 TextColumn("{task.percentage:3.0f} %"),
                 TextColumn("{task.fields[state]}"),
@@ -102,20 +136,69 @@ class ProgressDisplay:
             self._task = self._bar.add_task("", total=progress.samples_total, state="")
             self._bar.start()
         self._bar.update(
-            self._task, completed=progress.samples_done, total=progress.samples_total, state=_state(progress)
+            self._task, completed=progress.samples_done, total=progress.samples_total, state=state(progress)
         )
 
-    def _say_setup(self) -> None:
-        print("preparing: the first render on a device compiles its kernels, which can take a while", file=sys.stderr)
+    def say(self, line: str) -> None:
+        if self._bar is not None:
+            self._bar.console.print(line, markup=False, highlight=False)
+        else:
+            super().say(line)
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.stop()
 
 
-def _state(progress: ProgressLike) -> str:
-    left = progress.seconds_left
+class _Json(_Lines):
+    """A JSON object a line, for programs; docs/reference.md says what is in it."""
+
+    def __init__(self) -> None:
+        self._next = 0.0
+
+    def show(self, progress: Progress) -> None:
+        if progress.seconds < self._next and progress.samples_done < progress.samples_total:
+            return
+        self._next = progress.seconds + _JSON_APART
+        left = progress.seconds_left
+        self._put(
+            "progress",
+            samples=progress.samples_done,
+            samples_total=progress.samples_total,
+            seconds=progress.seconds,
+            samples_per_second=progress.samples_per_second,
+            seconds_left=left if math.isfinite(left) else None,
+            relative_error=progress.relative_error,
+        )
+
+    def say(self, line: str) -> None:
+        self._put("message", text=line)
+
+    def finish(self, image: RenderedImage) -> None:
+        told = ("samples", "render_seconds", "image_sha256")
+        self._put("end", **{name: image.stats[name] for name in told}, interrupted=image.interrupted)
+
+    def _put(self, event: str, **values: Any) -> None:
+        super().say(json.dumps({"event": event, **values}))
+
+
+STYLES: Final[dict[str, Callable[[], ProgressView]]] = {
+    "auto": lambda: _Bar() if sys.stderr.isatty() else _Lines(),
+    "json": _Json,
+}
+"""The choices of ``--progress``."""
+
+
+def state(progress: Progress) -> str:
+    """How far a render is, in words."""
+    left, error = progress.seconds_left, progress.relative_error
     parts = [
         f"{quantity(progress.samples_done)} of {quantity(progress.samples_total)} samples",
         f"{quantity(progress.samples_per_second)} samples/s",
     ]
-    if left is not None and 0 <= left < 1e9:
+    if error is not None:
+        parts.append(f"error {100 * error:.2g} %")
+    if 0 <= left < 1e9:
         parts.append(f"{duration(left)} left")
     return ", ".join(parts)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.folder import output_folder
 from clrender.cli.options import allow_path_option, number, numbers, setting_option, tone_options
 from clrender.cli.options import size as parse_size
@@ -21,7 +22,7 @@ __all__ = ["radiosity"]
 
 
 @click.command()
-@click.argument("scene", metavar="SCENE")
+@click.argument("scene", metavar="SCENE", shell_complete=complete_scenes)
 @click.option(
     "-o",
     "--output",
@@ -49,7 +50,7 @@ __all__ = ["radiosity"]
 @setting_option("patches", SETTINGS["patches"].default)
 @setting_option("patch_rays", SETTINGS["patch_rays"].default)
 @setting_option("radiosity_display", SETTINGS["radiosity_display"].default)
-@click.option("-d", "--device", metavar="SPEC", help="As for `clrender render`.")
+@click.option("-d", "--device", metavar="SPEC", shell_complete=complete_devices, help="As for `clrender render`.")
 @tone_options
 @allow_path_option
 def radiosity(

@@ -14,30 +14,32 @@ import click
 from click.core import ParameterSource
 
 from clrender.cli import STARTED
+from clrender.cli.completing import complete_devices, complete_files, complete_layers, complete_scenes
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import (
     EnvironmentType,
     allow_path_option,
     choice_options,
     exr_options,
+    progress_options,
     setting_options,
     tone_options,
 )
 from clrender.cli.options import shard as parse_shard
 from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct, check_image_size, scene_files
-from clrender.cli.progress import ProgressDisplay, ProgressLike, duration, quantity
+from clrender.cli.progress import STYLES, ProgressDisplay, ProgressView, duration, quantity
 from clrender.errors import ClrenderError, RenderError, UsageError
 
 if TYPE_CHECKING:
     from clrender.job import RenderJob
-    from clrender.rendered_image import RenderedImage
+    from clrender.rendered_image import Progress, RenderedImage
 
 __all__ = ["render"]
 
 
 @click.command()
-@click.argument("scene", metavar="SCENE")
+@click.argument("scene", metavar="SCENE", shell_complete=complete_scenes)
 @click.option(
     "-o",
     "--output",
@@ -55,6 +57,7 @@ __all__ = ["render"]
     "devices",
     metavar="SPEC",
     multiple=True,
+    shell_complete=complete_devices,
     help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
     "(CLRENDER_DEVICE, else auto).",
 )
@@ -62,6 +65,7 @@ __all__ = ["render"]
 @click.option(
     "--environment",
     type=EnvironmentType(),
+    shell_complete=complete_files,
     metavar="FILE",
     help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
 )
@@ -69,6 +73,7 @@ __all__ = ["render"]
 @click.option(
     "--aov",
     metavar="LIST",
+    shell_complete=complete_layers,
     help="Layers of an .exr: albedo,emission,normal,tangent,depth,position,uv,object,material,samples,crypto_object,"
     "crypto_material,stderr,unconverged.",
 )
@@ -95,7 +100,7 @@ __all__ = ["render"]
 @click.option(
     "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
 )
-@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@progress_options
 @choice_options
 @allow_path_option
 @click.pass_context
@@ -123,6 +128,8 @@ def render(
     cluster: str | None,
     denoise: bool,
     stats: Path | None,
+    progress: str,
+    preview: bool,
     quiet: bool,
     time_at: float | None,
     variant: str | None,
@@ -136,6 +143,7 @@ def render(
     """
     written = [*outputs, *(path for path in (stats, checkpoint) if path)]
     _check_outputs(ctx, outputs, stats)
+    _check_progress(progress, preview, quiet)
     how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
     check_distinct(written, [Path(scene)])
     layers = _layers(aov, outputs)
@@ -155,11 +163,12 @@ def render(
         job = RenderJob.of(description, size=size, aov=layers, denoise=denoise, **chosen)
         job = job.shard(*shard) if shard else job
         check_image_size(outputs, job.settings.width, job.settings.height)
+        view = None if quiet else _view(job, progress, preview, tone_map, exposure)
         called = time.perf_counter()
         keep_film = any(path.suffix.lower() == ".film" for path in outputs)
         failure = None
         try:
-            image = _run(job, devices, interrupt, quiet, keep_film, how)
+            image = _run(job, devices, interrupt, view, keep_film, how)
         except IncompleteRender as error:
             failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
@@ -251,24 +260,45 @@ def _on_cluster(address: str | None) -> dict[str, Any]:
     return {"cluster": address}
 
 
+def _check_progress(progress: str, preview: bool, quiet: bool) -> None:
+    """One way of progress alone is asked for."""
+    if quiet and progress == "json":
+        raise UsageError("--quiet and --progress json contradict each other; leave one out")
+    if preview and (quiet or progress == "json"):
+        other = "--quiet" if quiet else "--progress json"
+        raise UsageError(f"--preview and {other} contradict each other; leave one out")
+
+
+def _view(job: RenderJob, progress: str, preview: bool, tone_map: str, exposure: float) -> ProgressView:
+    """How to show progress."""
+    if preview:
+        from clrender.cli.preview import preview_here
+        from clrender.exposure import photographic_stops
+
+        view = preview_here(tone_map, exposure + photographic_stops(**(job.scene.camera.exposure or {})))
+        if view is not None:
+            return view
+    return STYLES[progress]()
+
+
 def _run(
     job: RenderJob,
     devices: Sequence[str],
     interrupt: Interrupt,
-    quiet: bool,
+    view: ProgressView | None,
     keep_film: bool,
     how: Mapping[str, Any],
 ) -> RenderedImage:
     from clrender.rendering import render as render_scene
 
-    with ProgressDisplay(quiet=quiet) as display:
+    with ProgressDisplay(quiet=view is None, view=view) as display:
 
-        def on_progress(progress: ProgressLike) -> None:
+        def on_progress(progress: Progress) -> None:
             if progress.samples_done:
                 interrupt.has_picture.set()
             display(progress)
 
-        return render_scene(
+        image = render_scene(
             job,
             device=list(devices) or None,
             on_progress=on_progress,
@@ -277,6 +307,8 @@ def _run(
             keep_film=keep_film,
             **how,
         )
+        display.finish(image)
+    return image
 
 
 def _write(image: RenderedImage, outputs: Sequence[Path], how: Mapping[str, Any], stats: Path | None) -> None:

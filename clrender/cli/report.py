@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from clrender.cli.completing import complete_devices
 from clrender.cli.interrupt import interruptible
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
@@ -21,7 +22,7 @@ __all__ = ["report"]
 )  # fmt: skip
 @click.option("--quick", is_flag=True, help="160x160 pixels and fewer runs: a minute instead of ten.")
 @click.option("--size", "wanted", type=parse_size, metavar="WxH", help="Pixels (800x800 as in the report).")
-@click.option("-d", "--device", metavar="SPEC", help="As of `clrender render`.")
+@click.option("-d", "--device", metavar="SPEC", shell_complete=complete_devices, help="As of `clrender render`.")
 @click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
 def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: str | None, quiet: bool) -> None:
     """Reproduce the report that clrender grew out of: its benchmark table and its figures.

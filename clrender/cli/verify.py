@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.options import EnvironmentType, allow_path_option, number
 from clrender.cli.progress import ProgressDisplay
 
@@ -29,7 +30,9 @@ __all__ = ["verify"]
     metavar="F",
     help="Share of its tiles of 16 by 16 pixels to render again, at random.",
 )
-@click.option("--scene", metavar="SCENE", help="What it was made from (the scene that it names).")
+@click.option(
+    "--scene", metavar="SCENE", shell_complete=complete_scenes, help="What it was made from (the scene that it names)."
+)
 @click.option(
     "--environment",
     type=EnvironmentType(),
@@ -37,7 +40,13 @@ __all__ = ["verify"]
     help="Likewise, of `render --environment` (as it names it).",
 )
 @click.option(
-    "-d", "--device", "devices", metavar="SPEC", multiple=True, help="As of `render`: any will do, and more than one."
+    "-d",
+    "--device",
+    "devices",
+    metavar="SPEC",
+    multiple=True,
+    shell_complete=complete_devices,
+    help="As of `render`: any will do, and more than one.",
 )
 @click.option(
     "--seed",

@@ -47,6 +47,19 @@ figcaption strong { color: var(--ink); }
 .row span { font-size: .85rem; color: var(--soft); }
 .pixels img { image-rendering: pixelated; }
 svg { max-width: 100%; height: auto; width: 40rem; border: 1px solid var(--rule); }
+.slider { position: relative; width: min(100%, max(var(--wide), 40rem)); overflow: hidden; }
+.slider img { display: block; width: 100%; height: auto; image-rendering: pixelated; }
+.slider img + img { position: absolute; inset: 0; clip-path: inset(0 calc(100% - var(--cut)) 0 0); }
+.slider::after { content: ""; position: absolute; inset: 0 auto 0 calc(var(--cut) - 1px); width: 2px; background: #fff;
+  box-shadow: 0 0 3px #000; pointer-events: none; }
+.slider span { position: absolute; top: .5rem; right: .5rem; padding: .1rem .5rem; border-radius: .2rem;
+  background: #000a; color: #fff; font-size: .85rem; pointer-events: none; }
+.slider span:first-of-type { right: auto; left: .5rem; }
+.slider input { position: absolute; inset: 0; width: 100%; height: 100%; margin: 0; opacity: 0; cursor: ew-resize; }
+.slider:focus-within { outline: 2px solid var(--open); outline-offset: 2px; }
+.row figure { margin: 0; }
+.scale { display: flex; justify-content: space-between; font-size: .8rem; color: var(--soft); }
+.scale i { flex: 1; height: .8rem; margin: .25rem .6rem; background: var(--colors); border: 1px solid var(--rule); }
 </style>
 </head>
 <body>

@@ -7,6 +7,7 @@ variance between them says how far their mean is off, however the samples within
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -14,10 +15,19 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 from clrender.film.film import Film
-from clrender.film.fixed_point import QUANTUM_BITS
+from clrender.film.fixed_point import QUANTUM_BITS, to_float64
 from clrender.film.unit import BLOCK, blocks_across
+from clrender.image.tone_map import LUMINANCE
 
-__all__ = ["deviations", "image_error", "pooled", "replicate_counts", "standard_error", "standard_error_of"]
+__all__ = [
+    "deviations",
+    "image_error",
+    "pooled",
+    "relative_error",
+    "replicate_counts",
+    "standard_error",
+    "standard_error_of",
+]
 
 _CHUNK: Final = 1 << 12
 """Pixels looked at together: their temporaries, some hundred numbers of each, stay in the cache."""
@@ -88,12 +98,55 @@ def standard_error_of(film: Film, rows: slice) -> _Floats:
         sums = np.concatenate([bands[band][row] for band, row in places])
         of_squares = np.concatenate([squares[band][row] for band, row in places])
         counts, taken = film.counts[some].reshape(-1), replicates[some].reshape(-1)
-        spread = deviations(sums, of_squares, taken)
-        known = (taken >= 2) & (counts > 0)
-        divisor = np.where(known, taken - 1.0, np.nan)[:, None]
-        found = np.sqrt(spread / divisor) / np.maximum(counts, 1)[:, None]
+        found = _errors_of(sums, of_squares, taken, counts)
         errors[first : first + len(some)] = found.reshape(len(some), film.width, 3)
     return errors
+
+
+def _errors_of(
+    sums: _Words, squares: _Words, replicates: npt.NDArray[np.int64], counts: npt.NDArray[np.uint32]
+) -> _Floats:
+    """Standard errors of the means of some pixels: (n, 3), NaN where unknown."""
+    spread = deviations(sums, squares, replicates)
+    known = (replicates >= 2) & (counts > 0)
+    divisor = np.where(known, replicates - 1.0, np.nan)[:, None]
+    errors: _Floats = np.sqrt(spread / divisor) / np.maximum(counts, 1)[:, None]
+    return errors
+
+
+def relative_error(film: Film, most: int = 4096) -> float | None:
+    """Mean standard error of the pixels' luminance over their mean luminance, by some pixels of a grid.
+
+    Quick enough to be asked again and again during a render, where nobody commits meanwhile, as in `on_progress`.
+
+    Parameters
+    ----------
+    film : Film
+    most : int
+        Pixels looked at.
+
+    Returns
+    -------
+    float or None
+        None where the film has no replicates, none of these pixels two of them yet, or no light was found.
+    """
+    if not film.replicate_spp:
+        return None
+    step = math.ceil(math.sqrt(max(1.0, film.width * film.height / most)))
+    rows, columns = np.arange(0, film.height, step), np.arange(0, film.width, step)
+    taken = film.ledger.taken().reshape(-1, blocks_across(film.width))
+    replicates = (taken[rows[:, None] // BLOCK, columns // BLOCK] // film.replicate_spp).reshape(-1)
+    sums, squares = (
+        np.concatenate([band[-index * film.band_rows % step :: step, ::step] for index, band in enumerate(bands)])
+        for bands in (film.bands(), film.square_bands())
+    )
+    counts = film.counts[::step, ::step].reshape(-1)
+    errors = _errors_of(sums.reshape(-1, 3, 2), squares.reshape(-1, 3, 4), replicates, counts)
+    known = np.isfinite(errors[:, 0])
+    mean = to_float64(sums).reshape(-1, 3)[known] / counts[known, None]
+    luminance = float(np.sum(mean @ np.array(LUMINANCE)))
+    # Channels of a pixel may depend on each other in any way: the error of their sum is at most that of all in step
+    return float(np.sum(errors[known] @ np.array(LUMINANCE))) / luminance if luminance > 0.0 else None
 
 
 def image_error(errors: _Floats, by_blocks: bool = False) -> _Floats:

@@ -7,6 +7,7 @@ from html import escape
 from typing import Any, Final
 
 from clrender.drawing.html import html_document, html_table, paragraphs
+from clrender.drawing.pictures import figure_of
 from clrender.drawing.table import Table
 from clrender.furnace.findings import ALARM, ALLOWED, Finding
 from clrender.furnace.measure import Measured
@@ -76,17 +77,13 @@ def _material(place: int, measured: Measured, found: Sequence[Finding]) -> list[
     parts = [
         f"<h2>{escape(measured.title)}</h2>",
         html_table(table, "prose", outcomes),
-        _figure(energy_plot(measured, f"energy-{place}"), _ENERGY),
+        figure_of(energy_plot(measured, f"energy-{place}"), _ENERGY),
     ]
     if measured.rows:
-        parts.append(_figure(roughness_plot(measured, f"roughness-{place}"), _ROUGH))
+        parts.append(figure_of(roughness_plot(measured, f"roughness-{place}"), _ROUGH))
     if not measured.only_deltas:
-        parts.append(_figure(lobe_plot(measured, f"lobe-{place}"), _LOBE))
+        parts.append(figure_of(lobe_plot(measured, f"lobe-{place}"), _LOBE))
     return parts
-
-
-def _figure(svg: str, caption: str) -> str:
-    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def _capital(sentence: str) -> str:

@@ -8,8 +8,9 @@ from html import escape
 from typing import Final
 
 from clrender.drawing.html import html_document, html_table, paragraphs
+from clrender.drawing.pictures import data_uri, figure_of
 from clrender.drawing.table import Table
-from clrender.report.pictures import Figure, data_uri
+from clrender.report.pictures import Figure
 from clrender.report.plots import Plot
 from clrender.report.prose import differences, introduction, method
 from clrender.report.results import Results
@@ -53,7 +54,7 @@ def html_page(page: Page) -> str:
         "<h2>Why our numbers differ</h2>",
         *paragraphs(differences(page.results)),
         "<h2>Plots</h2>",
-        *(f"<figure>{each.svg}<figcaption>{escape(each.caption)}</figcaption></figure>" for each in page.plots),
+        *(figure_of(each.svg, each.caption) for each in page.plots),
         "<h2>Figures</h2>",
         *(_html_figure(each) for each in page.figures),
         "<h2>How it was measured</h2>",

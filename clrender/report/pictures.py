@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -11,10 +9,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.drawing.pictures import jpeg, shrunk
 from clrender.image.tone_map import to_display
 from clrender.report.results import Results
 
-__all__ = ["Figure", "Panel", "data_uri", "figures", "strip"]
+__all__ = ["Figure", "Panel", "figures", "strip"]
 
 _Pixels = npt.NDArray[np.uint8]
 _Images = Mapping[str, npt.NDArray[Any]]
@@ -156,21 +155,13 @@ def _deepest(results: Results, name: str) -> int:
 
 def _whole(linear: npt.NDArray[Any], tone_map: str = "sqrt") -> _Pixels:
     """Display pixels; large images are averaged down by an integer factor, in linear radiance."""
-    factor = -(-max(linear.shape[:2]) // _WHOLE)
-    height, width = (side // factor * factor for side in linear.shape[:2])
-    blocks = linear[:height, :width].reshape(height // factor, factor, width // factor, factor, 3)
-    return to_display(blocks.mean(axis=(1, 3)), tone_map)
+    return to_display(shrunk(linear, _WHOLE), tone_map)
 
 
 def _detail(linear: npt.NDArray[Any], where: tuple[float, float, float]) -> _Pixels:
     height, width = linear.shape[:2]
     left, top, side = int(where[0] * width), int(where[1] * height), max(int(where[2] * min(width, height)), 1)
     return to_display(linear[top : top + side, left : left + side], "sqrt")
-
-
-def data_uri(pixels: _Pixels) -> str:
-    """A picture as a data URI, for inclusion in a page."""
-    return "data:image/jpeg;base64," + base64.b64encode(_jpeg(pixels, 88)).decode()
 
 
 def strip(figure: Figure) -> bytes:
@@ -197,15 +188,7 @@ def strip(figure: Figure) -> bytes:
             pixels = np.asarray(picture)
             sheet[i * cell : i * cell + pixels.shape[0], j * cell : j * cell + pixels.shape[1]] = pixels
     for quality in range(88, 0, -6):
-        data = _jpeg(sheet, quality)
+        data = jpeg(sheet, quality)
         if len(data) <= _STRIP_BYTES:
             break
     return data
-
-
-def _jpeg(pixels: _Pixels, quality: int) -> bytes:
-    from PIL import Image
-
-    data = io.BytesIO()
-    Image.fromarray(pixels).save(data, "JPEG", quality=quality, optimize=True)
-    return data.getvalue()

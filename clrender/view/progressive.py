@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
@@ -11,9 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.film.replicates import standard_error_of
+from clrender.film.replicates import relative_error
 from clrender.image.files import image_sha256
-from clrender.image.tone_map import LUMINANCE
 from clrender.session import Session
 from clrender.view.frames import Shot
 
@@ -33,8 +31,6 @@ _LAYER_SAMPLES: Final = 4
 """Of the layers that are shown."""
 _PROBE_PIXELS: Final = 1 << 20
 """Pixels of the layers that are looked up, at most."""
-_ERROR_ROWS: Final = 64
-"""Rows of the image that tell its error."""
 PROBED: Final = ("object", "material", "depth", "position", "normal")
 
 
@@ -163,21 +159,14 @@ class Progressive:
         return {name: layer[row, column] for name, layer in layers.items()}
 
     def error(self) -> float | None:
-        """Standard error of pixels over their mean: root mean square over a part of the rows, of luminance.
-
-        None where it is not known: there are no replicates, or too few. It is worked out now and then only.
-        """
+        """The error of the image as `clrender.film.replicates.relative_error` has it, worked out now and then only."""
         shot, film = self.shot, None if self.shot is None else self.shot.film
-        if shot is None or film is None or not film.replicate_spp:
+        if shot is None or film is None:
             return None
         now = time.monotonic()
         if self._error[0] is not shot or shot.still or now >= self._error[1]:
-            rows = slice(0, shot.height, max(1, shot.height // _ERROR_ROWS))
-            errors = standard_error_of(film, rows) @ LUMINANCE
-            mean = float((film.snapshot(_ERROR_ROWS) @ np.asarray(LUMINANCE, np.float32)).mean())
-            error = float(np.sqrt((errors**2).mean())) / mean if mean > 0.0 else math.nan
-            took = time.monotonic() - now
-            self._error = shot, now + max(1.0, 20.0 * took), error if math.isfinite(error) else None
+            error = relative_error(film)
+            self._error = shot, now + max(1.0, 20.0 * (time.monotonic() - now)), error
         return self._error[2]
 
     def _previews(self, job: RenderJob) -> list[int]:

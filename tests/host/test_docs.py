@@ -72,6 +72,11 @@ def test_the_page_on_scaling_is_that_of_its_numbers() -> None:
     assert generator("scaling_docs")(page, data) == page, "run `python scripts/scaling_docs.py`"
 
 
+def test_the_manual_page_is_that_of_the_command_line() -> None:
+    page = (ROOT / "man" / "clrender.1").read_text()
+    assert generator("man_page")(page) == page, "run `python scripts/man_page.py`"
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text()

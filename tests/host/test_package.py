@@ -121,5 +121,13 @@ def test_a_wheel_brings_kernels_and_scenes(tmp_path: Path) -> None:
     assert wanted <= names
 
 
+@pytest.mark.slow
+def test_the_package_works_in_empty_environments() -> None:
+    """With the oldest and the newest dependencies, of every Python here; needs a network, as any installation does."""
+    done = subprocess.run([str(ROOT / "scripts" / "package_check")], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "oldest dependencies" in done.stdout and "newest dependencies" in done.stdout
+
+
 def _files(*folders: Path) -> list[Path]:
     return [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]

@@ -22,7 +22,7 @@ from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.convergence import judge, level, looks
 from clrender.film.fixed_point import add_words, subtract_words
-from clrender.film.replicates import deviations, image_error, replicate_counts, standard_error
+from clrender.film.replicates import deviations, image_error, relative_error, replicate_counts, standard_error
 from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side
 from clrender.memory import ERROR_BYTES
@@ -96,6 +96,27 @@ def test_one_replicate_says_nothing_of_errors() -> None:
     assert np.isnan(standard_error(film)).all()
     with pytest.raises(UsageError, match=r"no replicates.*--replicate-spp"):
         standard_error(Film(4, 4))
+
+
+# --- in a word -------------------------------------------------------------------------------------------------------
+
+
+def test_the_relative_error_is_that_of_the_pixels_looked_at() -> None:
+    width, height = 21, 18
+    film = film_of(samples_of(3, width * height, 3 * SIZE), width, height, [SIZE, 3 * SIZE], REQUEST)
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    for most, step in ((width * height, 1), (100, 2), (42, 3), (1, 20)):
+        errors, mean = standard_error(film)[::step, ::step], film.mean()[::step, ::step].astype(np.float64)
+        wanted = (errors @ weights).sum() / (mean @ weights).sum()
+        assert relative_error(film, most) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_the_relative_error_is_unknown_without_replicates_or_light() -> None:
+    width, height = 9, 7
+    values = samples_of(3, width * height, 3 * SIZE)
+    assert relative_error(film_of(values, width, height, [SIZE], REQUEST)) is None  # one replicate
+    assert relative_error(film_of(values * 0.0, width, height, [3 * SIZE], REQUEST)) is None
+    assert relative_error(Film(width, height, {**REQUEST, "replicate_spp": None})) is None
 
 
 # --- films -----------------------------------------------------------------------------------------------------------

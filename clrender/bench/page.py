@@ -1,0 +1,106 @@
+"""A benchmark as a page: one self-contained HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from clrender.bench.peers import OWN
+from clrender.drawing.html import html_document, html_table, paragraphs
+from clrender.drawing.pictures import figure_of
+from clrender.drawing.svg import BLUE, GREY, INK, draw
+from clrender.drawing.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["bench_page"]
+
+_BAR: Final = 0.36
+"""Height of a bar with its share of the rest, inches."""
+
+_PLOTS: Final = (
+    ("mpaths_per_second", "million paths per second of an idle machine"),
+    ("efficiency", "efficiency: 1 / (relMSE × seconds)"),
+)
+
+
+def bench_page(rows: Sequence[dict[str, Any]], lines: Sequence[dict[str, Any]], how: Sequence[str]) -> str:
+    """The page.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        As of `clrender.bench.summary`.
+    lines : sequence of dict
+        The runs, as of `Run.line`.
+    how : sequence of str
+        Sentences on size, samples and turns.
+    """
+    own = next((line for line in lines if line["renderer"] == OWN), {})
+    where = (
+        [f"clrender {own['version']} on {own['device']} ({own['driver']}), {own['processors']} processors."]
+        if own
+        else []
+    )
+    parts = [*paragraphs([*where, *how])]
+    for key, words in _PLOTS:
+        known = [row for row in rows if key in row]
+        if known:
+            parts.append(figure_of(_bars(known, key, words), _caption(key)))
+    parts += ["<h2>Numbers</h2>", html_table(_table(rows), "", _starts(rows))]
+    return html_document("Benchmark", parts)
+
+
+def _caption(key: str) -> str:
+    if key == "efficiency":
+        return "Medians. Twice the efficiency is the same error in half the time."
+    return "Medians of the turns; the lines go from the lowest to the highest. Rates are per CPU time."
+
+
+def _bars(rows: Sequence[dict[str, Any]], key: str, words: str) -> str:
+    """A bar for each renderer on each scene, as SVG."""
+    names = [f"{row['scene']}  {row['renderer']}" for row in rows]
+    places = range(len(rows))
+
+    def paint(figure: Figure) -> None:
+        axes = figure.add_subplot(xlabel=words)
+        drawn = [BLUE if row["renderer"] == OWN else GREY for row in rows]
+        bars = axes.barh(places, [row[key] for row in rows], color=drawn, height=0.62)
+        if key != "efficiency":
+            axes.hlines(
+                places, [row["lowest"] for row in rows], [row["highest"] for row in rows], color=INK, linewidth=1.2
+            )
+        axes.bar_label(bars, [f" {row[key]:.3g}" for row in rows], padding=6)
+        axes.set_yticks(places, names)
+        axes.tick_params(axis="y", length=0)
+        axes.invert_yaxis()
+        axes.margins(x=0.12)
+        axes.grid(axis="x")
+
+    return draw(key, words, (8.4, 1.0 + _BAR * len(rows)), paint)
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> Table:
+    def cells(row: dict[str, Any]) -> list[str]:
+        rays = "mrays_per_second" in row
+        rate = row["mrays_per_second" if rays else "mpaths_per_second"]
+        spread = f"{row['lowest']:.3f} – {row['highest']:.3f}"
+        ratio = f"{row['ratio']:.2f}" if "ratio" in row else ""
+        error = f"{row['rel_mse']:.3g}" if "rel_mse" in row else ""
+        better = f"{row['efficiency_ratio']:.2f}" if "efficiency_ratio" in row else ""
+        what = [row["scene"], row["renderer"], "rays" if rays else "paths"]
+        return [*what, f"{rate:.3f}", spread, str(row["runs"]), ratio, error, better]
+
+    rates = ("million per second", "lowest – highest", "turns")
+    header = ("scene", "renderer", "of", *rates, "clrender is × as fast", "relMSE", "× as efficient")
+    caption = (
+        "Medians of the turns, per second of CPU time times the number of processors; ratios are medians of those of "
+        "each turn."
+    )
+    return Table(caption, header, [cells(row) for row in rows], words=3)
+
+
+def _starts(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Classes of rows: the first of each scene."""
+    return ["first" if i == 0 or rows[i - 1]["scene"] != row["scene"] else "" for i, row in enumerate(rows)]

@@ -1,0 +1,32 @@
+"""`clrender new`: a first scene."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from pathlib import Path
+from typing import Final
+
+import click
+
+__all__ = ["new"]
+
+_TEMPLATE: Final = Path(__file__).with_name("first_scene.toml")
+_NAME: Final = "scene.toml"
+
+
+@click.command()
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+def new(folder: Path) -> None:
+    """Write a first scene, with comments, to DIR, which may be there already."""
+    from clrender.cli.folder import output_folder
+    from clrender.errors import UsageError
+    from clrender.files import atomic_write
+
+    scene = folder / _NAME
+    if os.path.lexists(scene):
+        raise UsageError(f"{scene}: is there already, and is not overwritten; name another folder, or move it away")
+    with output_folder(folder, _NAME), atomic_write(scene) as file:
+        file.write(_TEMPLATE.read_bytes())
+    picture = shlex.quote(str(folder / "picture.png"))
+    click.echo(f"{scene}: a first scene; render it with: clrender render {shlex.quote(str(scene))} -o {picture}")

@@ -1,0 +1,96 @@
+"""Write man/clrender.1, the manual page, from the command line's own help; run it where that has changed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final
+
+import click
+
+from clrender.cli import COMMANDS, main
+from clrender.version import __version__
+
+__all__ = ["current"]
+
+PAGE: Final = Path(__file__).resolve().parents[1] / "man" / "clrender.1"
+
+EXIT_STATUS: Final = {
+    "0": "done",
+    "1": "failed while rendering or writing, or a check found a fault",
+    "2": "wrong usage or bad input",
+    "3": "no usable OpenCL device",
+    "130": "interrupted by SIGINT; the samples so far were written",
+    "143": "ended by SIGTERM; the samples so far were written",
+}
+ENVIRONMENT: Final = {
+    "CLRENDER_DEVICE": "default of --device",
+    "CLRENDER_PROBE_SECONDS": "time limit of the check of a driver",
+    "XDG_CACHE_HOME": "parent of the folder in which compiled kernels and verdicts on devices are kept",
+    "OCL_ICD_VENDORS": "folder or file of OpenCL drivers; when set, no other driver is considered",
+}
+EXAMPLES: Final = {
+    "clrender new first": "a first scene, to change",
+    "clrender render first/scene.toml -o picture.png": "render it",
+    "clrender render room --spp 4096 --checkpoint room.film --resume -o room.exr": "a render that survives",
+    "clrender doctor": "what is wrong with OpenCL here, and the cure",
+}
+
+
+def current(_page: str = "") -> str:
+    """The page as it has to be."""
+    top = click.Context(main, info_name="clrender")
+    parts = [
+        f'.TH CLRENDER 1 "" "clrender {__version__}" "User Commands"',
+        ".SH NAME\nclrender \\- physically based renderer for every OpenCL device",
+        f".SH SYNOPSIS\n.B clrender\n{_text('[--version] [--help] COMMAND [ARGUMENTS]')}",
+        f".SH DESCRIPTION\n{_prose(main.help or '')}",
+        f".PP\n{_text('Without a command it prints help.')}",
+        ".SH COMMANDS",
+        *(_command(top, name) for name in COMMANDS),
+        f".SH EXIT STATUS\n{_list(EXIT_STATUS)}",
+        f".SH ENVIRONMENT\n{_list(ENVIRONMENT)}",
+        f".SH EXAMPLES\n{_list(EXAMPLES)}",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _command(top: click.Context, name: str) -> str:
+    command = main.get_command(top, name)
+    assert command is not None
+    context = click.Context(command, info_name=name, parent=top)
+    usage = " ".join(["clrender", name, *command.collect_usage_pieces(context)])
+    options = [each for each in command.get_params(context) if isinstance(each, click.Option)]
+    records = [record for option in options if (record := option.get_help_record(context))]
+    return "\n".join([f".SS {_text(usage)}", _prose(command.help or ""), _list(dict(records))])
+
+
+def _prose(text: str) -> str:
+    """Paragraphs; those that click is to leave alone keep their lines."""
+    paragraphs = []
+    for part in re.split(r"\n\s*\n", text.strip()):
+        kept = part.lstrip().startswith("\b")
+        lines = [line.strip() for line in part.replace("\b", "").strip().splitlines()]
+        paragraphs.append("\n".join([".nf", *map(_text, lines), ".fi"]) if kept else _text(" ".join(lines)))
+    return "\n.PP\n".join(paragraphs)
+
+
+def _list(entries: dict[str, str]) -> str:
+    return "\n".join(f".TP\n.B {_text(name)}\n{_text(' '.join(words.split()))}" for name, words in entries.items())
+
+
+def _text(text: str) -> str:
+    """A line of text, none of which is a request of roff."""
+    escaped = (
+        text.replace("\\", "\\e")
+        .replace("-", "\\-")
+        .replace("`", "\\(ga")
+        .replace("'", "\\(aq")
+        .replace(chr(34), "\\(dq")
+    )
+    return f"\\&{escaped}" if escaped.startswith(".") else escaped
+
+
+if __name__ == "__main__":
+    PAGE.parent.mkdir(exist_ok=True)
+    PAGE.write_text(current(), encoding="utf-8")

@@ -1,0 +1,225 @@
+"""Check the package as users get it: sdist and wheel, installed into empty environments, with old and new dependencies.
+
+For each Python and each of the resolutions `oldest` (the least versions that setup.cfg allows) and `newest` it makes an
+environment that holds nothing, installs the wheel with its extras, and uses each of them. All have to come to the same
+bits. Called by `scripts/package_check`, which makes the environment with the tools.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+__all__ = ["main"]
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+VERSIONS: Final = ("3.10", "3.11", "3.12", "3.13")
+RESOLUTIONS: Final = {"oldest": "lowest-direct", "newest": "highest"}
+EXTRAS: Final = ("all",)
+
+SCENE: Final = ("--size", "48x32", "--spp", "4", "--seed", "7")
+
+
+def main() -> int:
+    """Check, print a line for each step, and give the exit code."""
+    options = _options()
+    found = dict(item.split("=", 1) if "=" in item else (item, item) for item in options.python) or _pythons()
+    missing = [version for version in VERSIONS if version not in found] if not options.python else []
+    with tempfile.TemporaryDirectory(prefix="clrender-package-") as scratch:
+        folder = Path(scratch)
+        wheel = _build(folder, options.keep)
+        hashes = {}
+        failed = []
+        for name, python in found.items():
+            for age in options.resolution or RESOLUTIONS:
+                label = f"Python {name}, {age} dependencies"
+                try:
+                    hashes[label] = _try(folder / f"{name}-{age}".replace("/", "_"), python, wheel, age, options)
+                except CheckError as error:
+                    failed.append(label)
+                    print(f"FAILED  {label}: {error}", flush=True)
+    for version in missing:
+        print(f"absent  Python {version}: not on this machine; name it with --python {version}=PATH")
+    if len(set(hashes.values())) > 1:
+        failed.append("equal bits")
+        print(f"FAILED  images differ: {json.dumps(hashes, indent=2)}")
+    print(f"package_check: {'FAILED: ' + '; '.join(failed) if failed else 'all passed'}")
+    return 1 if failed else 0
+
+
+class CheckError(Exception):
+    """A step that went wrong."""
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="scripts/package_check", description=__doc__)
+    parser.add_argument(
+        "--python", action="append", default=[], metavar="VERSION=PATH", help="an interpreter (all python3.N on PATH)"
+    )
+    parser.add_argument("--resolution", action="append", choices=RESOLUTIONS, help="only these dependencies (both)")
+    parser.add_argument("--extras", default=",".join(EXTRAS), help="of the package, or '' for none (%(default)s)")
+    parser.add_argument("--tests", nargs="+", metavar="PATH", help="also run these tests against the installed wheel")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="copy sdist and wheel there")
+    return parser.parse_args()
+
+
+def _pythons() -> dict[str, str]:
+    """Interpreters on PATH, by version; that which runs this, too."""
+    found = {f"{sys.version_info.major}.{sys.version_info.minor}": getattr(sys, "_base_executable", sys.executable)}
+    for version in VERSIONS:
+        if path := shutil.which(f"python{version}"):
+            found[version] = path
+    return {version: found[version] for version in VERSIONS if version in found}
+
+
+def _build(folder: Path, keep: Path | None) -> Path:
+    """The wheel, made from the sdist, which is made from what git would keep."""
+    source, dist = folder / "source", folder / "dist"
+    listed = _run(["git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]).stdout
+    for name in filter(None, listed.split("\0")):
+        if (ROOT / name).is_file():
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, source / name)
+    # Without options `build` makes the wheel out of the sdist.
+    _run([sys.executable, "-m", "build", "--outdir", str(dist), str(source)])
+    (sdist,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")
+    with tarfile.open(sdist) as archive, zipfile.ZipFile(wheel) as packed:
+        inside = {name.partition("/")[2] for name in archive.getnames()}
+        packed_names = set(packed.namelist())
+    _demand_files(source, inside, packed_names)
+    print(f"ok      sdist ({sdist.stat().st_size / 1e6:.1f} MB) and wheel ({wheel.stat().st_size / 1e6:.1f} MB)")
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(sdist, keep)
+        shutil.copy2(wheel, keep)
+    return wheel
+
+
+def _demand_files(source: Path, sdist: set[str], wheel: set[str]) -> None:
+    """All of the package, the kernels and the scenes is in both, and the manual page, and nothing that is not to be."""
+    wanted = {
+        path.relative_to(source).as_posix()
+        for room in ("clrender", "kernels", "scenes")
+        for path in (source / room).rglob("*")
+        if path.is_file()
+    }
+    inside = {name if name.startswith("clrender/") else f"clrender/{name}" for name in wanted}
+    lacking = sorted((wanted | {"man/clrender.1", "LICENSE", "README.md"}) - sdist) + sorted(inside - wheel)
+    if lacking:
+        raise SystemExit(f"FAILED  lacking in sdist or wheel: {', '.join(lacking)}")
+    if not any(name.endswith("share/man/man1/clrender.1") for name in wheel):
+        raise SystemExit("FAILED  the wheel lacks the manual page")
+    if odd := sorted(name for name in wheel if not name.startswith(("clrender/", "clrender-"))):
+        raise SystemExit(f"FAILED  the wheel has what is none of its own: {', '.join(odd)}")
+
+
+def _try(environment: Path, python: str, wheel: Path, age: str, options: argparse.Namespace) -> str:
+    """Install the wheel into an empty environment and use it; gives the hash of an image."""
+    begun = time.monotonic()
+    uv = [sys.executable, "-m", "uv"]
+    _run([*uv, "venv", "--quiet", "--no-project", "--python", python, str(environment)])
+    before = _size(environment)
+    target = f"{wheel}[{options.extras}]" if options.extras else str(wheel)
+    install = [*uv, "pip", "install", "--quiet", "--python", str(environment), "--resolution", RESOLUTIONS[age]]
+    _run([*install, "--only-binary", ":all:", target])
+    size = _size(environment) - before
+    installed = time.monotonic() - begun
+    _run([*uv, "pip", "check", "--quiet", "--python", str(environment)])
+    digest = _use(environment, environment.with_name(f"{environment.name}-work"), options.extras)
+    if options.tests:
+        _test(environment, install, wheel, options.tests)
+    version = _run([str(environment / "bin" / "python"), "-c", "import sys; print(sys.version.split()[0])"]).stdout
+    print(
+        f"ok      Python {version.strip()}, {age} dependencies: {size / 1e6:.0f} MB in {installed:.0f} s, "
+        f"{time.monotonic() - begun:.0f} s in all, image {digest[:12]}",
+        flush=True,
+    )
+    shutil.rmtree(environment)
+    return digest
+
+
+def _use(environment: Path, work: Path, extras: str) -> str:
+    """Each part of the program once, as a user calls it, from a folder of its own."""
+    work.mkdir()
+    program = str(environment / "bin" / "clrender")
+
+    def clrender(*arguments: str) -> str:
+        return _run([program, *arguments], folder=work).stdout
+
+    def everything(name: str) -> bool:
+        return name in extras.split(",") or "all" in extras.split(",")
+
+    clrender("--version")
+    clrender("render", "room", *SCENE, "-o", "a.png", "-o", "a.exr", "-o", "a.npy", "-o", "a.film", "--stats", "a.json",
+             "--aov", "albedo,normal", "--progress", "json")  # fmt: skip
+    digest: str = json.loads((work / "a.json").read_text())["image_sha256"]
+    clrender("new", "first")
+    clrender("check", "first/scene.toml")
+    clrender("convert", "first/scene.toml", "second.json")
+    clrender("render", "second.json", "--size", "16x16", "--spp", "1", "-o", "b.jpg", "-o", "b.hdr")
+    for scene in ("textures", "lamps", "sundial"):  # textures, IES files, and the place of the sun
+        clrender("render", scene, "--size", "16x16", "--spp", "1", "-o", "c.exr")
+    clrender("tonemap", "a.exr", "--tone-map", "agx", "-o", "d.png")
+    clrender("compare", "a.exr", "a.npy", "--json")
+    clrender("verify", "a.film", "--fraction", "1")
+    json.loads(clrender("schema"))
+    clrender("completion", "bash")
+    if everything("denoise"):
+        clrender("render", "room", *SCENE, "--denoise", "-o", "e.png")
+    if everything("report"):
+        clrender("furnace", "lambert", "--quick", "-o", "furnace")
+    if everything("cluster"):
+        clrender("render", "room", *SCENE, "--cluster", "local:1", "-o", "f.npy", "--stats", "f.json")
+        if json.loads((work / "f.json").read_text())["image_sha256"] != digest:
+            raise CheckError("the image of a cluster is another one")
+    if everything("gltf"):
+        _run([str(environment / "bin" / "python"), "-c", "import DracoPy"])
+    if not (environment / "share" / "man" / "man1" / "clrender.1").is_file():
+        raise CheckError("the manual page is not installed")
+    return digest
+
+
+def _test(environment: Path, install: Sequence[str], wheel: Path, tests: Sequence[str]) -> None:
+    """Run tests against what is installed; pytest and its friends are the newest."""
+    newest = [part if part != RESOLUTIONS["oldest"] else RESOLUTIONS["newest"] for part in install]
+    _run([*newest, "pytest", "hypothesis", "jsonschema", "scipy", "pytest-xdist"])
+    python = str(environment / "bin" / "python")
+    folder = environment.with_name(f"{environment.name}-tests")
+    shutil.copytree(ROOT / "tests", folder / "tests")
+    for name in ("setup.cfg", "scripts", "docs", "README.md", "scenes"):
+        source = ROOT / name
+        (shutil.copytree if source.is_dir() else shutil.copy2)(source, folder / name)
+    _run([python, "-m", "pytest", "-q", "-n", "0", *tests], folder=folder)
+
+
+def _size(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+
+
+def _run(command: Sequence[str], folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run to the end; what it printed is in the error if that is a bad one."""
+    alone: Callable[[Mapping[str, str]], dict[str, str]] = lambda env: {  # noqa: E731
+        name: value for name, value in env.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV", "PYTHONHOME")
+    }
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=alone(os.environ))
+    if done.returncode:
+        said = (done.stdout + done.stderr).strip().splitlines()[-25:]
+        raise CheckError(
+            f"{' '.join(command[:8])} … exited with {done.returncode}:\n        " + "\n        ".join(said)
+        )
+    return done
+
+
+if __name__ == "__main__":
+    sys.exit(main())
