@@ -55,7 +55,7 @@ def code(page: str, language: str = "") -> list[str]:
 
 
 def test_the_scene_reference_is_that_of_the_schema() -> None:
-    page = (ROOT / "docs" / "scenes.md").read_text()
+    page = (ROOT / "docs" / "scene-file.md").read_text()
     assert generator("scene_docs")(page) == page, "run `python scripts/scene_docs.py`"
 
 

@@ -1,0 +1,84 @@
+"""Sphinx's configuration of the documentation site; `scripts/docs` builds it.
+
+The sources are the Markdown pages of the checkout as they stand, README.md among them: the checkout is Sphinx's source
+folder, so that a link that works on a forge works on the site, and needs no second spelling.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import click
+from docutils import nodes
+from docutils.utils.math import latex2mathml
+from sphinx.application import Sphinx
+
+from clrender.version import __version__
+
+project: Final = "clrender"
+release: Final = __version__
+copyright: Final = "the authors of clrender"
+
+extensions: Final = [
+    "myst_parser",
+    "sphinx_external_toc",
+    "sphinx.ext.autodoc",
+    "numpydoc",
+    "sphinx_click",
+    "sphinx_copybutton",
+]
+external_toc_path: Final = "docs/_toc.yml"
+include_patterns: Final = ["*.md", "docs/**", "scenes/LICENSES.md"]
+exclude_patterns: Final = [".*", "build", "clrender", "kernels", "scripts", "tests", "test-artifacts", "docs/_*"]
+language: Final = "en"
+
+# Markdown as forges read it: headings are anchors, $ marks formulas.
+myst_enable_extensions: Final = ["dollarmath"]
+myst_heading_anchors: Final = 4
+highlight_language: Final = "none"
+copybutton_prompt_text: Final = "$ "
+
+# A single backtick in a docstring is a name of the interface, where there is such a name.
+default_role: Final = "py:obj"
+autodoc_member_order: Final = "bysource"
+autodoc_typehints: Final = "none"  # the docstrings say more
+numpydoc_class_members_toctree: Final = False
+numpydoc_show_class_members: Final = False
+
+html_theme: Final = "furo"
+html_title: Final = f"clrender {__version__}"
+html_static_path: Final = ["_static"]
+html_css_files: Final = ["site.css"]
+html_extra_path: Final = ["_root"]
+html_copy_source: Final = False
+html_show_sphinx: Final = False
+# Formulas are MathML, which browsers show by themselves: no script, and nothing to fetch from elsewhere.
+html_math_renderer: Final = "mathml"
+
+
+def _formula(text: str, block: bool) -> str:
+    tree: Any = latex2mathml.tex2mathml(text, as_block=block)
+    return str(tree)
+
+
+def _inline_math(self: Any, node: nodes.math) -> None:
+    self.body.append(_formula(node.astext(), False))
+    raise nodes.SkipNode
+
+
+def _block_math(self: Any, node: nodes.math_block) -> None:
+    self.body.append(f'<div class="formula">{_formula(node.astext(), True)}</div>\n')
+    raise nodes.SkipNode
+
+
+def _plain_help(app: Sphinx, context: click.Context, lines: list[str]) -> None:
+    """Help of commands is plain text: what reStructuredText would take for marks is escaped."""
+    lines[:] = [line.replace("\\", "\\\\").replace("*", "\\*").replace("|", "\\|") for line in lines]
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the formulas and the help texts."""
+    app.add_html_math_renderer("mathml", (_inline_math, None), (_block_math, None))
+    app.connect("sphinx-click-process-description", _plain_help)
+    app.connect("sphinx-click-process-options", _plain_help)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
