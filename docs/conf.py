@@ -10,10 +10,13 @@ from typing import Any, Final
 
 import click
 from docutils import nodes
-from docutils.utils.math import latex2mathml
+from docutils.utils.math import MathError, latex2mathml
 from sphinx.application import Sphinx
+from sphinx.util import logging
 
 from clrender.version import __version__
+
+_log = logging.getLogger(__name__)
 
 project: Final = "clrender"
 release: Final = __version__
@@ -56,18 +59,22 @@ html_show_sphinx: Final = False
 html_math_renderer: Final = "mathml"
 
 
-def _formula(text: str, block: bool) -> str:
-    tree: Any = latex2mathml.tex2mathml(text, as_block=block)
+def _formula(node: nodes.Node, block: bool) -> str:
+    try:
+        tree: Any = latex2mathml.tex2mathml(node.astext(), as_block=block)
+    except MathError as error:
+        _log.warning("this formula cannot be shown: %s", error, location=node)
+        return ""
     return str(tree)
 
 
 def _inline_math(self: Any, node: nodes.math) -> None:
-    self.body.append(_formula(node.astext(), False))
+    self.body.append(_formula(node, False))
     raise nodes.SkipNode
 
 
 def _block_math(self: Any, node: nodes.math_block) -> None:
-    self.body.append(f'<div class="formula">{_formula(node.astext(), True)}</div>\n')
+    self.body.append(f'<div class="formula">{_formula(node, True)}</div>\n')
     raise nodes.SkipNode
 
 
