@@ -93,7 +93,7 @@ class RenderedImage:
 
     @property
     def picture(self) -> npt.NDArray[np.float32]:
-        """What is written and shown, (height, width, 3) float32: the denoised image where there is one, else `linear`."""
+        """What is written and shown, (height, width, 3) float32: `denoised` where there is one, else `linear`."""
         return self.linear if self.denoised is None else self.denoised
 
     @property

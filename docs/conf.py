@@ -6,6 +6,7 @@ folder, so that a link that works on a forge works on the site, and needs no sec
 
 from __future__ import annotations
 
+import re
 from typing import Any, Final
 
 import click
@@ -83,9 +84,22 @@ def _plain_help(app: Sphinx, context: click.Context, lines: list[str]) -> None:
     lines[:] = [line.replace("\\", "\\\\").replace("*", "\\*").replace("|", "\\|") for line in lines]
 
 
+_NAME: Final = re.compile(r"[A-Za-z_][\w.]*")
+
+
+def _names_only(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """What a docstring has in single backticks and is no name, such as `.film`, is code."""
+
+    def marked(match: re.Match[str]) -> str:
+        return match[0] if _NAME.fullmatch(match[1]) else f"``{match[1]}``"
+
+    lines[:] = [re.sub(r"(?<![`:])`([^`]+)`(?!`)", marked, line) for line in lines]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the formulas and the help texts."""
+    """Register the formulas and what makes help and docstrings readable."""
     app.add_html_math_renderer("mathml", (_inline_math, None), (_block_math, None))
     app.connect("sphinx-click-process-description", _plain_help)
     app.connect("sphinx-click-process-options", _plain_help)
+    app.connect("autodoc-process-docstring", _names_only)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

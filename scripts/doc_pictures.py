@@ -1,4 +1,4 @@
-"""What the scripts that make pictures of docs/ share: renders as they are shown, and pictures of one size side by side."""
+"""What the scripts that make pictures of docs/ share: renders as they are shown, and pictures side by side."""
 
 from __future__ import annotations
 

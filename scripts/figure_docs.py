@@ -10,11 +10,12 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from doc_blocks import blocks
+from doc_pictures import DOCS, shown, shown_linear, write_sheet
 
 import clrender
 from clrender.drawing.svg import BLUE, GREY, ORANGE
@@ -23,8 +24,6 @@ from clrender.report.plots import Series, plot
 from clrender.scene.camera import Camera
 from clrender.scene.materials import Conductor
 from clrender.scene.shapes import Quad, Sphere
-from doc_blocks import blocks
-from doc_pictures import DOCS, shown, shown_linear, write_sheet
 
 __all__ = ["FIGURES", "OTHERS"]
 
@@ -97,7 +96,11 @@ def _plates() -> clrender.Scene:
         )
     for x, radius in zip((-2.2, -0.8, 0.6, 2.0), (0.03, 0.1, 0.28, 0.6), strict=True):
         radiance = 0.2 / radius**2
-        shapes.append(Sphere(type="sphere", center=(x, lights[1], lights[2]), radius=radius, emission=(radiance, radiance, radiance)))
+        shapes.append(
+            Sphere(
+                type="sphere", center=(x, lights[1], lights[2]), radius=radius, emission=(radiance, radiance, radiance)
+            )
+        )
     camera = Camera(position=_three(eye), target=(0.0, 1.6, 0.0), vertical_fov=44.0)
     return clrender.Scene(camera=camera, materials=materials, shapes=tuple(shapes))
 

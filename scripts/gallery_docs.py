@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-import clrender
 from doc_pictures import shown, write_sheet
+
+import clrender
 
 __all__: list[str] = []
 

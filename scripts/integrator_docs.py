@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from doc_pictures import shown, write_sheet
 
 import clrender
 from clrender.image.compare import relative_squared_error
-from doc_pictures import shown, write_sheet
 
 if TYPE_CHECKING:
     from clrender.rendered_image import RenderedImage

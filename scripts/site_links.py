@@ -1,7 +1,7 @@
-"""Check a built site: every link to a page, an anchor, a picture or a script leads somewhere, and nothing comes from elsewhere.
+"""Check a built site: links to pages, anchors, pictures and scripts lead somewhere, and nothing comes from elsewhere.
 
-A site has to work from a folder without a network: `src`, style sheets and scripts of other hosts are faults; a link that
-a reader may follow to another host is none.
+A site has to work from a folder without a network: pictures, style sheets and scripts of other hosts are faults; a link
+that a reader may follow to another host is none.
 """
 
 from __future__ import annotations

@@ -125,9 +125,10 @@ def _growth(data: dict[str, Any]) -> str:
 
 def _pictures() -> None:
     """The scenes side by side, docs/speed.jpg."""
+    from doc_pictures import shown_linear, write_sheet
+
     import clrender
     from clrender.bench import write_scene
-    from doc_pictures import shown_linear, write_sheet
 
     pictures = []
     for name in ("S1", "S2", "S3-1M", "S4"):

@@ -109,9 +109,7 @@ def check(command: Command) -> None:
 
 
 @pytest.mark.parametrize("page", RUN)
-def test_the_commands_of_a_page_do_what_it_says(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_commands_of_a_page_do_what_it_says(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CLRENDER_DEVICE", DEVICE)
     make_files(tmp_path)

@@ -29,7 +29,9 @@ type = "environment"
 radiance = [1.0, 1.0, 1.0]
 """
 _MITSUBA: Final = """<scene version="3.0.0">
-<sensor type="perspective"><transform name="to_world"><lookat origin="0,0,-3" target="0,0,0" up="0,1,0"/></transform></sensor>
+<sensor type="perspective">
+<transform name="to_world"><lookat origin="0,0,-3" target="0,0,0" up="0,1,0"/></transform>
+</sensor>
 <shape type="sphere"><bsdf type="diffuse"/></shape>
 <emitter type="constant"/>
 </scene>

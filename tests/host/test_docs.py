@@ -117,7 +117,7 @@ def completed(text: str) -> str:
         text += "\n[camera]\nposition = [0.0, 0.0, -3.0]\ntarget = [0.0, 0.0, 0.0]\n"
     if not re.search(r"^\[\[shapes\]\]", text, re.MULTILINE):
         for name in re.findall(r"^\[materials\.(\w+)\]", text, re.MULTILINE) or [""]:
-            text += "\n[[shapes]]\ntype = \"sphere\"\nradius = 1.0\n" + (f'material = "{name}"\n' if name else "")
+            text += '\n[[shapes]]\ntype = "sphere"\nradius = 1.0\n' + (f'material = "{name}"\n' if name else "")
     return text
 
 

@@ -36,7 +36,9 @@ FAULTS = {
 """Those of numpydoc's checks that are not a matter of taste."""
 _ARRAY = re.compile(r"NDArray|ndarray")
 _SHAPE = re.compile(r"\([^()]*,[^()]*\)")
-_DTYPE = re.compile(r"\b(float32|float64|uint8|uint32|uint64|int32|int64|bool)\b|`[A-Z]\w+`")  # or a struct of the kernels
+_DTYPE = re.compile(
+    r"\b(float32|float64|uint8|uint32|uint64|int32|int64|bool)\b|`[A-Z]\w+`"
+)  # or a struct of the kernels
 
 
 def public() -> Iterator[tuple[str, Any]]:
@@ -46,7 +48,9 @@ def public() -> Iterator[tuple[str, Any]]:
         yield name, thing
         if inspect.isclass(thing) and not issubclass(thing, Exception):
             for part, value in vars(thing).items():
-                if not part.startswith(("_", "model_")) and (callable(value) or isinstance(value, classmethod | property)):
+                if not part.startswith(("_", "model_")) and (
+                    callable(value) or isinstance(value, classmethod | property)
+                ):
                     yield f"{name}.{part}", getattr(thing, part)
 
 
