@@ -73,6 +73,10 @@ class RenderJob:
         **settings
             Fields of `RenderSettings`; what is not given comes from the scene, then from the defaults.
 
+        Returns
+        -------
+        RenderJob
+
         Raises
         ------
         UsageError
@@ -113,6 +117,16 @@ class RenderJob:
     def given(cls, scene: Scene | RenderJob, **settings: Any) -> RenderJob:
         """A job as it is, or the one that a scene and settings make.
 
+        Parameters
+        ----------
+        scene : Scene or RenderJob
+        **settings
+            Of a scene: as `RenderJob.of` takes them.
+
+        Returns
+        -------
+        RenderJob
+
         Raises
         ------
         UsageError
@@ -140,6 +154,10 @@ class RenderJob:
             From 1 to `count`.
         count : int
             Of parts, each of one sample of every pixel at least.
+
+        Returns
+        -------
+        RenderJob
 
         Raises
         ------
@@ -210,6 +228,17 @@ class RenderJob:
     @classmethod
     def from_json(cls, text: str, assets: Mapping[str, bytes]) -> RenderJob:
         """The job that `to_json` wrote, checked anew.
+
+        Parameters
+        ----------
+        text : str
+            What `to_json` gave.
+        assets : mapping of str to bytes
+            The files that it names, by their hashes.
+
+        Returns
+        -------
+        RenderJob
 
         Raises
         ------

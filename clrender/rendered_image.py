@@ -103,7 +103,7 @@ class RenderedImage:
 
     @property
     def picture(self) -> npt.NDArray[np.float32]:
-        """What is written and shown: the denoised image where there is one, else the linear one."""
+        """What is written and shown, (height, width, 3) float32: `denoised` where there is one, else `linear`."""
         return self.linear if self.denoised is None else self.denoised
 
     @property
@@ -130,8 +130,10 @@ class RenderedImage:
             For display formats.
         exposure : float
             In stops, for display formats; added to that of the camera's f-stop, shutter and iso, where it has them.
-        exr_type, exr_compression, exr_tile
-            Of `.exr`: `type`, `compression` and `tile` of `clrender.image.exr_write.ExrFormat`.
+        exr_type, exr_compression : str
+            Of `.exr`: `type` and `compression` of `clrender.image.exr_write.ExrFormat`.
+        exr_tile : int, optional
+            Its `tile`, pixels.
 
         Raises
         ------

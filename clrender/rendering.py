@@ -41,11 +41,30 @@ def render(
     scene : Scene or RenderJob
     device : str, int, Device, sequence of them, optional
         As ``--device``; default: ``CLRENDER_DEVICE``, else the best that works. With a cluster, of each worker.
+    on_progress, should_stop : callable, optional
+        As of `Session.render`.
+    notify : callable, optional
+        As of `Session`.
+    keep_film : bool
+        As of `Session.render`.
+    checkpoint : path, optional
+        As of `Session.render`.
+    resume : bool
+        As of `Session.render`.
     cluster : str, optional
         ``tcp://HOST:PORT`` of a Dask scheduler whose workers take the samples, or ``local:N`` for N processes here:
         `clrender.cluster.open_cluster`, which serves more than one render.
-    on_progress, should_stop, notify, keep_film, checkpoint, resume, **settings
-        As `Session.render`, which says what is returned and raised, too.
+    **settings
+        As of `Session.render`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of `RenderSettings`.
+
+    Returns
+    -------
+    RenderedImage
+
+    Raises
+    ------
+    SceneError, UsageError, DeviceError, RenderError
+        As `Session.render` does.
     """
     job = RenderJob.given(scene, **settings)
     with ExitStack() as stack:

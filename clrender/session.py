@@ -248,7 +248,18 @@ class Session:
             return JobRender(self, job, None, should_stop).layers()
 
     def team(self, job: RenderJob) -> tuple[DeviceTeam, str]:
-        """The devices at a job's disposal, as of `clrender.job_render.JobRender.team`."""
+        """The devices at a job's disposal, as of `clrender.job_render.JobRender.team`.
+
+        Parameters
+        ----------
+        job : RenderJob
+
+        Returns
+        -------
+        team : DeviceTeam
+        sha256 : str
+            Hash of the scene's arrays.
+        """
         with self._alone():
             return JobRender(self, job, None, None).team()
 
@@ -260,7 +271,22 @@ class Session:
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> Film:
-        """Some samples of some pixels of a job, as of `clrender.job_render.JobRender.part`."""
+        """Some samples of some pixels of a job, as of `clrender.job_render.JobRender.part`.
+
+        Parameters
+        ----------
+        job : RenderJob
+        wanted : Ledger
+            Which samples of which blocks of pixels.
+        check : callable
+            Told the request of the job's film before anything is rendered; it may raise.
+        on_progress, should_stop : callable, optional
+            As of `render`.
+
+        Returns
+        -------
+        Film
+        """
         with self._alone():
             return JobRender(self, job, on_progress, should_stop).part(wanted, check)
 
@@ -275,7 +301,16 @@ class Session:
             yield
 
     def flat(self, job: RenderJob) -> FlatScene:
-        """The job's scene as arrays; those of the session's last job where only the camera is another."""
+        """The job's scene as arrays; those of the session's last job where only the camera is another.
+
+        Parameters
+        ----------
+        job : RenderJob
+
+        Returns
+        -------
+        FlatScene
+        """
         geometry = _Geometry.of(job)
         if self._flat is None or not self._flat[0].same(geometry):
             self._flat = geometry, _flattened(job)
@@ -291,7 +326,25 @@ class Session:
         launch: LaunchConfig,
         on_device: Callable[[DeviceWorker], DevicePreparation] | None = None,
     ) -> DeviceWorker:
-        """A worker for a scene that is, or will be, on a device; one at a time for each device."""
+        """A worker for a scene that is, or will be, on a device; one at a time for each device.
+
+        Parameters
+        ----------
+        device : Device
+        flat : FlatScene
+        settings : (1,) `Settings`
+            As of `clrender.settings.RenderSettings.struct`.
+        pipeline : Pipeline
+            The kernels of an integrator.
+        launch : LaunchConfig
+            How the work is cut.
+        on_device : callable, optional
+            Given the worker, prepares what its integrator needs there.
+
+        Returns
+        -------
+        DeviceWorker
+        """
         begin, before = time.perf_counter(), device.buffers
         with ExitStack() as failed:
             failed.callback(self._forget, device, before)
@@ -318,17 +371,32 @@ class Session:
         device.release_but(before)
 
     def restart(self, device: Device) -> None:
-        """Make a device that failed ready for another try: nothing of before is on it, or is used."""
+        """Make a device that failed ready for another try: nothing of before is on it, or is used.
+
+        Parameters
+        ----------
+        device : Device
+        """
         self._forget(device, self._before[device])
         if device not in self._borrowed:
             device.reopen()
 
     def dismiss(self, device: Device) -> None:
-        """Use a device no more in this session: it hangs, or its results are wrong."""
+        """Use a device no more in this session: it hangs, or its results are wrong.
+
+        Parameters
+        ----------
+        device : Device
+        """
         self._dismissed.add(device)
 
     def tell(self, line: str) -> None:
-        """Pass a line on to whoever is to be notified."""
+        """Pass a line on to whoever is to be notified.
+
+        Parameters
+        ----------
+        line : str
+        """
         self._notify(line)
 
     def _open(self) -> list[Device]:

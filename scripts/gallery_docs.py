@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import io
-from pathlib import Path
 from typing import Final
 
-from PIL import Image
+from doc_pictures import shown, write_sheet
 
 import clrender
 
 __all__: list[str] = []
 
-_DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
 _SCENES: Final = {
     "metals": 512,
     "surfaces": 512,
@@ -50,23 +47,11 @@ def main() -> None:
             scene = clrender.load(name)
             height = round(_WIDTH * scene.image.height / scene.image.width)
             image = session.render(scene, spp=spp, size=(_WIDTH, height))
-            save(name, [image])
+            write_sheet(f"gallery-{name}.jpg", [[shown(image)]])
         scene = clrender.load("sundial")
         hours = [at(scene, hour, shutter) for hour, shutter in _HOURS.items()]
-        save("sundial", [session.render(each, spp=_HOUR_SPP, size=_HOUR_SIZE) for each in hours])
-
-
-def save(name: str, images: list[clrender.RenderedImage]) -> None:
-    """Write pictures of one size side by side."""
-    pictures = [Image.open(io.BytesIO(image._repr_png_())).convert("RGB") for image in images]
-    width, height = pictures[0].size
-    together = Image.new("RGB", (width * len(pictures), height))
-    for number, picture in enumerate(pictures):
-        together.paste(picture, (width * number, 0))
-    path = _DOCS / f"gallery-{name}.jpg"
-    together.save(path, quality=85, optimize=True)
-    seconds = sum(image.stats["render_seconds"] for image in images)
-    print(f"{path.name}: {path.stat().st_size / 1024:.0f} KiB, {seconds:.0f} s")
+        pictures = [shown(session.render(each, spp=_HOUR_SPP, size=_HOUR_SIZE)) for each in hours]
+        write_sheet("gallery-sundial.jpg", [pictures], gap=0)
 
 
 if __name__ == "__main__":

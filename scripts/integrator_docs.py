@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import statistics
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
+from doc_pictures import shown, write_sheet
 
 import clrender
 from clrender.image.compare import relative_squared_error
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-_DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
 _Image = npt.NDArray[np.float64]
 
 
@@ -32,32 +29,13 @@ def main() -> int:
     return 0
 
 
-def _shown(image: RenderedImage, exposure: float = 0.0) -> Image.Image:
-    png = io.BytesIO()
-    image.linear[:] = image.linear * 2.0**exposure
-    png.write(image._repr_png_())
-    return Image.open(png).convert("RGB")
-
-
-def _sheet(name: str, pictures: list[list[Image.Image]], quality: int = 80) -> None:
-    """Pictures of one size in rows, four pixels of white between."""
-    width, height = pictures[0][0].size
-    across, gap = len(pictures[0]), 4
-    sheet = Image.new("RGB", (across * (width + gap) - gap, len(pictures) * (height + gap) - gap), "white")
-    for row, line in enumerate(pictures):
-        for column, picture in enumerate(line):
-            sheet.paste(picture, (column * (width + gap), row * (height + gap)))
-    sheet.save(_DOCS / name, quality=quality, optimize=True)
-    print(f"{name}: {(_DOCS / name).stat().st_size / 1024:.0f} KiB")
-
-
 def _pictures() -> None:
     room, diffuse = clrender.load("room"), clrender.load("room-diffuse")
     wanted: dict[str, Any] = {"size": (256, 256), "spp": 64}
     names = ("path", "direct", "whitted", "reuse", "photon")
-    shown = [_shown(clrender.render(room, integrator=name, **wanted)) for name in names]
-    shown.append(_shown(clrender.render(diffuse, integrator="radiosity", **wanted)))
-    _sheet("integrators.jpg", [shown[:3], shown[3:]])
+    pictures = [shown(clrender.render(room, integrator=name, **wanted)) for name in names]
+    pictures.append(shown(clrender.render(diffuse, integrator="radiosity", **wanted)))
+    write_sheet("integrators.jpg", [pictures[:3], pictures[3:]], 80)
 
 
 def _seconds(image: RenderedImage) -> float:
@@ -100,7 +78,7 @@ def _caustic() -> None:
     path = clrender.render(scene, spp=2**20, time_limit=photon.stats["wall_seconds"], **size)
     spp = path.stats["samples"] / 400 / 300
     print(f"photon: 64 samples in {_seconds(photon):.1f} s; path: {spp:.0f} samples in {_seconds(path):.1f} s")
-    _sheet("caustic.jpg", [[_shown(path), _shown(photon)]], 85)
+    write_sheet("caustic.jpg", [[shown(path), shown(photon)]], 85)
     for name in ("cornell", "room-glass"):
         scene = clrender.load(name)
         path = clrender.render(scene, size=(64, 64), spp=8192)

@@ -1,4 +1,4 @@
-"""Bring the tables of docs/scenes.md up to date with the schema of scene files (`clrender schema`)."""
+"""Bring the tables of docs/scene-file.md up to date with the schema of scene files (`clrender schema`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clrender.scene import Scene
 
 __all__ = ["PAGE", "current", "tables"]
 
-PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "scenes.md"
+PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "scene-file.md"
 _BEGIN: Final = "<!-- made by scripts/scene_docs.py: begin -->"
 _END: Final = "<!-- end -->"
 _DEFAULT: Final = r" \(default: ([^)]*)\)$"
@@ -47,7 +47,7 @@ def tables(schema: dict[str, Any]) -> str:
     schema : dict
         JSON Schema of a scene.
     """
-    parts = ["## Keys of the file", "", *_table(schema, schema), ""]
+    parts = ["## Top of the file", "", *_table(schema, schema), ""]
     for title, key, group in (
         ("The camera", "[camera]", ["Camera"]),
         ("The image", "[image]", ["Image"]),

@@ -14,15 +14,11 @@ import statistics
 import sys
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from clrender.bench import SCENES
 from clrender.drawing.svg import BLUE, ORANGE
 from clrender.report.plots import Series, plot
-
-if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
 
 __all__ = ["current"]
 
@@ -129,21 +125,17 @@ def _growth(data: dict[str, Any]) -> str:
 
 def _pictures() -> None:
     """The scenes side by side, docs/speed.jpg."""
-    import numpy as np
-    from PIL import Image
+    from doc_pictures import shown_linear, write_sheet
 
     import clrender
     from clrender.bench import write_scene
-    from clrender.image.tone_map import to_display
 
-    def picture(name: str) -> npt.NDArray[np.uint8]:
+    pictures = []
+    for name in ("S1", "S2", "S3-1M", "S4"):
         with tempfile.TemporaryDirectory() as folder:
             scene = clrender.load(str(write_scene(name, Path(folder))))
-            linear = clrender.render(scene, size=(240, 240), spp=256).linear
-        return np.pad(to_display(linear, "srgb"), ((0, 0), (0, 4), (0, 0)), constant_values=255)
-
-    sheet = np.concatenate([picture(name) for name in ("S1", "S2", "S3-1M", "S4")], axis=1)[:, :-4]
-    Image.fromarray(sheet).save(_DOCS / "speed.jpg", quality=85, optimize=True)
+            pictures.append(shown_linear(clrender.render(scene, size=(240, 240), spp=256).linear))
+    write_sheet("speed.jpg", [pictures])
 
 
 if __name__ == "__main__":

@@ -74,6 +74,11 @@ def open_cluster(
     notify : callable, optional
         Told in a line of what there is to know.
 
+    Yields
+    ------
+    cluster : DaskCluster
+        For `Session.render`.
+
     Raises
     ------
     UsageError

@@ -298,6 +298,11 @@ def devices(notify: Callable[[str], None] | None = None) -> list[dict[str, Any]]
     ----------
     notify : callable, optional
         Told in one line when a probe begins, since the first may take a minute.
+
+    Returns
+    -------
+    list of dict
+        Keys as of `clrender devices`; JSON-able.
     """
     return [probe(info, notify=notify).public() for info in inventory(refresh=True)]
 

@@ -198,6 +198,10 @@ class Film:
         ----------
         rows, columns : slice
             From a first row or column to one that is not included, within the image.
+
+        Returns
+        -------
+        (h, w, 3) float32
         """
         bands = self.bands()
         places = [divmod(row, self.band_rows) for row in range(rows.start, rows.stop)]
@@ -205,7 +209,7 @@ class Film:
         return _mean_of(sums, self.counts[rows, columns])
 
     def develop(self) -> npt.NDArray[np.float32]:
-        """Same picture as `mean`, giving back the memory of the sums on the way.
+        """Same picture as `mean`, (height, width, 3) float32, giving back the memory of the sums on the way.
 
         The counts stay.
         """
@@ -289,6 +293,10 @@ class Film:
     def take_out(self, other: Film) -> None:
         """Subtract a film of this size whose samples are all in this one: exactly as if they had never come in.
 
+        Parameters
+        ----------
+        other : Film
+
         Raises
         ------
         UsageError
@@ -313,6 +321,10 @@ class Film:
 
         Whoever commits waits for as long as the copy takes; `other`, which nobody else may use meanwhile, keeps its
         memory.
+
+        Parameters
+        ----------
+        other : Film
         """
         with self._whole:
             other.request, other.provenance, other.ledger = self.request, self.provenance, self.ledger.copy()
@@ -352,6 +364,14 @@ class Film:
     @classmethod
     def load(cls: type[_Film], path: str | Path) -> _Film:
         """Film from a `.film` file.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        Film
 
         Raises
         ------

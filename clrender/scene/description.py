@@ -92,6 +92,11 @@ class Scene(Part):
 
     Read one with `clrender.scene.load`, or build one in code from the classes of this package; a bad value raises
     `clrender.errors.SceneError` either way.
+
+    Parameters
+    ----------
+    **values
+        The tables and keys of a scene file, as objects or as mappings.
     """
 
     title: Annotated[str, Strict()] = ""
@@ -127,7 +132,14 @@ class Scene(Part):
         return self
 
     def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
-        """Its shapes and those of its groups, each with its place in the scene's description; no instances."""
+        """Its shapes and those of its groups, each with its place in the scene's description; no instances.
+
+        Yields
+        ------
+        place : tuple of str or int
+            Keys and indices that lead to the shape in the description.
+        shape : AnyShape
+        """
         for index, shape in enumerate(self.shapes):
             if not isinstance(shape, Instance):
                 yield ("shapes", index), shape
@@ -141,17 +153,44 @@ class Scene(Part):
         return self.shapes  # type: ignore[return-value]
 
     def instances(self) -> Iterator[tuple[int, Instance]]:
-        """Those of its shapes that place a group, each with its index."""
+        """Those of its shapes that place a group, each with its index.
+
+        Yields
+        ------
+        index : int
+            In `shapes`.
+        instance : Instance
+        """
         for index, shape in enumerate(self.shapes):
             if isinstance(shape, Instance):
                 yield index, shape
 
     def place_of(self, index: int) -> tuple[str | int, ...]:
-        """Where `shapes[index]` stands in the description: there, or in a group if `clrender.scene.assembly` put it."""
+        """Where `shapes[index]` stands in the description: there, or in a group if `clrender.scene.assembly` put it.
+
+        Parameters
+        ----------
+        index : int
+            In `shapes`.
+
+        Returns
+        -------
+        tuple of str or int
+        """
         return self._places[index] if self._places else ("shapes", index)
 
     def assembled(self, shapes: Sequence[tuple[tuple[str | int, ...], AnyShape]]) -> Scene:
-        """The same scene with these shapes, each with its place in the description, and no groups."""
+        """The same scene with these shapes, each with its place in the description, and no groups.
+
+        Parameters
+        ----------
+        shapes : sequence of (place, shape)
+            As `all_shapes` gives them.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy(update={"shapes": tuple(shape for _, shape in shapes), "groups": {}})
         scene._places = tuple(at for at, _ in shapes)
         return scene
@@ -172,7 +211,17 @@ class Scene(Part):
         return self._origin
 
     def with_origin(self, origin: Mapping[str, Any]) -> Scene:
-        """The same scene, which was loaded with these arguments, JSON-able."""
+        """The same scene, which was loaded with these arguments, JSON-able.
+
+        Parameters
+        ----------
+        origin : mapping
+            Arguments of `clrender.load` by their names.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._origin = dict(origin)
         return scene
@@ -188,6 +237,10 @@ class Scene(Part):
             Files are looked up in it and read only from it and below ...
         allow_paths : sequence of pathlib.Path
             ... and from these folders and below.
+
+        Returns
+        -------
+        Scene
         """
         scene = self.model_copy()
         scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
@@ -206,6 +259,10 @@ class Scene(Part):
             In place of the scene's own.
         emitting : bool
             Whether shapes keep their emission.
+
+        Returns
+        -------
+        Scene
         """
         shapes = tuple(
             Mesh(type="mesh", file=f"shape {i}", material=s.material, emission=s.emission if emitting else None)
@@ -216,19 +273,49 @@ class Scene(Part):
         return scene
 
     def with_meshes(self, meshes: Mapping[tuple[str, VertexColors | None], MeshData]) -> Scene:
-        """The same scene with these meshes in the place of files: `clrender.scene.Mesh.asset`."""
+        """The same scene with these meshes in the place of files: `clrender.scene.Mesh.asset`.
+
+        Parameters
+        ----------
+        meshes : mapping of (str, VertexColors or None) to MeshData
+            By the name of the file, and what its colours are taken for.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._meshes = {**self._meshes, **meshes}
         return scene
 
     def with_textures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
-        """The same scene with these pictures, each with its tiles, in the place of the files of these names."""
+        """The same scene with these pictures, each with its tiles, in the place of the files of these names.
+
+        Parameters
+        ----------
+        pictures : mapping of str to (StoredPicture, (tiles, 64) uint8)
+            By the name of the file.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._given, scene._store = {**self._given, **pictures}, []
         return scene
 
     def with_encoded_textures(self, pictures: Mapping[str, tuple[bytes, str]]) -> Scene:
-        """The same scene with these encoded pictures and their formats' endings in place of such files."""
+        """The same scene with these encoded pictures and their formats' endings in place of such files.
+
+        Parameters
+        ----------
+        pictures : mapping of str to (bytes, str)
+            By the name of the file: its content, and an ending such as ``.png``.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._encoded, scene._store = {**self._encoded, **pictures}, []
         return scene
@@ -243,6 +330,12 @@ class Scene(Part):
             As the scene has it.
         where : str
             Place of the name, for messages.
+
+        Yields
+        ------
+        file : binary file
+        ending : str
+            Such as ``.png``.
 
         Raises
         ------
@@ -269,13 +362,35 @@ class Scene(Part):
         return self._read_files
 
     def with_notes(self, notes: Iterable[str], read_files: Iterable[Path] = ()) -> Scene:
-        """The same scene with these notes, and these more files that were read."""
+        """The same scene with these notes, and these more files that were read.
+
+        Parameters
+        ----------
+        notes : iterable of str
+            Sentences.
+        read_files : iterable of pathlib.Path
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._notes, scene._read_files = tuple(notes), (*self._read_files, *read_files)
         return scene
 
     def with_default_light(self, light: EnvironmentLight, note: str) -> Scene:
-        """The same scene, which has no environment, in one that `with_environment` replaces, along with its note."""
+        """The same scene, which has no environment, in one that `with_environment` replaces, along with its note.
+
+        Parameters
+        ----------
+        light : EnvironmentLight
+        note : str
+            What is told of it.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy(update={"lights": (*self.lights, light)})
         scene._default_light = light, note
         return scene
@@ -317,6 +432,15 @@ class Scene(Part):
     def mesh(self, index: int) -> MeshData:
         """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.
 
+        Parameters
+        ----------
+        index : int
+            In `shapes`, of a mesh.
+
+        Returns
+        -------
+        MeshData
+
         Raises
         ------
         SceneError
@@ -327,7 +451,18 @@ class Scene(Part):
         return self.mesh_of(self.place_of(index), shape)
 
     def mesh_of(self, at: tuple[str | int, ...], shape: Mesh) -> MeshData:
-        """The same of a mesh of its own or of a group, as of `all_shapes`."""
+        """The same of a mesh of its own or of a group, as of `all_shapes`.
+
+        Parameters
+        ----------
+        at : tuple of str or int
+            Place of the mesh, for messages.
+        shape : Mesh
+
+        Returns
+        -------
+        MeshData
+        """
         if shape.file is None:
             return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
         if shape.asset not in self._meshes:
@@ -359,6 +494,15 @@ class Scene(Part):
     def transforms(self, index: int) -> TransformArray:
         """Where the instance `shapes[index]` stands; a file is read once and kept.
 
+        Parameters
+        ----------
+        index : int
+            In `shapes`, of an instance.
+
+        Returns
+        -------
+        TransformArray
+
         Raises
         ------
         SceneError
@@ -376,7 +520,17 @@ class Scene(Part):
         return self._transforms[instance.file]
 
     def with_transforms(self, arrays: Mapping[str, TransformArray]) -> Scene:
-        """The same scene with these in the place of the files of these names."""
+        """The same scene with these in the place of the files of these names.
+
+        Parameters
+        ----------
+        arrays : mapping of str to TransformArray
+            By the name of the file.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._transforms = {**self._transforms, **arrays}
         return scene
@@ -410,7 +564,17 @@ class Scene(Part):
         return self._pictures[light.file]
 
     def with_pictures(self, pictures: Mapping[str, EnvironmentPicture]) -> Scene:
-        """The same scene with these pictures in the place of the files of these names."""
+        """The same scene with these pictures in the place of the files of these names.
+
+        Parameters
+        ----------
+        pictures : mapping of str to EnvironmentPicture
+            By the name of the file.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._pictures = {**self._pictures, **pictures}
         return scene
@@ -424,6 +588,10 @@ class Scene(Part):
         ----------
         f_stop, shutter, iso : float, optional
             As of `clrender.exposure.photographic_stops`.
+
+        Returns
+        -------
+        Scene
 
         Raises
         ------
@@ -445,6 +613,15 @@ class Scene(Part):
     def ies_profile(self, index: int) -> IesProfile:
         """What the file of the IES light `lights[index]` says; it is read once and kept.
 
+        Parameters
+        ----------
+        index : int
+            In `lights`, of an IES light.
+
+        Returns
+        -------
+        IesProfile
+
         Raises
         ------
         SceneError
@@ -458,7 +635,17 @@ class Scene(Part):
         return self._profiles[light.file]
 
     def with_profiles(self, profiles: Mapping[str, IesProfile]) -> Scene:
-        """The same scene with these in the place of the IES files of these names."""
+        """The same scene with these in the place of the IES files of these names.
+
+        Parameters
+        ----------
+        profiles : mapping of str to IesProfile
+            By the name of the file.
+
+        Returns
+        -------
+        Scene
+        """
         scene = self.model_copy()
         scene._profiles = {**self._profiles, **profiles}
         return scene
@@ -471,6 +658,10 @@ class Scene(Part):
         environment : str, pathlib.Path or float
             A `.exr`, `.hdr` or `.png` in latitude and longitude, anywhere; or a radiance, W/(sr m2), the same from all
             around.
+
+        Returns
+        -------
+        Scene
 
         Raises
         ------

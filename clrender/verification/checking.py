@@ -69,11 +69,31 @@ class Verification:
         return not self.faults
 
     def detection(self, wrong: int) -> float:
-        """Probability that a fault would have been found in an image of which so many tiles are wrong."""
+        """Probability that a fault would have been found in an image of which so many tiles are wrong.
+
+        Parameters
+        ----------
+        wrong : int
+            Tiles of 16 by 16 pixels.
+
+        Returns
+        -------
+        float
+        """
         return detection_probability(self.tiles, self.checked, wrong)
 
     def detected(self, confidence: float = 0.95) -> int:
-        """The least number of wrong tiles that would have been noticed with that probability."""
+        """The least number of wrong tiles that would have been noticed with that probability.
+
+        Parameters
+        ----------
+        confidence : float
+            That probability.
+
+        Returns
+        -------
+        int
+        """
         return least_detected(self.tiles, self.checked, confidence)
 
 
@@ -103,7 +123,7 @@ def verify(
         Likewise, where the render was given one.
     allow_paths : sequence of path
         As of `clrender.load`.
-    device
+    device : str, int, Device, sequence of them, optional
         As of `clrender.render`; any will do.
     seed : int, optional
         Of the choice of tiles; by default the system's randomness, which nobody can foresee.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import json
 import re
 import runpy
@@ -9,8 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import click
-import numpy as np
 import pytest
+from doc_blocks import blocks
+from documented_files import make_files
 
 import clrender
 from clrender.cli import main
@@ -49,13 +51,8 @@ def options() -> dict[str, list[click.Parameter]]:
     return found
 
 
-def code(page: str, language: str = "") -> list[str]:
-    """Fenced blocks of a page."""
-    return re.findall(rf"```{language}\n(.*?)```", page, re.DOTALL)
-
-
 def test_the_scene_reference_is_that_of_the_schema() -> None:
-    page = (ROOT / "docs" / "scenes.md").read_text()
+    page = (ROOT / "docs" / "scene-file.md").read_text()
     assert generator("scene_docs")(page) == page, "run `python scripts/scene_docs.py`"
 
 
@@ -119,18 +116,42 @@ def test_every_integrator_is_in_its_tables() -> None:
         assert all(f"`{name}`" in page for name in INTEGRATORS)
 
 
-@pytest.mark.parametrize("place", ["README.md", "docs/scenes.md"])
-def test_scenes_of_the_documentation_are_valid(tmp_path: Path, place: str) -> None:
-    bunny = (ROOT / "scenes" / "bumpy.ply").read_bytes()
-    (tmp_path / "bunny.ply").write_bytes(bunny)
-    np.save(tmp_path / "warren.npy", np.eye(4)[None])
-    for picture in ("tiles.png", "tiles-normal.png"):
-        (tmp_path / picture).write_bytes((ROOT / "scenes" / picture).read_bytes())
-    blocks = code((ROOT / place).read_text(), "toml")
-    assert blocks
-    for block in blocks:
-        (tmp_path / "scene.toml").write_text(block)
-        assert clrender.load(str(tmp_path / "scene.toml")).shapes
+def completed(text: str) -> str:
+    """A scene of what may be a part of one: with a camera, and a ball of each material that no shape has."""
+    if not re.search(r"^\[camera\]", text, re.MULTILINE):
+        text += "\n[camera]\nposition = [0.0, 0.0, -3.0]\ntarget = [0.0, 0.0, 0.0]\n"
+    if not re.search(r"^\[\[shapes\]\]", text, re.MULTILINE):
+        for name in re.findall(r"^\[materials\.(\w+)\]", text, re.MULTILINE) or [""]:
+            text += '\n[[shapes]]\ntype = "sphere"\nradius = 1.0\n' + (f'material = "{name}"\n' if name else "")
+    return text
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_scenes_of_the_documentation_are_valid(tmp_path: Path, page: Path) -> None:
+    make_files(tmp_path)
+    for block in blocks(page):
+        if block.language == "toml":
+            (tmp_path / "scene.toml").write_text(completed(block.text))
+            if block.file == "wrong.toml":
+                with pytest.raises(clrender.SceneError):
+                    clrender.load(str(tmp_path / "scene.toml"))
+            else:
+                assert clrender.load(str(tmp_path / "scene.toml")).shapes
+
+
+def test_the_settings_are_those_of_the_table() -> None:
+    page = (ROOT / "docs" / "settings.md").read_text()
+    assert generator("setting_docs")(page) == page, "run `python scripts/setting_docs.py`"
+
+
+def test_every_picture_has_a_script_that_makes_it() -> None:
+    pytest.importorskip("matplotlib")
+    makers = runpy.run_path(str(ROOT / "scripts" / "figure_docs.py"))
+    patterns = [*makers["FIGURES"], *makers["OTHERS"]]
+    pictures = [path.name for path in (ROOT / "docs").iterdir() if path.suffix in (".jpg", ".png", ".svg")]
+    for name in pictures:
+        assert sum(fnmatch.fnmatch(name, pattern) for pattern in patterns) == 1, name
+    assert all(fnmatch.filter(pictures, pattern) for pattern in patterns)
 
 
 def test_built_in_scenes_are_counted_right() -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from doc_blocks import blocks
+from documented_files import make_files
 
 import clrender
 
@@ -27,6 +29,26 @@ def run(block: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, 
     names: dict[str, object] = {}
     exec(compile(block, "documentation", "exec"), names)
     return names
+
+
+PAGES = [
+    page
+    for page in sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+    if page.name != "film-format.md" and any(each.language == "python" for each in blocks(page))
+]
+"""Those with Python; the page on films has a test of its own below."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CLRENDER_DEVICE", DEVICE)
+    make_files(tmp_path)
+    names: dict[str, object] = {"__name__": "documentation"}
+    for block in blocks(page):
+        if block.language == "python" and block.not_run is None:
+            text = re.sub(r"spp=\d+(, size=\(\d+, \d+\))?", "spp=2, size=(24, 16)", block.text)
+            exec(compile(text.replace('device="all"', ""), f"{page.name}:{block.line}", "exec"), names)
 
 
 def test_the_readme_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,64 @@
+"""What the scripts that make pictures of docs/ share: renders as they are shown, and pictures side by side."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+import clrender
+from clrender.image.tone_map import to_display
+
+__all__ = ["DOCS", "shown", "shown_linear", "write_sheet"]
+
+DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
+
+
+def shown(image: clrender.RenderedImage) -> Image.Image:
+    """A render as a viewer shows it.
+
+    Parameters
+    ----------
+    image : RenderedImage
+    """
+    return Image.open(io.BytesIO(image._repr_png_())).convert("RGB")
+
+
+def shown_linear(linear: npt.NDArray[np.float32]) -> Image.Image:
+    """Radiance on a screen.
+
+    Parameters
+    ----------
+    linear : (height, width, 3) float32
+        Radiance, linear Rec. 709.
+    """
+    return Image.fromarray(to_display(linear, "srgb"))
+
+
+def write_sheet(name: str, rows: Sequence[Sequence[Image.Image]], quality: int = 85, gap: int = 4) -> None:
+    """Write pictures of one size in rows, with white between them, to docs/.
+
+    Parameters
+    ----------
+    name : str
+        Of the file.
+    rows : sequence of sequences of Image
+    quality : int
+        Of the JPEG.
+    gap : int
+        Pixels between two pictures.
+    """
+    width, height = rows[0][0].size
+    size = (len(rows[0]) * (width + gap) - gap, len(rows) * (height + gap) - gap)
+    sheet = Image.new("RGB", size, "white")
+    for row, line in enumerate(rows):
+        for column, picture in enumerate(line):
+            sheet.paste(picture, (column * (width + gap), row * (height + gap)))
+    path = DOCS / name
+    sheet.save(path, quality=quality, optimize=True)
+    print(f"{name}: {path.stat().st_size / 1024:.0f} KiB")

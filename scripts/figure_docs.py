@@ -1,0 +1,219 @@
+"""Make the pictures of docs/. Arguments: names of files, or patterns such as `how-*` (all). `scripts/docs --figures`.
+
+What only one page needs to know is made by that page's own script, which is called here.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from doc_blocks import blocks
+from doc_pictures import DOCS, shown, shown_linear, write_sheet
+
+import clrender
+from clrender.drawing.svg import BLUE, GREY, ORANGE
+from clrender.image.compare import relative_squared_error
+from clrender.report.plots import Series, plot
+from clrender.scene.camera import Camera
+from clrender.scene.materials import Conductor
+from clrender.scene.shapes import Quad, Sphere
+
+__all__ = ["FIGURES", "OTHERS"]
+
+_SCRIPTS: Final = DOCS.parent / "scripts"
+_Vector = npt.NDArray[np.float64]
+
+
+def _builtin(name: str, **settings: Any) -> Callable[[str], None]:
+    """A built-in scene as it is."""
+
+    def make(file: str) -> None:
+        write_sheet(file, [[shown(clrender.render(clrender.load(name), **settings))]])
+
+    return make
+
+
+def _denoise(file: str) -> None:
+    image = clrender.render(clrender.load("room"), spp=16, size=(400, 400), denoise=True)
+    assert image.denoised is not None
+    write_sheet(file, [[shown_linear(image.linear), shown_linear(image.denoised)]], gap=0)
+
+
+def _first(file: str) -> None:
+    """The scene that docs/start.md writes."""
+    (block,) = [each for each in blocks(DOCS / "start.md") if each.file == "first.toml"]
+    scene = DOCS / ".first.toml"
+    scene.write_text(block.text)
+    try:
+        write_sheet(file, [[shown(clrender.render(clrender.load(str(scene)), spp=256))]])
+    finally:
+        scene.unlink()
+
+
+def _depth(file: str) -> None:
+    room = clrender.load("room")
+    wanted: dict[str, Any] = {"size": (240, 240), "spp": 256}
+    write_sheet(file, [[shown(clrender.render(room, max_depth=depth, **wanted)) for depth in (0, 1, 2, None)]])
+
+
+def _samples(file: str) -> None:
+    room = clrender.load("room")
+    with clrender.Session() as session:
+        pictures = [shown(session.render(room, spp=spp, size=(192, 192))) for spp in (1, 4, 16, 64, 256)]
+    write_sheet(file, [pictures])
+
+
+def _strategies(file: str) -> None:
+    scene = _plates()
+    with clrender.Session() as session:
+        pictures = [
+            shown(session.render(scene, sampling=name, spp=16, size=(320, 240))) for name in ("light", "bsdf", "mis")
+        ]
+    write_sheet(file, [pictures])
+
+
+def _plates() -> clrender.Scene:
+    """Plates that reflect four spheres of equal power into the camera; after Veach's thesis (1997), figure 9.2."""
+    eye, lights = np.array([0.0, 2.0, 9.0]), np.array([0.0, 4.6, -1.5])
+    shapes: list[Quad | Sphere] = []
+    materials = {}
+    for k, (roughness, place) in enumerate(zip((0.55, 0.4, 0.25, 0.12), np.linspace(0.0, 1.0, 4), strict=True)):
+        middle = np.array([0.0, 1.9 - 2.1 * place, -0.6 + 3.0 * place])
+        normal = _unit(_unit(eye - middle) + _unit(lights - middle))
+        across = np.array([5.6, 0.0, 0.0])
+        down = 0.95 * np.cross(_unit(across), normal) * -1.0  # across x down points where the normal does
+        materials[f"plate-{k}"] = Conductor(type="conductor", metal="Al", roughness=roughness)
+        origin = middle - across / 2.0 - down / 2.0
+        shapes.append(
+            Quad(type="quad", origin=_three(origin), edge_u=_three(across), edge_v=_three(down), material=f"plate-{k}")
+        )
+    for x, radius in zip((-2.2, -0.8, 0.6, 2.0), (0.03, 0.1, 0.28, 0.6), strict=True):
+        radiance = 0.2 / radius**2
+        shapes.append(
+            Sphere(
+                type="sphere", center=(x, lights[1], lights[2]), radius=radius, emission=(radiance, radiance, radiance)
+            )
+        )
+    camera = Camera(position=_three(eye), target=(0.0, 1.6, 0.0), vertical_fov=44.0)
+    return clrender.Scene(camera=camera, materials=materials, shapes=tuple(shapes))
+
+
+def _unit(vector: _Vector) -> _Vector:
+    return np.asarray(vector / np.linalg.norm(vector), np.float64)
+
+
+def _three(vector: _Vector) -> tuple[float, float, float]:
+    return (float(vector[0]), float(vector[1]), float(vector[2]))
+
+
+_COUNTS: Final = (1, 4, 16, 64, 256)
+_SEEDS: Final = 4
+
+
+def _sampler(file: str) -> None:
+    scene = clrender.load("cornell")
+    wanted: dict[str, Any] = {"size": (64, 64)}
+    series = []
+    with clrender.Session() as session:
+        truth = session.render(scene, spp=32768, seed=999, **wanted).linear.astype(np.float64)
+        for title, colour, more in (
+            ("independent samples", ORANGE, {"replicate_spp": 1}),
+            ("scrambled Sobol points", BLUE, {}),
+        ):
+            points = []
+            for spp in _COUNTS:
+                images = [session.render(scene, spp=spp, seed=seed, **wanted, **more) for seed in range(_SEEDS)]
+                errors = [relative_squared_error(image.linear - truth, truth) for image in images]
+                points.append((float(spp), float(np.mean(errors)), min(errors), max(errors)))
+            series.append(Series(title, points, colour))
+    first = series[0].points[0][1]
+    series.append(Series("1/N", [(float(n), first / n, first / n, first / n) for n in _COUNTS], GREY, "--"))
+    caption = "relMSE against samples per pixel"
+    drawn = plot("sampler", caption, ("samples per pixel", "relMSE"), series, _COUNTS)
+    (DOCS / file).write_text(drawn.svg + "\n")
+    print(f"{file}: " + "; ".join(f"{each.title} {each.points[-1][1]:.3g}" for each in series))
+
+
+def _error(file: str) -> None:
+    room = clrender.load("room")
+    wanted: dict[str, Any] = {"size": (240, 240)}
+    with clrender.Session() as session:
+        image = session.render(room, spp=256, aov=("stderr",), **wanted)
+        truth = session.render(room, spp=4096, seed=999, **wanted).linear
+    stated, true = _luminance(image.aovs["stderr"]), _luminance(np.abs(image.linear - truth))
+    print(f"{file}: root mean square: stated {_rms(stated):.4f}, true {_rms(true):.4f}")
+    write_sheet(file, [[shown(image), _in_colour(stated), _in_colour(true)]])
+
+
+def _luminance(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+    return np.asarray(linear @ np.array([0.2126, 0.7152, 0.0722]), np.float64)
+
+
+def _rms(values: npt.NDArray[np.float64]) -> float:
+    return math.sqrt(float((values**2).mean()))
+
+
+def _in_colour(values: npt.NDArray[np.float64]) -> Any:
+    """Numbers from 0.001 (black) to 0.3 (white), by their logarithm."""
+    from matplotlib import colormaps
+    from PIL import Image
+
+    share = np.log(np.maximum(values, 1e-3) / 1e-3) / math.log(0.3 / 1e-3)
+    return Image.fromarray(np.uint8(255.0 * colormaps["inferno"](np.clip(share, 0.0, 1.0))[..., :3]))
+
+
+FIGURES: Final[Mapping[str, Callable[[str], None]]] = {
+    "room.jpg": _builtin("room", size=(480, 480), spp=256),
+    "cornell.jpg": _builtin("cornell", size=(480, 480), spp=256),
+    "radiosity.jpg": _builtin("room-diffuse", size=(480, 480), spp=16, integrator="radiosity"),
+    "denoise.jpg": _denoise,
+    "start-first.jpg": _first,
+    "how-depth.jpg": _depth,
+    "how-samples.jpg": _samples,
+    "how-strategies.jpg": _strategies,
+    "how-sampler.svg": _sampler,
+    "how-error.jpg": _error,
+}
+"""Files, and what makes them."""
+
+OTHERS: Final[Mapping[str, Sequence[str]]] = {
+    "gallery-*.jpg": ["gallery_docs.py"],
+    "integrators.jpg": ["integrator_docs.py", "pictures"],
+    "caustic.jpg": ["integrator_docs.py", "caustic"],
+    "speed.jpg": ["speed_docs.py", "pictures"],
+    "speed-growth.svg": ["speed_docs.py"],
+    "report-*": ["report_docs"],
+}
+"""Patterns of files that scripts of their own make, and how these are called."""
+
+
+def main() -> int:
+    """Make what is asked for, or all."""
+    wanted = sys.argv[1:] or ["*"]
+    found = [name for name in [*FIGURES, *OTHERS] if any(_asked(name, each) for each in wanted)]
+    if not found:
+        print(f"there is no picture of that name; choose of {', '.join([*FIGURES, *OTHERS])}", file=sys.stderr)
+        return 2
+    for name in found:
+        if name in FIGURES:
+            FIGURES[name](name)
+        else:
+            script, *arguments = OTHERS[name]
+            python = [sys.executable] if script.endswith(".py") else []
+            subprocess.run([*python, str(_SCRIPTS / script), *arguments], check=True)
+    return 0
+
+
+def _asked(name: str, wanted: str) -> bool:
+    return fnmatch.fnmatch(name, wanted) or fnmatch.fnmatch(wanted, name)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

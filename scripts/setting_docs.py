@@ -1,0 +1,58 @@
+"""Bring the tables of docs/settings.md up to date with the table of settings (`clrender.settings.SETTINGS`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from clrender.settings import IMAGE, SETTINGS, STOP, WORK, Setting
+
+__all__ = ["PAGE", "current", "tables"]
+
+PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
+_BEGIN: Final = "<!-- made by scripts/setting_docs.py: begin -->"
+_END: Final = "<!-- end -->"
+_GROUPS: Final = {
+    IMAGE: ("What decides the image", "They are part of the request: with another value it is another image."),
+    STOP: ("When enough is done", "They say how many samples there are."),
+    WORK: ("How the work is cut", "None of them changes a bit of the image."),
+}
+
+
+def main() -> int:
+    """Rewrite the page."""
+    PAGE.write_text(current(PAGE.read_text()))
+    return 0
+
+
+def current(page: str) -> str:
+    """The page with its tables made anew.
+
+    Parameters
+    ----------
+    page : str
+        Text with the two marks between which the tables stand.
+    """
+    before, rest = page.split(_BEGIN)
+    return f"{before}{_BEGIN}\n\n{tables()}\n{_END}{rest.split(_END)[1]}"
+
+
+def tables() -> str:
+    """A section of Markdown for each group of settings."""
+    parts: list[str] = []
+    for group, (title, about) in _GROUPS.items():
+        rows = [_row(setting) for setting in SETTINGS.values() if setting.group == group]
+        head = ["| name | option | table of the scene file | value | default | |", "|---|---|---|---|---|---|"]
+        parts += [f"## {title}", "", about, "", *head, *rows, ""]
+    return "\n".join(parts)
+
+
+def _row(setting: Setting) -> str:
+    option = f"`{setting.option}`" if setting.option else "`--size`" if setting.section == "image" else "–"
+    table = f"`[{setting.section}]`" if setting.section else "–"
+    cells = [f"`{setting.name}`", option, table, setting.domain.words, setting.default_words, setting.help]
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
