@@ -50,6 +50,7 @@ _HALF_MOST: Final = 65504.0
 _SHARE: Final = 8.0
 """A layer is made anew after so many times what making it took: watching must not slow the render down."""
 _LEAST_SECONDS: Final = 1.0 / 30.0
+_MOST_SECONDS: Final = 2.0
 
 
 @dataclass
@@ -158,7 +159,7 @@ class Frames:
             if frame is not None:
                 self._kept[key] = frame
                 now = time.monotonic()
-                self._not_before[key] = now + max(_LEAST_SECONDS, _SHARE * (now - begin))
+                self._not_before[key] = now + min(max(_LEAST_SECONDS, _SHARE * (now - begin)), _MOST_SECONDS)
             return frame
 
     def release(self) -> None:
@@ -216,8 +217,8 @@ def _image(shot: Shot, step: int) -> tuple[_Pixels | None, bool]:
     film, preview = shot.film, shot.preview
     if film is None or not film.changes:
         return preview, preview is not None
+    empty = film.counts[::step, ::step] == 0  # before the sums: they only gain samples meanwhile
     pixels = film.snapshot(-(-max(shot.width, shot.height) // step))
-    empty = film.counts[::step, ::step] == 0
     if preview is not None and empty.any():
         rows, columns = np.nonzero(empty)
         height, width = preview.shape[:2]
