@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 import clrender
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.film.ledger import Ledger
+from clrender.film.running import RunningFilm
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.settings import SETTINGS
 from clrender.view import tables
@@ -445,3 +446,20 @@ def test_the_scene_of_a_refused_material_is_not_kept(subject: Subject) -> None:
     with pytest.raises(SceneError):
         subject.with_material("white", {"opacity_cutoff": 0.5})
     assert subject.checked.scene.materials["white"].opacity_cutoff is None
+
+
+def test_pixels_without_a_sample_show_the_coarse_picture_also_where_one_comes_meanwhile() -> None:
+    class Busy(RunningFilm):
+        """Has a sample of every pixel as soon as its sums are read."""
+
+        def snapshot(self, most: int = 512) -> Any:
+            pixels = super().snapshot(most)
+            self.counts[:] = 1
+            return pixels
+
+    film = Busy(8, 4)
+    film.counts[:, :4], film.changes = 1, 1
+    shot = Shot(1, 8, 4, 4, preview=np.full((2, 4, 3), 3.0, np.float32), film=film, changes=1)
+    frame = Frames().newest(shot, "image", 16, (0, 0))
+    assert frame is not None and not frame.coarse
+    assert (frame.pixels[:, :4] == 0.0).all() and (frame.pixels[:, 4:] == 3.0).all()
