@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_VIEWERS", "Audience"]
 
-MOST_VIEWERS: Final = 32
+MOST_VIEWERS: Final = 16
 _NOTICES: Final = 50
 _LASTING: Final = ("hello", "scene", "state", "progress")
 """Messages of which the newest is told to whoever comes later, in this order."""

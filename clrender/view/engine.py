@@ -80,6 +80,7 @@ class Engine:
         self._subject = Subject.of(scene, settings)
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
+        self._parting = False
         self._moves: dict[int, int | str | None] = {}
         self._problems: dict[str, str] = {}
         self._told = self._looked = 0.0
@@ -102,12 +103,18 @@ class Engine:
     def __exit__(self, *details: Any) -> None:
         self.close()
 
+    def say_goodbye(self, reason: str = "the view has ended") -> None:
+        """Tell viewers that it ends, which `close` does."""
+        if not self._parting:
+            self._parting = True
+            self._audience.say_goodbye(reason)
+
     def close(self, reason: str = "the view has ended") -> None:
         """End: viewers are told, what is on the devices is released."""
+        self.say_goodbye(reason)
         self._seen.set()
         if self._watcher is not None:
             self._watcher.close()
-        self._audience.say_goodbye(reason)
         self._inbox.close()
         self._thread.join(_PATIENCE)
         self._audience.end(reason)
@@ -143,7 +150,7 @@ class Engine:
     def disconnect(self, viewer: Viewer) -> None:
         """Somebody looks on no more."""
         self._audience.leave(viewer)
-        self.nudge()
+        self._inbox.call(lambda: self._moves.pop(viewer.number, None))
 
     def post(self, viewer: Viewer, message: messages.Message) -> None:
         """A viewer's message for the thread that renders; raises `UsageError` where too many wait."""
@@ -222,7 +229,7 @@ class Engine:
         if subject.restarts(before) or self._problems:
             self._progressive.restart(subject.job, self._moves, moved=moved)
         else:
-            self._progressive.extend(subject.job)
+            self._progressive.extend(subject.job, self._moves)
         if subject.checked.scene is not before.checked.scene:
             self._audience.tell("scene", tables.scene(subject), again=False)
 

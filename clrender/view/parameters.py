@@ -35,7 +35,7 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
         parts = [_plain(part, definitions) for part in schema.get("anyOf", schema.get("oneOf", []))]
         some = [part for part in parts if part is not None]
         triples = [part for part in some if part["type"] == "array"]
-        return (triples or some or [None])[0]
+        return next(iter(triples or some), None)
     if "enum" in schema or "const" in schema:
         return {"type": "string", "enum": schema.get("enum", [schema.get("const")])}
     if schema.get("type") in ("number", "integer", "boolean"):

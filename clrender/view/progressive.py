@@ -100,12 +100,15 @@ class Progressive:
         self.shot = Shot(revision, settings.width, settings.height, settings.spp, moves=dict(moves))
         self._steps = self._previews(job)
 
-    def extend(self, job: RenderJob) -> None:
+    def extend(self, job: RenderJob, moves: Mapping[int, int | str | None]) -> None:
         """Go on with the same image, of which more or fewer samples are wanted."""
         shot = self.shot
+        if shot is not None and shot.moves != moves:
+            shot.moves, shot.changes = dict(moves), shot.changes + 1
+            self._changed()
         taken = 0 if shot is None or shot.film is None else int(shot.film.ledger.taken().max(initial=0))
         if shot is None or job.settings.spp < taken:
-            self.restart(job, shot.moves if shot is not None else {}, moved=True)
+            self.restart(job, moves, moved=True)
         else:
             self._job, shot.spp, shot.sha256, shot.still = job, job.settings.spp, None, False
 
@@ -262,6 +265,12 @@ class _Asked:
 def _smaller(job: RenderJob, step: int, spp: int, aov: tuple[str, ...] = ()) -> RenderJob:
     """The same job with fewer pixels and so many samples of each, and without errors."""
     settings = job.settings
-    sides = {"width": -(-settings.width // step), "height": -(-settings.height // step)}
-    plain = dataclasses.replace(settings, **sides, spp=spp, replicate_spp=None, error=None, time_limit=None)
+    plain = dataclasses.replace(
+        settings,
+        width=-(-settings.width // step),
+        height=-(-settings.height // step),
+        spp=spp,
+        replicate_spp=None,
+        error=None,
+    )
     return dataclasses.replace(job, settings=plain, first_sample=0, sample_count=spp, aov=aov, denoise=False)

@@ -21,6 +21,7 @@ from clrender.view.subject import camera_toml
 
 try:
     import uvicorn
+    import websockets  # noqa: F401  # which uvicorn imports only when it is asked for it
     from starlette.applications import Starlette
     from starlette.requests import Request
     from starlette.responses import PlainTextResponse, Response
@@ -37,6 +38,8 @@ __all__ = ["listen", "serve"]
 
 _MOST_CONNECTIONS: Final = 128
 """At the same time, whatever they ask; more are hung up on."""
+_GOODBYE_SECONDS: Final = 0.1
+"""For what is still to be sent at the end."""
 _SILENT_SECONDS: Final = 10.0
 """How long a connection may stay open without having asked anything."""
 _TYPES: Final = {
@@ -73,6 +76,19 @@ class _Connection(H11Protocol):
             self.transport.abort()
 
 
+class _Server(uvicorn.Server):
+    """Says goodbye before it hangs up."""
+
+    def __init__(self, config: uvicorn.Config, engine: Engine) -> None:
+        super().__init__(config)
+        self._engine = engine
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._engine.say_goodbye()
+        await asyncio.sleep(_GOODBYE_SECONDS)
+        await super().shutdown(sockets)
+
+
 class _Guarded:
     """Answers only those whom the guard lets pass, and adds what browsers are to keep to."""
 
@@ -84,7 +100,7 @@ class _Guarded:
             await self._app(scope, receive, send)
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        asked = Request(scope | {"type": "http", "method": "GET"})
+        asked = Request({**scope, "type": "http", "method": "GET"})
         token = asked.query_params.get("token")
 
         async def send_with_headers(message: Message) -> None:
@@ -178,7 +194,7 @@ def serve(
     )
     shown = "localhost" if host == "localhost" else f"[{host}]" if ":" in host else host
     ready(f"http://{shown}:{port}/?token={token}")
-    uvicorn.Server(config).run(sockets=[listening])
+    _Server(config, engine).run(sockets=[listening])
 
 
 async def _page(request: Request) -> Response:

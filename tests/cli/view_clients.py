@@ -65,6 +65,7 @@ class _Talks:
 
     def __init__(self) -> None:
         self.newest: dict[str, Received] = {}
+        self._done = (0, 0)
 
     def say(self, kind: str, **content: Any) -> None:
         raise NotImplementedError
@@ -88,9 +89,15 @@ class _Talks:
         return self.until(lambda m: m.kind == kind and all(m.content.get(k) == v for k, v in content.items()))
 
     def until_done(self) -> str:
-        """The hash of the image, once all samples are there."""
-        found: str = self.until(lambda m: m.kind == "progress" and m.content["sha256"] is not None).content["sha256"]
-        return found
+        """The hash of the image, once all samples are there, of another than was waited for last."""
+
+        def finished(m: Received) -> bool:
+            told = m.content
+            return m.kind == "progress" and bool(told["sha256"]) and (told["revision"], told["spp"]) != self._done
+
+        told = self.until(finished).content
+        self._done = told["revision"], told["spp"]
+        return str(told["sha256"])
 
 
 class Onlooker(_Talks):
