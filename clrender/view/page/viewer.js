@@ -34,7 +34,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const focus = createFocus(hub, status.say);
   const probe = createProbe(hub, picture, (reply) => {
     if (reply.material === null) return;
-    materialPanel.choose(reply.material);
+    materialPanel.choose(reply.material, reply.parameters);
     sections.material.open = true;
   });
   const cameraPanel = createCameraPanel(hub, status.say, focus.button, camera);
