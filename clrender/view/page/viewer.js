@@ -79,8 +79,8 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const stage = make(
     "div",
     { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "image that one can move in", "aria-label": "The view. Arrow keys orbit, plus and minus zoom, P probes, question mark lists all keys." },
-    make("div", { class: "cv-room" }, picture.box),
     status.banner,
+    make("div", { class: "cv-room" }, picture.box),
     probe.card,
     picture.legend,
     tools,
