@@ -15,7 +15,8 @@ from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "cli"))
 
-from view_support import Server, chromium, view_of
+from view_browser import chromium, view_of
+from view_clients import Server
 
 __all__: list[str] = []
 
@@ -43,20 +44,27 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scene", nargs="?", default="room")
     parser.add_argument("--size", default="640x360")
+    parser.add_argument("-d", "--device")
     parser.add_argument("--orbits", type=int, default=20)
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder for pictures")
     chosen = parser.parse_args()
     chosen.output.mkdir(parents=True, exist_ok=True)
     with chromium() as browser:
-        server = Server(chosen.scene, "--size", chosen.size, "--spp", "4096")
-        try:
+        arguments = (
+            chosen.scene,
+            "--size",
+            chosen.size,
+            "--spp",
+            "4096",
+            *(["-d", chosen.device] if chosen.device else []),
+        )
+        with Server(*arguments) as server:
             firsts = [_first(browser, server) for _ in range(5)]
             orbits = _orbits(browser, server, chosen.orbits)
             for scheme in ("dark", "light"):
                 for name, width, height in (("desktop", 1440, 900), ("phone", 390, 844)):
                     _pictures(browser, server, chosen.output, f"{name}-{scheme}", scheme, (width, height))
-        finally:
-            server.close()
+            server.end()
     told = {"scene": chosen.scene, "size": chosen.size, "first_ms": firsts, "orbit_ms": orbits}
     told |= {"first_median_ms": statistics.median(firsts), "orbit_median_ms": statistics.median(orbits)}
     print(json.dumps(told))
@@ -79,12 +87,10 @@ def _orbits(browser: Any, server: Server, count: int) -> list[float]:
         return [round(each, 1) for each in times]
 
 
-def _pictures(
-    browser: Any, server: Server, folder: Path, name: str, scheme: str, size: tuple[int, int]
-) -> None:
+def _pictures(browser: Any, server: Server, folder: Path, name: str, scheme: str, size: tuple[int, int]) -> None:
     options = {"viewport": {"width": size[0], "height": size[1]}, "color_scheme": scheme}
     with view_of(browser, server, name, **options) as view:
-        view.wait("view.picture.frame() !== undefined && view.hub.newest('progress')?.samples > 12", seconds=120)
+        view.wait("view.picture.frame() !== undefined && view.hub.newest('progress')?.samples > 4", seconds=120)
         page = view.page
         page.screenshot(path=folder / f"{name}.png")
         box = page.locator(".cv-canvas").bounding_box()

@@ -30,6 +30,14 @@ __all__ = ["Onlooker", "Page", "Received", "Server"]
 _SECONDS = 120.0
 """Longer than anything should take here, and a test that waits so long has failed."""
 
+_WITH_TOKEN = """
+import secrets, sys
+from clrender.__main__ import main
+token = sys.argv.pop(1)
+secrets.token_urlsafe = lambda length: token
+main()
+"""
+
 
 @dataclass
 class Received:
@@ -137,11 +145,14 @@ class Page(_Talks):
 
 
 class Server:
-    """`clrender view` in a process of its own."""
+    """`clrender view` in a process of its own; with a token, at the address of an earlier one."""
 
-    def __init__(self, *arguments: str, folder: Path | None = None, open_: bool = False) -> None:
+    def __init__(
+        self, *arguments: str, folder: Path | None = None, open_: bool = False, token: str | None = None
+    ) -> None:
+        program = ["-m", "clrender"] if token is None else ["-c", _WITH_TOKEN, token]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "clrender", "view", *arguments, *([] if open_ else ["--no-open"])],
+            [sys.executable, *program, "view", *arguments, *([] if open_ else ["--no-open"])],
             cwd=folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -4,7 +4,7 @@ import { fly, look, orbit, pan, zoom, distanceToTarget } from "./camera.js";
 import { make } from "./elements.js";
 import { createField } from "./fields.js";
 
-const SETTLED = 400; // milliseconds after the last move until the engine's camera counts again
+const LONGEST_WAIT = 3000; // milliseconds for the engine to take over a camera; then its own counts again
 const FLY_RATE = 0.6; // of the distance to the target, a second
 const NUMBERS = [
   ["vertical_fov", "Field of view", "Vertical, degrees", { type: "number", exclusiveMinimum: 0 }],
@@ -16,29 +16,44 @@ const NUMBERS = [
 /** The camera in motion: what gestures change, sent once a screen frame. */
 export function createCamera(hub) {
   let camera = null;
-  let busyUntil = 0;
-  let scheduled = false;
+  let scheduled = false; // moved, and not sent yet
+  let awaited = null; // what was sent, until the engine says the same
   let lastSent = null;
+  let timer = null;
 
-  const settle = () => {
-    if (performance.now() >= busyUntil) camera = hub.newest("state")?.camera ?? camera;
-  };
+  // A state that comes while one drags is of an earlier camera, and must not throw the view back.
+  function settle() {
+    const told = hub.newest("state")?.camera;
+    if (scheduled || told === undefined) return;
+    const isTaken = awaited === null || Object.entries(awaited).every(([name, value]) => String(told[name]) === String(value));
+    if (!isTaken) return;
+    awaited = null;
+    camera = told;
+  }
   hub.on("state", settle);
+
+  function giveUp() {
+    awaited = null;
+    settle();
+  }
 
   function send() {
     scheduled = false;
     const { position, target, up } = camera;
-    const size = camera.type === "orthographic" ? { height: camera.height } : {};
-    lastSent = hub.send({ type: "camera", camera: { position, target, up, ...size } });
+    awaited = { position, target, up, ...(camera.type === "orthographic" ? { height: camera.height } : {}) };
+    lastSent = hub.send({ type: "camera", camera: awaited }, () => {
+      giveUp(); // the only reply is a refusal
+      return false;
+    });
+    clearTimeout(timer);
+    timer = setTimeout(giveUp, LONGEST_WAIT);
   }
 
   function move(change) {
     if (camera === null) return;
     camera = change(camera);
-    busyUntil = performance.now() + SETTLED;
     if (!scheduled) requestAnimationFrame(send);
     scheduled = true;
-    setTimeout(settle, SETTLED + 10);
   }
 
   return {
@@ -53,7 +68,10 @@ export function createCamera(hub) {
       }),
     /** Of the newest camera that was sent: `answers` of frames tells which one they show. */
     lastSent: () => lastSent,
-    reset: () => hub.send({ type: "reset", what: "camera" }),
+    reset() {
+      awaited = null;
+      hub.send({ type: "reset", what: "camera" });
+    },
   };
 }
 

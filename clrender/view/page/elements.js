@@ -42,12 +42,13 @@ export function readableCount(value) {
   return String(Math.round(value));
 }
 
-/** Seconds for reading: 0.42 s, 12 s, 3:05, 1:02:03. */
+/** Seconds for reading: 0.42 s, 12 s, 3:05, 1:02:03, 4 days. */
 export function readableTime(seconds) {
   if (seconds < 10) return `${seconds.toFixed(1)} s`;
   if (seconds < 60) return `${Math.round(seconds)} s`;
   const whole = Math.round(seconds);
   const two = (number) => String(number).padStart(2, "0");
+  if (whole >= 48 * 3600) return `${Math.round(whole / 86400)} days`;
   const [hours, minutes] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60];
   return hours ? `${hours}:${two(minutes)}:${two(whole % 60)}` : `${minutes}:${two(whole % 60)}`;
 }

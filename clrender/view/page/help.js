@@ -28,7 +28,7 @@ export function createHelp() {
   const rows = LINES.flatMap(([keys, words]) => [make("dt", {}, keys), make("dd", {}, words)]);
   const dialog = make("dialog", { class: "cv-help", "aria-label": "Keys and gestures" });
   const close = make("button", { type: "button", class: "cv-close", "aria-label": "Close", onclick: () => dialog.close() }, "×");
-  dialog.append(close, make("h2", {}, "Keys and gestures"), make("p", { class: "cv-note" }, "Keys hold while the image has the focus."), make("dl", {}, ...rows));
+  dialog.append(close, make("h2", {}, "Keys and gestures"), make("p", { class: "cv-note" }, "Keys hold while no field or button has the focus."), make("dl", {}, ...rows));
   dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
   return dialog;
 }

@@ -5,7 +5,6 @@ import { make } from "./elements.js";
 import { legendOf, lookOf } from "./looks.js";
 
 const LARGEST_SIDE = 2048; // pixels, of frames and of the canvas
-const NARROW_SIDE = 1024; // on a narrow screen
 const PIXELATED_FROM = 4; // times: from there pixels are shown as squares
 
 /**
@@ -57,8 +56,7 @@ export function createPicture(hub, choice, plain) {
 
   function show() {
     const layers = [choice.layer, choice.compared].filter((name) => name !== null);
-    const narrow = Math.max(box.parentElement?.clientWidth ?? 0, 1) * window.devicePixelRatio < NARROW_SIDE / 2;
-    hub.send({ type: "show", layers, max_side: narrow ? NARROW_SIDE : LARGEST_SIDE });
+    hub.send({ type: "show", layers, max_side: LARGEST_SIDE });
     [...frames.keys()].filter((name) => !layers.includes(name)).forEach((name) => frames.delete(name));
     const isSplit = choice.compared !== null;
     for (const element of [split, divider, ...names]) element.hidden = !isSplit;
@@ -100,11 +98,11 @@ export function createPicture(hub, choice, plain) {
   }
 
   function fitBox() {
-    const stage = box.parentElement;
-    if (stage === null || stage.clientWidth === 0) return;
-    // A narrow page makes the stage as high as the image is at its width.
-    stage.style.setProperty("--cv-ratio", String(size[0] / size[1]));
-    const scale = Math.min(stage.clientWidth / size[0], stage.clientHeight / size[1]);
+    const room = box.parentElement;
+    if (room === null || room.clientWidth === 0) return;
+    // A narrow page makes the room as high as the image is at its width.
+    room.style.setProperty("--cv-ratio", String(size[0] / size[1]));
+    const scale = Math.min(room.clientWidth / size[0], room.clientHeight / size[1]);
     box.style.width = `${Math.floor(size[0] * scale)}px`;
     box.style.height = `${Math.floor(size[1] * scale)}px`;
     box.classList.toggle("cv-pixelated", scale >= PIXELATED_FROM);
@@ -127,6 +125,8 @@ export function createPicture(hub, choice, plain) {
     size: () => size,
     /** The newest frame of the layer that is shown. */
     frame: () => frames.get(choice.layer),
+    /** Whether all layers that are shown are there. */
+    isWhole: () => frames.has(choice.layer) && (choice.compared === null || frames.has(choice.compared)),
     onDrawn: (listener) => drawnListeners.push(listener),
     /** What is shown, as a PNG file. */
     snapshot() {

@@ -8,9 +8,9 @@ const QUIET = 500; // milliseconds that the probe must rest before it is read al
 /** The probe: its card, and what gestures tell it. */
 export function createProbe(hub, picture, picked) {
   const rows = new Map(
-    ["pixel", "radiance", "error", "object", "material", "depth"].map((name) => [name, make("dd", {})]),
+    ["pixel", "depth", "object", "material", "radiance", "error"].map((name) => [name, make("dd", { class: `cv-${name}` })]),
   );
-  const words = { pixel: "Pixel", radiance: "Radiance", error: "± std. error", object: "Object", material: "Material", depth: "Depth" };
+  const words = { pixel: "Pixel", radiance: "Radiance", error: "Std. error", object: "Object", material: "Material", depth: "Depth" };
   const close = make("button", { type: "button", class: "cv-close", "aria-label": "Close the probe", onclick: release }, "×");
   const list = make("dl", {}, ...[...rows].flatMap(([name, value]) => [make("dt", {}, words[name]), value]));
   const card = make("section", { class: "cv-card cv-probe", hidden: true, "aria-label": "Pixel probe" }, close, list);

@@ -7,10 +7,10 @@ import { replicatesFor } from "./status.js";
 const MOST_STOPS = 10;
 const TONE_MAP_WORDS = { linear: "Linear", sqrt: "Square root", srgb: "sRGB", reinhard: "Reinhard", aces: "ACES", agx: "AgX" };
 
-function labelled(label, control, title) {
-  const id = freshId("view");
-  control.id = id;
-  return make("div", { class: "cv-field" }, make("label", { for: id, title }, label), control);
+/** A row: a label of a control, which may stand in an element with others. */
+function labelled(label, control, title, row = control) {
+  control.id = freshId("view");
+  return make("div", { class: "cv-field" }, make("label", { for: control.id, title }, label), row);
 }
 
 /**
@@ -109,7 +109,7 @@ export function createViewPanel(hub, choice, picture) {
       return true;
     },
     content: [
-      labelled("Exposure", make("span", { class: "cv-number cv-slides" }, slider, stops), "Stops, added to the camera's own"),
+      labelled("Exposure", stops, "Stops, added to the camera's own", make("span", { class: "cv-number cv-slides" }, slider, stops)),
       labelled("Tone curve", toneMap),
       labelled("False colour", falseColor, "Of luminance"),
       labelled("Layer", layer),

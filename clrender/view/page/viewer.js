@@ -34,7 +34,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const focus = createFocus(hub, status.say);
   const probe = createProbe(hub, picture, (reply) => {
     if (reply.material === null) return;
-    materialPanel.choose(reply.material);
+    materialPanel.choose(reply.material, reply.parameters);
     sections.material.open = true;
   });
   const cameraPanel = createCameraPanel(hub, status.say, focus.button, camera);
@@ -71,7 +71,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     tool("focus", "Focus by click", "f"),
     tool("probe", "Probe by keyboard", "p"),
     tool("compare", "Before and after the denoiser", "b"),
-    tool("palette", "False colour", "l"),
+    tool("palette", "False colour of luminance", "l"),
     tool("reset", "Reset the camera", "r"),
     tool("panel", "Hide or show the panel", "h"),
     tool("help", "Keys and gestures", "?"),
@@ -79,8 +79,8 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const stage = make(
     "div",
     { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "image that one can move in", "aria-label": "The view. Arrow keys orbit, plus and minus zoom, P probes, question mark lists all keys." },
-    picture.box,
     status.banner,
+    make("div", { class: "cv-room" }, picture.box),
     probe.card,
     picture.legend,
     tools,
@@ -89,9 +89,10 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const title = make("h1", {}, "clrender");
   const about = make("span", { class: "cv-about" });
   hub.on("scene", (scene) => {
-    setText(title, scene.title || scene.source);
+    const file = scene.source.split(/[\\/]/).pop();
+    setText(title, scene.title || file);
     const count = (number, word) => `${number.toLocaleString("en")} ${word}${number === 1 ? "" : "s"}`;
-    setText(about, `${scene.source} · ${count(scene.shapes, "shape")}`);
+    setText(about, `${file} · ${count(scene.shapes, "shape")}`);
   });
 
   root.classList.add("cv");

@@ -1,14 +1,8 @@
-"""`clrender view` as a process of its own, and Chromium in front of it."""
+"""Chromium in front of `clrender view`."""
 
 from __future__ import annotations
 
-import os
-import re
-import select
 import shutil
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,10 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import pytest
+from view_clients import Server
 
-import clrender
-
-__all__ = ["FAILURES", "SCENE", "Server", "chromium", "view_of"]
+__all__ = ["FAILURES", "SCENE", "chromium", "view_of"]
 
 FAILURES: Final = Path(__file__).parents[2] / "test-artifacts"
 """Where screenshots of failed tests go."""
@@ -31,10 +24,10 @@ position = [0.0, 1.2, 4.0]
 target = [0.0, 0.6, 0.0]
 vertical_fov = 40.0
 [image]
-width = 320
-height = 180
+width = 160
+height = 90
 [render]
-spp = 32
+spp = 16
 [materials.table]
 type = "lambert"
 reflectance = [0.5, 0.45, 0.4]
@@ -62,68 +55,6 @@ radius = 0.5
 emission = [15.0, 14.0, 12.0]
 """
 
-_WITH_TOKEN: Final = """
-import secrets, sys
-from clrender.__main__ import main
-token = sys.argv.pop(1)
-secrets.token_urlsafe = lambda length: token
-main()
-"""
-
-_ADDRESS: Final = re.compile(r"http://127\.0\.0\.1:(\d+)/\?token=\S+")
-
-
-class Server:
-    """A running `clrender view`.
-
-    Parameters
-    ----------
-    scene : Path or str
-    *arguments : str
-        More of the command line.
-    token : str, optional
-        In place of a random one: so that a server can come back at the address of an earlier one.
-
-    Attributes
-    ----------
-    address : str
-        What it printed.
-    port : int
-    """
-
-    def __init__(self, scene: Path | str, *arguments: str, token: str | None = None) -> None:
-        program = ["-m", "clrender"] if token is None else ["-c", _WITH_TOKEN, token]
-        self._process = subprocess.Popen(
-            [sys.executable, *program, "view", str(scene), "--no-open", "-d", _device(), *arguments],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent)},
-        )
-        assert self._process.stdout is not None
-        ready = select.select([self._process.stdout], [], [], 60)[0]
-        line = self._process.stdout.readline() if ready else ""
-        found = _ADDRESS.search(line)
-        if found is None:
-            self._process.kill()
-            raise AssertionError(f"no address, but {line!r} and {self._process.communicate()[1]}")
-        self.address, self.port = found[0], int(found[1])
-
-    def close(self) -> int:
-        """End it by Ctrl-C; its exit status."""
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGINT)
-        try:
-            self._process.communicate(timeout=20)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.communicate()
-        return self._process.returncode
-
-
-def _device() -> str:
-    return os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
-
 
 @contextmanager
 def chromium() -> Iterator[Any]:
@@ -142,7 +73,7 @@ def chromium() -> Iterator[Any]:
             browser.close()
 
 
-class view_of:  # noqa: N801 (reads as a function)
+class view_of:
     """A page that shows a server's view; as a context manager, it fails on any error in the console.
 
     Parameters
@@ -161,13 +92,23 @@ class view_of:  # noqa: N801 (reads as a function)
     def __init__(self, browser: Any, server: Server, name: str, *, plain: bool = False, **options: Any) -> None:
         self._context = browser.new_context(**{"viewport": {"width": 1280, "height": 720}, **options})
         self.page = self._context.new_page()
+        self.page.set_default_timeout(120_000)  # of a machine that has much else to do
         self.errors: list[str] = []
         self._name = name
-        self.page.on("console", lambda said: self.errors.append(said.text) if said.type in ("error", "warning") else None)
+        self.page.on(
+            "console", lambda said: self.errors.append(said.text) if said.type in ("error", "warning") else None
+        )
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(server.address + ("#plain" if plain else ""))
 
     def __enter__(self) -> view_of:
+        # Whatever an earlier test has changed.
+        self.wait("view.hub.newest('state') !== undefined")
+        if self.newest("state")["changed"]:
+            self.run("['camera', 'settings', 'materials'].forEach((what) => view.hub.send({ type: 'reset', what }))")
+        if self.newest("state")["status"] == "stopped":
+            self.run("view.hub.send({ type: 'run', run: true })")
+        self.wait("view.hub.newest('state').changed.length === 0 && view.hub.newest('state').status !== 'stopped'")
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
@@ -188,7 +129,7 @@ class view_of:  # noqa: N801 (reads as a function)
         """The engine's newest message of a kind."""
         return self.run(f"view.hub.newest('{kind}') ?? null")
 
-    def wait(self, condition: str, argument: Any = None, seconds: float = 30) -> None:
+    def wait(self, condition: str, argument: Any = None, seconds: float = 120) -> None:
         """Until a condition holds, in which `view` is what `mount` returned."""
         end = time.monotonic() + seconds
         while not self.run(condition, argument):
@@ -197,12 +138,18 @@ class view_of:  # noqa: N801 (reads as a function)
 
     def wait_until_done(self) -> None:
         """All samples are there, and drawn."""
-        self.wait("view.hub.newest('state')?.status === 'done' && view.picture.frame()?.final", seconds=120)
+        self.wait(_DONE, seconds=300)
 
     def pixels(self) -> list[int]:
         """What the canvas shows: RGBA bytes, rows from the top."""
         return list(self.run(_PIXELS))
 
+
+_DONE: Final = """
+    const [state, frame] = [view.hub.newest("state"), view.picture.frame()];
+    return state?.status === "done" && frame?.final && frame.revision === state.revision
+        && frame.samples === state.settings.spp;
+"""
 
 _PIXELS: Final = """
     const image = await createImageBitmap(await view.picture.snapshot());
