@@ -104,9 +104,11 @@ class view_of:
     def __enter__(self) -> view_of:
         # Whatever an earlier test has changed.
         self.wait("view.hub.newest('state') !== undefined")
-        self.run("['camera', 'settings', 'materials'].forEach((what) => view.hub.send({ type: 'reset', what }))")
-        self.run("view.hub.send({ type: 'run', run: true })")
-        self.wait("view.hub.newest('state').changed.length === 0")
+        if self.newest("state")["changed"]:
+            self.run("['camera', 'settings', 'materials'].forEach((what) => view.hub.send({ type: 'reset', what }))")
+        if self.newest("state")["status"] == "stopped":
+            self.run("view.hub.send({ type: 'run', run: true })")
+        self.wait("view.hub.newest('state').changed.length === 0 && view.hub.newest('state').status !== 'stopped'")
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
@@ -136,12 +138,18 @@ class view_of:
 
     def wait_until_done(self) -> None:
         """All samples are there, and drawn."""
-        self.wait("view.hub.newest('state')?.status === 'done' && view.picture.frame()?.final", seconds=300)
+        self.wait(_DONE, seconds=300)
 
     def pixels(self) -> list[int]:
         """What the canvas shows: RGBA bytes, rows from the top."""
         return list(self.run(_PIXELS))
 
+
+_DONE: Final = """
+    const [state, frame] = [view.hub.newest("state"), view.picture.frame()];
+    return state?.status === "done" && frame?.final && frame.revision === state.revision
+        && frame.samples === state.settings.spp;
+"""
 
 _PIXELS: Final = """
     const image = await createImageBitmap(await view.picture.snapshot());

@@ -4,13 +4,14 @@ import { freshId, make } from "./elements.js";
 import { createField } from "./fields.js";
 import { labelOf } from "./settings_panel.js";
 
-/** A panel's content, and `choose(name)` for what is picked in the image. */
+/** A panel's content, and `choose(name, parameters)` for what is picked in the image. */
 export function createMaterialPanel(hub) {
   const id = freshId("material");
   const select = make("select", { id, onchange: () => choose(select.value) });
   const kind = make("p", { class: "cv-note" });
   const values = make("div", { class: "cv-fields" });
   const reset = make("button", { type: "button", onclick: () => hub.send({ type: "reset", what: "materials" }) }, "Reset materials");
+  const picked = {}; // name -> material, of those that the scene has too many to list
   let chosen = null;
   let shown = ""; // material and names of the parameters that the fields are made for
   let fields = new Map();
@@ -32,13 +33,15 @@ export function createMaterialPanel(hub) {
     });
   }
 
-  function choose(name) {
+  function choose(name, parameters) {
+    const isListed = name in (hub.newest("scene")?.materials ?? {});
+    if (!isListed && parameters) picked[name] = { type: "", parameters };
     chosen = name;
     update();
   }
 
   function update() {
-    const materials = hub.newest("scene")?.materials ?? {};
+    const materials = { ...picked, ...hub.newest("scene")?.materials };
     const names = Object.keys(materials);
     if (!names.includes(chosen)) chosen = names[0] ?? null;
     const listed = [...select.options].map((option) => option.value);

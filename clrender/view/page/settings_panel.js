@@ -20,7 +20,8 @@ export function createSettingsPanel(hub) {
   const reset = make("button", { type: "button", onclick: () => hub.send({ type: "reset", what: "settings" }) }, "Reset settings");
   const restart = make("button", { type: "button", onclick: () => hub.send({ type: "restart" }) }, "Begin anew");
   let fields = new Map(); // name -> {setting, field}
-  let devices = null;
+  let deviceField = null;
+  let deviceChoices = "";
   let made = ""; // settings that the fields are made for
 
   function sent(name, value) {
@@ -31,11 +32,10 @@ export function createSettingsPanel(hub) {
   }
 
   hub.on("hello", (hello) => {
-    // It comes again when all devices are known; nobody's field is taken away for that.
+    // It comes again after a reconnection; nobody's field is taken away for that.
     const key = JSON.stringify(hello.settings);
     if (key !== made) makeFields(hello);
     made = key;
-    makeDevices(hello);
     if (hub.newest("state") !== undefined) update(hub.newest("state"));
   });
 
@@ -50,16 +50,28 @@ export function createSettingsPanel(hub) {
     others.replaceChildren(...[...fields].filter(([name]) => !placed.includes(name)).map(([, { field }]) => field.element));
   }
 
-  function makeDevices(hello) {
-    const names = hello.devices.map((each) => `${each.index}: ${each.name}`);
-    devices = createField({ label: "Device", schema: { enum: names }, help: "Where it is rendered" }, (name) => {
-      hub.send({ type: "device", device: Number(name.split(":")[0]) }, (reply) => {
-        if (reply.type === "refused") devices.complain(reply.message);
-        return true;
-      });
+  /** The devices that are known, and what renders now, which may be several of them. */
+  function updateDevices(state) {
+    const known = hub.newest("devices")?.devices ?? hub.newest("hello").devices;
+    const words = ({ index, name }) => `${index}: ${name}`;
+    const current = known.find(({ name }) => name === state.device);
+    const shown = current === undefined ? state.device : words(current);
+    const choices = current === undefined ? [shown, ...known.map(words)] : known.map(words);
+    if (choices.join("\n") !== deviceChoices) {
+      deviceField = createField({ label: "Device", schema: { enum: choices }, help: "Where it is rendered" }, chooseDevice);
+      device.replaceChildren(deviceField.element);
+    }
+    deviceChoices = choices.join("\n");
+    deviceField.show(shown, false);
+  }
+
+  function chooseDevice(words) {
+    const index = parseInt(words, 10);
+    if (Number.isNaN(index)) return; // what renders now
+    hub.send({ type: "device", device: index }, (reply) => {
+      if (reply.type === "refused") deviceField.complain(reply.message);
+      return true;
     });
-    device.replaceChildren(devices.element);
-    device.hidden = names.length === 0;
   }
 
   function update(state) {
@@ -67,7 +79,7 @@ export function createSettingsPanel(hub) {
       field.element.hidden = setting.integrator !== null && setting.integrator !== state.settings.integrator;
       field.show(state.settings[name], state.changed.includes(name));
     }
-    if (state.device !== null) devices?.show(`${state.device.index}: ${state.device.name}`, false);
+    updateDevices(state);
     const integrator = hub.newest("hello")?.integrators.find((each) => each.name === state.settings.integrator);
     about.hidden = integrator === undefined || integrator.has_errors;
     about.textContent = about.hidden ? "" : `${integrator.name} is ${integrator.bias}.`;
@@ -75,6 +87,7 @@ export function createSettingsPanel(hub) {
   }
 
   hub.on("state", update);
+  hub.on("devices", () => hub.newest("state") !== undefined && updateDevices(hub.newest("state")));
   return [
     common,
     about,

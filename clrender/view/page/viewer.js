@@ -34,7 +34,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const focus = createFocus(hub, status.say);
   const probe = createProbe(hub, picture, (reply) => {
     if (reply.material === null) return;
-    materialPanel.choose(reply.material);
+    materialPanel.choose(reply.material, reply.parameters);
     sections.material.open = true;
   });
   const cameraPanel = createCameraPanel(hub, status.say, focus.button, camera);
@@ -79,8 +79,8 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const stage = make(
     "div",
     { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "image that one can move in", "aria-label": "The view. Arrow keys orbit, plus and minus zoom, P probes, question mark lists all keys." },
-    make("div", { class: "cv-room" }, picture.box),
     status.banner,
+    make("div", { class: "cv-room" }, picture.box),
     probe.card,
     picture.legend,
     tools,
