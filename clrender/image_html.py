@@ -123,7 +123,8 @@ def shrunk(pixels: _Array, most: int) -> _Array:
 
 def _step(pixels: _Array, most: int) -> int:
     longer, shorter = max(pixels.shape[:2]), min(pixels.shape[:2])
-    return min(-(-longer // most), shorter)
+    step: int = min(-(-longer // most), shorter)
+    return step
 
 
 def _radiance(linear: _Array, image: RenderedImage, most: int) -> _Bytes:
@@ -187,7 +188,8 @@ def _colored(numbers: npt.NDArray[np.int64]) -> _Bytes:
 
 def _bytes(shares: npt.NDArray[Any]) -> _Bytes:
     """Numbers between 0 and 1 as 8 bits a channel, without a tone curve."""
-    return (np.nan_to_num(np.clip(shares, 0.0, 1.0)) * 255.0 + 0.5).astype(np.uint8)
+    pixels: _Bytes = (np.nan_to_num(np.clip(shares, 0.0, 1.0)) * 255.0 + 0.5).astype(np.uint8)
+    return pixels
 
 
 def _source(key: str, pixels: _Bytes) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from view_clients import Received
-from view_support import FAILURES, SCENE, chromium
+from view_browser import FAILURES, SCENE, chromium
 
 import clrender
 

@@ -30,6 +30,7 @@ export function render({ model, el }) {
     still.textContent = `${picture}, .jp-OutputArea-child:has(${picture}) { display: none; }`;
     document.head.append(still);
     root.style.height = `${model.get("height")}px`;
+    root.style.colorScheme = frontEndScheme();
     // Keys on the view are not the notebook's: there, "d d" deletes the cell.
     root.dataset.lmSuppressShortcuts = "true";
     root.addEventListener("keydown", (event) => event.stopPropagation());
@@ -63,6 +64,13 @@ export function render({ model, el }) {
     send({ leaves: true });
     close();
   };
+}
+
+/** The colours of JupyterLab or VS Code, whatever the system's are; empty where the front end does not say. */
+function frontEndScheme() {
+  const { jpThemeLight, vscodeThemeKind } = document.body.dataset;
+  if (jpThemeLight !== undefined) return jpThemeLight === "true" ? "light" : "dark";
+  return vscodeThemeKind === undefined ? "" : vscodeThemeKind.includes("light") ? "light" : "dark";
 }
 
 /** A copy that begins where its numbers do: what comes may be a part of a larger buffer. */
