@@ -66,12 +66,13 @@ def _bars(rows: Sequence[dict[str, Any]], key: str, words: str) -> str:
     def paint(figure: Figure) -> None:
         axes = figure.add_subplot(xlabel=words)
         drawn = [BLUE if row["renderer"] == OWN else GREY for row in rows]
-        bars = axes.barh(places, [row[key] for row in rows], color=drawn, height=0.62)
+        axes.barh(places, [row[key] for row in rows], color=drawn, height=0.62)
+        ends = [row[key] for row in rows]
         if key != "efficiency":
-            axes.hlines(
-                places, [row["lowest"] for row in rows], [row["highest"] for row in rows], color=INK, linewidth=1.2
-            )
-        axes.bar_label(bars, [f" {row[key]:.3g}" for row in rows], padding=6)
+            ends = [row["highest"] for row in rows]
+            axes.hlines(places, [row["lowest"] for row in rows], ends, color=INK, linewidth=1.2)
+        for place, end, row in zip(places, ends, rows, strict=True):
+            axes.annotate(f"{row[key]:.3g}", (end, place), (6, 0), textcoords="offset points", va="center")
         axes.set_yticks(places, names)
         axes.tick_params(axis="y", length=0)
         axes.invert_yaxis()

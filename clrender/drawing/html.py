@@ -33,6 +33,7 @@ caption span { display: block; max-width: 56rem; }
 th, td { padding: .35rem .6rem; border-bottom: 1px solid var(--rule); text-align: right; vertical-align: top;
   white-space: nowrap; }
 th { vertical-align: bottom; white-space: normal; background: var(--band); }
+.short { min-width: 26rem; } .short th { background: none; padding: 0; }
 .words { text-align: left; } .prose td { white-space: normal; min-width: 9rem; }
 .prose td:nth-child(3) { min-width: 20rem; }
 .prose td:nth-child(2) { white-space: nowrap; font-weight: 600; min-width: 0; }
