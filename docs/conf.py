@@ -35,6 +35,7 @@ external_toc_path: Final = "docs/_toc.yml"
 include_patterns: Final = ["*.md", "docs/**", "scenes/LICENSES.md"]
 exclude_patterns: Final = [".*", "build", "clrender", "kernels", "scripts", "tests", "test-artifacts", "docs/_*"]
 language: Final = "en"
+smartquotes: Final = False  # `--seed` stays two hyphens
 
 # Markdown as forges read it: headings are anchors, $ marks formulas.
 myst_enable_extensions: Final = ["dollarmath"]
@@ -81,7 +82,7 @@ def _block_math(self: Any, node: nodes.math_block) -> None:
 
 def _plain_help(app: Sphinx, context: click.Context, lines: list[str]) -> None:
     """Help of commands is plain text: what reStructuredText would take for marks is escaped."""
-    lines[:] = [line.replace("\\", "\\\\").replace("*", "\\*").replace("|", "\\|") for line in lines]
+    lines[:] = [re.sub(r"([\\|]|(?<!\*)\*(?!\*))", r"\\\1", line) for line in lines]  # `**Required**` is sphinx-click's
 
 
 _NAME: Final = re.compile(r"[A-Za-z_][\w.]*")

@@ -121,12 +121,13 @@ def _sampler(file: str) -> None:
     scene = clrender.load("cornell")
     wanted: dict[str, Any] = {"size": (64, 64)}
     series = []
+    kinds: list[tuple[str, str, dict[str, Any]]] = [
+        ("independent samples", ORANGE, {"replicate_spp": 1}),
+        ("scrambled Sobol points", BLUE, {}),
+    ]
     with clrender.Session() as session:
         truth = session.render(scene, spp=32768, seed=999, **wanted).linear.astype(np.float64)
-        for title, colour, more in (
-            ("independent samples", ORANGE, {"replicate_spp": 1}),
-            ("scrambled Sobol points", BLUE, {}),
-        ):
+        for title, colour, more in kinds:
             points = []
             for spp in _COUNTS:
                 images = [session.render(scene, spp=spp, seed=seed, **wanted, **more) for seed in range(_SEEDS)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -41,16 +42,27 @@ def tables() -> str:
     """A section of Markdown for each group of settings."""
     parts: list[str] = []
     for group, (title, about) in _GROUPS.items():
-        rows = [_row(setting) for setting in SETTINGS.values() if setting.group == group]
-        head = ["| name | option | table of the scene file | value | default | |", "|---|---|---|---|---|---|"]
-        parts += [f"## {title}", "", about, "", *head, *rows, ""]
+        settings = [setting for setting in SETTINGS.values() if setting.group == group]
+        head = ["| name | option | value | default | |", "|---|---|---|---|---|"]
+        parts += [f"## {title}", "", about, "", *head, *map(_row, settings), "", _in_scenes(settings), ""]
     return "\n".join(parts)
+
+
+def _in_scenes(settings: Sequence[Setting]) -> str:
+    """Which of them may stand in a scene file, and where."""
+    sections = dict.fromkeys(setting.section for setting in settings if setting.section)
+    if not sections:
+        return "A scene file takes none of them."
+    parts = []
+    for section in sections:
+        names = [f"`{setting.name}`" for setting in settings if setting.section == section]
+        parts.append(f"`[{section}]` takes {', '.join(names)}")
+    return f"In a scene file {'; '.join(parts)}."
 
 
 def _row(setting: Setting) -> str:
     option = f"`{setting.option}`" if setting.option else "`--size`" if setting.section == "image" else "–"
-    table = f"`[{setting.section}]`" if setting.section else "–"
-    cells = [f"`{setting.name}`", option, table, setting.domain.words, setting.default_words, setting.help]
+    cells = [f"`{setting.name}`", option, setting.domain.words, setting.default_words, setting.help]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 

@@ -93,10 +93,24 @@ class Scene(Part):
     Read one with `clrender.scene.load`, or build one in code from the classes of this package; a bad value raises
     `clrender.errors.SceneError` either way.
 
-    Parameters
+    Attributes are the tables and keys of a scene file; given as mappings, they become objects.
+
+    Attributes
     ----------
-    **values
-        The tables and keys of a scene file, as objects or as mappings.
+    title : str
+    camera : Camera
+    image : Image
+        Size of the image, pixels.
+    render : Render
+        Settings of a render, where nobody says anything else.
+    materials : dict of str to Material
+    shapes : tuple of shapes and Instance
+    groups : dict of str to Group
+    lights : tuple of Light
+        Those that are no shapes.
+    media : dict of str to Medium
+    fog : str or None
+        Name of the medium that is wherever no other one is.
     """
 
     title: Annotated[str, Strict()] = ""
