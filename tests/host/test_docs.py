@@ -190,4 +190,6 @@ def test_names_of_the_python_interface_exist() -> None:
 def test_the_notebook_has_the_cells_of_its_page() -> None:
     notebook = json.loads((ROOT / "docs" / "notebook.ipynb").read_text())
     cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    assert cells == [block.strip() for block in code((ROOT / "docs" / "notebook.md").read_text(), "python")]
+    assert cells == [
+        block.text.strip() for block in blocks(ROOT / "docs" / "notebook.md") if block.language == "python"
+    ]
