@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from view_clients import Received
 from view_browser import FAILURES, SCENE, chromium
+from view_clients import Received
 
 import clrender
 
