@@ -7,7 +7,6 @@ import importlib
 import math
 import secrets
 import time
-import weakref
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, Final
@@ -69,10 +68,6 @@ class ConvergencePlot:
     live : bool
         Show it in the cell from the first sample on, and keep it up to date while the render goes on.
 
-    Attributes
-    ----------
-    points : list of Measured
-
     Examples
     --------
     >>> plot = clrender.ConvergencePlot()  # doctest: +SKIP
@@ -81,19 +76,21 @@ class ConvergencePlot:
     """
 
     def __init__(self, reference: npt.ArrayLike | RenderedImage | None = None, *, live: bool = False) -> None:
-        self.points: list[Measured] = []
+        self._points: list[Measured] = []
         self._name = f"convergence-{secrets.token_hex(4)}"
-        self._film: weakref.ref[Film] | None = None
+        self._film: Film | None = None
         self._reference = None if reference is None else _luminance_of_reference(reference)
         self._live = live
         self._handle: Any = None
         self._not_before = self._drawn = 0.0
+        self._ended: float | None = None
 
     def __repr__(self) -> str:
-        last = self.points[-1] if self.points else None
+        points = self.points
+        last = points[-1] if points else None
         told = "" if last is None else f", {last.samples:.4g} samples per pixel after {last.seconds:.3g} s"
         error = "" if last is None or last.error is None else f", relative error {last.error:.3g}"
-        return f"<clrender.ConvergencePlot, {len(self.points)} points{told}{error}>"
+        return f"<clrender.ConvergencePlot, {len(points)} points{told}{error}>"
 
     def __call__(self, progress: Progress) -> None:
         """Note how far a render is; what `Session.render` calls. Another render begins another plot.
@@ -106,30 +103,50 @@ class ConvergencePlot:
         film = progress.film
         if film is None:
             return
-        if self._film is None or self._film() is not film:
-            self._film, self._not_before = weakref.ref(film), 0.0
-            self.points.clear()
+        if self._film is not film:
+            self._check_reference(film)
+            self._film, self._not_before, self._ended = film, 0.0, None
+            self._points.clear()
         now, samples = time.monotonic(), film.ledger.samples / (film.width * film.height)
-        last = self.points[-1].samples if self.points else 0.0
+        last = self._points[-1].samples if self._points else 0.0
         done = progress.samples_done >= progress.samples_total
+        if done:
+            self._ended = progress.seconds
         if samples <= last or not (done or (samples >= last * _GROWTH and now >= self._not_before)):
             return
-        self.points.append(Measured(samples, progress.seconds, self._error(film)))
+        self._points.append(Measured(samples, progress.seconds, self._error(film)))
         self._not_before = now + _SHARE * (time.monotonic() - now)
         if self._live and (done or now >= self._drawn):
             self._show()
             self._drawn = time.monotonic() + max(_REDRAW_SECONDS, _SHARE * (time.monotonic() - now))
+
+    @property
+    def points(self) -> list[Measured]:
+        """What was collected, in the order of samples."""
+        self._complete()
+        return list(self._points)
+
+    def _complete(self) -> None:
+        """Add what came in after the last call: devices were done then, and their last samples not added up."""
+        film = self._film
+        if film is None or film.developed or self._ended is None:
+            return
+        samples = film.ledger.samples / (film.width * film.height)
+        if samples > (self._points[-1].samples if self._points else 0.0):
+            if self._points and self._points[-1].seconds == self._ended:
+                self._points.pop()
+            self._points.append(Measured(samples, self._ended, self._error(film)))
+
+    def _check_reference(self, film: Film) -> None:
+        if self._reference is not None and self._reference.shape != (film.height, film.width):
+            height, width = self._reference.shape
+            raise UsageError(f"the reference has {width} x {height} pixels, but the image {film.width} x {film.height}")
 
     def _error(self, film: Film) -> float | None:
         """Root mean square error of some rows; None where a pixel of them has no error yet."""
         rows = slice(0, film.height, max(1, film.height // _ROWS))
         weights = np.asarray(LUMINANCE)
         if self._reference is not None:
-            if self._reference.shape != (film.height, film.width):
-                height, width = self._reference.shape
-                raise UsageError(
-                    f"the reference has {width} x {height} pixels, but the image {film.width} x {film.height}"
-                )
             if not film.counts[rows].all():
                 return None
             wanted = self._reference[rows]
@@ -198,7 +215,8 @@ class ConvergencePlot:
             axes.grid(True, which="both")
 
     def _table(self) -> str:
-        shown = self.points[:: max(1, len(self.points) // 12)]
+        points = self.points
+        shown = points[:: max(1, len(points) // 12)]
         rows = "".join(
             f"<tr><td>{p.samples:.4g}</td><td>{p.seconds:.3g}</td>"
             f"<td>{'' if p.error is None else f'{p.error:.3g}'}</td></tr>"
