@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import select
+import struct
 import time
 from dataclasses import dataclass
 from typing import Final
@@ -16,6 +17,9 @@ _SECONDS: Final = 1.0
 
 _COLORS: Final = 128
 """Of a sixel picture: twice as many take twice as long to write, and are hardly seen."""
+
+_SMALL_CELL: Final = (6, 12)
+"""Where a cell's size is not known: too small leaves rows free below a picture, too large would write into it."""
 
 _ITERM2: Final = ("iterm2", "wezterm", "mintty")
 """Terminals, by the name that they give themselves, that know iTerm2's protocol."""
@@ -57,45 +61,57 @@ def ask(seconds: float = _SECONDS) -> Terminal | None:
     """
     if os.environ.get("TERM", "") in ("", "dumb", "linux"):  # they write questions down
         return None
-    answer = _answer(seconds)
+    answer, known = _answer(seconds)
     found = _LAST.search(answer)
     if found is None:
         return None
-    cell = re.search(r"\x1b\[6;(\d+);(\d+)t", answer)
-    height, width = (int(cell[1]), int(cell[2])) if cell and int(cell[1]) * int(cell[2]) else (16, 8)
+    told = re.search(r"\x1b\[6;(\d+);(\d+)t", answer)  # xterm says nothing unless it is allowed to
+    cell = (int(told[2]), int(told[1])) if told and int(told[1]) * int(told[2]) else known or _SMALL_CELL
     colors = re.search(r"\x1b\[\?1;0;(\d+)S", answer)
     most = min(_COLORS, int(colors[1])) if colors else _COLORS
     name = re.search(r"\x1bP>\|([^\x1b]*)", answer)
     if "\x1b_Gi=31;OK" in answer:
-        return Terminal("kitty", (width, height))
+        return Terminal("kitty", cell)
     if name and name[1].lower().startswith(_ITERM2):
-        return Terminal("iterm2", (width, height))
-    return Terminal("sixel", (width, height), most) if "4" in found[1].split(";") else None
+        return Terminal("iterm2", cell)
+    return Terminal("sixel", cell, most) if "4" in found[1].split(";") else None
 
 
-def _answer(seconds: float) -> str:
-    """What the terminal says to the questions; nothing where there is none, or it belongs to another process."""
+def _answer(seconds: float) -> tuple[str, tuple[int, int] | None]:
+    """What the terminal says to the questions, and the size of a cell as the system knows it, if it does.
+
+    Nothing where there is no terminal, or it belongs to another process.
+    """
     try:
         import termios
         import tty
 
         terminal = os.open("/dev/tty", os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
     except (ImportError, OSError):
-        return ""
+        return "", None
     try:
         if os.tcgetpgrp(terminal) != os.getpgrp():  # in the background: reading would stop this process
-            return ""
+            return "", None
         before = termios.tcgetattr(terminal)
         try:
             tty.setcbreak(terminal, termios.TCSAFLUSH)
             os.write(terminal, _QUERIES.encode("ascii"))
-            return _read(terminal, seconds)
+            return _read(terminal, seconds), _cell(terminal)
         finally:
             termios.tcsetattr(terminal, termios.TCSAFLUSH, before)
     except OSError:
-        return ""
+        return "", None
     finally:
         os.close(terminal)
+
+
+def _cell(terminal: int) -> tuple[int, int] | None:
+    """Width and height of a cell, from the window's size in cells and in pixels."""
+    import fcntl
+    import termios
+
+    rows, columns, width, height = struct.unpack("HHHH", fcntl.ioctl(terminal, termios.TIOCGWINSZ, bytes(8)))
+    return (width // columns, height // rows) if 0 < columns <= width and 0 < rows <= height else None
 
 
 def _read(terminal: int, seconds: float) -> str:

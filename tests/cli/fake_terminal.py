@@ -29,7 +29,8 @@ _CELL: Final = b"\x1b[6;16;8t"
 ANSWERS: Final[dict[str, bytes]] = {
     "kitty": b"\x1b_Gi=31;OK\x1b\\\x1bP>|kitty(0.32.2)\x1b\\" + _CELL + b"\x1b[?62;c",
     "iterm2": b"\x1bP>|iTerm2 3.5.0\x1b\\" + _CELL + b"\x1b[?64;1;2;4;6;17;18;21;22c",
-    "sixel": b"\x1bP>|XTerm(379)\x1b\\\x1b[?1;0;64S" + _CELL + b"\x1b[?63;1;2;4;6;9;15;22c",
+    # xterm keeps the size of its cells to itself; the system knows it
+    "sixel": b"\x1bP>|XTerm(379)\x1b\\\x1b[?1;0;64S\x1b[?63;1;2;4;6;9;15;22c",
     "none": b"\x1bP>|VTE(7006)\x1b\\" + _CELL + b"\x1b[?65;1;9c",
     "silent": b"",
 }
@@ -58,7 +59,7 @@ def run_at_terminal(
 ) -> Shown:
     """`clrender ARGUMENTS` at a terminal of a kind of `ANSWERS`, of so many columns and rows."""
     ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 8 * size[0], 16 * size[1]))
     before = termios.tcgetattr(theirs)
     environment = {**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent), "TERM": "xterm-256color"}
     process = subprocess.Popen(
