@@ -88,7 +88,7 @@ def _orbits(browser: Any, server: Server, count: int) -> list[float]:
 
 
 def _pictures(browser: Any, server: Server, folder: Path, name: str, scheme: str, size: tuple[int, int]) -> None:
-    options = {"viewport": {"width": size[0], "height": size[1]}, "color_scheme": scheme}
+    options: dict[str, Any] = {"viewport": {"width": size[0], "height": size[1]}, "color_scheme": scheme}
     with view_of(browser, server, name, **options) as view:
         view.wait("view.picture.frame() !== undefined && view.hub.newest('progress')?.samples > 4", seconds=120)
         page = view.page

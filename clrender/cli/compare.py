@@ -88,12 +88,12 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
         check_distinct([output], files)
         check_page(output)
     tested = _films(*files)
-    images = [read_linear(file)[0] for file in files]
-    numbers = compare_images(*images) | tested
+    image, reference = (read_linear(file)[0] for file in files)
+    numbers = compare_images(image, reference) | tested
     if output is not None:
         from clrender.agreement.page import compare_page
 
-        write_page(output, compare_page((first, second), *images, _lines(numbers)))
+        write_page(output, compare_page((first, second), image, reference, _lines(numbers)))
     click.echo(json.dumps(numbers, indent=2) if as_json else _table(_lines(numbers)))
 
 

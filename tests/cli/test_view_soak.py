@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import pytest
-from view_clients import Onlooker
+from view_clients import Onlooker, Received
 
 import clrender
 from clrender.device import Device
@@ -38,13 +38,16 @@ def test_ten_minutes_of_a_moving_camera_grow_by_less_than_two_per_cent(device: D
     grown: list[int] = []
     number = 0
 
+    def answers(message: Received) -> bool:
+        return message.kind == "frame" and bool(message.content["answers"] == number)
+
     def look_around(page: Onlooker, moves: int) -> None:
         nonlocal number
         for _ in range(moves):
             number += 1
             angle = 0.3 * math.sin(number / 10.0)
             page.say("camera", id=number, camera={"position": [5.6 * math.sin(angle), 2.0, 5.6 * math.cos(angle)]})
-            page.until(lambda m, wanted=number: m.kind == "frame" and m.content["answers"] == wanted)
+            page.until(answers)
 
     with Engine(clrender.load("room"), device=device, width=320, height=180, spp=256) as engine:
         first = Onlooker(engine)
