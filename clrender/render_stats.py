@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.film.convergence import Convergence
+from clrender.film.convergence import Convergence, interval_of_mean
 from clrender.film.replicates import image_error, replicate_counts
 from clrender.image.files import image_sha256
 
@@ -144,17 +144,19 @@ def error_stats(
     complete : bool
         Whether it did, or took all samples.
     """
-    known = bool(np.isfinite(errors).all())
-    of_mean = image_error(errors, job.integrator.blocks_share).tolist() if known else None
-    stats: dict[str, Any] = {"replicates": int(replicate_counts(film).min()), "mean_stderr": of_mean}
+    of_mean = image_error(errors, job.integrator.blocks_share) if np.isfinite(errors).all() else None
+    replicates = int(replicate_counts(film).min())
+    stats: dict[str, Any] = {"replicates": replicates, "mean_stderr": None if of_mean is None else of_mean.tolist()}
     if found is None:
         return stats
     settings, taken = job.settings, int(film.ledger.taken().max())
+    interval = None if of_mean is None else interval_of_mean(settings, replicates, of_mean).tolist()
     if complete:  # these are the samples of the image: whoever verifies it takes so many
         stats |= {"spp": taken, "sample_count": taken, "settings": {**settings.request(), "spp": taken}}
     return stats | {
         "error": settings.error,
         "confidence": settings.confidence,
+        "mean_interval": interval,
         "share": settings.share,
         "spp_limit": settings.spp,
         "converged": found.reached,

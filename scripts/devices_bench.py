@@ -20,15 +20,16 @@ from typing import Any, Final
 import clrender
 from clrender.bench.scenes import SCENES, write_scene
 from clrender.device import Device, select
-from clrender.device.device import Reading
+from clrender.device.device import Argument, Program
 from clrender.device.faults import FaultyDevice
 from clrender.rendered_image import RenderedImage
 
-_LONGEST_SLEEP: Final = 2.0
+_SPEED_SPP: Final = 16
+"""Samples by which speeds are measured."""
 
 
 class SlowDevice(FaultyDevice):
-    """A device that takes some times as long for each slice.
+    """A device that takes some times as long for each launch.
 
     Parameters
     ----------
@@ -38,16 +39,18 @@ class SlowDevice(FaultyDevice):
 
     def __init__(self, device: Device, times: float) -> None:
         super().__init__(device, name=f"{device.info.name}, {times:g} times as slow")
-        self._times, self._since = times, 0.0
+        self._times = times
 
-    def end_read(self, reading: Reading) -> None:
-        """Wait for the slice, and so much longer."""
+    def launch(
+        self, program: Program, kernel: str, global_size: int, local_size: int, args: Sequence[Argument]
+    ) -> None:
+        """Launch, wait, and wait so much longer: nothing runs while it sleeps."""
+        first = (kernel, local_size) not in program.launched
         begin = time.perf_counter()
-        super().end_read(reading)
-        now = time.perf_counter()
-        # A first slice that waits for a compiler is no measure
-        time.sleep(min((self._times - 1.0) * (now - max(begin, self._since)), _LONGEST_SLEEP))
-        self._since = time.perf_counter()
+        super().launch(program, kernel, global_size, local_size, args)
+        super().finish()
+        if not first:  # a launch that waits for a compiler is no measure
+            time.sleep((self._times - 1.0) * (time.perf_counter() - begin))
 
 
 def parts(device: Device, count: int) -> list[Device]:
@@ -85,13 +88,13 @@ def device_sets() -> dict[str, Callable[[], list[Device]]]:
     return sets
 
 
-def rates(devices: Sequence[Device], scene: Any, seconds: float, size: tuple[int, int]) -> list[float]:
-    """Samples a second of each, all at once, each with an image of its own."""
+def rates(devices: Sequence[Device], scene: Any, size: tuple[int, int]) -> list[float]:
+    """Samples a second of each, all at once, each with a whole image of its own: parts of it cost more than others."""
 
     def one(device: Device) -> float:
         with clrender.Session(device) as session:
             session.render(scene, spp=1, size=(64, 64))
-            image = session.render(scene, spp=1 << 20, size=size, time_limit=seconds)
+            image = session.render(scene, spp=_SPEED_SPP, size=size)
         return float(image.stats["samples"] / image.stats["render_seconds"])
 
     with ThreadPoolExecutor(len(devices)) as pool:
@@ -108,22 +111,24 @@ def together(devices: Sequence[Device], scene: Any, spp: int, size: tuple[int, i
 def main() -> None:
     """Measure what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenes", nargs="*", default=["S1", "S3-1M"], choices=[*SCENES, []], metavar="SCENE")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="of `clrender bench` (S1 S3-1M)")
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--side", type=int, default=800, help="of the image, pixels (800)")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--seconds", type=float, default=8.0, help="for which speeds are measured (8)")
     parser.add_argument("--set", help="measure only sets whose names hold this")
     options = parser.parse_args()
+    names = options.scenes or ["S1", "S3-1M"]
+    if unknown := sorted({*names} - {*SCENES}):
+        parser.error(f"no scene is called {', '.join(unknown)}; there are {', '.join(SCENES)}")
     size, hashes = (options.side, options.side), set()
     with tempfile.TemporaryDirectory() as folder:
-        for name in options.scenes:
+        for name in names:
             scene = clrender.load(write_scene(name, Path(folder)))
             for title, make in device_sets().items():
                 devices = make() if (options.set or "") in title else []
                 for _ in range(options.rounds if devices else 0):
-                    alone = [rates([each], scene, options.seconds, size)[0] for each in devices]
-                    beside = rates(devices, scene, options.seconds, size)
+                    alone = [rates([each], scene, size)[0] for each in devices]
+                    beside = rates(devices, scene, size)
                     image = together(devices, scene, options.spp, size)
                     rate = image.stats["samples"] / image.stats["render_seconds"]
                     hashes.add((name, image.stats["image_sha256"]))
@@ -133,7 +138,7 @@ def main() -> None:
                     line |= {"mpaths_together": round(rate / 1e6, 3)}
                     line |= {"of_sum_alone": round(rate / sum(alone), 3), "of_sum": round(rate / sum(beside), 3)}
                     print(json.dumps(line), flush=True)
-    if len(hashes) != len(options.scenes):
+    if len(hashes) != len(names):
         raise SystemExit(f"the images differ: {hashes}")
 
 

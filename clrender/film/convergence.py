@@ -21,7 +21,7 @@ from clrender.image.tone_map import LUMINANCE
 from clrender.settings import FIRST_LOOK, SETTINGS, RenderSettings
 from clrender.student import critical_value
 
-__all__ = ["Convergence", "judge", "level", "looks"]
+__all__ = ["Convergence", "interval_of_mean", "judge", "level", "looks"]
 
 _FLOOR_SHARE: Final = 0.1
 """Of the image's mean luminance: below it a pixel's error is not asked to fall with the pixel."""
@@ -115,6 +115,29 @@ def judge(film: Film, settings: RenderSettings) -> Convergence:
     # Where nothing differs so far, nothing may have been found so far: neighbours tell
     unconverged = ~(intervals <= tolerances) | ((own == 0.0) & _around(~(quantile * own <= tolerances)))
     return Convergence(errors, intervals, tolerances, unconverged, settings.share)
+
+
+def interval_of_mean(settings: RenderSettings, replicates: int, error: _Floats) -> _Floats:
+    """Half of the confidence interval of the mean over the image, at the look at which a render ends.
+
+    Of the level that pixels have, too: whoever ends a render by what is seen in it tends to do so where errors look
+    small.
+
+    Parameters
+    ----------
+    settings : RenderSettings
+        With an error.
+    replicates : int
+        The fewest of a pixel; their number less one is taken for the degrees of freedom, which are more.
+    error : (3,) float64
+        Standard error of the mean.
+
+    Returns
+    -------
+    (3,) float64
+    """
+    quantile: _Floats = critical_value(level(settings), np.float64(max(replicates - 1, 1)))
+    return quantile * error
 
 
 def _luminance(channels: _Floats) -> _Floats:

@@ -20,14 +20,12 @@ __all__ = ["Kind", "Task", "Work"]
 
 _MOST_CHECKS: Final = 64
 """Pieces that may wait to be checked."""
-_CHECK_SECONDS: Final = 1.0
-"""Of the fastest other worker, what the pieces of one may take that wait: at the end all wait for them."""
+_CHECK_SECONDS: Final = (0.1, 1.0)
+"""What pieces that wait may take the fastest worker that may check them: at the end all wait for it. Between these, a
+share of the time so far."""
+_CHECK_SHARE: Final = 0.02
 _CHECK_SAMPLES: Final = 1 << 18
 """What they may have while nobody knows how fast the others are."""
-
-
-_LONGEST_CHECKS: Final = 10.0
-"""Seconds that a worker spends on pieces that wait."""
 
 
 class Kind(Enum):
@@ -79,6 +77,8 @@ class Work:
         self._checked_last: set[int] = set()
         self._in_service = set(range(workers))
         self._rates: dict[int, float] = {}
+        self._check_rates: dict[int, float] = {}
+        self._begin = time.monotonic()
         self._waiting: set[int] = set()
         self._resting: set[int] = set()
         self._retired: set[int] = set()
@@ -123,9 +123,9 @@ class Work:
             self._remaining.measured(worker, unit, seconds)
 
     def timed(self, worker: int, samples: int, seconds: float) -> None:
-        """How long it took to check a piece: tells how fast a worker is that has done no unit yet."""
+        """How long it took to check a piece: few samples at once are slow work for some devices."""
         with self._changed:
-            self._rates.setdefault(worker, samples / max(seconds, 1e-6))
+            self._check_rates[worker] = samples / max(seconds, 1e-6)
 
     def dismissed(self, worker: int) -> bool:
         """Whether nobody wants anything of this worker any more."""
@@ -164,9 +164,9 @@ class Work:
             if not others or len(self._checks) >= _MOST_CHECKS:
                 return 0.0
             waiting = sum(piece.samples for piece in self._checks if piece.worker == worker)
-            if not others <= self._rates.keys():
+            if not others <= self._rates.keys() | self._check_rates.keys():
                 return _CHECK_SAMPLES - waiting
-            return _CHECK_SECONDS * max(self._rates[other] for other in others) - waiting
+            return self._check_seconds() * max(self._check_rate(other) for other in others) - waiting
 
     def check(self, piece: Piece) -> None:
         """Have another worker do a piece again."""
@@ -255,7 +255,8 @@ class Work:
             return self._task(worker, kind, piece)
         check = next((piece for piece in self._checks if piece.worker != worker), None)
         # A check between two units at most: a slow worker has units of its own to do
-        check_first = check is not None and worker in self._rates and worker not in self._checked_last
+        known = worker in self._rates or worker in self._check_rates
+        check_first = check is not None and known and worker not in self._checked_last
         unit = None if check_first else self._remaining.take(worker)
         self._checked_last.discard(worker)
         if unit is not None:
@@ -269,11 +270,20 @@ class Work:
 
     def _drop_checks(self, worker: int) -> None:
         """Where a worker turns out to be slow, it checks less than was planned, the latest pieces last."""
-        allowed = _LONGEST_CHECKS * self._rates.get(worker, math.inf)
+        allowed = self._check_seconds() * self._check_rate(worker)
         for piece in [each for each in self._checks if each.worker != worker]:
             allowed -= piece.samples
             if allowed < 0.0:
                 self._checks.remove(piece)
+
+    def _check_seconds(self) -> float:
+        """How long the pieces that wait may take."""
+        least, most = _CHECK_SECONDS
+        return min(max(least, _CHECK_SHARE * (time.monotonic() - self._begin)), most)
+
+    def _check_rate(self, worker: int) -> float:
+        """Samples a second of a worker that checks; nobody knows of one that has done nothing."""
+        return min(rates.get(worker, math.inf) for rates in (self._rates, self._check_rates))
 
     def _task(self, worker: int, kind: Kind, piece: Piece | None) -> Task:
         return Task(next(self._numbers), worker, kind, None if piece is None else piece.unit, piece)

@@ -242,7 +242,7 @@ class Progressive:
         if film.changes:
             shot.film = film
         shot.changes += 1
-        if not stopped.yes:
+        if not stopped.yes and (job.settings.error is not None or film.ledger.holds(0, job.settings.spp)):
             shot.sha256, shot.still = image_sha256(film.mean()), True
         self._changed()
 

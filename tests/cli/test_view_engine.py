@@ -69,19 +69,23 @@ def test_the_finished_image_is_that_of_render(
 def test_it_is_so_after_a_camera_that_moved_and_a_render_that_stopped_and_went_on(
     opened: Callable[..., Any], device: Device
 ) -> None:
-    _, page = opened(spp=200)
+    engine, page = opened(spp=2**16)
     for number in range(20):
         page.say("camera", id=number, camera={"position": [0.05 * number, 2.0, 5.0]})
         if number % 4 == 0:
             page.until(lambda m, wanted=number: m.kind == "frame" and m.content["answers"] == wanted)
-    for _ in range(3):
+    for stop in range(3):
+        page.say("run", run=True)
         page.until(lambda m: m.kind == "frame" and m.content["answers"] == 19 and not m.content["coarse"])
         page.say("run", run=False)
-        page.until_kind("state", status="stopped")
-        page.say("run", run=True)
+        page.say("probe", id=stop, x=0, y=0)
+        page.until_kind("probe", id=stop)  # by then it has stopped
+    spp = int(engine.shot.film.ledger.taken().max()) + 3
+    page.say("set", settings={"spp": spp})
+    page.say("run", run=True)
     scene = clrender.load("room")
     moved = scene.camera.model_copy(update={"position": (0.05 * 19, 2.0, 5.0)})
-    assert page.until_done() == rendered(device, scene.model_copy(update={"camera": moved}), spp=200)
+    assert page.until_done() == rendered(device, scene.model_copy(update={"camera": moved}), spp=spp)
 
 
 def test_more_samples_are_added_to_those_that_are_there(

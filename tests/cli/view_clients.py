@@ -27,7 +27,7 @@ from clrender.view import Engine
 
 __all__ = ["Onlooker", "Page", "Received", "Server"]
 
-_SECONDS = 120.0
+_SECONDS = 600.0
 """Longer than anything should take here, and a test that waits so long has failed."""
 
 _WITH_TOKEN = """

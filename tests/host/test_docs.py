@@ -157,5 +157,5 @@ def test_variables_of_the_environment_are_read_somewhere() -> None:
 
 def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
-    assert named <= set(clrender.__all__) | {"radiosity", "cluster"}
+    assert named <= set(clrender.__all__) | {"radiosity", "cluster", "view"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))

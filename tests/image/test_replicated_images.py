@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import pytest
+import scipy.stats
 from image_support import Cutting, render
 from test_resume import stopped
 
@@ -19,6 +20,7 @@ from clrender.film import Film
 from clrender.film.merge import merge_films
 from clrender.film.replicates import standard_error
 from clrender.integrators import INTEGRATORS
+from clrender.settings import SETTINGS
 
 SIZE = (50, 39)
 ONE = Cutting(1, "packet", 16, 1, 16, "shuffled")
@@ -134,6 +136,11 @@ def test_a_render_ends_by_its_error(device: Device, tmp_path: Path) -> None:
         left = int((image.aovs["unconverged"] == 1.0).sum())
         assert left == image.stats["unconverged_pixels"] <= 48
         assert set(np.unique(image.aovs["unconverged"])) <= {0.0, 1.0}
+        # Looks after 64, 128, ... samples, up to the most that can be asked for, and one at the end share the 5 %
+        replicates, most = image.stats["replicates"], SETTINGS["spp"].schema()["maximum"]
+        looks = 1 + sum(64 << doublings < most for doublings in range(40))
+        quantile = scipy.stats.t.ppf(1.0 - 0.025 / looks, replicates - 1)
+        assert image.stats["mean_interval"] == pytest.approx(quantile * np.array(image.stats["mean_stderr"]), rel=1e-6)
         part = stopped(session, "cornell", path, launches=5, **how)
         assert part.interrupted and not part.stats["converged"]
         again = session.render(room, checkpoint=path, resume=True, lanes=1, tile=8, **how)
