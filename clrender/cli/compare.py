@@ -93,7 +93,7 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
     if output is not None:
         from clrender.agreement.page import compare_page
 
-        write_page(output, compare_page((first, second), *images, _lines(numbers)))
+        write_page(output, compare_page((first, second), images[0], images[1], _lines(numbers)))
     click.echo(json.dumps(numbers, indent=2) if as_json else _table(_lines(numbers)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 
 import click
@@ -61,7 +61,7 @@ def complete_benchmarks(_ctx: click.Context, _param: click.Parameter, incomplete
     return _beginning(lambda: SCENES, incomplete)
 
 
-def _beginning(names: Callable[[], dict[str, str]], incomplete: str) -> _Items:
+def _beginning(names: Callable[[], Mapping[str, str]], incomplete: str) -> _Items:
     """Of names and what they mean, those that begin so; none where they cannot be told."""
     with suppress(Exception):
         return [CompletionItem(name, help=words) for name, words in names().items() if name.startswith(incomplete)]

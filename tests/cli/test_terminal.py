@@ -64,7 +64,7 @@ class Watched:
         self.written = io.StringIO()
         monkeypatch.setattr(sys, "stderr", self.written)
         monkeypatch.setattr(preview, "_screen", lambda: os.terminal_size((80, 24)))
-        monkeypatch.setattr(preview.time, "perf_counter", lambda: self.now)
+        monkeypatch.setattr("clrender.cli.preview.time.perf_counter", lambda: self.now)
 
         def develop(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
             self.now += seconds
