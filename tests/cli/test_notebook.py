@@ -81,9 +81,13 @@ class Kernel:
             if message["msg_type"] == kind and wanted(message["content"]):
                 return message
 
-    async def received(self, model: str, display: str, wanted: Callable[[Received], bool]) -> Received:
-        """The next message of the engine to an output of which something holds; frames are acknowledged on the way."""
-        while True:
+    async def received(self, model: str, display: str, *wanted: Callable[[Received], bool]) -> list[Received]:
+        """Of each of some things that may hold of a message of the engine to an output, the first of which it does.
+
+        They may come in any order. Frames are acknowledged on the way.
+        """
+        found: dict[int, Received] = {}
+        while len(found) < len(wanted):
             message = await self.next("comm_msg", lambda c: c["comm_id"] == model and c["data"]["method"] == "custom")
             content = message["content"]["data"]["content"]
             if content["display"] != display or "ended" in content:
@@ -92,8 +96,10 @@ class Kernel:
             if got.kind == "frame":
                 ack = {"type": "ack", "frame": got.content["frame"]}
                 self.say(model, {"display": display, "text": json.dumps(ack)})
-            if wanted(got):
-                return got
+            for number, holds in enumerate(wanted):
+                if number not in found and holds(got):
+                    found[number] = got
+        return [found[number] for number in range(len(wanted))]
 
 
 @pytest.fixture(scope="module")
@@ -151,23 +157,32 @@ async def _talk(kernel: Kernel) -> None:
     assert state["still"] in stills(cells[1].outputs)[0]
     assert cells[3].outputs[0].data[WIDGET]["model_id"] == model  # another display of the same
 
-    # An output begins, and is told how things stand; it has acknowledged nothing when another one comes.
+    # An output begins, and is told how things stand; another one comes.
+    def is_hello(m: Received) -> bool:
+        return m.kind == "hello"
+
+    def is_final(m: Received) -> bool:
+        return m.kind == "frame" and bool(m.content["final"])
+
     kernel.say(model, {"display": "first"})
-    got = await kernel.received(model, "first", lambda m: m.kind == "hello")
+    got, shown = await kernel.received(model, "first", is_hello, is_final)
     assert got.content["protocol"] == 1
-    shown = await kernel.received(model, "first", lambda m: m.kind == "frame" and m.content["final"])
     assert shown.pixels.shape == (54, 96, 3)
     kernel.say(model, {"display": "second"})
-    await kernel.received(model, "second", lambda m: m.kind == "hello")
-    other = await kernel.received(model, "second", lambda m: m.kind == "frame" and m.content["final"])
+    _, other = await kernel.received(model, "second", is_hello, is_final)
     np.testing.assert_array_equal(other.pixels, shown.pixels)
 
     # The camera moves: the first output is not read any more, and the second has its frames all the same.
     move = {"type": "camera", "id": 5, "camera": {"position": [0.5, 2.0, 4.0]}}
     kernel.say(model, {"display": "second", "text": json.dumps(move)})
-    moved = await kernel.received(model, "second", lambda m: m.kind == "frame" and m.content["answers"] == 5)
-    assert moved.content["revision"] > shown.content["revision"]
-    done = await kernel.received(model, "second", lambda m: m.kind == "progress" and bool(m.content["sha256"]))
+    before = shown.content["revision"]
+    moved, done = await kernel.received(
+        model,
+        "second",
+        lambda m: m.kind == "frame" and m.content["answers"] == 5,
+        lambda m: m.kind == "progress" and m.content["revision"] > before and bool(m.content["sha256"]),
+    )
+    assert moved.content["revision"] > before
     outputs = await kernel.run("list(view.scene.camera.position)")
     assert outputs[0].data["text/plain"] == "[0.5, 2.0, 4.0]"
     again = await kernel.run("clrender.render(view.scene, device=device, size=(96, 54), spp=8).stats['image_sha256']")
@@ -221,6 +236,27 @@ def test_what_is_exported_is_seen_without_a_network(executed: tuple[Any, Path]) 
         finally:
             FAILURES.mkdir(exist_ok=True)
             page.screenshot(path=FAILURES / "notebook.png", full_page=True)
+
+
+def test_the_example_of_the_documentation_runs(execute: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    example = nbformat.read(Path(__file__).parents[2] / "docs" / "notebook.ipynb", 4)
+    smaller = {"(640, 360)": "(48, 27)", "(320, 180)": "(48, 27)", "spp=64": "spp=4", "spp=256": "spp=64"}
+    cells = []
+    for cell in example.cells:
+        source = cell.source
+        for large, small in smaller.items():
+            source = source.replace(large, small)
+        if cell.cell_type == "code":
+            cells.append(source)
+
+    async def talk(kernel: Kernel) -> None:
+        outputs = await kernel.run("image.stats['samples'], better.stats['samples'], plot.points[-1].samples, view")
+        assert outputs[0].data["text/plain"].startswith(f"({48 * 27 * 64}, {48 * 27 * 64}, 64.0, <clrender.View")
+        assert "closed" in outputs[0].data["text/plain"]
+
+    monkeypatch.setenv("CLRENDER_DEVICE", os.environ.get("CLRENDER_TEST_DEVICE", "pocl"))
+    notebook, _ = execute(tuple(cells), talk)
+    assert "svg" in notebook.cells[-2].outputs[0].data["text/html"]
 
 
 def test_a_view_that_no_output_shows_any_more_ends(execute: Callable[..., Any]) -> None:
