@@ -132,7 +132,7 @@ def _try(environment: Path, python: str, wheel: Path, age: str, options: argpars
     before = _size(environment)
     target = f"{wheel}[{options.extras}]" if options.extras else str(wheel)
     install = [*uv, "pip", "install", "--quiet", "--python", str(environment), "--resolution", RESOLUTIONS[age]]
-    _run([*install, "--only-binary", ":all:", target])
+    _run([*install, "--only-binary", ":all:", target, *_requirements(wheel, options.extras.split(","), environment)])
     size = _size(environment) - before
     installed = time.monotonic() - begun
     _run([*uv, "pip", "check", "--quiet", "--python", str(environment)])
@@ -147,6 +147,29 @@ def _try(environment: Path, python: str, wheel: Path, age: str, options: argpars
     )
     shutil.rmtree(environment)
     return digest
+
+
+def _requirements(wheel: Path, extras: Sequence[str], environment: Path) -> list[str]:
+    """What the wheel asks for, to be named beside it: of what only it asks for, uv would not take the oldest."""
+    from packaging.requirements import Requirement
+
+    with zipfile.ZipFile(wheel) as packed:
+        (name,) = (each for each in packed.namelist() if each.endswith(".dist-info/METADATA"))
+        lines = packed.read(name).decode().splitlines()
+    asked = [Requirement(line.partition(": ")[2]) for line in lines if line.startswith("Requires-Dist: ")]
+    tell = "import sys; print('%d.%d' % sys.version_info[:2])"
+    version = _run([str(environment / "bin" / "python"), "-c", tell]).stdout.strip()
+    wanted = {"", *extras}
+    found: dict[str, str] = {}
+    for _ in range(2):  # extras name others
+        for each in asked:
+            marker = each.marker
+            if marker is None or any(marker.evaluate({"extra": one, "python_version": version}) for one in wanted):
+                if each.name == "clrender":
+                    wanted |= each.extras
+                else:
+                    found[each.name] = f"{each.name}{each.specifier}"
+    return list(found.values())
 
 
 def _use(environment: Path, work: Path, extras: str) -> str:
