@@ -229,6 +229,10 @@ class Session:
             Its layers are rendered; no more samples are taken.
         film : RunningFilm
             That `refine` returned for this job; the image holds it.
+
+        Returns
+        -------
+        RenderedImage
         """
         with self._alone():
             return JobRender(self, job, None, None, begun=film).developed()
@@ -243,6 +247,11 @@ class Session:
         job : RenderJob
         should_stop : callable, optional
             After a yes, samples are missing.
+
+        Returns
+        -------
+        dict of str to (height, width, channels) float32
+            By the names of the job's `aov`.
         """
         with self._alone():
             return JobRender(self, job, None, should_stop).layers()

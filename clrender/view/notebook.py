@@ -135,6 +135,11 @@ class View:
         seconds : float, optional
             At most so long.
 
+        Returns
+        -------
+        RenderedImage
+            With all samples, or those that there are after so long.
+
         Raises
         ------
         RenderError

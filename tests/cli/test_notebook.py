@@ -309,16 +309,3 @@ def test_a_kernel_that_ends_ends_its_views(execute: Callable[..., Any]) -> None:
 
     _, folder = execute((CELLS[0], "view"), talk)
     assert (folder / "ended").read_text() == "True"
-
-
-@pytest.mark.slow
-def test_the_notebook_of_the_documentation_runs(execute: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CLRENDER_DEVICE", os.environ.get("CLRENDER_TEST_DEVICE", "pocl"))
-    cells = json.loads((Path(__file__).parents[2] / "docs" / "notebook.ipynb").read_text())["cells"]
-
-    async def nothing(kernel: Kernel) -> None:
-        """Nobody moves in it."""
-
-    notebook, _ = execute(tuple("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"), nothing)
-    assert len(notebook.cells) == 4
-    assert not [each for cell in notebook.cells for each in cell.outputs if each.output_type == "error"]
