@@ -134,10 +134,10 @@ def test_what_is_no_message_is_refused(notebook: Notebook, text: Any) -> None:
 
 
 def test_who_is_one_too_many_is_told(notebook: Notebook) -> None:
-    for number in range(33):
+    for number in range(17):
         notebook.displays.hear({"display": f"d{number}"})
-    assert "32 viewers" in notebook.wait_kind("d32", "refused")["message"]
-    assert len(notebook.displays) == 32
+    assert "16 viewers" in notebook.wait_kind("d16", "refused")["message"]
+    assert len(notebook.displays) == 16
 
 
 def test_all_are_told_the_end_and_nobody_comes_after_it(notebook: Notebook) -> None:

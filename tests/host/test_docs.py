@@ -170,13 +170,13 @@ def test_built_in_scenes_are_counted_right() -> None:
 
 
 def test_variables_of_the_environment_are_read_somewhere() -> None:
-    named = set(re.findall(r"`(CLRENDER_[A-Z_]+)`", REFERENCE))
+    named = set(re.findall(r"`(_?CLRENDER_[A-Z_]+)`", REFERENCE))
     files = [path for folder in ("clrender", "scripts", "tests") for path in (ROOT / folder).rglob("*")]
     read = {
         name
         for path in files
         if path.is_file() and path != Path(__file__) and path.suffix in ("", ".py", ".sh")
-        for name in re.findall(r"CLRENDER_[A-Z_]+", path.read_text())
+        for name in re.findall(r"_?CLRENDER_[A-Z_]+", path.read_text())
     }
     assert named - read <= NOT_YET
     assert read <= named
