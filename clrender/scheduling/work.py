@@ -20,7 +20,7 @@ __all__ = ["Kind", "Task", "Work"]
 
 _MOST_CHECKS: Final = 64
 """Pieces that may wait to be checked."""
-_CHECK_SECONDS: Final = (0.1, 1.0)
+_CHECK_SECONDS: Final = (0.3, 1.0)
 """What pieces that wait may take the fastest worker that may check them: at the end all wait for it. Between these, a
 share of the time so far."""
 _CHECK_SHARE: Final = 0.02
@@ -78,6 +78,7 @@ class Work:
         self._in_service = set(range(workers))
         self._rates: dict[int, float] = {}
         self._check_rates: dict[int, float] = {}
+        self._check_overheads: dict[int, float] = {}
         self._begin = time.monotonic()
         self._waiting: set[int] = set()
         self._resting: set[int] = set()
@@ -123,9 +124,10 @@ class Work:
             self._remaining.measured(worker, unit, seconds)
 
     def timed(self, worker: int, samples: int, seconds: float) -> None:
-        """How long it took to check a piece: few samples at once are slow work for some devices."""
+        """How long it took to check a piece: some devices take long for however few samples."""
         with self._changed:
             self._check_rates[worker] = samples / max(seconds, 1e-6)
+            self._check_overheads[worker] = max(seconds - samples / self._check_rate(worker), 0.0)
 
     def dismissed(self, worker: int) -> bool:
         """Whether nobody wants anything of this worker any more."""
@@ -163,10 +165,12 @@ class Work:
             others = self._in_service - {worker}
             if not others or len(self._checks) >= _MOST_CHECKS:
                 return 0.0
-            waiting = sum(piece.samples for piece in self._checks if piece.worker == worker)
+            waiting = [piece.samples for piece in self._checks if piece.worker == worker]
             if not others <= self._rates.keys() | self._check_rates.keys():
-                return _CHECK_SAMPLES - waiting
-            return self._check_seconds() * max(self._check_rate(other) for other in others) - waiting
+                return _CHECK_SAMPLES - sum(waiting)
+            seconds, pieces = self._check_seconds(), len(waiting) + 1
+            most = max((seconds - pieces * self._overhead(each)) * self._check_rate(each) for each in others)
+            return max(most, 0.0 if waiting else 1.0) - sum(waiting)
 
     def check(self, piece: Piece) -> None:
         """Have another worker do a piece again."""
@@ -282,8 +286,12 @@ class Work:
         return min(max(least, _CHECK_SHARE * (time.monotonic() - self._begin)), most)
 
     def _check_rate(self, worker: int) -> float:
-        """Samples a second of a worker that checks; nobody knows of one that has done nothing."""
-        return min(rates.get(worker, math.inf) for rates in (self._rates, self._check_rates))
+        """Samples a second of a worker that checks: that of its units, if it has done any."""
+        return self._rates.get(worker, self._check_rates.get(worker, math.inf))
+
+    def _overhead(self, worker: int) -> float:
+        """Seconds that a worker takes for a piece, beside those for its samples."""
+        return self._check_overheads.get(worker, 0.0)
 
     def _task(self, worker: int, kind: Kind, piece: Piece | None) -> Task:
         return Task(next(self._numbers), worker, kind, None if piece is None else piece.unit, piece)
