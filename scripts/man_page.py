@@ -60,8 +60,10 @@ def _command(top: click.Context, name: str) -> str:
     assert command is not None
     context = click.Context(command, info_name=name, parent=top)
     usage = " ".join(["clrender", name, *command.collect_usage_pieces(context)])
-    options = [each for each in command.get_params(context) if isinstance(each, click.Option)]
+    options = [each for each in command.params if isinstance(each, click.Option)]
     records = [record for option in options if (record := option.get_help_record(context))]
+    # click keeps the option for help as the first context had it
+    records.append(("-h, --help", "Show this message and exit."))
     return "\n".join([f".SS {_text(usage)}", _prose(command.help or ""), _list(dict(records))])
 
 

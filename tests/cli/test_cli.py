@@ -86,7 +86,7 @@ def test_names_without_numpy_are_the_names_there_are() -> None:
 
 BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "unknown command": ("rendr room -o a.png", ("'rendr'", "did you mean 'render'?")),
-    "unknown command, nothing near": ("xyzzy", ("'xyzzy'", "choose one of render, devices")),
+    "unknown command, nothing near": ("xyzzy", ("'xyzzy'", "choose one of render, view")),
     "unknown option": ("render room -o a.png --sp 4", ("--sp", "--spp")),
     "misspelt option": ("render room -o a.png --shadow-ray 4", ("--shadow-ray", "--shadow-rays")),
     "unknown option of the program": ("--verson", ("--verson", "--version")),

@@ -63,7 +63,12 @@ class FakeProgress:
     samples_total: int
     seconds: float
     samples_per_second: float = 5.0
-    seconds_left: float | None = 3.0
+    seconds_left: float = 3.0
+    relative_error: float | None = None
+
+    @property
+    def fraction(self) -> float:
+        return self.samples_done / self.samples_total
 
 
 @dataclass
