@@ -92,6 +92,11 @@ class Audience:
         for viewer in self._all():
             viewer.tell("bye", {"reason": reason}, newest=False)
 
+    @property
+    def told(self) -> bool:
+        """Whether all have taken what they are told."""
+        return all(viewer.told for viewer in self._all())
+
     def end(self, reason: str) -> None:
         """Have all transports hang up."""
         for viewer in self._all():

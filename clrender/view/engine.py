@@ -109,6 +109,11 @@ class Engine:
             self._parting = True
             self._audience.say_goodbye(reason)
 
+    @property
+    def told(self) -> bool:
+        """Whether all viewers have taken what they are told."""
+        return self._audience.told
+
     def close(self, reason: str = "the view has ended") -> None:
         """End: viewers are told, what is on the devices is released."""
         self.say_goodbye(reason)

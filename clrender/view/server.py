@@ -8,6 +8,7 @@ import importlib.resources
 import secrets
 import socket
 import tempfile
+import time
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from pathlib import Path
@@ -38,7 +39,7 @@ __all__ = ["listen", "serve"]
 
 _MOST_CONNECTIONS: Final = 128
 """At the same time, whatever they ask; more are hung up on."""
-_GOODBYE_SECONDS: Final = 0.1
+_GOODBYE_SECONDS: Final = 2.0
 """For what is still to be sent at the end."""
 _SILENT_SECONDS: Final = 10.0
 """How long a connection may stay open without having asked anything."""
@@ -85,7 +86,10 @@ class _Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._engine.say_goodbye()
-        await asyncio.sleep(_GOODBYE_SECONDS)
+        end = time.monotonic() + _GOODBYE_SECONDS
+        while not self._engine.told and time.monotonic() < end:
+            await asyncio.sleep(0.02)
+        await asyncio.sleep(0.05)  # what was taken goes out
         await super().shutdown(sockets)
 
 

@@ -104,6 +104,12 @@ class Viewer:
         shot = self._engine.shot
         return None if shot is None else self._frame(shot, wanted)
 
+    @property
+    def told(self) -> bool:
+        """Whether all that it is told has been taken."""
+        with self._lock:
+            return not self._replies and not self._newest
+
     def close(self) -> None:
         """It looks on no more."""
         self._engine.disconnect(self)
