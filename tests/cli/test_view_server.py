@@ -203,6 +203,7 @@ def test_a_thousand_connections_are_refused_and_the_render_goes_on(server: Serve
     assert renders(server)
 
 
+@pytest.mark.slow
 def test_too_many_pages_are_refused(server: Server) -> None:
     with ExitStack() as opened:
         first = opened.enter_context(Page(server.address))
