@@ -11,6 +11,7 @@ from typing import Any, Final
 import click
 from click.shell_completion import CompletionItem
 
+from clrender.cli.completing import complete_devices, complete_files, complete_scenes
 from clrender.exposure import PHOTOGRAPHIC
 from clrender.limits import Choice, Domain, NotAllowed, Range, shown
 from clrender.settings import PIXEL_LIMIT, SETTINGS
@@ -21,13 +22,17 @@ __all__ = [
     "EnvironmentType",
     "allow_path_option",
     "choice_options",
+    "device_option",
+    "environment_option",
     "exr_options",
     "number",
     "numbers",
     "progress_options",
+    "scene_argument",
     "setting_option",
     "setting_options",
     "size",
+    "size_option",
     "tone_options",
 ]
 
@@ -277,3 +282,31 @@ def allow_path_option(command: Any) -> Any:
         multiple=True,
         help="A folder, besides the scene's own, that the scene may read files from. Repeatable.",
     )(command)
+
+
+scene_argument = click.argument("scene", metavar="SCENE", shell_complete=complete_scenes)
+"""What is rendered."""
+
+size_option = click.option("--size", type=size, metavar="WxH", help="Of the image, pixels (800x800).")
+"""Its size."""
+
+device_option = click.option(
+    "-d",
+    "--device",
+    "devices",
+    metavar="SPEC",
+    multiple=True,
+    shell_complete=complete_devices,
+    help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
+    "(CLRENDER_DEVICE, else auto).",
+)
+"""Where it is rendered."""
+
+environment_option = click.option(
+    "--environment",
+    type=EnvironmentType(),
+    shell_complete=complete_files,
+    metavar="FILE",
+    help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
+)
+"""What is around it."""

@@ -14,19 +14,21 @@ import click
 from click.core import ParameterSource
 
 from clrender.cli import STARTED
-from clrender.cli.completing import complete_devices, complete_files, complete_layers, complete_scenes
+from clrender.cli.completing import complete_layers
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import (
-    EnvironmentType,
     allow_path_option,
     choice_options,
+    device_option,
+    environment_option,
     exr_options,
     progress_options,
+    scene_argument,
     setting_options,
+    size_option,
     tone_options,
 )
 from clrender.cli.options import shard as parse_shard
-from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct, check_image_size, scene_files
 from clrender.cli.progress import STYLES, ProgressDisplay, ProgressView, duration, quantity
 from clrender.errors import ClrenderError, RenderError, UsageError
@@ -39,7 +41,7 @@ __all__ = ["render"]
 
 
 @click.command()
-@click.argument("scene", metavar="SCENE", shell_complete=complete_scenes)
+@scene_argument
 @click.option(
     "-o",
     "--output",
@@ -50,25 +52,10 @@ __all__ = ["render"]
     required=True,
     help="Where to: .png .jpg for display, .exr .npy .hdr linear, .film exact sums. Repeatable.",
 )
-@click.option("--size", type=parse_size, metavar="WxH", help="Of the image, pixels (800x800).")
-@click.option(
-    "-d",
-    "--device",
-    "devices",
-    metavar="SPEC",
-    multiple=True,
-    shell_complete=complete_devices,
-    help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
-    "(CLRENDER_DEVICE, else auto).",
-)
+@size_option
+@device_option
 @setting_options
-@click.option(
-    "--environment",
-    type=EnvironmentType(),
-    shell_complete=complete_files,
-    metavar="FILE",
-    help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
-)
+@environment_option
 @tone_options
 @click.option(
     "--aov",

@@ -12,8 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from clrender.cli.options import EnvironmentType, allow_path_option, choice_options, setting_options
-from clrender.cli.options import size as parse_size
+from clrender.cli.options import (
+    allow_path_option,
+    choice_options,
+    device_option,
+    environment_option,
+    scene_argument,
+    setting_options,
+    size_option,
+)
 from clrender.cli.outputs import check_distinct, scene_files
 
 if TYPE_CHECKING:
@@ -39,7 +46,7 @@ class _SceneFile:
 
 
 @click.command()
-@click.argument("scene", metavar="SCENE")
+@scene_argument
 @click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="(one that is free).")
 @click.option("--host", default="127.0.0.1", metavar="A", help="Address to listen at (127.0.0.1: this machine only).")
 @click.option("--no-open", is_flag=True, help="Only print the address; open no browser.")
@@ -52,23 +59,10 @@ class _SceneFile:
     multiple=True,
     help="A file that the page may write: .png .jpg .exr .npy .hdr .film. No other is written. Repeatable.",
 )
-@click.option("--size", type=parse_size, metavar="WxH", help="Of the image, pixels (800x800).")
-@click.option(
-    "-d",
-    "--device",
-    "devices",
-    metavar="SPEC",
-    multiple=True,
-    help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
-    "(CLRENDER_DEVICE, else auto).",
-)
+@size_option
+@device_option
 @partial(setting_options, without=("time_limit",))
-@click.option(
-    "--environment",
-    type=EnvironmentType(),
-    metavar="FILE",
-    help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
-)
+@environment_option
 @choice_options
 @allow_path_option
 def view(

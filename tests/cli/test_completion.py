@@ -61,6 +61,8 @@ def test_commands_scenes_options_settings_and_devices(command: Path, shell: str)
     }  # fmt: skip
     assert completed(command, shell, "clrender", "render", "--integrator", "re") == ["reuse"]
     assert {"auto", "all"} <= set(completed(command, shell, "clrender", "render", "-d", "a"))
+    assert {"room", "room-glass"} <= set(completed(command, shell, "clrender", "view", "roo"))
+    assert {"auto", "all"} <= set(completed(command, shell, "clrender", "view", "-d", "a"))
     assert completed(command, shell, "clrender", "completion", "f") == ["fish"]
 
 
