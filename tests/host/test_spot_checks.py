@@ -528,3 +528,23 @@ def test_what_a_worker_did_before_it_hung_is_still_checked() -> None:
     work.cancel_checks(0)
     task = work.take(1)
     assert task is not None and task.kind is Kind.UNIT
+
+
+def test_what_waits_for_a_slow_worker_to_be_checked_is_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    """0.3 s at first, later a fiftieth of the time so far, less what a piece takes however few its samples are."""
+    now = 100.0
+    monkeypatch.setattr("clrender.scheduling.work.time.monotonic", lambda: now)
+    plan = plan_for(64, 64, 8)
+    work, unit = Work(Remaining(plan, 2), 2), Unit(0, 4096, 0, 8, 8)
+    work.measured(0, unit, 0.01)
+    work.measured(1, unit, 4096 * 8 / 5000.0)
+    assert work.room(0) == pytest.approx(0.3 * 5000.0)
+    assert work.room(1) == pytest.approx(0.3 * 4096 * 8 / 0.01)
+    work.timed(1, 500, 0.3)  # 0.1 s for these samples, and 0.2 s beside
+    assert work.room(0) == pytest.approx(0.1 * 5000.0)
+    now += 30.0
+    assert work.room(0) == pytest.approx(0.4 * 5000.0)
+    now += 1000.0
+    assert work.room(0) == pytest.approx(0.8 * 5000.0)
+    work.timed(1, 500, 60.0)
+    assert work.room(0) == 1.0, "of its first unit, a block is checked by whomever"
