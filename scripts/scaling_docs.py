@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from made_part import with_part
+
 __all__ = ["Load", "current", "simulate"]
 
 _DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
-_BEGIN: Final = "<!-- made by scripts/scaling_docs.py: {} begin -->"
-_END: Final = "<!-- end -->"
 _WORKERS: Final = (10, 100, 1000, 10_000, 100_000)
 _UNIT_SECONDS: Final = 1.0
 _NETWORK: Final = 1.25e8
@@ -181,10 +181,7 @@ def _duration(seconds: float) -> str:
 def current(page: str, costs: Mapping[str, Any]) -> str:
     """The page with tables made anew."""
     for name, table in (("costs", _costs), ("alone", _alone), ("sharded", _sharded)):
-        begin = _BEGIN.format(name)
-        before, _, rest = page.partition(begin)
-        _, _, after = rest.partition(_END)
-        page = f"{before}{begin}\n\n{table(costs)}\n\n{_END}{after}"
+        page = with_part(page, f"scaling_docs.py: {name}", f"{table(costs)}\n")
     return page
 
 

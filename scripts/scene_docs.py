@@ -8,13 +8,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+from made_part import with_part
+
 from clrender.scene import Scene
 
 __all__ = ["PAGE", "current", "tables"]
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "scene-file.md"
-_BEGIN: Final = "<!-- made by scripts/scene_docs.py: begin -->"
-_END: Final = "<!-- end -->"
 _DEFAULT: Final = r" \(default: ([^)]*)\)$"
 """How a description ends that says its default."""
 _LARGE: Final = 1e9
@@ -35,8 +35,7 @@ def current(page: str) -> str:
     page : str
         Text with the two marks between which the tables stand.
     """
-    before, rest = page.split(_BEGIN)
-    return f"{before}{_BEGIN}\n\n{tables(Scene.model_json_schema())}\n{_END}{rest.split(_END)[1]}"
+    return with_part(page, "scene_docs.py:", tables(Scene.model_json_schema()))
 
 
 def tables(schema: dict[str, Any]) -> str:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from made_part import with_part
+
 from clrender.settings import IMAGE, SETTINGS, STOP, WORK, Setting
 
 __all__ = ["PAGE", "current", "tables"]
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
-_BEGIN: Final = "<!-- made by scripts/setting_docs.py: begin -->"
-_END: Final = "<!-- end -->"
 _GROUPS: Final = {
     IMAGE: ("What decides the image", "They are part of the request: with another value it is another image."),
     STOP: ("When enough is done", "They say how many samples there are."),
@@ -34,8 +34,7 @@ def current(page: str) -> str:
     page : str
         Text with the two marks between which the tables stand.
     """
-    before, rest = page.split(_BEGIN)
-    return f"{before}{_BEGIN}\n\n{tables()}\n{_END}{rest.split(_END)[1]}"
+    return with_part(page, "setting_docs.py:", tables())
 
 
 def tables() -> str:

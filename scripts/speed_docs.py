@@ -16,6 +16,8 @@ import tempfile
 from pathlib import Path
 from typing import Any, Final
 
+from made_part import with_part
+
 from clrender.bench import SCENES
 from clrender.drawing.svg import BLUE, ORANGE
 from clrender.report.plots import Series, plot
@@ -23,8 +25,6 @@ from clrender.report.plots import Series, plot
 __all__ = ["current"]
 
 _DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
-_BEGIN: Final = "<!-- made by scripts/speed_docs.py: begin -->"
-_END: Final = "<!-- end -->"
 _GROWTH: Final = {"S3-10k": 9_680, "S3-1M": 1_003_520, "S3-4M": 3_996_180}
 """Scenes of the plot, and their triangles."""
 _ROWS: Final = ("S1", "S2", "S1-tess", "S3-10k", "S3-1M", "S3-4M", "S4", "S5", "S6")
@@ -59,8 +59,7 @@ def current(page: str, data: dict[str, Any]) -> str:
     data : dict
         What docs/speed.json holds.
     """
-    before, rest = page.split(_BEGIN)
-    return f"{before}{_BEGIN}\n\n{_table(data)}\n\n{_END}{rest.split(_END)[1]}"
+    return with_part(page, "speed_docs.py:", f"{_table(data)}\n")
 
 
 def _take(data: dict[str, Any], lines: list[dict[str, Any]]) -> None:
