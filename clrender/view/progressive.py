@@ -230,9 +230,10 @@ class Progressive:
         film = self._session.refine(job, shot.film, on_progress=advance, should_stop=stopped)
         if film.changes:
             shot.film = film
-        shot.changes += 1
         if not stopped.yes and (job.settings.error is not None or film.ledger.holds(0, job.settings.spp)):
             shot.sha256, shot.still = image_sha256(film.mean()), True
+        # Last: a frame that is made meanwhile has the number before, and so is not taken for the finished image.
+        shot.changes += 1
         self._changed()
 
     def _is_whole(self, shot: Shot, name: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,6 +19,7 @@ from clrender.device import Buffer, Device
 from clrender.errors import SceneError, UsageError
 from clrender.film.film import Film
 from clrender.film.replicates import standard_error
+from clrender.image.files import image_sha256
 from clrender.view import Engine
 from clrender.view.audience import MOST_VIEWERS
 
@@ -110,6 +112,28 @@ def test_more_samples_are_added_to_those_that_are_there(
     page.say("set", settings={"spp": 4})  # fewer than there are: anew
     assert page.until_done() == rendered(device)
     assert engine.shot.revision == revision + 1
+
+
+def test_who_looks_just_before_the_end_sees_the_end_too(
+    opened: Callable[..., Any], device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A frame of all samples, made before the image was known to be finished, was kept in place of the finished one."""
+    early: list[bool] = []
+    is_open = threading.Event()
+
+    def hashed(linear: Any) -> str:
+        is_open.wait()
+        frame = None
+        while frame is None or frame.changes != engine.shot.changes:  # it may not be time for another yet
+            frame = engine.frames.newest(engine.shot, "image", 2048, (-1, -1))
+        early.append(frame.final)
+        return image_sha256(linear)
+
+    monkeypatch.setattr("clrender.view.progressive.image_sha256", hashed)
+    engine, page = opened()
+    is_open.set()
+    page.until(lambda m: m.kind == "frame" and m.content["final"], seconds=60)
+    assert early == [False]
 
 
 def test_a_camera_that_moves_uploads_nothing_else_and_compiles_nothing(
