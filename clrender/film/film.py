@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -129,7 +130,7 @@ class Film:
         self.bands()
         return list(self._squares)
 
-    def commit(self, unit: Unit, result: UnitSums) -> int:
+    def commit(self, unit: Unit, result: UnitSums, part: Film | None = None) -> int:
         """Add what was done of a unit, and record it: the only way into a film.
 
         Parameters
@@ -137,6 +138,8 @@ class Film:
         unit : Unit
         result : UnitSums
             Of the unit, whole or stopped half-way.
+        part : Film, optional
+            One of this size and request, of some of this film's samples, which gets them too: at little more cost.
 
         Returns
         -------
@@ -167,11 +170,15 @@ class Film:
             if result.squares is None or result.squares.shape != (slots, 3, 8):
                 raise RenderError(f"a unit of {slots} slots came without the squares of its replicates.")
             squares = _words(result.squares)
-        with self._whole:
-            self.bands()
-            self.ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
+        films = (self,) if part is None else (self, part)
+        with ExitStack() as held:
+            for film in films:
+                held.enter_context(film._whole)
+                film.bands()
+                film.ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
             for rows in rows_of(unit, words, result.counts, self.width, self.height, squares):
-                self._add(rows)
+                for film in films:
+                    film._add(rows)
         return int((unit.pixels(self.width, self.height) * result.done).sum())
 
     def mean(self) -> npt.NDArray[np.float32]:

@@ -48,10 +48,10 @@ class RunningFilm(Film):
         rays = {"rays": self.rays, "shadow_rays": self.shadow_rays, "max_depth": self.max_depth}
         return {"samples": samples, "nonfinite_samples": samples - self.samples, **rays}
 
-    def commit(self, unit: Unit, result: UnitSums) -> int:
+    def commit(self, unit: Unit, result: UnitSums, part: Film | None = None) -> int:
         """As of `Film.commit`."""
         with self._changing():
-            samples = super().commit(unit, result)
+            samples = super().commit(unit, result, part)
             self.rays += result.rays
             self.shadow_rays += result.shadow_rays
             self.max_depth = max(self.max_depth, result.deepest)

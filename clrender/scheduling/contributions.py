@@ -36,15 +36,14 @@ class Contributions:
         self._apart: dict[int, Film] = {}
         self._units: dict[int, list[Unit]] = {number: [] for number in range(workers)}
 
-    def add(self, worker: int, unit: Unit, result: UnitSums) -> None:
-        """Note what a worker put into the film."""
-        self._units[worker].append(unit)
-        if self._all:
-            return
+    def commit(self, worker: int, unit: Unit, result: UnitSums) -> int:
+        """Put what a worker did into the film, as `Film.commit` does, and note it."""
         key = 0 if self._shared else worker
-        if key not in self._apart:
+        if key not in self._apart and not self._all:
             self._apart[key] = Film(self._film.width, self._film.height, self._film.request)
-        self._apart[key].commit(unit, result)
+        samples = self._film.commit(unit, result, self._apart.get(key))
+        self._units[worker].append(unit)
+        return samples
 
     def withdraw(self, worker: int) -> dict[int, list[Unit]]:
         """Take what a worker did out of the film; gives the units that are to be done again, by who had done them."""

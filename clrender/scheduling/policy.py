@@ -177,6 +177,11 @@ class Remaining:
         self._left -= unit.slot_count * unit.sample_count
         return unit
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether all of it is taken."""
+        return not self._strips and self._left <= 0
+
     def put_back(self, unit: Unit) -> None:
         """A unit that was taken and will not be done by who took it: it comes next."""
         self._strips.appendleft(unit)

@@ -207,12 +207,15 @@ class _Run:
     def _done(self, task: Task, result: UnitSums | bool | None) -> None:
         worker = task.worker
         if task.kind is Kind.UNIT and task.unit is not None and isinstance(result, UnitSums):
-            self._tally.workers[worker].add(result, self._film.commit(task.unit, result))
+            if self._apart is None:
+                samples = self._film.commit(task.unit, result)
+            else:
+                samples = self._apart.commit(worker, task.unit, result)
+            self._tally.workers[worker].add(result, samples)
             self._told[worker] = (0, 0)
             if (error := self._pending.pop(worker, None)) is not None:
                 self._tally.recovered.append(error)
-            if self._apart is not None and self._sampler is not None:
-                self._apart.add(worker, task.unit, result)
+            if self._sampler is not None:
                 piece = self._sampler.piece(worker, task.unit, result, self._work.room(worker))
                 if piece is not None:
                     self._work.check(piece)

@@ -21,9 +21,10 @@ __all__ = ["Kind", "Task", "Work"]
 _MOST_CHECKS: Final = 64
 """Pieces that may wait to be checked."""
 _CHECK_SECONDS: Final = (0.3, 1.0)
-"""What pieces that wait may take the fastest worker that may check them: at the end all wait for it. Between these, a
-share of the time so far."""
+"""What pieces that wait may take the fastest worker that may check them. Between these, a share of the time so far."""
 _CHECK_SHARE: Final = 0.02
+_LAST_CHECK_SHARE: Final = 0.01
+"""Of the time so far, what checks may take once all units are taken: nobody has anything else to do then."""
 _CHECK_SAMPLES: Final = 1 << 18
 """What they may have while nobody knows how fast the others are."""
 
@@ -79,7 +80,8 @@ class Work:
         self._rates: dict[int, float] = {}
         self._check_rates: dict[int, float] = {}
         self._check_overheads: dict[int, float] = {}
-        self._begin = time.monotonic()
+        self._begin = self._last_unit = time.monotonic()
+        self._checked: set[int] = set()
         self._waiting: set[int] = set()
         self._resting: set[int] = set()
         self._retired: set[int] = set()
@@ -141,7 +143,11 @@ class Work:
 
     def settle(self, task: Task) -> None:
         """A task is done, and all that follows from it is said."""
-        self._change(lambda: self._out.pop(task.number, None))
+        with self._changed:
+            self._out.pop(task.number, None)
+            if task.kind is Kind.UNIT:
+                self._last_unit = time.monotonic()
+            self._changed.notify_all()
 
     def give_back(self, task: Task) -> bool:
         """A task was not done; gives whether it was this worker's to do."""
@@ -257,7 +263,7 @@ class Work:
         if self._orders[worker]:
             kind, piece = self._orders[worker].popleft()
             return self._task(worker, kind, piece)
-        check = next((piece for piece in self._checks if piece.worker != worker), None)
+        check = next((piece for piece in self._checks if self._may_check(worker, piece)), None)
         # A check between two units at most: a slow worker has units of its own to do
         known = worker in self._rates or worker in self._check_rates
         check_first = check is not None and known and worker not in self._checked_last
@@ -268,7 +274,9 @@ class Work:
         if check is not None:
             self._checked_last.add(worker)
             self._checks.remove(check)
-            self._drop_checks(worker)
+            self._checked.add(check.worker)
+            if not self._remaining.is_empty:
+                self._drop_checks(worker)
             return self._task(worker, Kind.CHECK, check)
         return None
 
@@ -280,10 +288,27 @@ class Work:
             if allowed < 0.0:
                 self._checks.remove(piece)
 
+    def _may_check(self, worker: int, piece: Piece) -> bool:
+        """Whether a worker may check a piece: another's, in the time there is, or the first of who did it."""
+        if piece.worker == worker:
+            return False
+        if piece.worker not in self._checked:
+            return True
+        return self._overhead(worker) + piece.samples / self._check_rate(worker) <= self._last_seconds()
+
     def _check_seconds(self) -> float:
         """How long the pieces that wait may take."""
         least, most = _CHECK_SECONDS
-        return min(max(least, _CHECK_SHARE * (time.monotonic() - self._begin)), most)
+        planned = min(max(least, _CHECK_SHARE * (time.monotonic() - self._begin)), most)
+        return min(planned, self._last_seconds())
+
+    def _last_seconds(self) -> float:
+        """How long all may still wait for checks; endless while there are units to take."""
+        if not self._remaining.is_empty:
+            return math.inf
+        now = time.monotonic()
+        waited = 0.0 if any(task.kind is Kind.UNIT for task in self._out.values()) else now - self._last_unit
+        return _LAST_CHECK_SHARE * (now - self._begin) - waited
 
     def _check_rate(self, worker: int) -> float:
         """Samples a second of a worker that checks: that of its units, if it has done any."""
@@ -303,7 +328,7 @@ class Work:
             self._checks.append(task.piece)
 
     def _over(self) -> bool:
-        """Whether nothing can come any more: nothing is out or open, and nobody is there for what is to check."""
+        """Whether nothing can come any more: nothing is out or open, and nobody may check what waits."""
         if self._out or self._disputed or any(self._orders.values()):
             return False
-        return not any(self._in_service - {piece.worker} for piece in self._checks)
+        return not any(self._may_check(each, piece) for piece in self._checks for each in self._in_service)

@@ -142,6 +142,10 @@ class GivenUnits:
     def __init__(self, units: Iterator[Unit]) -> None:
         self._units = deque(units)
 
+    @property
+    def is_empty(self) -> bool:
+        return not self._units
+
     def take(self, worker: int) -> Unit | None:
         return self._units.popleft() if self._units else None
 

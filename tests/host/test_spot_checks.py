@@ -21,7 +21,7 @@ from clrender.scheduling.contributions import MOST_BYTES, Contributions
 from clrender.scheduling.dispute import judge
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import Tally, run
-from clrender.scheduling.spot_check import SHARE, Sampler
+from clrender.scheduling.spot_check import SHARE, Piece, Sampler
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.watchdog import TimeLimits, Watchdog
 from clrender.scheduling.work import Kind, Work
@@ -67,8 +67,7 @@ def test_what_a_worker_did_is_withdrawn(shared: bool, resumed: bool) -> None:
         each.commit(before, sums(before))
     apart = Contributions(film, 2, 0 if shared else MOST_BYTES)
     for number, unit in enumerate(units):
-        film.commit(unit, sums(unit))
-        apart.add(number % 2, unit, sums(unit))
+        assert apart.commit(number % 2, unit, sums(unit)) == 256
         if number % 2 and not shared:
             expected.commit(unit, sums(unit))
     gone = apart.withdraw(0)
@@ -548,3 +547,29 @@ def test_what_waits_for_a_slow_worker_to_be_checked_is_little(monkeypatch: pytes
     assert work.room(0) == pytest.approx(0.8 * 5000.0)
     work.timed(1, 500, 60.0)
     assert work.room(0) == 1.0, "of its first unit, a block is checked by whomever"
+
+
+def test_at_the_end_nobody_waits_long_for_a_slow_worker_that_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundredth of the time so far, and the first check of each worker, which is done whatever it takes."""
+    now = 100.0
+    monkeypatch.setattr("clrender.scheduling.work.time.monotonic", lambda: now)
+    remaining = Remaining(plan_for(64, 64, 8), 2)
+    work, units = Work(remaining, 2), []
+    while not remaining.is_empty:
+        units.append(work.take(0))
+    work.measured(0, units[0].unit, 0.01)
+    work.measured(1, Unit(0, 4096, 0, 8, 8), 4096 * 8 / 5000.0)
+    now += 10.0
+    for samples in (4096, 600, 400):  # the slow worker takes 0.82, 0.12 and 0.08 s
+        few = np.zeros(0, np.uint32)
+        work.check(Piece(units[0].unit, 0, samples, few, few))
+    last = units.pop()
+    for each in units:
+        work.settle(each)
+    first = work.take(1)
+    work.settle(first)
+    work.settle(last)
+    second = work.take(1)
+    work.settle(second)
+    assert [(each.kind, each.piece.samples) for each in (first, second)] == [(Kind.CHECK, 4096), (Kind.CHECK, 400)]
+    assert work.take(1) is None and work.ended, "nobody waits for what is left"
