@@ -129,17 +129,26 @@ ensure_environment() {
     exec 9>&-
 }
 
-# True when `--device auto` finds a device that passes the probe.
-device_works() {
+# True when `--device auto` finds a device that passes the probe; 4 where a probe ran out of time.
+finds_device() {
     "$venv/bin/python" -c '
 import sys
 from clrender.device import select
 from clrender.errors import ClrenderError
 try:
     select("auto", notify=lambda line: print("clrender set-up:", line, file=sys.stderr))
-except ClrenderError:
-    sys.exit(3)
+except ClrenderError as error:
+    sys.exit(4 if "timeout" in str(error) else 3)
 '
+}
+
+# The same. A busy machine is no reason for another driver: a probe that ran out of time gets more of it.
+device_works() {
+    local status=0
+    finds_device || status=$?
+    ((status == 4)) && [[ -z ${CLRENDER_PROBE_SECONDS:-} ]] || return "$status"
+    say "the check of a driver ran out of time; trying once more, with five times as much"
+    CLRENDER_PROBE_SECONDS=1200 finds_device
 }
 
 install_wheels() {

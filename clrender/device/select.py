@@ -8,6 +8,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 from clrender.device import discover
@@ -55,7 +56,8 @@ def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify |
         for line in _unusable(reports):
             tell(f"warning: {line}; see `clrender doctor`")
         try:
-            chosen = choose(specs, known, lambda info: probe(info, notify=tell), tell)
+            # Once each: no verdict is kept of a probe that ran out of time.
+            chosen = choose(specs, known, cache(lambda info: probe(info, notify=tell)), tell)
         except UsageError as error:
             if not _from_environment(spec):
                 raise

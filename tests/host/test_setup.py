@@ -117,3 +117,18 @@ def test_who_may_install_a_driver_that_is_not_free(machine: Machine, user: int, 
     log = (machine.root / ".venv" / "install.log").read_text()
     assert ("intel-opencl-rt" in log) == installs
     assert any("Intel End User License Agreement" in line for line in lines)
+
+
+@pytest.mark.parametrize(("seconds", "tries"), [({}, 2), ({"CLRENDER_PROBE_SECONDS": "9"}, 1)], ids=["unset", "set"])
+def test_a_probe_that_ran_out_of_time_gets_more_before_other_drivers(
+    machine: Machine, seconds: dict[str, str], tries: int
+) -> None:
+    asked = '[[ "$*" == *clrender.device* ]] && { echo "probed in ${CLRENDER_PROBE_SECONDS:-240}" >&2; exit %s; }'
+    machine.environment("#!/bin/bash\n" + asked % "$([[ ${CLRENDER_PROBE_SECONDS:-0} -gt 1000 ]] && echo 0 || echo 4)")
+    code, lines = machine.run("ensure_device", CLRENDER_INSTALL="0", **seconds)
+    probes = [line for line in lines if line.startswith("probed in")]
+    if tries == 2:
+        assert (code, probes) == (0, ["probed in 240", "probed in 1200"])
+        assert not any("no OpenCL driver" in line for line in lines)
+    else:
+        assert (code, probes[0]) == (1, "probed in 9"), "who set a limit gets no other"
