@@ -106,7 +106,7 @@ def read_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.flo
 
 def is_deep(picture: ImageFile) -> bool:
     """Whether the file has 16 bits a channel: a raw mode such as `RGB;16B` is how Pillow names what is in it."""
-    return any(";16" in str(tile.args) for tile in picture.tile)
+    return any(";16" in str(arguments) for _, _, _, arguments in picture.tile)
 
 
 def deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:

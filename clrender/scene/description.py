@@ -8,13 +8,11 @@ a transform that squashes a sphere) is checked by the model that holds them. `va
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from io import BytesIO
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
 
 from clrender.errors import SceneError
@@ -24,7 +22,7 @@ from clrender.scene.content_hash import content_sha256
 from clrender.scene.defaults import Image, Render
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
-from clrender.scene.ies import IesProfile, read_ies
+from clrender.scene.ies import IesProfile
 from clrender.scene.light_kinds import (
     LIGHT_TYPES,
     DirectionalLight,
@@ -44,11 +42,10 @@ from clrender.scene.materials import (
 )
 from clrender.scene.medium import Medium
 from clrender.scene.mesh_data import MeshData, inline_mesh
-from clrender.scene.mesh_io import read_mesh
-from clrender.scene.named_files import open_named_file
 from clrender.scene.references import check_references
+from clrender.scene.scene_files import SceneFiles
 from clrender.scene.shapes import AnyShape, Mesh
-from clrender.scene.texels import StoredPicture, TexelStore
+from clrender.scene.texels import TexelStore
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
 from clrender.scene.values import (
     POWER_LIMIT,
@@ -56,8 +53,7 @@ from clrender.scene.values import (
     Name,
     Part,
 )
-from clrender.scene.vertex_colors import VertexColors
-from clrender.scene.wording import place, quoted
+from clrender.scene.wording import place
 
 __all__ = [
     "LIGHT_TYPES",
@@ -78,13 +74,6 @@ __all__ = [
     "SpotLight",
     "SunSkyLight",
 ]
-
-
-def _working_folder() -> Path:
-    try:
-        return Path.cwd()
-    except FileNotFoundError:  # deleted under our feet; only a scene that names files has to know
-        return Path()
 
 
 class Scene(Part):
@@ -124,17 +113,9 @@ class Scene(Part):
     media: Annotated[dict[Name, Medium], Field(max_length=65536)] = Field(default_factory=dict)
     fog: Name | None = Field(None, description="name of a medium that is wherever no other one is, without end")
 
-    _base_folder: Path = PrivateAttr(default_factory=_working_folder)
-    _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
-    _source: str = PrivateAttr(default="Scene")
-    _meshes: dict[tuple[str, VertexColors | None], MeshData] = PrivateAttr(default_factory=dict)
-    _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
-    _profiles: dict[str, IesProfile] = PrivateAttr(default_factory=dict)
-    _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
-    _transforms: dict[str, TransformArray] = PrivateAttr(default_factory=dict)
-    _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
-    _encoded: dict[str, tuple[bytes, str]] = PrivateAttr(default_factory=dict)
+    _files: SceneFiles = PrivateAttr(default_factory=SceneFiles)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
+    _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
     _notes: tuple[str, ...] = PrivateAttr(default=())
     _read_files: tuple[Path, ...] = PrivateAttr(default=())
     _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
@@ -212,12 +193,12 @@ class Scene(Part):
     @property
     def base_folder(self) -> Path:
         """Folder against which files are looked up: the scene file's own, or the working folder."""
-        return self._base_folder
+        return self._files.base_folder
 
     @property
     def source(self) -> str:
         """Name of the scene file for messages."""
-        return self._source
+        return self._files.source
 
     @property
     def origin(self) -> dict[str, Any] | None:
@@ -257,9 +238,26 @@ class Scene(Part):
         Scene
         """
         scene = self.model_copy()
-        scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes, scene._pictures, scene._profiles, scene._store = {}, {}, {}, []
-        scene._transforms = {}
+        scene._files, scene._store = self._files.in_folder(source, base_folder, tuple(allow_paths)), []
+        return scene
+
+    def with_files(self, **contents: Mapping[Any, Any]) -> Scene:
+        """The same scene with these contents in the place of the files of their names.
+
+        Parameters
+        ----------
+        **contents : mapping
+            By the kind of file and its name: `meshes`, `transforms`, `environments`, `profiles`, `textures` and
+            `encoded`, as of `clrender.scene.scene_files.SceneFiles`.
+
+        Returns
+        -------
+        Scene
+        """
+        scene = self.model_copy()
+        scene._files = self._files.with_contents(**contents)
+        if contents.keys() & {"textures", "encoded"}:
+            scene._store = []
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
@@ -283,60 +281,11 @@ class Scene(Part):
             for i, s in enumerate(self.shapes)
         )
         scene = self.model_copy(update={"shapes": shapes, "lights": tuple(lights)})
-        scene._meshes = {(f"shape {i}", None): mesh for i, mesh in enumerate(meshes)}
+        scene._files = replace(self._files, meshes={(f"shape {i}", None): mesh for i, mesh in enumerate(meshes)})
         return scene
 
-    def with_meshes(self, meshes: Mapping[tuple[str, VertexColors | None], MeshData]) -> Scene:
-        """The same scene with these meshes in the place of files: `clrender.scene.Mesh.asset`.
-
-        Parameters
-        ----------
-        meshes : mapping of (str, VertexColors or None) to MeshData
-            By the name of the file, and what its colours are taken for.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._meshes = {**self._meshes, **meshes}
-        return scene
-
-    def with_textures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
-        """The same scene with these pictures, each with its tiles, in the place of the files of these names.
-
-        Parameters
-        ----------
-        pictures : mapping of str to (StoredPicture, (tiles, 64) uint8)
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._given, scene._store = {**self._given, **pictures}, []
-        return scene
-
-    def with_encoded_textures(self, pictures: Mapping[str, tuple[bytes, str]]) -> Scene:
-        """The same scene with these encoded pictures and their formats' endings in place of such files.
-
-        Parameters
-        ----------
-        pictures : mapping of str to (bytes, str)
-            By the name of the file: its content, and an ending such as ``.png``.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._encoded, scene._store = {**self._encoded, **pictures}, []
-        return scene
-
-    @contextmanager
-    def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:
-        """A picture or lamp that the scene names, encoded as it is, and the ending of its format.
+    def opened(self, name: str, where: str) -> AbstractContextManager[tuple[BinaryIO, str]]:
+        """A picture or IES file that the scene names: `clrender.scene.scene_files.SceneFiles.opened`.
 
         Parameters
         ----------
@@ -345,25 +294,12 @@ class Scene(Part):
         where : str
             Place of the name, for messages.
 
-        Yields
-        ------
-        file : binary file
-        ending : str
-            Such as ``.png``.
-
-        Raises
-        ------
-        SceneError
-            As of `clrender.scene.named_files.open_named_file`.
+        Returns
+        -------
+        context manager of (binary file, str)
+            The file, and the ending of its format, such as ``.png``.
         """
-        if name in self._encoded:
-            data, ending = self._encoded[name]
-            yield BytesIO(data), ending
-            return
-        label = f"{self._source}: {where}: {quoted(name)}"
-        file, _ = open_named_file(name, self._base_folder, self._allow_paths, label, 2**33)
-        with file:
-            yield file, Path(name).suffix.lower()
+        return self._files.opened(name, where)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -435,8 +371,9 @@ class Scene(Part):
         placed = self.placed_textures()
         if self._store and self._store[0].holds(texture for _, texture in placed):
             return self._store[0]
-        textures = [(f"{self._source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
-        store = TexelStore(textures, self._base_folder, self._allow_paths, self._given, self._encoded)
+        files = self._files
+        textures = [(f"{files.source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
+        store = TexelStore(textures, files.base_folder, files.allow_paths, files.textures, files.encoded)
         if self._store:
             self._store = [store]  # this is a copy with other textures of the scene that the store is for
         else:
@@ -479,12 +416,7 @@ class Scene(Part):
         """
         if shape.file is None:
             return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
-        if shape.asset not in self._meshes:
-            where = f"{self._source}: {place((*at, 'file'))}"
-            self._meshes[shape.asset] = read_mesh(
-                shape.file, self._base_folder, self._allow_paths, where, shape.vertex_colors
-            )
-        return self._meshes[shape.asset]
+        return self._files.mesh(at, shape)
 
     def read_named(self) -> None:
         """Read every file that the scene names, so that nothing is read later.
@@ -526,28 +458,7 @@ class Scene(Part):
         assert isinstance(instance, Instance)
         if instance.file is None:
             return TransformArray.of(instance)
-        if instance.file not in self._transforms:
-            where = f"{self._source}: shapes[{index}].transforms"
-            self._transforms[instance.file] = TransformArray.read(
-                instance.file, self._base_folder, self._allow_paths, where
-            )
-        return self._transforms[instance.file]
-
-    def with_transforms(self, arrays: Mapping[str, TransformArray]) -> Scene:
-        """The same scene with these in the place of the files of these names.
-
-        Parameters
-        ----------
-        arrays : mapping of str to TransformArray
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._transforms = {**self._transforms, **arrays}
-        return scene
+        return self._files.transform_array(instance.file, f"shapes[{index}].transforms")
 
     @property
     def environment(self) -> EnvironmentLight | None:
@@ -570,28 +481,7 @@ class Scene(Part):
         light = self.environment
         if light is None or light.file is None:
             return None
-        if light.file not in self._pictures:
-            place = f"{self._source}: lights[{self.lights.index(light)}].file"
-            self._pictures[light.file] = EnvironmentPicture.read(
-                light.file, self._base_folder, self._allow_paths, place
-            )
-        return self._pictures[light.file]
-
-    def with_pictures(self, pictures: Mapping[str, EnvironmentPicture]) -> Scene:
-        """The same scene with these pictures in the place of the files of these names.
-
-        Parameters
-        ----------
-        pictures : mapping of str to EnvironmentPicture
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._pictures = {**self._pictures, **pictures}
-        return scene
+        return self._files.environment(light.file, f"lights[{self.lights.index(light)}].file")
 
     def with_exposure(
         self, f_stop: float | None = None, shutter: float | None = None, iso: float | None = None
@@ -643,26 +533,7 @@ class Scene(Part):
         """
         light = self.lights[index]
         assert isinstance(light, IesLight)
-        if light.file not in self._profiles:
-            where = f"{self._source}: lights[{index}].file"
-            self._profiles[light.file] = read_ies(light.file, self._base_folder, self._allow_paths, where)
-        return self._profiles[light.file]
-
-    def with_profiles(self, profiles: Mapping[str, IesProfile]) -> Scene:
-        """The same scene with these in the place of the IES files of these names.
-
-        Parameters
-        ----------
-        profiles : mapping of str to IesProfile
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._profiles = {**self._profiles, **profiles}
-        return scene
+        return self._files.profile(light.file, f"lights[{index}].file")
 
     def with_environment(self, environment: str | Path | float) -> Scene:
         """The same scene, which has no environment of its own, in one.
@@ -685,12 +556,12 @@ class Scene(Part):
         """
         around = self.environment or self.sky
         if around is not None and around is not self._default_light[0]:
-            place = f"{self._source}: lights[{self.lights.index(around)}]"
+            place = f"{self.source}: lights[{self.lights.index(around)}]"
             raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
         default, note = self._default_light
         others = tuple(light for light in self.lights if light is not default)
         light, pictures = _environment(environment)
-        scene = self.model_copy(update={"lights": (*others, light)}).with_pictures(pictures)
+        scene = self.model_copy(update={"lights": (*others, light)}).with_files(environments=pictures)
         scene._default_light = None, ""
         return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 

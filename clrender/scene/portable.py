@@ -114,13 +114,13 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
     for index, lamp in scene.ies_lights():
         place = f"{source}: lights[{index}].file"
         profiles[lamp.file] = _unpacked_profile(_hash_in(lamp.file, place), assets, place)
-    scene = scene.with_textures(textures).with_profiles(profiles).with_transforms(transforms)
+    scene = scene.with_files(textures=textures, profiles=profiles, transforms=transforms, meshes=meshes)
     light = scene.environment
     if light is None or light.file is None:
-        return scene.with_meshes(meshes)
+        return scene
     place = f"{source}: lights[{scene.lights.index(light)}].file"
     picture = _unpacked_picture(_hash_in(light.file, place), assets, place)
-    return scene.with_meshes(meshes).with_pictures({light.file: picture})
+    return scene.with_files(environments={light.file: picture})
 
 
 def _packed(mesh: MeshData) -> bytes:
