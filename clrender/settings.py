@@ -131,8 +131,8 @@ def _setting(
 
 
 def _work(domain: Domain, help: str, default: Any = None, **more: Any) -> Any:
-    unset = more.pop("unset", "by the device" if default is None else "")
-    return _setting(default, domain, f"{help}; never changes the image", unset, WORK, None, **more)
+    unset = more.pop("unset", "chosen per device" if default is None else "")
+    return _setting(default, domain, f"{help}; does not change the image", unset, WORK, None, **more)
 
 
 _SIDE: Final = Range(1, 65536, whole=True)
@@ -151,87 +151,108 @@ class RenderSettings:
     """
 
     spp: int = _setting(64, Range(1, 2**20, whole=True), "Samples per pixel", group=STOP)
-    width: int = _setting(800, _SIDE, "Of the image, pixels", section="image", option=None)
-    height: int = _setting(800, _SIDE, "Of the image, pixels", section="image", option=None)
-    seed: int = _setting(0, Range(0, 2**32 - 1, whole=True), "Another seed gives other noise")
-    integrator: str = _setting("path", Choice(tuple(INTEGRATORS)), "How light transport is computed")
+    width: int = _setting(800, _SIDE, "Image width, pixels", section="image", option=None)
+    height: int = _setting(800, _SIDE, "Image height, pixels", section="image", option=None)
+    seed: int = _setting(0, Range(0, 2**32 - 1, whole=True), "Seed of the random numbers")
+    integrator: str = _setting("path", Choice(tuple(INTEGRATORS)), "Light transport algorithm")
     filter: str = _setting(
         "box",
         Choice(("box", "gaussian", "blackman-harris", "mitchell")),
-        "Pixel filter, by which a pixel's samples lie about it",
+        "Pixel reconstruction filter; samples are distributed according to it",
     )
-    shadow_rays: int = _setting(1, Range(1, 4096, whole=True), "Shadow rays at a diffuse hit", metavar="M")
+    shadow_rays: int = _setting(1, Range(1, 4096, whole=True), "Shadow rays per diffuse hit", metavar="M")
     indirect_rays: int = _setting(
-        1, Range(0, 4096, whole=True), "New rays from the first diffuse hit; 0: direct light only"
+        1, Range(0, 4096, whole=True), "Continuation rays from the first diffuse hit; 0: direct light only"
     )
     max_depth: int | None = _setting(
-        None, Range(0, 2**31 - 1, whole=True), "Scattering events at most; 0: emission seen directly", "no limit"
+        None,
+        Range(0, 2**31 - 1, whole=True),
+        "Maximum number of scattering events; 0: directly visible emission only",
+        "no limit",
     )
-    roulette: str = _setting("throughput", Choice(("throughput", "absorption", "none")), "How paths end")
+    roulette: str = _setting(
+        "throughput",
+        Choice(("throughput", "absorption", "none")),
+        "Russian roulette: by path throughput, by a constant probability per material, or none",
+    )
     absorption: float | None = _setting(
         None,
         Range(0.0, 1.0, below=True),
-        "Of --roulette absorption: probability to end a path at a hit",
-        "each material's own",
+        "For --roulette absorption: probability that a path ends at a hit",
+        "set by each material",
         metavar="A",
     )
-    sampling: str = _setting("mis", Choice(("mis", "light", "bsdf")), "Which sampling strategies find lights")
+    sampling: str = _setting(
+        "mis",
+        Choice(("mis", "light", "bsdf")),
+        "Direct light sampling: light and BSDF sampling combined by multiple importance sampling, or one of them",
+    )
     light_sampler: str = _setting(
         "auto",
         Choice(("auto", "bvh", "power", "uniform")),
-        "How a light is picked at a shading point: a light BVH, by power, or all alike",
-        "auto: bvh from 16 lights on",
+        "How a light is selected at each shading point: by a light BVH, by power or uniformly",
+        "auto: bvh for 16 or more lights",
     )
     reuse: int = _setting(
-        16, Choice((1, 2, 4, 8, 16)), "Of integrator reuse: pixels that share their indirect light", integrator="reuse"
+        16,
+        Choice((1, 2, 4, 8, 16)),
+        "For integrator reuse: number of pixels that share indirect light",
+        integrator="reuse",
     )
     photons: int = _setting(
-        131072, Range(1, 2**26, whole=True), "Of integrator photon: photons for each sample", integrator="photon"
+        131072, Range(1, 2**26, whole=True), "For integrator photon: photons per sample", integrator="photon"
     )
     photon_radius: float | None = _setting(
         None,
         # Rays describe light only where lengths are above its wavelength.
         Range(1e-6, 1e12),
-        "Of integrator photon: radius of the first sample's density estimate, metres",
-        "a hundredth of the scene's",
+        "For integrator photon: initial radius of the density estimate, metres",
+        "1/100 of the scene radius",
         integrator="photon",
         metavar="R",
     )
     patches: int = _setting(
-        8000, Range(1, 2**20, whole=True), "Of integrator radiosity: about how many patches", integrator="radiosity"
+        8000,
+        Range(1, 2**20, whole=True),
+        "For integrator radiosity: approximate number of patches",
+        integrator="radiosity",
     )
     patch_rays: int = _setting(
-        256, Range(1, 2**16, whole=True), "Of integrator radiosity: rays from each patch", integrator="radiosity"
+        256, Range(1, 2**16, whole=True), "For integrator radiosity: rays per patch", integrator="radiosity"
     )
     radiosity_display: str = _setting(
         "smooth",
         Choice(("constant", "smooth", "gather")),
-        "Of integrator radiosity: patches of constant radiance, interpolated, or a final gather",
+        "For integrator radiosity: constant radiance per patch, smooth interpolation, or final gather",
         integrator="radiosity",
     )
     replicate_spp: int | None = _setting(
         None,
         Choice(tuple(2**k for k in range(13))),
-        "Samples of a replicate: each has random numbers of its own, so that standard errors are known",
+        "Samples per replicate; replicates have independent random numbers, from which standard errors are estimated",
         f"no replicates; {REPLICATE_SPP} with --error or --aov stderr",
         section=None,
         metavar="N",
     )
-    tile: int = _work(_SIDE, "Side of a tile, pixels", 64)
-    samples_per_pass: int | None = _work(Range(1, 2**20, whole=True), "Samples of a pixel in one launch", metavar="K")
-    work_group: int | None = _work(Range(1, 4096, whole=True), "Work-items in a group")
-    lanes: int | None = _work(Choice((1, 4, 8, 16)), "Paths that a work-item carries")
+    tile: int = _work(_SIDE, "Side length of a tile, pixels", 64)
+    samples_per_pass: int | None = _work(
+        Range(1, 2**20, whole=True), "Samples per pixel and kernel launch", metavar="K"
+    )
+    work_group: int | None = _work(Range(1, 4096, whole=True), "Work-items per work-group")
+    lanes: int | None = _work(Choice((1, 4, 8, 16)), "Paths per work-item")
     max_memory: int | None = _work(
         Bytes(1 << 24),
-        "Memory that may be taken of the host and of each device, bytes; as an option also with K, M or G",
+        "Memory limit of the host and of each device, bytes; the option also accepts the suffixes K, M and G",
         unset="no limit",
         metavar="BYTES",
     )
-    traversal: str | None = _work(Choice(("packet", "single")), "How a CPU's rays go through the BVH", option=None)
+    traversal: str | None = _work(
+        Choice(("packet", "single")), "BVH traversal on CPUs: ray packets or single rays", option=None
+    )
     time_limit: float | None = _setting(
         None,
         Range(0.0, above=True),
-        "Stop after so many seconds, with the image so far",
+        "Stop after this many seconds and write the image so far",
         "no limit",
         STOP,
         None,
@@ -241,23 +262,23 @@ class RenderSettings:
     error: float | None = _setting(
         None,
         Range(0.0, 1.0, above=True, below=True),
-        "Stop when the confidence intervals of most pixels are within this part of their luminance; --spp is the most",
+        "Stop when most pixels are within this relative error of luminance; --spp is then the maximum",
         "no limit",
         STOP,
         None,
         metavar="E",
     )
     confidence: float = _setting(
-        0.95, Range(0.0, 1.0, above=True, below=True), "Of --error: level of the intervals", "", STOP, None, metavar="C"
+        0.95, Range(0.0, 1.0, above=True, below=True), "For --error: confidence level", "", STOP, None, metavar="C"
     )
     share: float = _setting(
-        0.95, Range(0.0, 1.0, above=True), "Of --error: share of the pixels that have to be within it", "", STOP, None
+        0.95, Range(0.0, 1.0, above=True), "For --error: fraction of the pixels that must be within it", "", STOP, None
     )
     error_floor: float | None = _setting(
         None,
         Range(0.0, above=True),
-        "Of --error: luminance, W/(sr m2), below which the error counts as if the pixel had this",
-        "a tenth of the image's mean",
+        "For --error: luminance, W/(sr m2), below which the error is relative to this value",
+        "1/10 of the image mean",
         STOP,
         None,
         metavar="L",

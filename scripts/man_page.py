@@ -20,20 +20,20 @@ EXIT_STATUS: Final = {
     "1": "failed while rendering or writing, or a check found a fault",
     "2": "wrong usage or bad input",
     "3": "no usable OpenCL device",
-    "130": "interrupted by SIGINT; the samples so far were written",
-    "143": "ended by SIGTERM; the samples so far were written",
+    "130": "interrupted by SIGINT; the image so far was written",
+    "143": "ended by SIGTERM; the image so far was written",
 }
 ENVIRONMENT: Final = {
     "CLRENDER_DEVICE": "default of --device",
-    "CLRENDER_PROBE_SECONDS": "time limit of the check of a driver",
-    "XDG_CACHE_HOME": "parent of the folder in which compiled kernels and verdicts on devices are kept",
+    "CLRENDER_PROBE_SECONDS": "time limit of the driver check, in seconds",
+    "XDG_CACHE_HOME": "parent of the folder that caches compiled kernels and device check results",
     "OCL_ICD_VENDORS": "folder or file of OpenCL drivers; when set, no other driver is considered",
 }
 EXAMPLES: Final = {
-    "clrender new first": "a first scene, to change",
+    "clrender new first": "write an example scene to edit",
     "clrender render first/scene.toml -o picture.png": "render it",
-    "clrender render room --spp 4096 --checkpoint room.film --resume -o room.exr": "a render that survives",
-    "clrender doctor": "what is wrong with OpenCL here, and the cure",
+    "clrender render room --spp 4096 --checkpoint room.film --resume -o room.exr": "render with checkpoints",
+    "clrender doctor": "find problems with OpenCL on this machine and how to fix them",
 }
 
 
@@ -42,10 +42,10 @@ def current(_page: str = "") -> str:
     top = click.Context(main, info_name="clrender")
     parts = [
         f'.TH CLRENDER 1 "" "clrender {__version__}" "User Commands"',
-        ".SH NAME\nclrender \\- physically based renderer for every OpenCL device",
+        ".SH NAME\nclrender \\- physically based OpenCL renderer",
         f".SH SYNOPSIS\n.B clrender\n{_text('[--version] [--help] COMMAND [ARGUMENTS]')}",
         f".SH DESCRIPTION\n{_prose(main.help or '')}",
-        f".PP\n{_text('Without a command it prints help.')}",
+        f".PP\n{_text('Without a command, it prints this help.')}",
         ".SH COMMANDS",
         *(_command(top, name) for name in COMMANDS),
         f".SH EXIT STATUS\n{_list(EXIT_STATUS)}",

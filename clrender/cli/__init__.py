@@ -29,22 +29,22 @@ STARTED: Final = time.perf_counter()
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
     "view": "Show a scene live in the browser.",
-    "devices": "List OpenCL devices and whether each computes correctly.",
-    "doctor": "Diagnose OpenCL on this machine: causes and cures.",
-    "new": "Write a first scene with comments.",
+    "devices": "List OpenCL devices and their check results.",
+    "doctor": "Diagnose OpenCL on this machine: problems, causes and fixes.",
+    "new": "Write a commented example scene.",
     "scenes": "List the built-in scenes.",
     "check": "Check a scene file without rendering it.",
-    "convert": "Write a scene of any format in clrender's own.",
+    "convert": "Convert a scene to clrender's format.",
     "schema": "Print the JSON Schema of scene files.",
     "tonemap": "Tone-map a linear image for display.",
     "compare": "Compare an image with a reference, or integrators with each other.",
     "furnace": "Measure the physics of materials: energy, reciprocity, sampling.",
-    "report": "Reproduce the founding report: its table, figures and conclusions.",
-    "merge": "Merge films of one render into one.",
-    "verify": "Render random parts of an image again and compare bits.",
-    "radiosity": "Animate a diffuse scene in which a shape moves.",
-    "bench": "Benchmark clrender, beside other renderers if wanted.",
-    "completion": "Print what a shell reads to complete command lines.",
+    "report": "Reproduce the original report: its table, figures and conclusions.",
+    "merge": "Merge films of the same render.",
+    "verify": "Render random tiles of an image again and compare them bit for bit.",
+    "radiosity": "Animate a moving shape in a diffuse scene.",
+    "bench": "Benchmark clrender, optionally against other renderers.",
+    "completion": "Print a shell completion script.",
 }
 """Name -> first line of its help; the command `NAME` is `NAME` in the module `clrender.cli.NAME`."""
 
@@ -105,7 +105,7 @@ class _Commands(click.Group):
                 raise
             _fail("interrupted.", TERMINATED if isinstance(error.__cause__, Terminated) else INTERRUPTED)
         except MemoryError:
-            _fail("there is not enough memory for this; ask for a smaller image or close other programs.", 1)
+            _fail("out of memory; render a smaller image or close other programs.", 1)
         except FileNotFoundError:
             # Every name that does not begin with a slash depends on the working folder.
             if _has_working_folder():

@@ -17,38 +17,44 @@ __all__ = ["bench"]
 
 @click.command()
 @click.argument("names", metavar="[SCENE]...", nargs=-1, shell_complete=complete_benchmarks)
-@click.option("--size", "wanted", type=size, default="800x800", show_default=True, help="Pixels.")
+@click.option("--size", "wanted", type=size, default="800x800", show_default=True, help="Image size, pixels.")
 @setting_option("spp", 16)
 @click.option(
     "--repeats",
     type=number(1, 1000, whole=True),
     default=3,
     show_default=True,
-    help="Measured runs of each renderer; a warm-up run comes first.",
+    help="Measured runs per renderer, after one warm-up run.",
 )
-@click.option("-d", "--device", shell_complete=complete_devices, help="As of `clrender render`.")
+@click.option("-d", "--device", shell_complete=complete_devices, help="As for `clrender render`.")
 @click.option(
-    "--peer", "peers", multiple=True, metavar="NAME=PYTHON", help="Another renderer, and the Python that has it."
+    "--peer",
+    "peers",
+    multiple=True,
+    metavar="NAME=PYTHON",
+    help="Another renderer, and the Python interpreter in which it is installed. Repeatable.",
 )
-@setting_option("light_sampler", "auto", "Of clrender; Mitsuba samples lights uniformly (auto).")
+@setting_option("light_sampler", "auto", "Light sampler of clrender (auto); Mitsuba selects lights uniformly.")
 @click.option(
-    "--errors", is_flag=True, help="Also measure error and efficiency, against references of 64 times the samples."
+    "--errors",
+    is_flag=True,
+    help="Also measure error and efficiency, against references with 64 times as many samples.",
 )
 @click.option(
     "--plot",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Write a page with plots: an .html that needs no other file.",
+    help="Write a self-contained .html page with plots.",
 )
-@click.option("--list", "listed", is_flag=True, help="List the scenes and the peers.")
+@click.option("--list", "listed", is_flag=True, help="List the scenes and the other renderers.")
 def bench(
     names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
     light_sampler: str, errors: bool, plot: Path | None, listed: bool,
 ) -> None:  # fmt: skip
-    """Render benchmark scenes (default: S1 and S2) and print a line of JSON for each run.
+    """Render benchmark scenes (default: S1 and S2) and print one line of JSON per run.
 
-    Paths have 14 segments and no Russian roulette. Renderers are run in turns; rates are per CPU time, so that other
-    load on the machine does not count. A table at the end goes to stderr.
+    Paths have 14 segments and no Russian roulette. Renderers run alternately. Rates are per second of CPU time, so
+    other load on the machine has little influence. A summary table is printed to stderr.
     """
     from clrender.bench import PEERS, SCENES, measure, peer_from, summary
     from clrender.bench.peers import Task

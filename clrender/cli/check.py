@@ -19,7 +19,7 @@ __all__ = ["check"]
 @choice_options
 @allow_path_option
 def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, variant: str | None) -> None:
-    """Validate SCENE (a file, or a built-in scene's name) and print what it holds."""
+    """Validate SCENE (a file or the name of a built-in scene) and print its statistics."""
     loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant)
     flat = flatten(loaded, loaded.image.width, loaded.image.height)
     rows = [

@@ -32,38 +32,41 @@ _LINES: Final = (
 @click.argument("first", metavar="A|SCENE", shell_complete=complete_scenes)
 @click.argument("second", metavar="[B]", required=False, shell_complete=complete_files)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--integrators", metavar="NAME,NAME…", help="Compare integrators on SCENE; the options below go with it.")
-@setting_option("spp", help="Samples per pixel, over all batches (256).")
-@click.option("--size", type=parse_size, metavar="WxH", help="Pixels (the scene's, 160 at most on the longer side).")
+@click.option(
+    "--integrators", metavar="NAME,NAME…", help="Compare integrators on SCENE; the options below apply to it."
+)
+@setting_option("spp", help="Samples per pixel, total of all batches (256).")
+@click.option(
+    "--size", type=parse_size, metavar="WxH", help="Image size, pixels (from the scene, longer side at most 160)."
+)
 @setting_option("seed")
-@click.option("--batches", type=number(8, 4096, whole=True), help="Independent batches of each integrator (16).")
-@click.option("--tile-size", type=number(1, 65536, whole=True), help="Side of the tiles that are compared (8).")
+@click.option("--batches", type=number(8, 4096, whole=True), help="Independent batches per integrator (16).")
+@click.option("--tile-size", type=number(1, 65536, whole=True), help="Side length of the compared tiles, pixels (8).")
 @click.option(
     "-d", "--device", "devices", metavar="SPEC", multiple=True, shell_complete=complete_devices,
-    help="As of `clrender render`; repeatable.",
+    help="As for `clrender render`; repeatable.",
 )  # fmt: skip
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path),
     metavar="FILE|DIR",
-    help="Of two images, write an .html page with them and maps of their differences; of integrators, write mean "
-    "images, maps of z-scores and all numbers to a folder.",
+    help="For two images: write an .html page with the images and difference maps. For integrators: write mean images, "
+    "maps of z-scores and all numbers to a folder.",
 )
-@click.option("--check", is_flag=True, help="Exit with 1 when integrators differ where they should agree.")
-@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@click.option("--check", is_flag=True, help="Exit with code 1 if integrators differ that should agree.")
+@click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
 @allow_path_option
 @click.pass_context
 def compare(ctx: click.Context, /, first: str, second: str | None, integrators: str | None, **options: Any) -> None:
-    """Measure how far image A is from the reference B.
+    """Measure the error of image A relative to the reference B.
 
-    Reads .npy .exr .hdr .film, and .png .jpg as a display shows them. Of two films with replicates and other seeds,
-    also tests whether they differ by more than their noise, pixel by pixel and in the mean, with a family-wise error
-    rate of 1 %.
+    Reads .npy .exr .hdr .film, and .png .jpg as displayed. Two films with replicates and different seeds are also
+    tested for differences beyond their noise, per pixel and in the mean, with a family-wise error rate of 1 %.
 
-    With --integrators: render SCENE with each of them, as independent batches of small images, and test for each pair
-    whether their means agree. Tiles of the images are compared by t-tests, with a family-wise error rate of 1 % as long
-    as fireflies are rare. Of radiosity, the final gather is compared. The exit code is 0 whatever the result, unless
+    With --integrators: renders SCENE with each integrator, as independent batches of small images, and tests for each
+    pair whether their means agree. Tiles are compared by t-tests, with a family-wise error rate of 1 % as long as
+    fireflies are rare. Radiosity is compared by its final gather. The exit code is 0 whatever the result, unless
     --check is given.
     """
     as_json = options.pop("as_json")

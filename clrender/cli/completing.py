@@ -35,10 +35,10 @@ def complete_devices(_ctx: click.Context, _param: click.Parameter, incomplete: s
         return {str(index): info.title for index, info in enumerate(inventory())}
 
     words = {
-        "auto": "the best device that works, GPU before CPU",
+        "auto": "the best working device, GPU before CPU",
         "cpu": "the CPU",
         "gpu": "the GPU",
-        "all": "all devices that work",
+        "all": "all working devices",
     }
     return _beginning(lambda: words, incomplete) + _beginning(names, incomplete)
 

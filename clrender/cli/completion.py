@@ -20,7 +20,7 @@ _SHELLS: Final = ("bash", "zsh", "fish")
 @click.argument("shell", type=DomainType(Choice(_SHELLS)))
 @click.pass_context
 def completion(ctx: click.Context, /, shell: str) -> None:
-    """Print what bash (4.4 or newer), zsh or fish reads to complete commands, options, scenes, files and devices.
+    """Print a script for bash (4.4 or newer), zsh or fish that completes commands, options, scenes, files and devices.
 
     \b
     bash:  clrender completion bash > ~/.local/share/bash-completion/completions/clrender

@@ -32,10 +32,10 @@ _ENDINGS = (".toml", ".json")
 def convert(
     scene: str, output: Path, force: bool, time_at: float | None, variant: str | None, allow_paths: tuple[Path, ...]
 ) -> None:
-    """Write SCENE, of any format that is read, to OUTPUT (.toml or .json), in clrender's own format.
+    """Convert SCENE, in any supported format, to OUTPUT (.toml or .json) in clrender's format.
 
-    Its meshes, pictures and lamps go into a folder beside it, named as OUTPUT with -files in the place of the ending.
-    The image is the same, bit for bit.
+    Meshes, image files and IES files are written to a folder beside it, for example room-files for room.toml. The
+    converted scene renders to the same image, bit for bit.
     """
     if output.suffix.lower() not in _ENDINGS:
         raise UsageError(f"{output}: the ending {output.suffix!r} is not that of a scene file; name a .toml or .json.")

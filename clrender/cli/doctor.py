@@ -17,11 +17,11 @@ __all__ = ["doctor"]
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="Print one object instead of text.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object instead of text.")
 def doctor(as_json: bool) -> None:
-    """Probe every OpenCL platform in a process of its own; say cause and cure of each fault.
+    """Check every OpenCL platform in a separate process; print the cause of each problem and how to fix it.
 
-    Ends with exit code 0 when at least one device is ok, else 3.
+    The exit code is 0 if at least one device is ok, else 3.
     """
     from clrender.device.diagnose import diagnose
     from clrender.device.probe import examine

@@ -30,37 +30,39 @@ _NUMBERS: Final = "furnace.json"
 
 @click.command()
 @click.argument("subject", metavar="MATERIAL|SCENE", shell_complete=complete_scenes)
-@click.option("--material", "names", metavar="NAME", multiple=True, help="Of a scene only this material. Repeatable.")
+@click.option(
+    "--material", "names", metavar="NAME", multiple=True, help="Measure only this material of a scene. Repeatable."
+)
 @click.option(
     "--uv", "uvs", type=numbers("U,V", "0.25,0.5", most=1e5), metavar="U,V", multiple=True,
-    help="Measure materials with textures at these texture coordinates. Repeatable.",
+    help="Texture coordinates at which textured materials are measured. Repeatable.",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print a list of objects instead of a table.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list of objects instead of a table.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="DIR",
-    help="Write furnace.html, a page with plots that needs no other file, and furnace.json.",
+    help="Write furnace.html, a self-contained page with plots, and furnace.json.",
 )  # fmt: skip
 @setting_option("seed", default=0, help="Seed of the random numbers (0).")
 @click.option(
     "-d", "--device", metavar="SPEC", shell_complete=complete_devices,
-    help="As of `clrender render`; of several devices the first measures.",
+    help="As for `clrender render`; if several devices match, the first is used.",
 )  # fmt: skip
-@click.option("--quick", is_flag=True, help="A sixteenth of the samples.")
-@click.option("--check", is_flag=True, help="Exit with 1 when there is a fault.")
-@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@click.option("--quick", is_flag=True, help="Use 1/16 of the samples.")
+@click.option("--check", is_flag=True, help="Exit with code 1 if a fault is found.")
+@click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
 @allow_path_option
 def furnace(
     subject: str, names: tuple[str, ...], uvs: tuple[tuple[float, float], ...], as_json: bool, output: Path | None,
     seed: int, device: str | None, quick: bool, check: bool, quiet: bool, allow_paths: tuple[Path, ...],
 ) -> None:  # fmt: skip
-    """Measure the physics of materials.
+    """Test the physical properties of materials.
 
-    MATERIAL is a type, such as conductor, with its defaults (white, gold, index 1.5), over all roughnesses; or a table
-    as in a scene file, such as '{type = "conductor", metal = "Au", roughness = 0.3}'. Of a SCENE every material is
-    measured.
+    MATERIAL is a type, such as conductor, tested with its defaults (white, gold, index 1.5) over a range of
+    roughnesses; or a table as in a scene file, such as '{type = "conductor", metal = "Au", roughness = 0.3}'. For a
+    SCENE, all its materials are tested.
 
-    Of each: the energy it sends on in a white furnace, over angle; whether it is reciprocal; whether it samples
-    directions as its density says; and what of that is a fault, with how much. Deltas, such as smooth glass, have no
+    The tests are: the directional albedo in a white furnace; reciprocity; and whether sampled directions match the
+    probability density. Each fault is reported with its size. Delta distributions, such as smooth glass, have no
     density to test. The exit code is 0 whatever the result, unless --check is given.
     """
     from clrender.device import select

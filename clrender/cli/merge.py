@@ -11,12 +11,14 @@ __all__ = ["merge"]
 
 @click.command()
 @click.argument("films", metavar="FILM...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, metavar="FILM", type=click.Path(path_type=Path), help="Where to: .film.")
+@click.option(
+    "-o", "--output", required=True, metavar="FILM", type=click.Path(path_type=Path), help="Output .film file."
+)
 def merge(films: tuple[Path, ...], output: Path) -> None:
-    """Merge FILMs of one request, such as the shards of a render, into one film.
+    """Merge FILMs of the same request, such as the shards of a render, into one film.
 
-    The result holds the same bits as one render, in whatever order they are named. Films that overlap, of another
-    request or of other kernels are refused.
+    The result is identical, bit for bit, to that of a single render, in any order of the films. Films are refused if
+    their samples overlap, or if their requests or kernels differ.
     """
     from clrender.cli.outputs import check_distinct
     from clrender.errors import UsageError

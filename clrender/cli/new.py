@@ -18,7 +18,7 @@ _NAME: Final = "scene.toml"
 @click.command()
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 def new(folder: Path) -> None:
-    """Write a first scene, with comments, to DIR, which may be there already."""
+    """Write a commented example scene to DIR, which may already exist."""
     from clrender.cli.folder import output_folder
     from clrender.errors import UsageError
     from clrender.files import atomic_write

@@ -166,7 +166,7 @@ def tone_options(command: Any) -> Any:
             type=DomainType(Choice(TONE_MAPS)),
             default="srgb",
             show_default=True,
-            help="Of .png and .jpg.",
+            help="Tone mapping of .png and .jpg.",
         ),
         click.option(
             "--exposure",
@@ -174,19 +174,19 @@ def tone_options(command: Any) -> Any:
             default=0.0,
             show_default=True,
             metavar="EV",
-            help="Of .png and .jpg, in stops.",
+            help="Exposure of .png and .jpg, in stops.",
         ),
         click.option(
             "--f-stop",
             type=DomainType(PHOTOGRAPHIC["f_stop"]),
             metavar="N",
-            help="With --shutter: exposure as of a photograph (none).",
+            help="F-number; with --shutter, sets the photographic exposure (none).",
         ),
         click.option(
             "--shutter",
             type=_ShutterType(PHOTOGRAPHIC["shutter"]),
             metavar="S",
-            help="Seconds, such as 1/125; see --f-stop (none).",
+            help="Exposure time in seconds, such as 1/125; see --f-stop (none).",
         ),
         click.option(
             "--iso", type=DomainType(PHOTOGRAPHIC["iso"]), metavar="S", help="Film speed; see --f-stop (100)."
@@ -221,16 +221,18 @@ def exr_options(command: Any) -> Any:
             type=DomainType(Choice(("float", "half"))),
             default="float",
             show_default=True,
-            help="Of .exr: precision of colours and directions; all else is float.",
+            help="Precision of colours and directions in .exr; other channels are always float.",
         ),
         click.option(
             "--exr-compression",
             type=DomainType(Choice(EXR_COMPRESSIONS)),
             default="zip",
             show_default=True,
-            help="Of .exr; pxr24, dwaa and dwab change numbers.",
+            help="Compression of .exr; pxr24, dwaa and dwab are lossy.",
         ),
-        click.option("--exr-tile", type=number(16, 4096, whole=True), metavar="N", help="Of .exr: tiles (scan lines)."),
+        click.option(
+            "--exr-tile", type=number(16, 4096, whole=True), metavar="N", help="Tile size of .exr (scan lines)."
+        ),
     ]
     for option in reversed(options):
         command = option(command)
@@ -249,12 +251,12 @@ def progress_options(command: Any) -> Any:
             type=DomainType(Choice(PROGRESS_STYLES)),
             default="auto",
             show_default=True,
-            help="On stderr: a bar at a terminal, else a few lines; or JSON, an object a line.",
+            help="Progress on stderr: a bar on a terminal, else occasional lines; json: one object per line.",
         ),
         click.option(
-            "--preview", is_flag=True, help="Show the picture in the terminal, if it can (kitty, iTerm2, sixel)."
+            "--preview", is_flag=True, help="Show the image in the terminal, if supported (kitty, iTerm2, sixel)."
         ),
-        click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors."),
+        click.option("--quiet", is_flag=True, help="No progress; only errors on stderr."),
     ]
     for option in reversed(options):
         command = option(command)
@@ -263,12 +265,12 @@ def progress_options(command: Any) -> Any:
 
 def choice_options(command: Any) -> Any:
     """Decorator: what a glTF file leaves open."""
-    command = click.option("--variant", metavar="NAME", help="Variant of a glTF file's materials.")(command)
+    command = click.option("--variant", metavar="NAME", help="Material variant of a glTF file.")(command)
     return click.option(
         "--time-at",
         type=float,
         metavar="S",
-        help="Moment of a glTF file's animation, in seconds; default: the model at rest.",
+        help="Animation time of a glTF file, seconds; default: rest pose.",
     )(command)
 
 
@@ -280,14 +282,14 @@ def allow_path_option(command: Any) -> Any:
         type=click.Path(path_type=Path, exists=True, file_okay=False),
         metavar="DIR",
         multiple=True,
-        help="A folder, besides the scene's own, that the scene may read files from. Repeatable.",
+        help="Additional folder from which the scene may read files. Repeatable.",
     )(command)
 
 
 scene_argument = click.argument("scene", metavar="SCENE", shell_complete=complete_scenes)
 """What is rendered."""
 
-size_option = click.option("--size", type=size, metavar="WxH", help="Of the image, pixels (800x800).")
+size_option = click.option("--size", type=size, metavar="WxH", help="Image size, pixels (800x800).")
 """Its size."""
 
 device_option = click.option(
@@ -297,7 +299,7 @@ device_option = click.option(
     metavar="SPEC",
     multiple=True,
     shell_complete=complete_devices,
-    help="auto, cpu, gpu, all, an index of `clrender devices` or a part of a name; repeatable "
+    help="auto, cpu, gpu, all, an index from `clrender devices` or part of a name; repeatable "
     "(CLRENDER_DEVICE, else auto).",
 )
 """Where it is rendered."""
@@ -307,6 +309,6 @@ environment_option = click.option(
     type=EnvironmentType(),
     shell_complete=complete_files,
     metavar="FILE",
-    help="A lat-long .exr, .hdr or .png as environment, or a number as its radiance, for scenes that have none.",
+    help="Environment map (lat-long .exr, .hdr or .png), or a number as constant radiance, for scenes without one.",
 )
 """What is around it."""

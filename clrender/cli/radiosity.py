@@ -30,14 +30,14 @@ __all__ = ["radiosity"]
     metavar="DIR",
     type=click.Path(path_type=Path),
     required=True,
-    help="Folder for frame-0000.png, frame-0001.png, …",
+    help="Output folder for frame-0000.png, frame-0001.png, …",
 )
 @click.option(
     "--move",
     "shape",
     type=number(0, 2**31 - 1, whole=True),
     required=True,
-    help="Index of the shape that moves, from 0.",
+    help="Index of the moving shape, from 0.",
 )
 @click.option(
     "--by", type=numbers("X,Y,Z", "0.05,0,0"), metavar="X,Y,Z", required=True, help="Translation per frame, metres."
@@ -46,7 +46,7 @@ __all__ = ["radiosity"]
     "--frames", "count", type=number(1, 10**6, whole=True), default=24, show_default=True, help="Number of frames."
 )
 @setting_option("spp", 16)
-@click.option("--size", type=parse_size, metavar="WxH", help="Pixels (from the scene, else 800x800).")
+@click.option("--size", type=parse_size, metavar="WxH", help="Image size, pixels (from the scene, else 800x800).")
 @setting_option("patches", SETTINGS["patches"].default)
 @setting_option("patch_rays", SETTINGS["patch_rays"].default)
 @setting_option("radiosity_display", SETTINGS["radiosity_display"].default)
@@ -71,9 +71,9 @@ def radiosity(
     allow_paths: tuple[Path, ...],
     **photograph: float | None,
 ) -> None:
-    """Animate SCENE: a shape moves, and only the transport that it affects is computed again.
+    """Animate SCENE: a shape moves, and only the affected light transport is computed again.
 
-    Each frame is written as a .png, and a line about it is printed.
+    Each frame is written as a .png file, and its statistics are printed on one line.
     """
     from clrender.device import select
     from clrender.film.unit import tile_side

@@ -50,7 +50,7 @@ __all__ = ["render"]
     type=click.Path(path_type=Path),
     multiple=True,
     required=True,
-    help="Where to: .png .jpg for display, .exr .npy .hdr linear, .film exact sums. Repeatable.",
+    help="Output file: .png .jpg for display, .exr .npy .hdr linear, .film exact sums. Repeatable.",
 )
 @size_option
 @device_option
@@ -61,7 +61,7 @@ __all__ = ["render"]
     "--aov",
     metavar="LIST",
     shell_complete=complete_layers,
-    help="Layers of an .exr: albedo,emission,normal,tangent,depth,position,uv,object,material,samples,crypto_object,"
+    help="Layers of the .exr: albedo,emission,normal,tangent,depth,position,uv,object,material,samples,crypto_object,"
     "crypto_material,stderr,unconverged.",
 )
 @exr_options
@@ -69,24 +69,22 @@ __all__ = ["render"]
     "--shard",
     type=parse_shard,
     metavar="I/N",
-    help="The I-th of N disjoint parts of the samples, to a .film for `clrender merge`.",
+    help="Render the I-th of N disjoint parts of the samples to a .film for `clrender merge`.",
 )
 @click.option(
     "--checkpoint",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Save what is done to this film every few seconds, and at the end, whatever ends it.",
+    help="Save the render to this film every few seconds and when it ends, for whatever reason.",
 )
-@click.option("--resume", is_flag=True, help="Go on from the checkpoint, if there is one yet; --spp may be more.")
+@click.option("--resume", is_flag=True, help="Resume from the checkpoint, if it exists; --spp may be increased.")
 @click.option(
     "--cluster",
     metavar="ADDRESS",
-    help="Workers of a Dask cluster, by its scheduler's tcp://host:8786, or local:N for N processes here.",
+    help="Render on a Dask cluster: tcp://host:8786 of its scheduler, or local:N for N processes on this machine.",
 )
-@click.option("--denoise", is_flag=True, help="Remove noise with Open Image Denoise; introduces bias.")
-@click.option(
-    "--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write numbers about the render as JSON."
-)
+@click.option("--denoise", is_flag=True, help="Denoise with Open Image Denoise; introduces bias.")
+@click.option("--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write render statistics as JSON.")
 @progress_options
 @choice_options
 @allow_path_option
@@ -123,10 +121,10 @@ def render(
     allow_paths: tuple[Path, ...],
     **settings: Any,
 ) -> None:
-    """Render SCENE (a scene or model file, or a name of `clrender scenes`) to FILE.
+    """Render SCENE (a scene or model file, or the name of a built-in scene) to FILE.
 
-    Defaults, in parentheses, hold where neither the command line nor the scene says anything else. Ctrl-C stops within
-    a second, writes the image so far and exits with 130.
+    Defaults, in parentheses, apply where neither the command line nor the scene sets a value. Ctrl-C stops within a
+    second, writes the image so far and exits with code 130.
     """
     written = [*outputs, *(path for path in (stats, checkpoint) if path)]
     _check_outputs(ctx, outputs, stats)

@@ -18,16 +18,18 @@ __all__ = ["report"]
 @click.command()
 @click.option(
     "-o", "--output", "folder", metavar="DIR", type=click.Path(path_type=Path), required=True,
-    help="A new or an empty folder.",
+    help="Output folder, new or empty.",
 )  # fmt: skip
-@click.option("--quick", is_flag=True, help="160x160 pixels and fewer runs: a minute instead of ten.")
-@click.option("--size", "wanted", type=parse_size, metavar="WxH", help="Pixels (800x800 as in the report).")
-@click.option("-d", "--device", metavar="SPEC", shell_complete=complete_devices, help="As of `clrender render`.")
-@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@click.option("--quick", is_flag=True, help="160x160 pixels and fewer runs: about one minute instead of ten.")
+@click.option(
+    "--size", "wanted", type=parse_size, metavar="WxH", help="Image size, pixels (800x800 as in the original report)."
+)
+@click.option("-d", "--device", metavar="SPEC", shell_complete=complete_devices, help="As for `clrender render`.")
+@click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
 def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: str | None, quiet: bool) -> None:
-    """Reproduce the report that clrender grew out of: its benchmark table and its figures.
+    """Reproduce the report on which clrender is based: its benchmark table and its figures.
 
-    DIR gets report.html, a page that needs no other file; report.md with its pictures; report.json with all numbers.
+    Writes report.html, a self-contained page; report.md with its figures; and report.json with all numbers to DIR.
     """
     _check_folder(folder)
     with interruptible() as interrupt:

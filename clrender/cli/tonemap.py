@@ -25,7 +25,7 @@ __all__ = ["tonemap"]
     type=click.Path(path_type=Path),
     required=True,
     multiple=True,
-    help="Where to: .png or .jpg. Repeatable.",
+    help="Output file: .png or .jpg. Repeatable.",
 )
 @tone_options
 def tonemap(

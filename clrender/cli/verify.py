@@ -28,16 +28,16 @@ __all__ = ["verify"]
     default=0.1,
     show_default=True,
     metavar="F",
-    help="Share of its tiles of 16 by 16 pixels to render again, at random.",
+    help="Fraction of the tiles (16 by 16 pixels) to render again, selected at random.",
 )
 @click.option(
-    "--scene", metavar="SCENE", shell_complete=complete_scenes, help="What it was made from (the scene that it names)."
+    "--scene", metavar="SCENE", shell_complete=complete_scenes, help="Scene of the image (as named in the file)."
 )
 @click.option(
     "--environment",
     type=EnvironmentType(),
     metavar="FILE",
-    help="Likewise, of `render --environment` (as it names it).",
+    help="Value of `render --environment` (as named in the file).",
 )
 @click.option(
     "-d",
@@ -46,16 +46,16 @@ __all__ = ["verify"]
     metavar="SPEC",
     multiple=True,
     shell_complete=complete_devices,
-    help="As of `render`: any will do, and more than one.",
+    help="As for `clrender render`; any devices can be used.",
 )
 @click.option(
     "--seed",
     type=number(0, 2**32 - 1, whole=True),
     metavar="N",
-    help="Of the choice of tiles, to repeat it (chosen by the system's randomness).",
+    help="Seed of the selection of tiles, to repeat a check (random).",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print numbers as JSON.")
-@click.option("--quiet", is_flag=True, help="No progress; nothing on stderr but errors.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+@click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
 @allow_path_option
 def verify(
     image: Path,
@@ -68,10 +68,10 @@ def verify(
     quiet: bool,
     allow_paths: tuple[Path, ...],
 ) -> None:
-    """Render random tiles of IMAGE (.film .exr .png) again, from its own settings, and compare bits.
+    """Render random tiles of IMAGE (.film .exr .png) again with its own settings and compare them bit for bit.
 
-    Says how many wrong tiles would have been noticed, and how surely. Exits with 1 if anything differs, and with 2 if
-    the file cannot be verified here: without its scene, by other kernels, or with pixels that are no render's any more.
+    Reports the probability that this check detects wrong tiles. Exits with code 1 if anything differs, and with code 2
+    if the file cannot be verified: if its scene is missing, it was made by other kernels, or its pixels were processed.
     """
     from clrender.verification import verify as verify_image
 

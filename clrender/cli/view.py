@@ -47,9 +47,9 @@ class _SceneFile:
 
 @click.command()
 @scene_argument
-@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="(one that is free).")
-@click.option("--host", default="127.0.0.1", metavar="A", help="Address to listen at (127.0.0.1: this machine only).")
-@click.option("--no-open", is_flag=True, help="Only print the address; open no browser.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N", help="Port to listen on (a free one).")
+@click.option("--host", default="127.0.0.1", metavar="A", help="Address to listen on (127.0.0.1: this machine only).")
+@click.option("--no-open", is_flag=True, help="Print the address without opening a browser.")
 @click.option(
     "-o",
     "--output",
@@ -57,7 +57,7 @@ class _SceneFile:
     metavar="FILE",
     type=click.Path(path_type=Path),
     multiple=True,
-    help="A file that the page may write: .png .jpg .exr .npy .hdr .film. No other is written. Repeatable.",
+    help="File that the page may write: .png .jpg .exr .npy .hdr .film. Repeatable.",
 )
 @size_option
 @device_option
@@ -80,10 +80,10 @@ def view(
     allow_paths: tuple[Path, ...],
     **settings: Any,
 ) -> None:
-    """Show SCENE in the browser while it renders; camera, settings and materials may change meanwhile.
+    """Show SCENE in the browser while it renders; camera, settings and materials can be changed interactively.
 
-    The first line is the page's address. Whoever has it can see and steer the view, from this machine alone unless
-    --host says otherwise. The scene is read anew when its file changes. Ctrl-C ends the view.
+    The first line of output is the address of the page. Anyone who knows it can see and control the view, only from
+    this machine unless --host is given. The scene is loaded again when its file changes. Ctrl-C ends the view.
     """
     from clrender.image.files import check_output
     from clrender.view.engine import Engine
