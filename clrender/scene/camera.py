@@ -30,39 +30,43 @@ _Speed = Annotated[Finite, Field(ge=PHOTOGRAPHIC["iso"].low, le=PHOTOGRAPHIC["is
 
 
 class Camera(Part):
-    """What the image shows. A lens with an `aperture_radius` above 0 is sharp at the `focus_distance` only."""
+    """Camera. With an `aperture_radius` above 0, only objects at the `focus_distance` are in focus."""
 
     type: Literal["perspective", "orthographic", "panoramic", "fisheye"] = Field(
         "perspective",
-        description="orthographic: without perspective; panoramic: all directions, in longitude and latitude; fisheye: "
-        "the angle from the middle grows with the distance from it, and is dark beyond half of vertical_fov",
+        description="orthographic: parallel projection; panoramic: all directions, latitude-longitude; fisheye: "
+        "equidistant projection, black outside of vertical_fov",
     )
-    position: Vector = Field(description="metres, world space")
-    target: Vector = Field(description="the point in the middle of the image")
-    up: Vector = Field((0.0, 1.0, 0.0), description="any vector that points to the upper half of the image")
+    position: Vector = Field(description="position, metres, world space")
+    target: Vector = Field(description="point at the centre of the image, metres, world space")
+    up: Vector = Field((0.0, 1.0, 0.0), description="up direction; need not be perpendicular to the view direction")
     vertical_fov: Annotated[Finite, Field(gt=0.0, le=360.0)] = Field(
-        45.0, description="degrees, of perspective below 180, of fisheye at most 360 and usually 180"
+        45.0, description="field of view, degrees; perspective: below 180; fisheye: at most 360, usually 180"
     )
-    height: Length = Field(2.0, description="of the image in the world, metres; of orthographic alone")
-    aperture_radius: Annotated[Finite, Field(ge=0.0, le=COORDINATE_LIMIT)] = Field(0.0, description="metres")
-    focus_distance: Length | None = Field(None, description="metres along the view; default: the target's distance")
+    height: Length = Field(2.0, description="orthographic only: height of the visible region, metres")
+    aperture_radius: Annotated[Finite, Field(ge=0.0, le=COORDINATE_LIMIT)] = Field(
+        0.0, description="radius of the lens, metres; 0: pinhole"
+    )
+    focus_distance: Length | None = Field(
+        None, description="metres along the view direction; default: distance of the target"
+    )
     blades: Annotated[int, Strict(), Field(ge=0, le=64)] = Field(
-        0, description="of the diaphragm: lights out of focus have so many corners; 0: a round one; else at least 3"
+        0, description="number of aperture blades, at least 3; 0: circular aperture"
     )
     blade_rotation_degrees: Annotated[Finite, Field(ge=-360.0, le=360.0)] = Field(
-        0.0, description="of the first corner, from image right to image up"
+        0.0, description="rotation of the aperture, from image right towards image up"
     )
     mirrored: Flag = Field(
-        False, description="exchanges left and right of the image, as cameras of left-handed worlds do"
+        False, description="flips the image horizontally, for scenes from left-handed coordinate systems"
     )
     f_stop: _FStop | None = Field(
         None,
-        description="f-number N: with shutter the exposure of display images; blur comes from aperture_radius alone",
+        description="f-number; with shutter, sets the exposure of display images; does not affect depth of field",
     )
     shutter: _Shutter | None = Field(
-        None, description="how long light is collected for the exposure of display images, seconds; nothing is blurred"
+        None, description="exposure time of display images, seconds; there is no motion blur"
     )
-    iso: _Speed | None = Field(None, description="film speed, beside f_stop and shutter (default: 100)")
+    iso: _Speed | None = Field(None, description="film speed, with f_stop and shutter (default: 100)")
 
     @model_validator(mode="after")
     def _has_a_frame(self) -> Camera:

@@ -111,7 +111,9 @@ class Scene(Part):
     groups: Annotated[dict[Name, Group], Field(max_length=65536)] = Field(default_factory=dict)
     lights: Annotated[tuple[Light, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
     media: Annotated[dict[Name, Medium], Field(max_length=65536)] = Field(default_factory=dict)
-    fog: Name | None = Field(None, description="name of a medium that is wherever no other one is, without end")
+    fog: Name | None = Field(
+        None, description="name of the medium that fills all space outside other media, to infinity"
+    )
 
     _files: SceneFiles = PrivateAttr(default_factory=SceneFiles)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)

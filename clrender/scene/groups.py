@@ -43,13 +43,13 @@ _Transforms: TypeAlias = Annotated[
 
 
 class Group(Part):
-    """Shapes that instances place in the scene."""
+    """A group of shapes, placed in the scene by instances."""
 
     shapes: Annotated[tuple[Shape, ...], FailFast(), Field(min_length=1, max_length=SHAPE_LIMIT)]
 
 
 class Instance(Part):
-    """A group of shapes placed in the scene: once by `transform`, or many times by `transforms`."""
+    """An instance of a group: placed once by `transform`, or many times by `transforms`."""
 
     # What other shapes have, it has none of: its group's shapes do.
     material: ClassVar[None] = None
@@ -58,13 +58,13 @@ class Instance(Part):
     shines: ClassVar[bool] = False
 
     type: Literal["instance"]
-    name: Name | None = Field(None, description="what mattes call it; several may have the same")
-    group: Name = Field(description="name of a table of `[groups]`")
+    name: Name | None = Field(None, description="name in Cryptomatte layers; several shapes may have the same name")
+    group: Name = Field(description="name of a group in `[groups]`")
     transform: Transform = Transform()
     transforms: _Transforms | None = Field(
         None,
-        description="4x4 matrices, row-major, one for each place; or the name of a NumPy file (.npy) with an array "
-        "(n, 3, 4) or (n, 4, 4) of them",
+        description="row-major 4x4 matrices, one per instance; or the name of a NumPy file (.npy) with an array of "
+        "shape (n, 3, 4) or (n, 4, 4)",
     )
 
     @model_validator(mode="after")

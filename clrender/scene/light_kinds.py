@@ -62,24 +62,24 @@ def _check_direction(direction: Vector, key: str = "direction", example: str = "
 
 
 class PointLight(Part):
-    """Shines alike in all directions from one point."""
+    """Isotropic point light."""
 
     type: Literal["point"]
     position: Vector
-    intensity: Color = Field(description="W/sr")
+    intensity: Color = Field(description="radiant intensity, W/sr")
 
 
 class SpotLight(Part):
-    """Shines from one point into a cone, towards whose edge it falls off smoothly."""
+    """Point light that emits into a cone with a smooth falloff at its edge."""
 
     type: Literal["spot"]
     position: Vector
-    direction: Vector = Field(description="in which the middle of the cone goes")
-    intensity: Color = Field(description="W/sr, in the middle")
-    cone_degrees: Annotated[Finite, Field(gt=0.0, le=360.0)] = Field(
-        description="whole angle of the cone, from edge to edge"
+    direction: Vector = Field(description="axis of the cone")
+    intensity: Color = Field(description="radiant intensity along the axis, W/sr")
+    cone_degrees: Annotated[Finite, Field(gt=0.0, le=360.0)] = Field(description="full opening angle of the cone")
+    blend: Share = Field(
+        0.15, description="fraction of the cone's solid angle over which the intensity falls off to zero"
     )
-    blend: Share = Field(0.15, description="share of the cone's solid angle over which light falls off to its edge")
 
     @model_validator(mode="after")
     def _has_a_direction(self) -> SpotLight:
@@ -90,18 +90,18 @@ class SpotLight(Part):
 
 
 class IesLight(Part):
-    """Shines from one point as a measured lamp does: an IES file says how much into which direction."""
+    """Point light with the measured angular distribution of an IES file."""
 
     type: Literal["ies"]
     position: Vector
-    direction: Vector = Field((0.0, -1.0, 0.0), description="in which the file's vertical angle 0 lies")
-    file: FileName = Field(description="`.ies`, in candela: 683 of them are 1 W/sr")
+    direction: Vector = Field((0.0, -1.0, 0.0), description="direction of vertical angle 0 of the file")
+    file: FileName = Field(description="`.ies` file; its candela are converted at 683 cd per W/sr")
     horizontal_zero: Vector | None = Field(
         None,
-        description="about where horizontal angle 0 lies, from which angles grow counter-clockwise as seen against "
-        "`direction`; default: +z, or +y where `direction` is along z",
+        description="approximate direction of horizontal angle 0; angles increase counter-clockwise seen against "
+        "`direction`; default: +z, or +y if `direction` is along z",
     )
-    scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the intensity")
+    scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the intensity")
 
     @model_validator(mode="after")
     def _has_directions(self) -> IesLight:
@@ -122,11 +122,11 @@ class IesLight(Part):
 
 
 class DirectionalLight(Part):
-    """Parallel light from infinitely far away."""
+    """Directional light: parallel light from infinity."""
 
     type: Literal["directional"]
-    direction: Vector = Field(description="in which the light travels")
-    irradiance: Color = Field(description="W/m2 on a surface that faces it")
+    direction: Vector = Field(description="direction in which the light travels")
+    irradiance: Color = Field(description="irradiance on a perpendicular surface, W/m2")
 
     @model_validator(mode="after")
     def _has_a_direction(self) -> DirectionalLight:
@@ -135,19 +135,19 @@ class DirectionalLight(Part):
 
 
 class EnvironmentLight(Part):
-    """Light from every direction outside the scene: the same radiance, or a picture of it in latitude and longitude.
+    """Environment light: constant radiance, or an environment map in latitude-longitude format.
 
-    The top of the picture is at +y, its middle column at +z, and the column a quarter of its width from the left edge
-    at +x; between pixels radiance is interpolated.
+    The top of the map is at +y, its middle column at +z, and the column at a quarter of its width from the left edge
+    at +x. The map is interpolated bilinearly.
     """
 
     type: Literal["environment"]
-    radiance: Color | None = Field(None, description="W/(sr m2)")
+    radiance: Color | None = Field(None, description="constant radiance, W/(sr m2)")
     file: FileName | None = Field(
-        None, description="instead of `radiance`: `.exr`, `.hdr` or `.png` (sRGB, 1 is white)"
+        None, description="environment map, instead of `radiance`: `.exr`, `.hdr` or `.png` (sRGB; white is radiance 1)"
     )
-    rotate_degrees: Finite = Field(0.0, description="turns the picture about +y, from +z towards +x")
-    scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the radiance")
+    rotate_degrees: Finite = Field(0.0, description="rotation of the map about +y, from +z towards +x")
+    scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the radiance")
 
     @model_validator(mode="after")
     def _is_one_of_both(self) -> EnvironmentLight:
@@ -169,29 +169,29 @@ class EnvironmentLight(Part):
 
 
 class SunSkyLight(Part):
-    """A clear sky and the sun, as the model of Hosek and Wilkie says; the lower half is the ground.
+    """Clear sky and sun by the model of Hosek and Wilkie; the lower hemisphere is the ground.
 
     +y is up, -z north and +x east.
     """
 
     type: Literal["sun_sky"]
-    sun_direction: Vector | None = Field(None, description="towards the sun")
+    sun_direction: Vector | None = Field(None, description="direction towards the sun")
     latitude: Annotated[Finite, Field(ge=-90.0, le=90.0)] | None = Field(
-        None, description="instead of `sun_direction`, with `longitude` and `time`: degrees to the north"
+        None, description="degrees north; with `longitude` and `time`, instead of `sun_direction`"
     )
-    longitude: Annotated[Finite, Field(ge=-180.0, le=180.0)] | None = Field(None, description="degrees to the east")
+    longitude: Annotated[Finite, Field(ge=-180.0, le=180.0)] | None = Field(None, description="degrees east")
     time: Time | None = Field(
-        None, description="date and time of ISO 8601 with its offset from UTC: `2026-06-21T18:30:00+02:00`"
+        None, description="date and time in ISO 8601 with the offset from UTC: `2026-06-21T18:30:00+02:00`"
     )
-    turbidity: Annotated[Finite, Field(ge=1.0, le=10.0)] = Field(
-        3.0, description="haze: 2 is a very clear, 3 a clear and 6 a hazy day"
+    turbidity: Annotated[Finite, Field(ge=1.0, le=10.0)] = Field(3.0, description="haze: 2 very clear, 3 clear, 6 hazy")
+    ground_albedo: Albedo = Field((0.3, 0.3, 0.3), description="albedo of the ground")
+    ground: Flag = Field(
+        True, description="whether the lower hemisphere is a ground lit by sun and sky; otherwise it is black"
     )
-    ground_albedo: Albedo = Field((0.3, 0.3, 0.3), description="share of light that the ground reflects")
-    ground: Flag = Field(True, description="whether the lower half is the ground, lit by sun and sky; else it is black")
-    sky_scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the sky's radiance; 0: the sun alone")
-    sun_scale: Factor = Field((1.0, 1.0, 1.0), description="factor of the sun's radiance; 0: the sky alone")
-    scale: Factor = Field((1.0, 1.0, 1.0), description="factor of both")
-    rotate_degrees: Finite = Field(0.0, description="turns all of it about +y, from +z towards +x")
+    sky_scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the sky's radiance; 0: sun only")
+    sun_scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the sun's radiance; 0: sky only")
+    scale: Factor = Field((1.0, 1.0, 1.0), description="factor for both")
+    rotate_degrees: Finite = Field(0.0, description="rotation of sun and sky about +y, from +z towards +x")
 
     @model_validator(mode="after")
     def _has_a_sun(self) -> SunSkyLight:

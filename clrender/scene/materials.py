@@ -63,9 +63,11 @@ BASE_COLORS: Final = ("reflectance", "base_color", "f0")
 _Degrees = Annotated[Finite, Field(ge=-360.0, le=360.0)]
 _AttenuationColor: TypeAlias = Annotated[
     Reflectance | None,
-    Field(description="share of light that is left after `attenuation_distance`, above 0 (default: [1, 1, 1])"),
+    Field(description="transmittance at `attenuation_distance`, above 0 (default: [1, 1, 1])"),
 ]
-_AttenuationDistance: TypeAlias = Annotated[Length | None, Field(description="metres, in the medium behind the front")]
+_AttenuationDistance: TypeAlias = Annotated[
+    Length | None, Field(description="metres, in the medium behind the front side")
+]
 _Albedo: TypeAlias = Annotated[Reflectance, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
 _PathLength = Annotated[Finite, Field(ge=1e-12, le=COORDINATE_LIMIT)]
 _Radius: TypeAlias = Annotated[
@@ -81,12 +83,12 @@ else:
 class _Surface(Part):
     """What every material has."""
 
-    absorption: Absorption = Field(None, description="probability that the absorption roulette ends a path here")
+    absorption: Absorption = Field(None, description="termination probability for Russian roulette by absorption")
     opacity: ShareOrTexture = Field(
-        1.0, description="share of light that meets the surface at all; of a picture often its `channel` a"
+        1.0, description="fraction of light that interacts with the surface; in an image often its `channel` a"
     )
     opacity_cutoff: Share | None = Field(
-        None, description="makes the surface whole where the opacity is at least this, and a hole elsewhere"
+        None, description="threshold: the surface is opaque where the opacity is at least this, and absent elsewhere"
     )
 
     @model_validator(mode="after")
@@ -125,7 +127,7 @@ class _Bumpy(_Surface):
 class _Opaque(_Bumpy):
     """What every material has that is seen from both sides."""
 
-    two_sided: Flag = Field(True, description="false: black from behind")
+    two_sided: Flag = Field(True, description="false: the back side is black")
 
 
 class Lambert(_Opaque):
@@ -145,25 +147,26 @@ class Mirror(_Opaque):
 class _Microfacets(Part):
     """What metals and glass have for the sake of other renderers."""
 
-    microfacets: Literal["ggx", "beckmann"] = Field("ggx", description="distribution of the facets' normals")
+    microfacets: Literal["ggx", "beckmann"] = Field("ggx", description="distribution of the microfacet normals")
     multiple_scattering: Flag = Field(
-        True, description="false: light that meets a second facet is lost, as in most other renderers"
+        True,
+        description="false: single scattering only, so rough surfaces lose energy, as in most other renderers",
     )
 
 
 class Dielectric(_Bumpy, _Microfacets):
-    """A boundary between two transparent media, smooth or rough: `ior` behind the front, `exterior_ior` before it.
+    """Smooth or rough interface between transparent media: `ior` behind the front side, `exterior_ior` in front of it.
 
-    With a `priority` it is a medium that fills closed shapes instead: where volumes overlap, the highest priority wins.
+    With a `priority`, it is instead the medium inside closed shapes: where they overlap, the highest priority applies.
     """
 
     type: Literal["dielectric"]
     ior: Index
     exterior_ior: Index = 1.0
-    roughness: ShareOrTexture = Field(0.0, description="its square is alpha of the facets; 0: smooth")
-    thin: Flag = Field(False, description="a wall with both boundaries and no thickness, which does not bend light")
+    roughness: ShareOrTexture = Field(0.0, description="microfacet alpha is its square; 0: smooth")
+    thin: Flag = Field(False, description="thin wall: both interfaces at zero thickness, without refraction")
     priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
-        None, description="makes it a medium that fills closed shapes: where they overlap, the highest number is there"
+        None, description="makes it the medium inside closed shapes; where they overlap, the highest number applies"
     )
     attenuation_color: _AttenuationColor = None
     attenuation_distance: _AttenuationDistance = None
@@ -190,24 +193,30 @@ class Dielectric(_Bumpy, _Microfacets):
 
 
 class OrenNayar(_Opaque):
-    """Diffuse reflection by a rough surface that loses no energy (EON: Portsmouth, Kutz and Hill 2025)."""
+    """Energy-preserving rough diffuse reflection (EON: Portsmouth, Kutz and Hill 2025)."""
 
     type: Literal["oren_nayar"]
     reflectance: ReflectanceOrTexture
-    roughness: ShareOrTexture = Field(0.5, description="0: as `lambert`; 1: roughest")
+    roughness: ShareOrTexture = Field(0.5, description="0: Lambertian; 1: maximum")
 
 
 class Conductor(_Opaque, _Microfacets):
-    """A metal: a measured one by name, any by `eta` and `k`, or by its colour `f0`; smooth or rough (GGX)."""
+    """Smooth or rough metal: a measured one by name, by `eta` and `k`, or by its colour `f0`."""
 
     type: Literal["conductor"]
     metal: _Metal | None = None
-    eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the index of refraction")
-    k: tuple[Extinction, Extinction, Extinction] | None = Field(None, description="and its imaginary part")
-    f0: ReflectanceOrTexture | None = Field(None, description="reflectance straight on, of Schlick's Fresnel term")
-    roughness: ShareOrTexture = Field(0.2, description="its square is alpha of the facets; 0: smooth")
-    anisotropy: ShareOrTexture = Field(0.0, description="how much rougher it is along its direction")
-    anisotropy_rotation: _Degrees = Field(0.0, description="degrees, of that direction from the one around the y axis")
+    eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the refractive index")
+    k: tuple[Extinction, Extinction, Extinction] | None = Field(
+        None, description="imaginary part of the refractive index"
+    )
+    f0: ReflectanceOrTexture | None = Field(
+        None, description="reflectance at normal incidence, for Schlick's Fresnel term"
+    )
+    roughness: ShareOrTexture = Field(0.2, description="microfacet alpha is its square; 0: smooth")
+    anisotropy: ShareOrTexture = Field(0.0, description="additional roughness along the direction of anisotropy")
+    anisotropy_rotation: _Degrees = Field(
+        0.0, description="rotation of that direction, degrees, from the direction around the y axis"
+    )
 
     @model_validator(mode="after")
     def _is_a_metal(self) -> Conductor:
@@ -228,30 +237,34 @@ class Conductor(_Opaque, _Microfacets):
 
 
 class Principled(_Opaque):
-    """Metal, plastic, glass, cloth and blends of them: glTF 2.0's metallic-roughness with its extensions."""
+    """Metal, plastic, glass, cloth and blends of them: the metallic-roughness model of glTF 2.0 with its extensions."""
 
     type: Literal["principled"]
     base_color: ReflectanceOrTexture = (1.0, 1.0, 1.0)
     metallic: ShareOrTexture = 0.0
-    roughness: ShareOrTexture = Field(0.5, description="its square is alpha of GGX")
+    roughness: ShareOrTexture = Field(0.5, description="GGX alpha is its square")
     ior: Annotated[Index, Field(ge=1.0)] = 1.5
-    specular: ShareOrTexture = Field(1.0, description="strength of the reflection that is not metallic")
-    specular_color: ReflectanceOrTexture = Field((1.0, 1.0, 1.0), description="its colour, straight on")
-    transmission: ShareOrTexture = Field(
-        0.0, description="share of what is not metal that is clear, tinted by base_color"
+    specular: ShareOrTexture = Field(1.0, description="strength of the dielectric reflection")
+    specular_color: ReflectanceOrTexture = Field(
+        (1.0, 1.0, 1.0), description="colour of the dielectric reflection at normal incidence"
     )
-    thin: Flag = Field(False, description="what is clear is a wall without thickness, which does not bend light")
-    diffuse_roughness: ShareOrTexture = Field(0.0, description="0: as `lambert`; 1: roughest")
-    coat: ShareOrTexture = Field(0.0, description="share of the surface under a clear coat")
+    transmission: ShareOrTexture = Field(
+        0.0, description="fraction of the dielectric part that transmits light, tinted by base_color"
+    )
+    thin: Flag = Field(False, description="transmission through a thin wall, without refraction")
+    diffuse_roughness: ShareOrTexture = Field(0.0, description="0: Lambertian; 1: maximum")
+    coat: ShareOrTexture = Field(0.0, description="strength of the clear coat")
     coat_roughness: ShareOrTexture = 0.0
     sheen_color: ReflectanceOrTexture = (0.0, 0.0, 0.0)
     sheen_roughness: ShareOrTexture = 0.3
-    anisotropy: ShareOrTexture = Field(0.0, description="how much rougher it is along its direction")
-    anisotropy_rotation: _Degrees = Field(0.0, description="degrees, of that direction from the one around the y axis")
+    anisotropy: ShareOrTexture = Field(0.0, description="additional roughness along the direction of anisotropy")
+    anisotropy_rotation: _Degrees = Field(
+        0.0, description="rotation of that direction, degrees, from the direction around the y axis"
+    )
     attenuation_color: _AttenuationColor = None
     attenuation_distance: _AttenuationDistance = None
     emission: ColorOrTexture = Field(
-        (0.0, 0.0, 0.0), description="shapes of it shine as if this times `emission_strength` were their own emission"
+        (0.0, 0.0, 0.0), description="emitted radiance of shapes with this material, multiplied by `emission_strength`"
     )
     emission_strength: Power = 1.0
 
@@ -299,23 +312,27 @@ def _check_attenuation(material: Dielectric | Principled) -> None:
 
 
 class Subsurface(_Bumpy):
-    """Skin, wax, marble: light enters closed shapes, walks about inside at random, and leaves them somewhere else.
+    """Subsurface scattering in closed shapes, such as skin, wax and marble, computed by random walks.
 
-    Without an `ior` the surface lets all light pass, and spreads it by the cosine as Lambert's does.
+    Without an `ior`, the surface transmits all light with a cosine distribution.
     """
 
     type: Literal["subsurface"]
-    albedo: _Albedo = Field(description="share of light that a flat, thick piece of it returns")
-    radius: _Radius = Field(description="mean free path inside, metres")
+    albedo: _Albedo = Field(description="diffuse albedo of a thick, flat slab")
+    radius: _Radius = Field(description="mean free path, metres")
     g: Annotated[Finite, Field(ge=-MOST_G, le=MOST_G)] = Field(
-        0.0, description="mean cosine of scattering (Henyey and Greenstein): above 0 forwards, below 0 backwards"
+        0.0,
+        description="anisotropy of the Henyey-Greenstein phase function: above 0 forward, below 0 backward scattering",
     )
     ior: Annotated[Finite, Field(ge=1.01, le=1000.0)] | None = Field(
-        None, description="makes the surface that of a dielectric, which reflects and bends light"
+        None,
+        description="refractive index of a dielectric surface; without it the surface neither reflects nor refracts",
     )
-    roughness: ShareOrTexture = Field(0.0, description="of that surface: its square is alpha of GGX; 0: smooth")
+    roughness: ShareOrTexture = Field(
+        0.0, description="roughness of the dielectric surface: GGX alpha is its square; 0: smooth"
+    )
     priority: Annotated[int, Strict(), Field(ge=0, le=2**31 - 1)] | None = Field(
-        None, description="where closed shapes overlap, the highest number is there"
+        None, description="where closed shapes overlap, the highest number applies"
     )
 
     @model_validator(mode="after")
@@ -339,11 +356,11 @@ class Subsurface(_Bumpy):
 
 
 class Mix(_Surface):
-    """Two materials, of which each point shows one or the other."""
+    """Mixture of two materials; at each point one of them is selected at random."""
 
     type: Literal["mix"]
-    materials: tuple[Name, Name] = Field(description="names of two materials, which may be mixtures, too")
-    weight: ShareOrTexture = Field(0.5, description="share of the second")
+    materials: tuple[Name, Name] = Field(description="names of two materials, which may also be mixtures")
+    weight: ShareOrTexture = Field(0.5, description="weight of the second material")
 
 
 MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {

@@ -16,12 +16,13 @@ _Coefficients: TypeAlias = Annotated[
 
 
 class Medium(Part):
-    """Smoke, fog, milk: absorbs and scatters light alike everywhere inside of it."""
+    """Homogeneous participating medium, such as smoke, fog or milk."""
 
-    absorption: _Coefficients = Field((0.0, 0.0, 0.0), description="coefficients, per metre")
-    scattering: _Coefficients = Field((0.0, 0.0, 0.0), description="coefficients, per metre")
+    absorption: _Coefficients = Field((0.0, 0.0, 0.0), description="absorption coefficient, per metre")
+    scattering: _Coefficients = Field((0.0, 0.0, 0.0), description="scattering coefficient, per metre")
     g: Annotated[Finite, Field(ge=-0.99, le=0.99)] = Field(
-        0.0, description="mean cosine of scattering (Henyey and Greenstein): above 0 forwards, below 0 backwards"
+        0.0,
+        description="anisotropy of the Henyey-Greenstein phase function: above 0 forward, below 0 backward scattering",
     )
 
     @property

@@ -53,12 +53,12 @@ def _matrix_rows(value: Any) -> Any:
 
 
 class Transform(Part):
-    """Scale, then rotation about x, y and z, then translation; or a whole matrix."""
+    """Scale, then rotation about x, y and z, then translation; or a matrix."""
 
     translate: Vector = (0.0, 0.0, 0.0)
-    rotate_degrees: Vector = Field((0.0, 0.0, 0.0), description="about the x axis, then y, then z")
+    rotate_degrees: Vector = Field((0.0, 0.0, 0.0), description="rotation about the x axis, then y, then z")
     scale: Annotated[Vector, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)] = (1.0, 1.0, 1.0)
-    matrix: Annotated[Matrix, BeforeValidator(_matrix_rows)] | None = Field(None, description="4x4, row-major")
+    matrix: Annotated[Matrix, BeforeValidator(_matrix_rows)] | None = Field(None, description="4x4 matrix, row-major")
 
     @model_validator(mode="after")
     def _is_invertible(self) -> Transform:
@@ -102,15 +102,15 @@ class Surface(Part):
     """What every shape has."""
 
     needs_similarity: ClassVar[bool] = False
-    material: Name | None = Field(None, description="name of a material; without one the shape is black")
+    material: Name | None = Field(None, description="name of the material; without one the shape is black")
     emission: ColorOrTexture | None = Field(
-        None, description="radiance, W/(sr m2); makes the shape an area light, which shines as a texture if it is one"
+        None, description="emitted radiance, W/(sr m2), constant or a texture; makes the shape an area light"
     )
     interior: Name | None = Field(
         None,
-        description="name of a medium that fills the closed shape; without a material its surface is not seen",
+        description="name of the medium inside the closed shape; without a material the surface is invisible",
     )
-    name: Name | None = Field(None, description="what mattes call the shape; several may have the same")
+    name: Name | None = Field(None, description="name in Cryptomatte layers; several shapes may have the same name")
     flip_normals: Flag = False
     transform: Transform = Transform()
 
@@ -133,7 +133,7 @@ class Surface(Part):
 
 
 class Sphere(Surface):
-    """The front side is outside."""
+    """Sphere; the front side is outside."""
 
     needs_similarity: ClassVar[bool] = True
     type: Literal["sphere"]
@@ -142,7 +142,7 @@ class Sphere(Surface):
 
 
 class Disk(Surface):
-    """The front side is the one `normal` points away from."""
+    """Disk; its front side faces in the direction of `normal`."""
 
     needs_similarity: ClassVar[bool] = True
     type: Literal["disk"]
@@ -158,7 +158,7 @@ class Disk(Surface):
 
 
 class Quad(Surface):
-    """A parallelogram; its normal is edge_u x edge_v."""
+    """Parallelogram; its normal is edge_u x edge_v."""
 
     type: Literal["quad"]
     origin: Vector
@@ -167,14 +167,14 @@ class Quad(Surface):
 
 
 class Triangle(Surface):
-    """Its normal is (v1 - v0) x (v2 - v0)."""
+    """Triangle; its normal is (v1 - v0) x (v2 - v0)."""
 
     type: Literal["triangle"]
     vertices: tuple[Vector, Vector, Vector]
 
 
 class Box(Surface):
-    """Sides along the axes before the transform; normals point outward."""
+    """Axis-aligned box, before the transform; normals point outward."""
 
     type: Literal["box"]
     center: Vector = (0.0, 0.0, 0.0)
@@ -182,7 +182,7 @@ class Box(Surface):
 
 
 class Tetrahedron(Surface):
-    """Normals point outward, whatever the order of the vertices."""
+    """Tetrahedron; normals point outward, regardless of the order of the vertices."""
 
     type: Literal["tetrahedron"]
     vertices: tuple[Vector, Vector, Vector, Vector]
@@ -207,24 +207,24 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 
 
 class Mesh(Surface):
-    """Triangles from a file (.ply, .obj, .stl), or written inline as vertices and faces."""
+    """Triangle mesh from a file (.ply, .obj, .stl), or inline as vertices and faces."""
 
     type: Literal["mesh"]
     file: FileName | None = None
     vertices: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
     faces: Annotated[tuple[tuple[_Corner, _Corner, _Corner], ...], FailFast(), Field(max_length=INLINE_LIMIT)] = ()
     uvs: Annotated[tuple[_Uv, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
-        (), description="texture coordinates of each of the `vertices`"
+        (), description="texture coordinates per vertex"
     )
     uvs_1: Annotated[tuple[_Uv, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
-        (), description="a second set of them"
+        (), description="second set of texture coordinates"
     )
 
     colors: Annotated[tuple[Reflectance, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
-        (), description="of each of the `vertices`, linear; the material's colour is multiplied by them"
+        (), description="linear colour per vertex; multiplies the colour of the material"
     )
     vertex_colors: VertexColors | None = Field(
-        None, description="multiply the material's colour by the colours of the file's vertices, which are so encoded"
+        None, description="multiply the material's colour by the vertex colours of the file, which have this encoding"
     )
 
     @property

@@ -56,66 +56,68 @@ Wraps: TypeAlias = Annotated[
 
 
 class TextureTransform(Part):
-    """Of texture coordinates: scaled, then turned counter-clockwise, then moved, before the picture is looked up."""
+    """Transform of texture coordinates before the lookup: scale, counter-clockwise rotation, offset, in this order."""
 
     offset: tuple[Coordinate, Coordinate] = (0.0, 0.0)
     rotate_degrees: Finite = 0.0
     scale: Annotated[tuple[Coordinate, Coordinate], BeforeValidator(_pair), _or_list(_NUMBER, 2)] = Field(
-        (1.0, 1.0), description="2: the picture comes twice where it came once"
+        (1.0, 1.0), description="scale of the coordinates; 2: the texture repeats twice as often"
     )
 
 
 class _Mapped(Part):
     """What every texture has."""
 
-    uv_set: Literal[0, 1] = Field(0, description="which of the shape's texture coordinates")
+    uv_set: Literal[0, 1] = Field(0, description="index of the texture coordinate set")
     transform: TextureTransform = TextureTransform()
 
 
 class ImageTexture(_Mapped):
-    """A picture: `.png .jpg .webp`, or `.exr .hdr` in linear light. (0, 0) is its lower left corner, (1, 1) the upper right."""  # noqa: E501
+    """Image texture: `.png .jpg .webp`, or linear `.exr .hdr`. (0, 0) is its lower left corner, (1, 1) upper right."""
 
-    texture: FileName = Field(description="file")
+    texture: FileName = Field(description="image file")
     color_space: Literal["srgb", "linear"] | None = Field(
-        None, description="default: srgb for colours of .png, .jpg and .webp, else linear"
+        None, description="encoding of the file; default: srgb for colours of .png, .jpg and .webp, else linear"
     )
-    wrap: Wraps = Field(("repeat", "repeat"), description="beyond 0 to 1, or a list of two, for u and v")
-    filter: Literal["linear", "nearest"] = Field("linear", description="between texels")
+    wrap: Wraps = Field(
+        ("repeat", "repeat"), description="wrap mode outside of [0, 1]; a list of two sets u and v separately"
+    )
+    filter: Literal["linear", "nearest"] = Field("linear", description="interpolation between texels")
     channel: Literal["r", "g", "b", "a", "luminance"] | None = Field(
-        None, description="one channel as a grey or a number; default: all for a colour, r for a number"
+        None, description="channel to use as a grey value or number; default: all for a colour, r for a number"
     )
-    scale: Grey = Field((1.0, 1.0, 1.0), description="factor, or three")
+    scale: Grey = Field((1.0, 1.0, 1.0), description="factor for the values, or one per colour channel")
 
 
 class Checker(_Mapped):
-    """Squares of two colours, or numbers, in turns; the first at (0, 0)."""
+    """Checkerboard of two colours or numbers; the first square is at (0, 0)."""
 
     checker: tuple[Grey, Grey]
     size: Annotated[tuple[Step, Step], BeforeValidator(_pair), _or_list(_NUMBER, 2)] = Field(
-        (0.5, 0.5), description="sides of a square, in texture coordinates"
+        (0.5, 0.5), description="size of a square, in texture coordinates"
     )
 
 
 class Ramp(_Mapped):
-    """Colours, or numbers, at even steps of u from 0 to 1, linear between and constant beyond."""
+    """Colours or numbers at equidistant values of u from 0 to 1, interpolated linearly and constant outside."""
 
     ramp: Annotated[tuple[Grey, ...], Field(min_length=2, max_length=256)]
 
 
 class NormalMap(_Mapped):
-    """A picture of normals in tangent space: red along u, green along v, blue outward; 0 lies in the middle of red and green."""  # noqa: E501
+    """Tangent-space normal map: red along u, green along v, blue outward; the middle value of red and green is 0."""
 
-    texture: FileName = Field(description="file")
-    scale: Annotated[Finite, Field(ge=-100.0, le=100.0)] = Field(1.0, description="of red and green")
+    texture: FileName = Field(description="image file")
+    scale: Annotated[Finite, Field(ge=-100.0, le=100.0)] = Field(1.0, description="factor for red and green")
     wrap: Wraps = ("repeat", "repeat")
     filter: Literal["linear", "nearest"] = "linear"
 
 
 class BumpMap(_Mapped):
-    """A picture of heights, whose slopes turn the normal."""
+    """Height map that perturbs the shading normal."""
 
-    texture: FileName = Field(description="file")
-    scale: Annotated[Finite, Field(ge=-1e6, le=1e6)] = Field(1.0, description="metres of a height of 1")
+    texture: FileName = Field(description="image file")
+    scale: Annotated[Finite, Field(ge=-1e6, le=1e6)] = Field(1.0, description="height of the value 1, metres")
     wrap: Wraps = ("repeat", "repeat")
     channel: Literal["r", "g", "b", "a", "luminance"] = "r"
 
