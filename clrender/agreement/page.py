@@ -57,36 +57,34 @@ def compare_page(
     strongest = float(np.percentile(np.abs(difference), _EXTREME)) or float(np.abs(difference).max()) or 1.0
     height, width, _ = a.shape
     shown = shrunk(a, _MOST)
-    how = [
-        f"clrender {__version__} compares A, {names[0]}, with the reference B, {names[1]}: {width} × {height} pixels."
-    ]
+    how = [f"Image A, {names[0]}, and reference B, {names[1]}: {width} × {height} pixels. clrender {__version__}."]
     if shown.shape != a.shape:
-        how.append(f"Pictures are shown at {shown.shape[1]} × {shown.shape[0]} pixels; numbers are of all.")
+        how.append(f"They are shown at {shown.shape[1]} × {shown.shape[0]} pixels; the numbers are for the full size.")
     parts = [
         *paragraphs(how),
         figure_of(
             slider(to_display(shown), to_display(shrunk(b, _MOST)), ("A", "B")),
-            "Left of the border A, right of it B, as a display shows them (sRGB). Drag the border, or use the arrow "
-            "keys.",
+            "A on the left of the divider, B on the right, tone-mapped to sRGB. Move the divider by dragging or with "
+            "the arrow keys.",
         ),
         '<div class="row" style="--columns: 2">',
         figure_of(
             _map(diverging(shrunk(difference, _MOST) / strongest), "difference of luminance")
             + _scale(f"{-strongest:.3g}", f"{strongest:.3g}", "#00f, #fff, #f00"),
-            f"Luminance of A less that of B, W/(sr m²): red where A is brighter. {_EXTREME:g} % of the pixels are "
-            "within the scale.",
+            f"Luminance of A minus that of B, W/(sr m²): red where A is brighter. {_EXTREME:g} % of the pixels are "
+            "within the colour scale.",
         ),
         figure_of(
             _map(_heat(shrunk(flip, _MOST)), "FLIP") + _scale("0", "1", _gradient()),
-            f"FLIP: what a viewer notices who flips between A and B; its mean is {flip.mean():.4f}.",
+            f"FLIP: perceived difference when alternating between A and B; mean {flip.mean():.4f}.",
         ),
         "</div>",
         "<h2>Numbers</h2>",
         html_table(
-            Table("Means over pixels and channels; docs/reference.md has the formulae.", ("", ""), lines), "", []
+            Table("Means over pixels and channels; docs/reference.md has the formulas.", ("", ""), lines), "", []
         ),
         "<h2>Histograms</h2>",
-        figure_of(_histograms(a, b, flip), "How many of the pixels have which luminance, and which FLIP."),
+        figure_of(_histograms(a, b, flip), "Distributions of luminance and of FLIP over the pixels."),
     ]
     return html_document(f"{names[0]} and {names[1]}", parts)
 
@@ -131,7 +129,7 @@ def _histograms(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32], flip: _F
             left.stairs(np.histogram(values, bins)[0] / values.size, bins, color=drawn, label=name, linewidth=1.4)
         left.set_xscale("log")
         left.set_xlabel("luminance, W/(sr m²)")
-        left.set_ylabel("share of the pixels")
+        left.set_ylabel("fraction of the pixels")
         left.legend()
         edges = np.linspace(0.0, max(float(flip.max()), 1e-3), 60)
         right.stairs(np.histogram(flip, edges)[0] / flip.size, edges, color=BLUE, fill=True, alpha=0.6)

@@ -20,7 +20,7 @@ _BAR: Final = 0.36
 """Height of a bar with its share of the rest, inches."""
 
 _PLOTS: Final = (
-    ("mpaths_per_second", "million paths per second of an idle machine"),
+    ("mpaths_per_second", "million paths per second, scaled to an idle machine"),
     ("efficiency", "efficiency: 1 / (relMSE × seconds)"),
 )
 
@@ -54,8 +54,10 @@ def bench_page(rows: Sequence[dict[str, Any]], lines: Sequence[dict[str, Any]], 
 
 def _caption(key: str) -> str:
     if key == "efficiency":
-        return "Medians. Twice the efficiency is the same error in half the time."
-    return "Medians of the turns; the lines go from the lowest to the highest. Rates are per CPU time."
+        return "Medians. Twice the efficiency gives the same error in half the time."
+    return (
+        "Medians over the runs; lines show the range. Rates are per second of CPU time times the number of processors."
+    )
 
 
 def _bars(rows: Sequence[dict[str, Any]], key: str, words: str) -> str:
@@ -93,11 +95,19 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
         what = [row["scene"], row["renderer"], "rays" if rays else "paths"]
         return [*what, f"{rate:.3f}", spread, str(row["runs"]), ratio, error, better]
 
-    rates = ("million per second", "lowest – highest", "turns")
-    header = ("scene", "renderer", "of", *rates, "clrender is × as fast", "relMSE", "× as efficient")
+    rates = ("million per second", "lowest – highest", "runs")
+    header = (
+        "scene",
+        "renderer",
+        "unit",
+        *rates,
+        "relative speed of clrender",
+        "relMSE",
+        "relative efficiency of clrender",
+    )
     caption = (
-        "Medians of the turns, per second of CPU time times the number of processors; ratios are medians of those of "
-        "each turn."
+        "Medians over the runs. Rates are per second of CPU time times the number of processors. Relative speed and "
+        "efficiency: clrender's value divided by that of the renderer, median over the runs."
     )
     return Table(caption, header, [cells(row) for row in rows], words=3)
 

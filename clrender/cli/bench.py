@@ -74,17 +74,18 @@ def bench(
     if plot is not None:
         from clrender.bench.page import bench_page
 
-        how = f"{wanted[0]} × {wanted[1]} pixels, {spp} samples each, {repeats} turns; paths have 14 segments."
+        how = f"{wanted[0]} × {wanted[1]} pixels, {spp} samples per pixel, {repeats} runs; paths have 14 segments."
         write_page(plot, bench_page(rows, [run.line() for run in runs], [how]))
 
 
 def _table(rows: list[dict[str, Any]]) -> str:
     lines = [
-        f"{'scene':<8}  {'renderer':<15}  {'Mpaths/s':>8}  {'lowest':>7}  {'highest':>7}  {'relMSE':>8}  clrender is"
+        f"{'scene':<8}  {'renderer':<15}  {'Mpaths/s':>8}  {'lowest':>7}  {'highest':>7}  {'relMSE':>8}  "
+        "relative speed of clrender"
     ]
     for row in rows:
-        better = f", {row['efficiency_ratio']:.2f} times as efficient" if "efficiency_ratio" in row else ""
-        ratio = f"{row['ratio']:.2f} times as fast{better}" if "ratio" in row else ""
+        better = f", efficiency {row['efficiency_ratio']:.2f}" if "efficiency_ratio" in row else ""
+        ratio = f"{row['ratio']:.2f}{better}" if "ratio" in row else ""
         rate = row.get("mpaths_per_second", row.get("mrays_per_second"))
         error = f"{row['rel_mse']:>8.5f}" if "rel_mse" in row else " " * 8
         unit = " (Mrays/s)" if "mrays_per_second" in row else ""

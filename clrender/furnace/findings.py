@@ -111,7 +111,7 @@ def _worst(places: Sequence[_Place], level: float, sign: float) -> tuple[float, 
 
 
 def _gains(measured: Measured, level: float) -> Iterator[Finding]:
-    for white, words in ((False, ""), (True, ", were it white")):
+    for white, words in ((False, ""), (True, " in white")):
         worst = _worst(_places(measured, white), level / 2.0, 1.0)
         if worst:
             yield Finding(
@@ -128,16 +128,16 @@ def _losses(measured: Measured, level: float) -> Iterator[Finding]:
     if worst:
         yield Finding(
             "loss", True, worst[0],
-            f"loses energy by more than its colour: were it white, only {_percent(1.0 - worst[0], worst[1])} of the "
-            f"light would leave it at {worst[2]}",
+            f"loses energy beyond the absorption by its colour: in white, only {_percent(1.0 - worst[0], worst[1])} of "
+            f"the light leaves the surface at {worst[2]}",
         )  # fmt: skip
     elif not any(each.kind == "gain" for each in _gains(measured, level)):
         rows = "every angle and roughness" if measured.rows else "every angle"
         worst_off = max(float(np.abs(each.energy.sampled - 1.0).max()) for each in places)
         yield Finding(
             "keeps", False, worst_off,
-            f"keeps all light but what its colour absorbs: in white, 100 % leaves the surface at {rows}, "
-            f"within {100 * ALLOWED:g} % and noise",
+            "conserves energy, except for absorption by its colour: in white, 100 % leaves the surface at "
+            f"{rows}, within {100 * ALLOWED:g} % and noise",
         )  # fmt: skip
 
 
@@ -158,7 +158,7 @@ def _estimators(measured: Measured, level: float) -> Iterator[Finding]:
         sampled, evaluated = float(each.smooth[angle, color]), float(each.evaluated[angle, color])
         yield Finding(
             "estimators", True, sampled - evaluated,
-            f"bsdf_sample and bsdf_eval disagree: samples carry {100 * sampled:.2f} % of the light, evaluation finds "
+            f"bsdf_sample and bsdf_eval disagree: sampling gives {100 * sampled:.2f} % of the light, evaluation "
             f"{100 * evaluated:.2f} % at {each.angles[angle]:g}° from the normal{' on the back' if each.below else ''} "
             f"({_COLORS[color]})",
         )  # fmt: skip
@@ -186,11 +186,11 @@ def _directions(measured: Measured, level: float) -> Iterator[Finding]:
         where = ", ".join(
             f"{each.angle:g}°{' on the back' if each.below else ''}" for each in measured.tests if not each.integrated
         )
-        text = f"its density is too narrow or too uneven to be integrated at {where}: no χ² test there"
+        text = f"the density is too narrow or too irregular to integrate at {where}: no χ² test there"
         yield Finding("integration", False, 0.0, text)
     deltas = max(each.delta_share for each in measured.tests)
     if measured.only_deltas and deltas:
-        yield Finding("deltas", False, 1.0, "is a delta: there is no density to test, and no f to be reciprocal")
+        yield Finding("deltas", False, 1.0, "is a delta distribution: there is no density and no reciprocity to test")
     elif deltas:
         yield Finding("deltas", False, deltas, f"up to {100 * deltas:.3g} % of its samples are deltas")
 
@@ -220,16 +220,20 @@ def _samples(measured: Measured) -> Iterator[Finding]:
     if tally.unseen > ALLOWED * tally.samples:
         yield Finding(
             "unseen", True, tally.unseen,
-            f"{100 * tally.unseen / tally.samples:.2g} % of its samples carry light in directions to which bsdf_eval "
-            "gives a density of 0",
+            f"{100 * tally.unseen / tally.samples:.2g} % of the samples carry light although bsdf_eval gives their "
+            "direction a density of 0",
         )  # fmt: skip
     for kind, offs, text in (
-        ("weight", tally.weight_off, "a sample's weight is not f |cosθ| / pdf of bsdf_eval: half of them are off by"),
-        ("density", tally.pdf_off, "bsdf_sample and bsdf_eval give a direction different densities: half are off by"),
+        ("weight", tally.weight_off, "sample weights differ from f |cosθ| / pdf of bsdf_eval: half of them by"),
+        (
+            "density",
+            tally.pdf_off,
+            "bsdf_sample and bsdf_eval give different densities for the same direction: half of them differ by",
+        ),
     ):
         worst = max(offs, key=abs, default=0.0)
         if abs(worst) > ALLOWED:
-            yield Finding(kind, True, worst, f"{text} {100 * worst:+.2g} % and more")
+            yield Finding(kind, True, worst, f"{text} {100 * worst:+.2g} % or more")
 
 
 def _absorbed(measured: Measured) -> Iterator[Finding]:
@@ -254,7 +258,7 @@ def _shares(measured: Measured) -> Iterator[Finding]:
     if measured.transmits:
         through = measured.energies[0].through
         low, high = 100 * float(through.min()), 100 * float(through.max())
-        text = f"lets {low:.1f} to {high:.1f} % of the light through, from the front"
+        text = f"transmits {low:.1f} to {high:.1f} % of the light from the front"
         yield Finding("transmits", False, high / 100.0, text)
 
 

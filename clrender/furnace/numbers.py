@@ -16,10 +16,10 @@ __all__ = ["as_json", "summary"]
 
 _HEADER: Final = ("material", "type", "energy", "in white", "reciprocity", "χ² p", "faults")
 _CAPTION: Final = (
-    "Energy: smallest and largest share of uniform light that leaves the surface, over angles and colours, with the "
-    "roughnesses where they are varied; in white: the same of the material without its colour. Reciprocity: largest "
+    "Energy: smallest and largest fraction of uniform light that leaves the surface, over angles, colours and, where "
+    "they are varied, roughnesses; in white: the same for the material without its colour. Reciprocity: largest "
     "relative difference of f(a, b) and f(b, a). χ² p: smallest p-value of the tests of sampled directions, corrected "
-    "for their number; – where all light is a delta's."
+    "for their number; – for pure delta distributions."
 )
 
 

@@ -25,14 +25,16 @@ _TOPICS: Final = {
 }
 _PROMISES: Final = ("keeps", "sampled", "reciprocal")
 _ENERGY: Final = (
-    "Share of uniform light that leaves the surface towards the viewer, over the viewer's angle from the normal. "
-    "Circles: mean weight of sampled directions; crosses: integral of the evaluated BSDF, and deltas; they have to "
-    "agree. Dashed: the material without its colour. Bars: three standard errors."
+    "Directional albedo: fraction of uniform light that leaves the surface towards the viewer, against the angle from "
+    "the normal. Circles: mean weight of sampled directions; crosses: integral of the evaluated BSDF plus deltas; the "
+    "two must agree. Dashed: the material without its colour. Error bars: three standard errors."
 )
-_ROUGH: Final = "The same over roughness, mean of the colours. What a rough surface loses in white is a fault."
+_ROUGH: Final = (
+    "The same against roughness, mean of the colours. Energy that a rough surface loses in white is a fault."
+)
 _LOBE: Final = (
-    "The BSDF times the cosine in the plane of incidence, mean of the colours, without deltas: cube root, each curve "
-    "scaled to its maximum. The marks show where each is seen from."
+    "BSDF times cosine in the plane of incidence, mean of the colours, without deltas: cube root, each curve scaled to "
+    "its maximum. The marks show the viewing directions."
 )
 
 
@@ -54,9 +56,9 @@ def furnace_page(
     parts = [
         *paragraphs(
             [
-                "Each material stands in a white furnace: uniform light from all sides. What it sends on, whether it "
-                "does so alike in both directions of light, and whether it samples directions as its density says is "
-                "measured with the kernels that render."
+                "Each material is tested in a white furnace, that is, under uniform light from all directions. The "
+                "energy that leaves it, its reciprocity, and whether sampled directions match the probability "
+                "density are measured with the rendering kernels."
             ]
         ),
         html_table(summary(numbers), "", []),
@@ -73,7 +75,7 @@ def _material(place: int, measured: Measured, found: Sequence[Finding]) -> list[
     rows = [
         [_TOPICS[each.kind], outcome, _capital(each.sentence)] for each, outcome in zip(found, outcomes, strict=True)
     ]
-    table = Table(f"{measured.kind}{': ' if keys else ''}{keys}", ("of", "", "found"), rows, words=3)
+    table = Table(f"{measured.kind}{': ' if keys else ''}{keys}", ("property", "", "result"), rows, words=3)
     parts = [
         f"<h2>{escape(measured.title)}</h2>",
         html_table(table, "prose", outcomes),
@@ -92,13 +94,13 @@ def _capital(sentence: str) -> str:
 
 def _method() -> list[str]:
     return [
-        "Energy by sampling: 16 independent estimates at each angle, each from a jittered grid of random numbers; the "
-        "spread of them gives the standard error. Energy by evaluation: directions chosen without the material's own "
-        "density, around the normal and, at all scales, around the directions of mirror and refraction. Light that "
-        "crosses the surface counts as flux: radiance times the square of the relative index.",
-        "Directions: counts in cells around the directions of mirror and refraction, against the density integrated "
-        "over each cell (Pearson's χ² test). A density that does not integrate to 1, less what deltas and samples "
-        "without light take, fails the test as well.",
-        f"The chance that a fault is reported although all is right is at most {100 * ALARM:g} % for all materials "
-        f"together. Energies may be off by {100 * ALLOWED:g} % beside noise.",
+        "Energy by sampling: 16 independent estimates at each angle, each from a jittered grid of random numbers; "
+        "their spread gives the standard error. Energy by evaluation: directions chosen independently of the material's own "
+        "density, around the normal and, at all scales, around the mirror and refraction directions. Transmitted "
+        "light is measured as flux: radiance times the square of the relative index.",
+        "Directions: counts in cells around the mirror and refraction directions, compared with the density integrated "
+        "over each cell (Pearson's χ² test). A density whose integral, together with the deltas and the samples "
+        "without light, is not 1 also fails the test.",
+        f"If all materials are correct, the probability of a false fault is at most {100 * ALARM:g} % in total. "
+        f"Energies may deviate by {100 * ALLOWED:g} % in addition to noise.",
     ]

@@ -1,4 +1,4 @@
-"""Plots of a material: its energy over angle and over roughness, and its lobes."""
+"""Plots of a material: its energy against angle and over roughness, and its lobes."""
 
 from __future__ import annotations
 
@@ -49,17 +49,17 @@ def energy_plot(measured: Measured, name: str) -> str:
                     axes.plot(energy.angles, total, "x", color=drawn, label=label, markersize=8.0)
             if measured.transmits:
                 through = energy.through.mean(axis=1)
-                axes.plot(energy.angles, through, ":", color=ORANGE, label="of it through the surface")
+                axes.plot(energy.angles, through, ":", color=ORANGE, label="transmitted")
             axes.plot(white.angles, white.sampled[:, 0], "--", color=GREY, label="in white")
             axes.set_title("seen from the back" if energy.below else "seen from the front")
-            axes.set_xlabel("degrees from the normal")
+            axes.set_xlabel("angle from the normal, degrees")
             axes.set_xlim(-2.0, 92.0)
             axes.set_ylim(bottom=0.0, top=max(1.05, 1.05 * float(energy.sampled.max())))
             axes.grid()
-        panels[0].set_ylabel("share of the light")
+        panels[0].set_ylabel("fraction of the light")
         panels[0].legend(loc="lower left")
 
-    return draw(name, f"{measured.title}: energy over angle", (8.4, 4.6), paint)
+    return draw(name, f"{measured.title}: energy against angle", (8.4, 4.6), paint)
 
 
 def roughness_plot(measured: Measured, name: str) -> str:
@@ -75,7 +75,7 @@ def roughness_plot(measured: Measured, name: str) -> str:
     roughness = [row.roughness for row in measured.rows]
 
     def paint(figure: Figure) -> None:
-        axes = figure.add_subplot(xlabel="roughness", ylabel="share of the light")
+        axes = figure.add_subplot(xlabel="roughness", ylabel="fraction of the light")
         for angle, drawn in zip(_ROUGH_ANGLES, _LINES[1:], strict=True):
             at = int(np.abs(measured.rows[0].energy.angles - angle).argmin())
             own = [float(row.energy.sampled[at].mean()) for row in measured.rows]
@@ -87,7 +87,7 @@ def roughness_plot(measured: Measured, name: str) -> str:
         axes.grid()
         axes.legend(loc="lower left", ncols=3)
 
-    return draw(name, f"{measured.title}: energy over roughness", (8.4, 4.6), paint)
+    return draw(name, f"{measured.title}: energy against roughness", (8.4, 4.6), paint)
 
 
 def lobe_plot(measured: Measured, name: str) -> str:
@@ -117,6 +117,6 @@ def lobe_plot(measured: Measured, name: str) -> str:
             axes.set_thetamax(90.0)  # type: ignore[attr-defined]
         axes.set_ylim(0.0, 1.12)
         axes.set_yticks([])
-        figure.legend(loc="outside right upper", title="seen from, maximum")
+        figure.legend(loc="outside right upper", title="viewing angle: maximum")
 
     return draw(name, f"{measured.title}: lobes", (8.0, 4.0 if not measured.transmits else 6.6), paint)

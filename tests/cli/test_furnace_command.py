@@ -33,7 +33,7 @@ def test_a_scene_as_table_page_and_numbers(device: Device, tmp_path: Path) -> No
     assert result.returncode == 0, result.stderr
     assert re.search(r"^clay +lambert +0\.3000 to 0\.8000 +1\.0000 to 1\.0000", result.stdout, re.MULTILINE)
     assert "its colour absorbs 20.0 % of red, 50.0 % of green and 70.0 % of blue light" in result.stdout
-    assert "glass:\n  keeps all light" in result.stdout and "is a delta" in result.stdout
+    assert "glass:\n  conserves energy" in result.stdout and "is a delta" in result.stdout
     assert "FAULT" not in result.stdout
     assert "1 of 2: clay" in result.stderr
 

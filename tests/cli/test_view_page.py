@@ -139,8 +139,8 @@ def test_controls_change_what_they_say(browser: Any, server: Server) -> None:
         view.wait("view.hub.newest('state').settings.integrator === 'direct'")
         view.wait_until_done()
         assert view.newest("progress")["sha256"] != sha256
-        page.get_by_label("Samples: as before", exact=True).click()
-        page.get_by_label("Integrator: as before", exact=True).click()
+        page.get_by_label("Samples: reset", exact=True).click()
+        page.get_by_label("Integrator: reset", exact=True).click()
         view.wait("view.hub.newest('state').changed.length === 0")
         view.wait("view.hub.newest('progress').sha256 === argument", sha256)
         # A refusal stands at its field, and the field goes back to what holds.
@@ -237,11 +237,11 @@ def test_the_error_map_measures_errors_first(browser: Any, server: Server) -> No
     with view_of(browser, server, "error_map") as view:
         view.wait_until_done()
         view.page.get_by_label("Layer", exact=True).select_option(label="Standard error")
-        view.page.get_by_role("button", name="Measure the errors").click()
+        view.page.get_by_role("button", name="Estimate errors").click()
         view.wait("view.hub.newest('state').settings.replicate_spp === 4")
         view.wait_until_done()
         view.wait("view.picture.frame().layer === 'stderr'")
-        assert not view.page.get_by_role("button", name="Measure the errors").is_visible()
+        assert not view.page.get_by_role("button", name="Estimate errors").is_visible()
         assert "Standard error, W/(sr m²)" in view.page.locator(".cv-legend").inner_text()
         error = view.newest("progress")["error"]
         assert 0.0 < error < 1.0
@@ -276,7 +276,7 @@ def test_saving_and_downloading(browser: Any, server: Server, scene: Path) -> No
         view.wait_until_done()
         view.page.get_by_text("Save", exact=True).click()
         view.page.get_by_role("button", name="Save saved.npy").click()
-        view.wait("document.querySelector('.cv-toast').textContent.includes('is written')")
+        view.wait("document.querySelector('.cv-toast').textContent.includes('Saved')")
         linear = np.load(scene.parent / "saved.npy")
         view.page.get_by_label("Tone curve").select_option("agx")
         with view.page.expect_download() as download:
@@ -285,7 +285,7 @@ def test_saving_and_downloading(browser: Any, server: Server, scene: Path) -> No
             assert (np.asarray(picture) == to_display(linear, "agx", 0.0)).all()
         shown = _image(view)
         with view.page.expect_download() as download:
-            view.page.get_by_role("button", name="What is shown, as .png").click()
+            view.page.get_by_role("button", name="Current view, .png").click()
         assert download.value.suggested_filename == "A ball on a table.png"
         with Image.open(download.value.path()) as picture:
             assert (np.asarray(picture.convert("RGB")) == shown).all()
@@ -345,7 +345,7 @@ def test_the_page_goes_on_when_the_server_is_back(browser: Any, scene: Path) -> 
         assert first.end()[0] == 0
         status = view.page.locator(".cv-status")
         view.wait("document.querySelector('.cv-status').dataset.status === 'lost'")
-        assert "ended" in status.inner_text() or "No connection" in status.inner_text()
+        assert "stopped" in status.inner_text() or "No connection" in status.inner_text()
         assert (_image(view) == before).all()
         view.page.get_by_label("Tone curve").select_option("linear")  # what is there can still be looked at
         assert (_image(view) != before).any()

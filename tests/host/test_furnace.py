@@ -55,7 +55,7 @@ def test_energy_is_named_with_how_much() -> None:
     assert faults(energy=1.1, through=0.5, eta=1.5) == {"gain": pytest.approx(0.1, abs=1e-4)}
     found = findings(measured(energy=0.97))
     assert found[0].kind == "loss" and found[0].amount == pytest.approx(0.03, abs=1e-4) and not found[1].fault
-    assert "only 97.00 % of the light would leave it at" in found[0].sentence
+    assert "only 97.00 % of the light leaves the surface at" in found[0].sentence
 
 
 def test_light_is_to_go_either_way() -> None:

@@ -8,9 +8,9 @@ const LONGEST_WAIT = 3000; // milliseconds for the engine to take over a camera;
 const FLY_RATE = 0.6; // of the distance to the target, a second
 const NUMBERS = [
   ["vertical_fov", "Field of view", "Vertical, degrees", { type: "number", exclusiveMinimum: 0 }],
-  ["height", "Height", "Of what is seen, metres", { type: "number", exclusiveMinimum: 0 }],
-  ["aperture_radius", "Aperture radius", "Metres; 0: all is sharp", { type: "number", minimum: 0 }],
-  ["focus_distance", "Focus distance", "Metres; click with Focus armed to set it in the image", { type: "number", exclusiveMinimum: 0 }],
+  ["height", "Height", "Height of the visible region, metres", { type: "number", exclusiveMinimum: 0 }],
+  ["aperture_radius", "Aperture radius", "Metres; 0: everything in focus", { type: "number", minimum: 0 }],
+  ["focus_distance", "Focus distance", "Metres; or use Focus by click", { type: "number", exclusiveMinimum: 0 }],
 ];
 
 /** The camera in motion: what gestures change, sent once a screen frame. */
@@ -90,11 +90,11 @@ export function createCameraPanel(hub, say, focusButton, camera) {
 
   async function copy() {
     const toml = hub.newest("state")?.camera_toml ?? "";
-    if (await copied(toml)) say("The camera is copied: paste it into the scene file.");
+    if (await copied(toml)) say("Camera copied. Paste it into the scene file.");
     else {
       text.focus();
       getSelection()?.selectAllChildren(text);
-      say("The browser does not let the page copy: the text is selected, copy it by hand.");
+      say("The browser does not allow copying. The text is selected; copy it manually.");
     }
   }
 

@@ -44,7 +44,7 @@ export function createChart() {
   }
 
   function words() {
-    if (points.length === 0) return "Error over time: nothing yet";
+    if (points.length === 0) return "Error over time: no data yet";
     const [seconds, error] = points[points.length - 1];
     return `Error over time: ${readable(100 * error)} % after ${readableTime(seconds)}`;
   }

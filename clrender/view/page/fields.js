@@ -18,7 +18,7 @@ export function createField(about, changed) {
   });
   const undo = make(
     "button",
-    { type: "button", class: "cv-undo", hidden: true, title: "As before", "aria-label": `${about.label}: as before`, onclick: () => changed(null) },
+    { type: "button", class: "cv-undo", hidden: true, title: "Reset", "aria-label": `${about.label}: reset`, onclick: () => changed(null) },
     "↺",
   );
   const label = make("label", { for: id, title: about.help ?? null }, about.label);

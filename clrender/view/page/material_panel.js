@@ -49,7 +49,7 @@ export function createMaterialPanel(hub) {
     select.value = chosen ?? "";
     select.disabled = names.length === 0;
     const material = materials[chosen];
-    kind.textContent = material === undefined ? "This scene has no materials with names." : material.type;
+    kind.textContent = material === undefined ? "This scene has no named materials." : material.type;
     const parameters = material?.parameters ?? [];
     const key = JSON.stringify([chosen, parameters.map((each) => [each.name, each.kind])]);
     if (key !== shown) build(parameters);
@@ -74,7 +74,7 @@ export function createMaterialPanel(hub) {
   return {
     choose,
     content: [
-      make("p", { class: "cv-note" }, "Click on something in the image, or choose:"),
+      make("p", { class: "cv-note" }, "Click on an object in the image, or select a material:"),
       make("div", { class: "cv-field" }, make("label", { for: id }, "Material"), select),
       kind,
       values,

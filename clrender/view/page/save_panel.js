@@ -3,9 +3,9 @@
 import { make } from "./elements.js";
 
 const DOWNLOADS = [
-  ["image.png", ".png", "As it is shown, 8 bits"],
-  ["image.exr", ".exr", "Linear, with layers"],
-  ["image.film", ".film", "All sums: to resume, merge and verify"],
+  ["image.png", ".png", "Tone-mapped, 8 bits"],
+  ["image.exr", ".exr", "Linear radiance, with layers"],
+  ["image.film", ".film", "Exact sums, to resume, merge and verify"],
 ];
 
 /**
@@ -26,7 +26,7 @@ export function createSavePanel(hub, choice, picture, say, address) {
   links.forEach((link) => ["pointerdown", "keydown", "click"].forEach((event) => link.addEventListener(event, aim)));
 
   const files = make("div", { class: "cv-row" });
-  const shown = make("button", { type: "button", title: "With false colours and divider", onclick: saveShown }, "What is shown, as .png");
+  const shown = make("button", { type: "button", title: "Includes false colours and the divider", onclick: saveShown }, "Current view, .png");
 
   async function saveShown() {
     const link = make("a", { download: `${hub.newest("scene")?.title || "image"}.png` });
@@ -45,7 +45,7 @@ export function createSavePanel(hub, choice, picture, say, address) {
     const message = { type: "save", name, tone_map: choice.toneMap, exposure: choice.exposure };
     hub.send(message, (reply) => {
       if (reply.type !== "saved") return false;
-      say(`${reply.name} is written: ${(reply.bytes / 1e6).toFixed(2)} MB.`);
+      say(`Saved ${reply.name}: ${(reply.bytes / 1e6).toFixed(2)} MB.`);
       return true;
     });
   }

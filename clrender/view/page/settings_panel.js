@@ -18,7 +18,7 @@ export function createSettingsPanel(hub) {
   const device = make("div", { class: "cv-fields" });
   const about = make("p", { class: "cv-note", hidden: true });
   const reset = make("button", { type: "button", onclick: () => hub.send({ type: "reset", what: "settings" }) }, "Reset settings");
-  const restart = make("button", { type: "button", onclick: () => hub.send({ type: "restart" }) }, "Begin anew");
+  const restart = make("button", { type: "button", onclick: () => hub.send({ type: "restart" }) }, "Restart");
   let fields = new Map(); // name -> {setting, field}
   let deviceField = null;
   let deviceChoices = "";
@@ -58,7 +58,7 @@ export function createSettingsPanel(hub) {
     const shown = current === undefined ? state.device : words(current);
     const choices = current === undefined ? [shown, ...known.map(words)] : known.map(words);
     if (choices.join("\n") !== deviceChoices) {
-      deviceField = createField({ label: "Device", schema: { enum: choices }, help: "Where it is rendered" }, chooseDevice);
+      deviceField = createField({ label: "Device", schema: { enum: choices }, help: "Device that renders" }, chooseDevice);
       device.replaceChildren(deviceField.element);
     }
     deviceChoices = choices.join("\n");

@@ -31,15 +31,15 @@ export function createStatus(hub) {
     const state = hub.newest("state");
     const status = connected ? (state?.status ?? "starting") : "lost";
     pill.dataset.status = status;
-    setText(pill, connected ? WORDS[status] : farewell || "No connection: trying again");
-    setText(button, status === "stopped" ? "Go on" : "Stop");
+    setText(pill, connected ? WORDS[status] : farewell || "No connection, reconnecting");
+    setText(button, status === "stopped" ? "Continue" : "Stop");
     button.disabled = !["rendering", "starting", "stopped"].includes(status);
-    button.title = status === "done" ? "All samples are done: raise the samples per pixel to go on" : "Space";
+    button.title = status === "done" ? "All samples are done. Increase the samples per pixel to continue." : "Space";
     const problem = state?.problem ?? null;
     banner.hidden = problem === null;
     if (problem !== null) {
-      const heads = { scene: "The scene file cannot be read; this is the last image that was good.", device: "The device failed.", render: "The render failed." };
-      banner.replaceChildren(make("strong", {}, heads[problem.where] ?? "A problem."), ` ${problem.message}`);
+      const heads = { scene: "The scene file has an error; this is the last valid image.", device: "The device failed.", render: "The render failed." };
+      banner.replaceChildren(make("strong", {}, heads[problem.where] ?? "Error."), ` ${problem.message}`);
     }
   }
 
@@ -57,7 +57,7 @@ export function createStatus(hub) {
   });
   hub.on("state", update);
   hub.on("bye", (message) => {
-    farewell = `The renderer has ended (${message.reason})`;
+    farewell = `The renderer has stopped (${message.reason})`;
     update();
   });
   hub.on("refused", (message) => say(message.message));
@@ -72,10 +72,10 @@ export function createStrip(hub) {
     const value = make("dd", {}, "–");
     return { value, element: make("div", { title }, make("dt", {}, label), value) };
   };
-  const samples = figure("samples", "Samples of each pixel so far, and asked for");
-  const time = figure("time", "Since the image was begun; and what is left");
-  const speed = figure("samples/s", "Samples of all pixels in a second");
-  const error = figure("error", "Relative standard error of the image; known with replicates");
+  const samples = figure("samples", "Samples per pixel: taken and requested");
+  const time = figure("time", "Elapsed and remaining time of this image");
+  const speed = figure("samples/s", "Samples per second, all pixels");
+  const error = figure("error", "Relative standard error of the image; requires replicates");
   const measure = make("button", { type: "button", class: "cv-link", hidden: true, onclick: measureErrors }, "measure");
   error.element.append(measure);
   const chart = createChart();

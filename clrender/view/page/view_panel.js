@@ -26,7 +26,7 @@ export function createViewPanel(hub, choice, picture) {
   const stops = make("input", { type: "number", min: -MOST_STOPS, max: MOST_STOPS, step: "any" });
   const falseColor = make("input", { type: "checkbox", onchange: () => set("falseColor", falseColor.checked) });
   const hint = make("p", { class: "cv-note", hidden: true });
-  const turnOn = make("button", { type: "button", hidden: true, onclick: measure }, "Measure the errors");
+  const turnOn = make("button", { type: "button", hidden: true, onclick: measure }, "Estimate errors");
 
   toneMap.value = choice.toneMap;
   setStops(choice.exposure);
@@ -77,7 +77,7 @@ export function createViewPanel(hub, choice, picture) {
     const possible = replicatesFor(hub) !== null;
     hint.hidden = turnOn.hidden = !unmeasured;
     turnOn.hidden = !unmeasured || !possible;
-    setText(hint, possible ? "Errors are known where samples come in replicates. Turning that on begins the image anew." : "Of this integrator, or of so few samples, no errors are known.");
+    setText(hint, possible ? "Error estimates require replicates. Enabling them restarts the image." : "Errors are not available for this integrator or sample count.");
   }
 
   function fill(select, options, value) {
@@ -109,11 +109,11 @@ export function createViewPanel(hub, choice, picture) {
       return true;
     },
     content: [
-      labelled("Exposure", stops, "Stops, added to the camera's own", make("span", { class: "cv-number cv-slides" }, slider, stops)),
+      labelled("Exposure", stops, "Stops, added to the exposure of the camera", make("span", { class: "cv-number cv-slides" }, slider, stops)),
       labelled("Tone curve", toneMap),
-      labelled("False colour", falseColor, "Of luminance"),
+      labelled("False colour", falseColor, "False colours of the luminance"),
       labelled("Layer", layer),
-      labelled("Compare with", compared, "A divider on the image between both"),
+      labelled("Compare with", compared, "Shows both layers with a divider between them"),
       hint,
       turnOn,
     ],

@@ -53,7 +53,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     f: focus.toggle,
     p: () => (probe.isPinned() ? probe.release() : probe.step(0, 0)),
     l: viewPanel.toggleFalseColor,
-    b: () => viewPanel.toggleDenoised() || status.say("The denoiser is not installed: pip install 'clrender[denoise]'."),
+    b: () => viewPanel.toggleDenoised() || status.say("The denoiser is not installed. Install it with: pip install 'clrender[denoise]'"),
     h: () => root.classList.toggle("cv-bare"),
     "[": () => viewPanel.changeExposure(-1 / 3),
     "]": () => viewPanel.changeExposure(1 / 3),
@@ -70,7 +70,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     { class: "cv-tools", role: "toolbar", "aria-label": "Tools" },
     tool("focus", "Focus by click", "f"),
     tool("probe", "Probe by keyboard", "p"),
-    tool("compare", "Before and after the denoiser", "b"),
+    tool("compare", "Compare before and after denoising", "b"),
     tool("palette", "False colour of luminance", "l"),
     tool("reset", "Reset the camera", "r"),
     tool("panel", "Hide or show the panel", "h"),
@@ -78,7 +78,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   );
   const stage = make(
     "div",
-    { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "image that one can move in", "aria-label": "The view. Arrow keys orbit, plus and minus zoom, P probes, question mark lists all keys." },
+    { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "interactive image", "aria-label": "Live view. Arrow keys orbit, plus and minus zoom, P probes a pixel, question mark lists all keys." },
     status.banner,
     make("div", { class: "cv-room" }, picture.box),
     probe.card,
@@ -163,7 +163,7 @@ function createFocus(hub, say) {
   }
   function toggle() {
     set(!armed);
-    if (armed) say("Focus: click on what shall be sharp.");
+    if (armed) say("Click on the object to focus on.");
   }
 
   return {
@@ -175,11 +175,11 @@ function createFocus(hub, say) {
       set(false);
       probe.focusAt(place, (distance) => {
         if (distance === null) {
-          say("Nothing is seen there that one could focus on.");
+          say("There is no surface to focus on at this pixel.");
           return;
         }
         hub.send({ type: "camera", camera: { focus_distance: distance } });
-        const sharp = (hub.newest("state")?.camera.aperture_radius ?? 0) === 0 ? " The aperture is 0, so that all is sharp anyway." : "";
+        const sharp = (hub.newest("state")?.camera.aperture_radius ?? 0) === 0 ? " The aperture radius is 0, so everything is in focus anyway." : "";
         say(`Focused at ${distance.toPrecision(4)} m.${sharp}`);
       });
     },
