@@ -411,8 +411,8 @@ class JobRender:
             raise tally.failures[-1]
         if self._settings.time_limit is not None and not self._should_stop():
             raise RenderError(
-                f"not one sample was finished within {self._settings.time_limit:g} s, which set-up is part of; give it "
-                "more time"
+                f"no sample was finished within {self._settings.time_limit:g} s, which includes set-up; increase the "
+                "time limit"
             )
 
     def _denoised(

@@ -305,9 +305,9 @@ class RenderSettings:
         if not INTEGRATORS[self.integrator].has_errors:
             words = INTEGRATORS[self.integrator].bias
             raise UsageError(
-                f"the integrator {self.integrator} is {words}: no spread of its samples tells how far its mean is off, "
-                "so it has neither replicates nor standard errors; leave them out, or choose an integrator that is "
-                "unbiased"
+                f"the integrator {self.integrator} is {words}: its error cannot be estimated from the spread of its "
+                "samples, so it supports neither replicates nor standard errors; leave them out, or choose an unbiased "
+                "integrator"
             )
         if self.spp % size:
             above = (self.spp // size + 1) * size
@@ -315,8 +315,8 @@ class RenderSettings:
             raise UsageError(f"spp is {self.spp}, but must be a multiple of replicate_spp, {size}: for example {cure}")
         if self.error is not None and self.spp < FIRST_LOOK * size:
             raise UsageError(
-                f"spp is {self.spp}, but with error it is the most samples of a pixel, and errors are first looked at "
-                f"after {FIRST_LOOK} replicates of {size}; ask for {FIRST_LOOK * size} or more, or leave it out"
+                f"spp is {self.spp}, but with error it is the maximum number of samples per pixel, and the first test "
+                f"needs {FIRST_LOOK} replicates of {size}; set it to {FIRST_LOOK * size} or more, or leave it out"
             )
 
     def request(self) -> dict[str, Any]:
@@ -469,7 +469,7 @@ def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
         raise UsageError(f"absorption has no effect with the roulette {wanted.roulette}; it belongs to absorption")
     for name in ("confidence", "share", "error_floor"):
         if name in given and getattr(wanted, name) is not None and wanted.error is None:
-            raise UsageError(f"{name} has no effect without error; say how far off pixels may be, such as error 0.05")
+            raise UsageError(f"{name} has no effect without error; set the relative error as well, such as error 0.05")
 
 
 def check_memory(wanted: RenderSettings) -> None:

@@ -106,10 +106,10 @@ def _check(first: Film, second: Film, names: tuple[str, str]) -> None:
     for film, name in zip((first, second), names, strict=True):
         if not film.replicate_spp:
             raise UsageError(
-                f"{name}: has no replicates, so nothing is known of its errors; render it with --replicate-spp 16"
+                f"{name}: has no replicates, so its errors cannot be estimated; render it with --replicate-spp 16"
             )
         if film.request.get("integrator") not in INTEGRATORS:
-            raise UsageError(f"{name}: does not say which integrator made it; render it again")
+            raise UsageError(f"{name}: does not record its integrator; render it again")
         if int(replicate_counts(film).min()) < 2:
             raise UsageError(f"{name}: has pixels with fewer than two replicates; render it with more samples")
     if (first.width, first.height) != (second.width, second.height):

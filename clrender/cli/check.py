@@ -28,10 +28,10 @@ def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, vari
         ("triangles", f"{flat.triangle_count}"),
         ("spheres and disks", f"{flat.analytic_count}"),
         *([("instances", f"{flat.instances.count}")] if flat.instances.count else []),
-        *([("with all of these", f"{flat.primitive_total} primitives")] if flat.instances.count else []),
+        *([("with instances", f"{flat.primitive_total} primitives")] if flat.instances.count else []),
         ("lights", f"{flat.light_count}"),
         ("materials", f"{len(loaded.materials)}"),
-        ("bytes on the device", f"{flat.nbytes} (and the BVH built there)"),
+        ("bytes on the device", f"{flat.nbytes} (without the BVH)"),
         ("scene sha256", loaded.sha256()),
     ]
     for warning in flat.warnings:

@@ -123,7 +123,7 @@ def _verdict(found: dict[str, Any]) -> str:
         return f"agree: no pixel of {found['pixels']} differs, nor does the mean, at the level {found['level']:g}"
     what = [f"{found['differing_pixels']} of {found['pixels']} pixels"] if found["differing_pixels"] else []
     if found["first_differing"]:
-        what[0] += " (most of all the one in column {} of row {})".format(*found["first_differing"])
+        what[0] += " (most significant: column {}, row {})".format(*found["first_differing"])
     what += ["the mean of the image"] if found["mean_differs"] else []
     return f"differ, at the level {found['level']:g}: {' and '.join(what)}"
 

@@ -135,9 +135,11 @@ def _sentence(pair: Pair) -> str:
             for key, what in (("visible_in_tile", "a tile"), ("visible_in_mean", "the mean"))
             if n[key] is not None
         )
-        text += f"; differences of {seen} would have been seen" if seen else "; both are black"
+        text += f"; differences of {seen} would have been detected" if seen else "; both are black"
     elif kind == FAULT and n["tiles_with_fireflies"] > n["tiles"] / 100:
-        text += f"; fireflies in {n['tiles_with_fireflies']} tiles make the test unsure, look again with more samples"
+        text += (
+            f"; fireflies in {n['tiles_with_fireflies']} tiles make the test unreliable; repeat it with more samples"
+        )
     return text
 
 
@@ -162,7 +164,7 @@ def _table(numbers: dict[str, Any]) -> str:
     lines += [f"{pair['first']} and {pair['second']} {pair['sentence']}" for pair in numbers["pairs"]]
     dropped = {one["label"]: one["nonfinite_samples"] for one in numbers["integrators"]}
     if left_out := [f"{label}: {count}" for label, count in dropped.items() if count]:
-        lines.append(f"samples that were not finite and are left out: {', '.join(left_out)}")
+        lines.append(f"discarded samples that were not finite: {', '.join(left_out)}")
     return "\n".join(lines)
 
 

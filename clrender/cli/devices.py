@@ -20,7 +20,7 @@ def devices(as_json: bool) -> None:
         click.echo(json.dumps(found, indent=2))
         return
     if not found:
-        click.echo("no OpenCL device; `clrender doctor` says what to do")
+        click.echo("no OpenCL device found; run `clrender doctor` for help")
         return
     header = ("", "name", "platform", "driver", "type", "units", "memory", "probe")
     rows = [

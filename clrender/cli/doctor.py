@@ -63,4 +63,4 @@ def _print(reports: list[DriverReport], findings: list[Finding], good: bool) -> 
         click.echo(f"\n{'note' if finding.harmless else 'FAULT'}: {finding.subject}")
         click.echo(f"  cause: {finding.cause}")
         click.echo(f"  cure:  {finding.cure}")
-    click.echo("\nat least one device is ok" if good else "\nno device is ok: clrender cannot render here yet")
+    click.echo("\nat least one device is ok" if good else "\nno device is ok: clrender cannot render on this machine")

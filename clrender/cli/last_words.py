@@ -10,9 +10,9 @@ from typing import Final
 __all__ = ["LastWords"]
 
 _SENTENCE: Final = (
-    "error: the program was ended in the midst of its work, by a crash inside an OpenCL driver, for want of memory, or "
-    "by another program, and wrote no image (`--resume` goes on from a checkpoint); `clrender doctor` checks the "
-    "drivers, `--device` chooses another"
+    "error: the process was terminated by a crash in an OpenCL driver, by lack of memory or by another process; no "
+    "image was written (`--resume` continues from a checkpoint); `clrender doctor` checks the drivers, `--device` "
+    "selects another"
 )
 # `read` fails at the end of its input, which comes when whoever holds the other end is gone.
 _WAIT: Final = 'trap "" INT TERM HUP; read -r word || printf "\\n%s\\n" "$0" >&2'

@@ -25,8 +25,8 @@ def new(folder: Path) -> None:
 
     scene = folder / _NAME
     if os.path.lexists(scene):
-        raise UsageError(f"{scene}: is there already, and is not overwritten; name another folder, or move it away")
+        raise UsageError(f"{scene}: exists already and is not overwritten; name another folder, or move the file")
     with output_folder(folder, _NAME), atomic_write(scene) as file:
         file.write(_TEMPLATE.read_bytes())
     picture = shlex.quote(str(folder / "picture.png"))
-    click.echo(f"{scene}: a first scene; render it with: clrender render {shlex.quote(str(scene))} -o {picture}")
+    click.echo(f"{scene}: an example scene; render it with: clrender render {shlex.quote(str(scene))} -o {picture}")

@@ -141,7 +141,7 @@ def shard(value: Any) -> tuple[int, int]:
     """Option type: a part of the samples such as 1/3, as (number, count)."""
     match = re.fullmatch(r"(\d{1,7})/(\d{1,7})", str(value), re.ASCII)
     if match is None or not 1 <= int(match[1]) <= int(match[2]):
-        raise click.BadParameter(f"{shown(value)} is no part such as 1/3, from 1/N to N/N.")
+        raise click.BadParameter(f"{shown(value)} is not a shard such as 1/3, from 1/N to N/N.")
     return int(match[1]), int(match[2])
 
 

@@ -121,6 +121,6 @@ def _verdict(dynamic: DynamicRadiosity, seconds: list[float]) -> str:
     difference = float((np.abs(updated - anew) * areas).sum() / (anew * areas).sum())
     middle = sorted(seconds)[len(seconds) // 2]
     return (
-        f"a frame was updated in {middle:.3f} s (median); solved from the start it takes {fresh:.3f} s, "
-        f"{fresh / middle:.1f} times as long; the two differ by {difference:.2%} of the radiosity"
+        f"median update of a frame: {middle:.3f} s; full solution: {fresh:.3f} s, {fresh / middle:.1f} times as long; "
+        f"difference: {difference:.2%} of the radiosity"
     )

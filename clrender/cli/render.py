@@ -166,7 +166,7 @@ def render(
         _write(image, outputs, {"tone_map": tone_map, "exposure": exposure, **exr}, stats)
     click.echo(_result_line(image, outputs))
     if failure is not None:
-        raise RenderError(f"{failure}; {' '.join(map(str, outputs))} holds what was finished by then")
+        raise RenderError(f"{failure}; {' '.join(map(str, outputs))} contains the samples taken until then")
     if interrupt.wanted():
         sys.exit(interrupt.exit_code)
 
@@ -224,7 +224,7 @@ def _saving(checkpoint: Path | None, resume: bool) -> dict[str, Any]:
     """Arguments of the renderer about a checkpoint, which can be written."""
     if checkpoint is None:
         if resume:
-            raise UsageError("--resume: there is nothing to go on from; name the film with --checkpoint FILE")
+            raise UsageError("--resume: there is no checkpoint to resume from; name it with --checkpoint FILE")
         return {}
     from clrender.film.checkpoint import check_checkpoint
 
@@ -346,7 +346,7 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))
     parts.append(f"{speed} samples/s on {_device_names(numbers)}")
     if numbers.get("nonfinite_samples"):
-        parts.append(f"{numbers['nonfinite_samples']} samples were not finite and are left out")
+        parts.append(f"{numbers['nonfinite_samples']} samples were not finite and were discarded")
     return ", ".join(parts)
 
 

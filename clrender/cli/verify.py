@@ -93,7 +93,7 @@ def verify(
         click.echo(f"{image}: {_confidence(found)}")
     if not found.sound:
         for fault in found.faults:
-            click.echo(f"error: {image}: is not what it says: {fault}", err=True)
+            click.echo(f"error: {image}: verification failed: {fault}", err=True)
         sys.exit(1)
 
 
@@ -111,9 +111,10 @@ def _confidence(found: Verification) -> str:
     """What can be said after nothing was found."""
     done = f"{found.checked} of {found.tiles} tiles rendered again ({found.samples} samples)"
     if found.checked == found.tiles:
-        return f"{done}, every bit is the same"
+        return f"{done}, identical bit for bit"
     least = found.detected()
     return (
-        f"{done}, every bit of them is the same; if {least} or more of the {found.tiles} were wrong, that would have "
-        f"been seen with a probability of {found.detection(least):.1%}, and a single one with {found.detection(1):.1%}"
+        f"{done}, identical bit for bit; if {least} or more of the {found.tiles} tiles were wrong, this check would "
+        f"have detected it with probability {found.detection(least):.1%}, a single wrong tile with "
+        f"{found.detection(1):.1%}"
     )

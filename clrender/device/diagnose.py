@@ -78,7 +78,7 @@ def _driver_cure(driver: Driver, fault: str) -> str:
         named_by = driver.origin if driver.origin.endswith(".icd") else driver.library
         return f"update or remove this driver ({package or 'its package: dpkg -S ' + named_by})"
     if "needs a folder" in fault:
-        return "make room, or set XDG_CACHE_HOME or TMPDIR to a folder that has it"
+        return "free some space, or set XDG_CACHE_HOME or TMPDIR to a folder with enough space"
     if "cannot open shared object" in fault and driver.path:
         return f"install the libraries that `ldd {driver.path}` calls not found"
     if not driver.origin.endswith(".icd"):
@@ -100,8 +100,8 @@ def _empty_platform(name: str, version: str) -> Finding:
     if name == "Clover":
         return Finding(
             subject,
-            "it offers no device: Mesa's old OpenCL drives only some AMD GPUs",
-            "nothing to do; another platform does the work",
+            "it offers no device: Mesa's old OpenCL implementation supports only some AMD GPUs",
+            "nothing to do; another platform is used",
             harmless=True,
         )
     if "nvidia" in name.lower():
@@ -112,8 +112,8 @@ def _empty_platform(name: str, version: str) -> Finding:
         )
     return Finding(
         subject,
-        "it offers no device: it sees none, or may not open it",
-        "let your user open the GPU: sudo usermod -aG render,video $USER, then log in again",
+        "it offers no device: it finds none, or has no permission to open it",
+        "give your user access to the GPU: sudo usermod -aG render,video $USER, then log in again",
     )
 
 
@@ -122,7 +122,7 @@ def diagnose_device(info: DeviceInfo, driver: Driver) -> list[Finding]:
     if info.probe == "ok":
         if not info.detail:
             return []
-        return [Finding(info.title, f"the image is right, though {info.detail}", "nothing to do", harmless=True)]
+        return [Finding(info.title, f"the image is correct, although {info.detail}", "nothing to do", harmless=True)]
     cause = f"{info.probe}: {info.detail}"
     if info.probe == "cannot-build":
         return [Finding(info.title, *_cannot_build(info, cause))]
@@ -140,7 +140,7 @@ def _cannot_build(info: DeviceInfo, cause: str) -> tuple[str, str]:
             f"{cause}. The compiler in this PoCL is older than the processor and does not know it",
             "use a newer PoCL: sudo apt-get install pocl-opencl-icd; "
             "or Intel's driver: pip install intel-opencl-rt intel-cmplr-lib-rt; "
-            "the wheel is of no use here: pip uninstall pocl-binary-distribution",
+            "the wheel does not work here: pip uninstall pocl-binary-distribution",
         )
     return cause, f"update this driver, or use another: {INSTALL_ANY}"
 
@@ -165,7 +165,7 @@ def diagnose_machine(reports: Sequence[DriverReport]) -> list[Finding]:
             Finding(
                 "/dev/nvidia0",
                 f"there is an NVIDIA GPU, but no .icd file in {SYSTEM_FOLDER} names its OpenCL driver, "
-                f"and {vendor_libraries.LIBRARIES[0]} is nowhere to be found",
+                f"and {vendor_libraries.LIBRARIES[0]} was not found",
                 "sudo apt-get install nvidia-opencl-icd; start a container with --gpus all "
                 "-e NVIDIA_DRIVER_CAPABILITIES=compute,utility; or name the library's folder in LD_LIBRARY_PATH",
             )
@@ -173,18 +173,18 @@ def diagnose_machine(reports: Sequence[DriverReport]) -> list[Finding]:
     shut = [str(node) for node in Path("/dev/dri").glob("renderD*") if not os.access(node, os.R_OK | os.W_OK)]
     if shut:
         cure = "sudo usermod -aG render,video $USER, then log in again"
-        found.append(Finding(", ".join(shut), "there is a GPU that your user may not open", cure))
+        found.append(Finding(", ".join(shut), "there is a GPU that your user has no permission to open", cure))
     why = cache.no_cache_reason()
     if why:
         place = cache.cache_folder()
         cause = (
             f"{why}, so compiled kernels are kept in {place}" if place else f"{why}, so compiled kernels are not kept"
         )
-        cure = "mend that, or set XDG_CACHE_HOME to a folder that only you can write"
+        cure = "fix that, or set XDG_CACHE_HOME to a folder that only you can write"
         found.append(Finding("the cache folder", cause, cure, harmless=True))
     if not devices:
         own = os.environ.get("OCL_ICD_VENDORS", "")
-        cause = f"there is no OpenCL device in what OCL_ICD_VENDORS={own} names" if own else "there is no OpenCL device"
+        cause = f"OCL_ICD_VENDORS={own} names no driver with an OpenCL device" if own else "there is no OpenCL device"
         cure = f"unset OCL_ICD_VENDORS, or {INSTALL_ANY}" if own else INSTALL_ANY
         found.append(Finding("this machine", cause, cure))
     return found

@@ -44,15 +44,15 @@ def check_checkpoint(path: Path, resume: bool) -> None:
     _check_ending(path)
     if not resume and path.exists():
         raise UsageError(
-            f"{path}: there is a file already, which a checkpoint would replace; add --resume (resume=True) to go on "
-            "from it, or remove it, or name another"
+            f"{path}: exists already and would be overwritten by the checkpoint; add --resume (resume=True) to "
+            "continue from it, remove it, or name another"
         )
     check_writable(path)
 
 
 def _check_ending(path: Path) -> None:
     if path.suffix.lower() in DISPLAY_ENDINGS + LINEAR_ENDINGS:
-        raise UsageError(f"{path}: a checkpoint is a film, and this is the name of an image; end it in .film")
+        raise UsageError(f"{path}: a checkpoint is a film; give it a name that ends in .film")
 
 
 @dataclass

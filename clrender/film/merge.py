@@ -50,7 +50,7 @@ def merge_films(paths: Sequence[str | Path]) -> Film:
         both files.
     """
     if not paths:
-        raise UsageError("no film was named; name those to merge")
+        raise UsageError("no film was given; name the films to merge")
     merged = Film.load(paths[0])
     accounts = [merged.provenance]
     names = [str(paths[0])]

@@ -47,7 +47,7 @@ def replicate_counts(film: Film) -> npt.NDArray[np.int64]:
         The film has none.
     """
     if not film.replicate_spp:
-        raise UsageError("the film has no replicates, so nothing is known of its errors; render with --replicate-spp")
+        raise UsageError("the film has no replicates, so its errors cannot be estimated; render with --replicate-spp")
     taken = (film.ledger.taken() // film.replicate_spp).reshape(-1, blocks_across(film.width))
     whole = taken.repeat(BLOCK, axis=0)[: film.height].repeat(BLOCK, axis=1)[:, : film.width]
     counts: npt.NDArray[np.int64] = np.ascontiguousarray(whole)

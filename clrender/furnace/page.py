@@ -95,9 +95,9 @@ def _capital(sentence: str) -> str:
 def _method() -> list[str]:
     return [
         "Energy by sampling: 16 independent estimates at each angle, each from a jittered grid of random numbers; "
-        "their spread gives the standard error. Energy by evaluation: directions chosen independently of the material's own "
-        "density, around the normal and, at all scales, around the mirror and refraction directions. Transmitted "
-        "light is measured as flux: radiance times the square of the relative index.",
+        "their spread gives the standard error. Energy by evaluation: directions chosen independently of the "
+        "material's density, around the normal and, at all scales, around the mirror and refraction directions. "
+        "Transmitted light is measured as flux: radiance times the square of the relative index.",
         "Directions: counts in cells around the mirror and refraction directions, compared with the density integrated "
         "over each cell (Pearson's χ² test). A density whose integral, together with the deltas and the samples "
         "without light, is not 1 also fails the test.",

@@ -148,7 +148,7 @@ def verify(
     tiles = _tiles_with_samples(claim)
     count = min(len(tiles), math.ceil(fraction * len(tiles)))
     if claim.faults or not count:
-        faults = claim.faults or ["it holds no sample"]
+        faults = claim.faults or ["it has no samples"]
         return Verification(len(tiles), 0, (), (), tuple(faults), 0)
     chosen = tiles[np.sort(np.random.default_rng(seed).choice(len(tiles), count, replace=False))]
     wanted = claim.ledger.restricted(_blocks_of(claim, chosen))
@@ -198,7 +198,7 @@ def _scene(
         return given
     origin = _origin(claim)
     if given is None and "name" not in origin:
-        raise UsageError(f"{path}: does not say which scene it was made from; name that with --scene (scene=…)")
+        raise UsageError(f"{path}: does not name its scene; name it with --scene (scene=…)")
     source = given if given is not None else _found(path, origin["name"], "--scene")
     if Path(source).suffix.lower() not in _ANIMATED:
         origin = {**origin, "time_at": None, "variant": None}
@@ -231,7 +231,7 @@ def _found(path: Path, name: str, option: str) -> str | Path:
         for place in (Path(name), path.parent / name, path.parent / Path(name).name):
             if place.is_file():
                 return place
-    raise UsageError(f"{path}: was made from {name!r}, which is not here; say where it is with {option} FILE")
+    raise UsageError(f"{path}: was made from {name!r}, which was not found; give its location with {option} FILE")
 
 
 def _job(path: Path, claim: Claim, scene: Scene) -> RenderJob:
@@ -241,7 +241,7 @@ def _job(path: Path, claim: Claim, scene: Scene) -> RenderJob:
     try:
         return RenderJob.of(scene, size=size, spp=claim.samples_end, **said)
     except (UsageError, TypeError, ValueError, OverflowError) as error:
-        raise UsageError(f"{path}: cannot be rendered here as it says ({error})") from None
+        raise UsageError(f"{path}: cannot be rendered again here ({error})") from None
 
 
 _NOT_SETTINGS: Final = ("scene_sha256", "kernel_sha256", "sampler_sha256", "arrays_sha256", "version")
@@ -252,13 +252,12 @@ def _check(path: Path, claim: Claim, here: Mapping[str, Any]) -> None:
     found = differences(claim.request, {key: here[key] for key in claim.request if key in here})
     if "scene_sha256" in found:
         raise UsageError(
-            f"{path}: was made from another scene than this one, or the scene was changed since; name the one that it "
-            "was made from with --scene"
+            f"{path}: was made from another scene, or the scene has changed since; name the original scene with --scene"
         )
     if {"kernel_sha256", "sampler_sha256", "version"} & set(found):
         raise UsageError(
-            f"{path}: was made by other kernels, those of clrender {claim.request.get('version')}; this is clrender "
-            f"{here['version']}, which need not give the same bits: verify it with the one that made it"
+            f"{path}: was made by the kernels of clrender {claim.request.get('version')}; those of this clrender, "
+            f"{here['version']}, may give other bits: verify it with the original version"
         )
     if found:
-        raise UsageError(f"{path}: cannot be rendered here as it says: {'; '.join(found.values())}")
+        raise UsageError(f"{path}: cannot be rendered again here: {'; '.join(found.values())}")

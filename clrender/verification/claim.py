@@ -49,7 +49,7 @@ class Claim(ABC):
         for name, value in self.request.items():
             for other in (said.get(name, value), settings.get(name, value)):
                 if other != value:
-                    self.faults.append(f"it says both that {name} is {value} and that it is {other}")
+                    self.faults.append(f"it contains contradictory values of {name}: {value} and {other}")
                     break
 
     @property
@@ -87,15 +87,15 @@ class FilmClaim(Claim):
         self._sums = self._film.bands()
         said = self.provenance.get("image_sha256")
         if said is not None and said != image_sha256(self._mean):
-            self.faults.append("its pixels have another hash than it says (image_sha256)")
+            self.faults.append("the hash of the pixels does not match its image_sha256")
         dark = self._film.counts == 0
         for index, band in enumerate(self._sums):
             top = index * self._film.band_rows
             if band[dark[top : top + len(band)]].any():
-                self.faults.append("pixels have light in it without having a sample")
+                self.faults.append("pixels without samples have nonzero sums")
                 break
         if self._film.samples < self._film.ledger.samples and self.provenance.get("nonfinite_samples") == 0:
-            self.faults.append("it holds fewer samples than its ledger, and says that none was left out")
+            self.faults.append("it has fewer samples than its ledger records, although it reports no discarded samples")
 
     def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
         differs = self._film.counts[rows, columns] != film.counts[rows, columns]
@@ -113,21 +113,23 @@ class ImageClaim(Claim):
     def __init__(self, path: Path, provenance: Mapping[str, Any]) -> None:
         missing = [key for key in ("settings", "first_sample", "sample_count", *_HASHES) if key not in provenance]
         if missing:
-            raise UsageError(f"{path}: does not say how it was made ({missing[0]} is missing); render it again")
+            raise UsageError(f"{path}: does not contain its settings ({missing[0]} is missing); render it again")
         self._image = read_image(path)
         height, width = self._image.shape[:2]
         settings = {name: value for name, value in provenance["settings"].items() if name != "spp"}
         if (settings.get("width"), settings.get("height")) != (width, height):
             raise UsageError(
-                f"{path}: has {width} x {height} pixels, and was rendered in another size; verify that one"
+                f"{path}: has {width} x {height} pixels, but was rendered in another size; verify the original file"
             )
         first, count = provenance["first_sample"], provenance["sample_count"]
         if provenance.get("denoised"):
-            raise UsageError(f"{path}: is denoised, which is no render; verify an image or a .film made without")
+            raise UsageError(
+                f"{path}: is denoised, so it cannot be verified; verify an image or .film rendered without denoising"
+            )
         if provenance.get("samples") != width * height * count:
             raise UsageError(
-                f"{path}: was stopped early, and only a .film says which samples each pixel has; verify that, or an "
-                "image that was finished"
+                f"{path}: was stopped early, and only a .film records the samples of each pixel; verify its .film, or "
+                "a finished image"
             )
         self._stored = provenance.get("stored", {})
         self._display = path.suffix.lower() in DISPLAY_ENDINGS
@@ -138,11 +140,12 @@ class ImageClaim(Claim):
         super().__init__({**settings, **{key: provenance[key] for key in _HASHES}}, ledger, provenance)
         if provenance.get("spp") != provenance["settings"].get("spp"):
             self.faults.append(
-                f"it says both that spp is {provenance.get('spp')} and that it is {provenance['settings'].get('spp')}"
+                f"it contains contradictory values of spp: {provenance.get('spp')} and "
+                f"{provenance['settings'].get('spp')}"
             )
         whole = not self._display and self._stored["exr_type"] == "float"
         if whole and provenance.get("image_sha256") != image_sha256(self._image):
-            self.faults.append("its pixels have another hash than it says (image_sha256)")
+            self.faults.append("the hash of the pixels does not match its image_sha256")
 
     def _check_stored(self, path: Path) -> None:
         """Its numbers are those of the render, or follow from them."""
@@ -151,12 +154,12 @@ class ImageClaim(Claim):
         if self._display:
             known &= stored.get("tone_map") in TONE_MAPS and abs(stored.get("exposure", math.inf)) <= EXPOSURE_LIMIT
         if not known or not (self._display or {"exr_type", "exr_compression"} <= {*stored}):
-            raise UsageError(f"{path}: does not say how its pixels were stored; render it again")
+            raise UsageError(f"{path}: does not record how its pixels were stored; render it again")
         compression = self._stored.get("exr_compression", "none")
         if COMPRESSIONS.get(compression, True):
             raise UsageError(
-                f"{path}: the compression {compression} has changed its numbers; verify the .film, or an .exr that was "
-                "written with another"
+                f"{path}: the compression {compression} is lossy; verify the .film, or an .exr with lossless "
+                "compression"
             )
 
     def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
@@ -180,11 +183,13 @@ def claim_of(path: Path) -> Claim:
     """
     ending = path.suffix.lower()
     if ending not in (*FILM_ENDINGS, ".exr", ".png"):
-        raise UsageError(f"{path}: only .film, .exr and .png files say how they were made; verify one of those")
+        raise UsageError(f"{path}: only .film, .exr and .png files contain their settings; verify one of those")
     provenance = None if ending in FILM_ENDINGS else read_provenance(path)
     if provenance is None and ending not in FILM_ENDINGS:
-        raise UsageError(f"{path}: does not say how it was made, so it cannot be verified; give a file of clrender's")
+        raise UsageError(
+            f"{path}: does not contain its settings, so it cannot be verified; give a file written by clrender"
+        )
     try:
         return FilmClaim(path) if provenance is None else ImageClaim(path, provenance)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        raise UsageError(f"{path}: what it says of its making makes no sense ({error}); render it again") from None
+        raise UsageError(f"{path}: its settings are invalid ({error}); render it again") from None

@@ -79,10 +79,12 @@ def explanation(comparison: Comparison) -> str:
     if 2 * wrong < checked or wrong < 2:
         return f"{first}: samples were changed, or a device computed them wrongly"
     if comparison.relative < _ROUNDING:
-        return f"{first}, by no more than rounding: other kernels, or a device that rounds otherwise, made it"
+        return f"{first}, but only by rounding: it was made by other kernels, or by a device with other rounding"
     if checked >= _FEW and _like_noise(comparison.means):
-        return f"{first}, and on average not: it looks like other noise, made with another seed than it says"
-    return f"{first}, and on average too: it looks like another scene, or other settings than it says"
+        return f"{first}, but their means agree: it was probably made with another seed than recorded"
+    return (
+        f"{first}, and so do their means: it was probably made from another scene or with other settings than recorded"
+    )
 
 
 def _like_noise(means: npt.NDArray[np.float64]) -> bool:

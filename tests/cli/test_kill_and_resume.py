@@ -151,7 +151,7 @@ def test_a_second_process_on_the_same_checkpoint_is_refused(tmp_path: Path) -> N
             done = run("render", "room", "-o", "b.exr", "--checkpoint", "a.film", *resume, folder=tmp_path)
             assert done.returncode == 2 and done.stderr.startswith("error: a.film: "), done.stderr
             words = f"another render saves itself there; wait for it, or name another file (process {process.pid})"
-            assert (words if resume else "there is a file already") in done.stderr
+            assert (words if resume else "exists already and would be overwritten") in done.stderr
         assert process.poll() is None and not (tmp_path / "b.exr").exists()
 
 
@@ -162,7 +162,7 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     for arguments, words in (
         (("room", "-o", "b.exr", "--resume"), "name the film with --checkpoint"),
         (("room", "-o", "b.film", "--checkpoint", "b.film"), "is named twice as an output"),
-        (("room", "-o", "b.exr", "--checkpoint", "a.exr", "--resume"), "this is the name of an image"),
+        (("room", "-o", "b.exr", "--checkpoint", "a.exr", "--resume"), "give it a name that ends in .film"),
         (("room", "-o", "b.exr", "--checkpoint", "a.film", "--resume", "--seed", "1"), "give --seed 0"),
         (("room", "-o", "b.film", "--checkpoint", "a.film", "--resume", "--shard", "2/2"), "not among those from 2"),
     ):

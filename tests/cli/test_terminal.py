@@ -251,7 +251,7 @@ def test_a_first_scene_overwrites_nothing(tmp_path: Path) -> None:
     (tmp_path / "link" / "scene.toml").symlink_to(tmp_path / "nowhere")
     for folder in ("a", "link"):
         again = run("new", folder, folder=tmp_path)
-        assert again.returncode == 2 and "is there already, and is not overwritten" in again.stderr
+        assert again.returncode == 2 and "exists already and is not overwritten" in again.stderr
     assert (tmp_path / "a" / "scene.toml").read_text() == "mine"
     assert not (tmp_path / "nowhere").exists()
 

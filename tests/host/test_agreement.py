@@ -304,7 +304,7 @@ def test_the_exit_code_tells_a_fault_only_when_asked(
         main(["compare", "--integrators", "direct,path", "cornell", option])
     assert end.value.code == code
     text = capsys.readouterr().out
-    assert "not finite and are left out: path: 5" in text
+    assert "discarded samples that were not finite: path: 5" in text
     if factor > 1.0:
         assert "differ where they should agree" in text and "direct / path" in text
         assert "but then path cannot be darker than direct anywhere; fireflies in 45 tiles make" in text

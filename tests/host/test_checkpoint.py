@@ -396,7 +396,7 @@ def test_what_a_kill_left_goes_when_the_next_render_begins(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", ["a.png", "a.EXR", "a.npy"])
 def test_the_name_of_an_image_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match=rf"{name}: a checkpoint is a film, and this is the name of an image"):
+    with pytest.raises(UsageError, match=rf"{name}: a checkpoint is a film; give it a name that ends in .film"):
         Checkpoint(name, False, print)
 
 

@@ -78,7 +78,7 @@ def test_light_that_one_film_has_not_found_yet_is_no_difference() -> None:
         ({"replicate_spp": None}, "b: has no replicates.*--replicate-spp"),
         ({"seed": 0, "filter": "gaussian"}, "a and b have the same seed.*another --seed"),
         ({"seed": 0}, "a and b have the same seed"),
-        ({"integrator": "unknown"}, "b: does not say which integrator"),
+        ({"integrator": "unknown"}, "b: does not record its integrator"),
     ],
     ids=str,
 )
@@ -128,5 +128,5 @@ def test_the_command_says_what_it_found(tmp_path: Path) -> None:
         return next(line for line in done.output.splitlines() if line.startswith("z-test"))
 
     assert "agree: no pixel of 64 differs" in said(0, 1)
-    assert "differ, at the level 0.01: 1 of 64 pixels (most of all the one in column 1 of row 1)" in said(0, 2)
+    assert "differ, at the level 0.01: 1 of 64 pixels (most significant: column 1, row 1)" in said(0, 2)
     assert f"none: {names[3]}: has no replicates" in said(0, 3)

@@ -161,8 +161,8 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
             "takes",
             "pixels",
             "a multiple of replicate_spp",
-            "no spread of its",
-            "first looked at",
+            "cannot be estimated from the spread of its",
+            "first test needs",
         )
         bad = [name for name, value in chosen.items() if not fits(name, value)]
         assert any(name in str(error) for name in bad) if bad else any(word in str(error) for word in together)

@@ -209,7 +209,7 @@ def test_a_wrong_seed(folder: Path) -> None:
     def relabel(film: Film) -> None:
         film.request["seed"] = 9
 
-    assert "another seed than it says" in sentence(saved(change=relabel))
+    assert "another seed than recorded" in sentence(saved(change=relabel))
 
 
 def test_another_image(folder: Path) -> None:
@@ -218,7 +218,7 @@ def test_another_image(folder: Path) -> None:
             for column in range(WIDTH):
                 add(film, row, column, 0, 2**66)
 
-    assert "another scene, or other settings than it says" in sentence(saved(change=brighter))
+    assert "another scene or with other settings than recorded" in sentence(saved(change=brighter))
 
 
 def test_other_rounding(folder: Path) -> None:
@@ -226,29 +226,29 @@ def test_other_rounding(folder: Path) -> None:
         for band in film.bands():
             band[..., 0] ^= np.uint64(1 << 30)
 
-    assert "by no more than rounding" in sentence(saved(change=rounded))
+    assert "but only by rounding" in sentence(saved(change=rounded))
 
 
 def test_a_film_that_contradicts_itself(folder: Path) -> None:
     job = job_of()
     film = truth(job)
     film.save("a.film", {**told(job, film), "seed": 1})
-    assert sentence(Path("a.film")) == "it says both that seed is 0 and that it is 1"
+    assert sentence(Path("a.film")) == "it contains contradictory values of seed: 0 and 1"
     film.save("b.film", {**told(job, film), "image_sha256": "0" * 64})
-    assert "another hash than it says" in sentence(Path("b.film"))
+    assert "the hash of the pixels does not match" in sentence(Path("b.film"))
     film = truth(job)
     film.counts[0, 0] = 0
     film.save("c.film", {"scene": {"name": "scene.toml"}})
-    assert "light in it without having a sample" in sentence(Path("c.film"))
+    assert "pixels without samples have nonzero sums" in sentence(Path("c.film"))
 
 
 @pytest.mark.parametrize(
     ("key", "words"),
     [
-        ("kernel_sha256", "was made by other kernels"),
-        ("sampler_sha256", "was made by other kernels"),
-        ("version", "those of clrender x; this is clrender"),
-        ("scene_sha256", "was made from another scene than this one"),
+        ("kernel_sha256", "was made by the kernels of clrender"),
+        ("sampler_sha256", "was made by the kernels of clrender"),
+        ("version", "the kernels of clrender x; those of this clrender"),
+        ("scene_sha256", "was made from another scene"),
         ("arrays_sha256", "arrays made of the scene"),
     ],
 )
@@ -264,7 +264,7 @@ def test_settings_that_there_are_not(folder: Path) -> None:
     def relabel(film: Film) -> None:
         film.request["sead"] = 9
 
-    with pytest.raises(UsageError, match=r"a\.film: cannot be rendered here as it says"):
+    with pytest.raises(UsageError, match=r"a\.film: cannot be rendered again here"):
         verify(saved(change=relabel))
 
 
@@ -278,18 +278,20 @@ def test_the_scene_is_found_beside_the_image_or_named(folder: Path, monkeypatch:
     monkeypatch.chdir(folder / "else")
     assert verify(path).sound, "beside the image"
     moved = (folder / "scene.toml").rename(folder / "away" / "s.toml")
-    with pytest.raises(UsageError, match=r"made from 'scene\.toml', which is not here; say where it is with --scene"):
+    with pytest.raises(
+        UsageError, match=r"made from 'scene\.toml', which was not found; give its location with --scene"
+    ):
         verify(path)
     assert verify(path, scene=moved).sound
     assert verify(path, scene=clrender.load(moved)).sound
     moved.write_text(SCENE.replace("-3.0", "-3.5"))
-    with pytest.raises(UsageError, match="another scene than this one, or the scene was changed since"):
+    with pytest.raises(UsageError, match="another scene, or the scene has changed since"):
         verify(path, scene=moved)
 
 
 def test_a_scene_made_in_code_is_nowhere(folder: Path) -> None:
     truth(job_of()).save("a.film", {})
-    with pytest.raises(UsageError, match="does not say which scene it was made from"):
+    with pytest.raises(UsageError, match="does not name its scene"):
         verify("a.film")
 
 
@@ -336,11 +338,11 @@ def test_pictures(folder: Path, name: str, how: dict[str, str]) -> None:
     ("name", "more", "how", "words"),
     [
         ("a.exr", {"denoised": True}, {}, "is denoised"),
-        ("a.exr", {"samples": 17}, {}, "was stopped early, and only a .film says"),
-        ("a.exr", {}, {"exr_compression": "dwaa"}, "the compression dwaa has changed its numbers"),
-        ("a.png", {"stored": {}}, {}, "does not say how its pixels were stored"),
-        ("a.exr", {"settings": 3}, {}, "makes no sense"),
-        ("a.exr", {"first_sample": -3}, {}, "cannot be rendered here as it says"),
+        ("a.exr", {"samples": 17}, {}, "was stopped early, and only a .film records"),
+        ("a.exr", {}, {"exr_compression": "dwaa"}, "the compression dwaa is lossy"),
+        ("a.png", {"stored": {}}, {}, "does not record how its pixels were stored"),
+        ("a.exr", {"settings": 3}, {}, "its settings are invalid"),
+        ("a.exr", {"first_sample": -3}, {}, "cannot be rendered again here"),
         ("a.exr", {"settings": {"width": 3, "height": 4}}, {}, "was rendered in another size"),
     ],
 )
@@ -355,7 +357,7 @@ def test_files_that_say_nothing(folder: Path) -> None:
     write_image("a.exr", np.zeros((4, 4, 3), np.float32))
     write_image("b.exr", np.zeros((4, 4, 3), np.float32), {"seed": 1})
     write_image("c.npy", np.zeros((4, 4, 3), np.float32))
-    for name, words in (("a.exr", "does not say how"), ("b.exr", "settings is missing"), ("c.npy", "only .film, .exr")):
+    for name, words in (("a.exr", "does not contain its settings"), ("b.exr", "settings is missing"), ("c.npy", "only .film, .exr")):
         with pytest.raises(UsageError, match=words):
             verify(name)
     for fraction in (0.0, 1.1, math.nan):
@@ -413,12 +415,12 @@ def monkeypatched_provenance(name: str, claim: dict[str, Any], film: Film) -> It
 
 
 def test_another_hash_than_it_says(folder: Path) -> None:
-    assert "another hash than it says" in sentence(image("a.exr", {}, {"image_sha256": "0" * 64}), 0.1)
+    assert "the hash of the pixels does not match" in sentence(image("a.exr", {}, {"image_sha256": "0" * 64}), 0.1)
 
 
 @pytest.mark.parametrize("spp", [10**12, -1, None])
 def test_another_number_of_samples_than_its_settings_say(folder: Path, spp: Any) -> None:
-    assert f"it says both that spp is {spp} and that it is " in sentence(image("a.exr", {}, {"spp": spp}), 0.1)
+    assert f"it contains contradictory values of spp: {spp} and " in sentence(image("a.exr", {}, {"spp": spp}), 0.1)
 
 
 # --- how surely ------------------------------------------------------------------------------------------------------
@@ -447,8 +449,11 @@ def test_the_command_says_how_surely(folder: Path) -> None:
     done = command("a.film", "--fraction", "0.2")
     assert done.returncode == 0 and not done.stderr
     assert done.stdout.startswith("a.film: 10 of 50 tiles rendered again (")
-    assert "if 12 or more of the 50 were wrong, that would have been seen with a probability of 95." in done.stdout
-    assert "a single one with 20.0%" in done.stdout
+    assert (
+        "if 12 or more of the 50 tiles were wrong, this check would have detected it with probability 95."
+        in done.stdout
+    )
+    assert "a single wrong tile with 20.0%" in done.stdout
     assert "50 of 50 tiles" in command("a.film", "--fraction", "1").stdout
     numbers = json.loads(command("a.film", "--json", "--seed", "3").stdout)
     assert numbers["sound"] and numbers["detected_95"] == least_detected(50, 5, 0.95) and numbers["checked"] == 5
@@ -458,7 +463,7 @@ def test_the_command_says_what_is_wrong(folder: Path) -> None:
     saved(change=lambda film: add(film, 3, 4, 1, 1))
     done = command("a.film", "--fraction", "1")
     assert done.returncode == 1 and not done.stdout
-    assert done.stderr.startswith("error: a.film: is not what it says: 1 of 50 tiles") and done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: a.film: verification failed: 1 of 50 tiles") and done.stderr.count("\n") == 1
     numbers = command("a.film", "--fraction", "1", "--json")
     assert numbers.returncode == 1 and json.loads(numbers.stdout)["pixels"] == [[4, 3]]
 

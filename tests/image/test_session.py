@@ -366,7 +366,7 @@ def test_a_name_is_no_scene() -> None:
 
 
 def test_too_little_time_for_a_sample_is_an_error_and_no_black_image(device: Device) -> None:
-    with pytest.raises(RenderError, match="not one sample was finished within 1e-09 s"):
+    with pytest.raises(RenderError, match="no sample was finished within 1e-09 s"):
         clrender.render(clrender.load("room"), device=device, size=(8, 8), time_limit=1e-9)
 
 
