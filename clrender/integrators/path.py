@@ -1,4 +1,4 @@
-"""Path tracing: all light, without bias."""
+"""Path tracing: unbiased, complete light transport."""
 
 from __future__ import annotations
 
