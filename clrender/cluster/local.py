@@ -25,8 +25,7 @@ _DASK: Final = {
     "distributed.admin.tick.cycle": "10s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-"""Settings that reduce Dask's monitoring of its processes, which is not used and takes three per cent of a core
-each."""
+"""Settings that reduce Dask's monitoring, which is not used and takes three per cent of a core per process."""
 _START_SECONDS: Final = 60.0
 _END_SECONDS: Final = 0.1
 

@@ -1,4 +1,4 @@
-"""Path tracing: unbiased, complete light transport."""
+"""Path tracing: unbiased global illumination."""
 
 from __future__ import annotations
 
