@@ -9,8 +9,7 @@ from typing import Final
 __all__ = ["main"]
 
 COLLECT_EVERY: Final = 50_000
-"""Threshold of the garbage collector, in new objects. CPython's default of 700 runs it often, in vain, during
-imports."""
+"""Threshold of the garbage collector, in new objects. CPython's 700 runs it often during imports, in vain."""
 
 
 def main() -> None:

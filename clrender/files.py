@@ -198,8 +198,7 @@ def _beside(path: Path, name: str | None = None) -> Iterator[tuple[IO[bytes], Pa
 
 
 def _new_locked(path: Path) -> int:
-    """Create a file and lock it while this process writes it, so that `_tidy` leaves it alone; returns its
-    descriptor."""
+    """Create a file, locked while this process writes it, so that `_tidy` keeps it; returns its descriptor."""
     while True:
         # Not `tempfile`: the final file should have the permissions of the user's umask.
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)

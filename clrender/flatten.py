@@ -88,7 +88,7 @@ class FlatScene:
     arrays_sha256 : str
         Hash of all of the above except the camera.
     warnings : tuple of str
-        One sentence for each thing left out or changed, and for light that cannot be sampled.
+        One sentence for each thing left out or changed, and for light that cannot be found.
     origin : (3,) float
         World space, metres: the origin of all coordinates in the arrays and the camera. `scene_origin` chooses it. It
         changes only when the camera moves far; until then the arrays stay the same.
@@ -326,8 +326,7 @@ def _padded(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:
-    """The camera as kernels/camera/camera.h reads it; right-handed, image right = forward x up unless it is
-    mirrored."""
+    """The camera for kernels/camera/camera.h; right-handed, image right = forward x up unless it is mirrored."""
     view = _difference(camera.target, camera.position)
     forward = _scaled(view, 1.0 / length(view))
     right = cross(forward, _scaled(camera.up, 1.0 / length(camera.up)))

@@ -183,8 +183,7 @@ class RenderJob:
         return dataclasses.replace(self, first_sample=self.first_sample + begin, sample_count=stop - begin)
 
     def request(self) -> dict[str, Any]:
-        """Everything that determines the image, as JSON values: equal for all parts of one image and for no other
-        image.
+        """Everything that determines the image, as JSON values: equal for all parts of one image, and only for these.
 
         It contains neither the number of samples, as a film may hold fewer, nor the division of the work, nor the
         devices.

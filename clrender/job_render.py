@@ -404,8 +404,7 @@ class JobRender:
         )
 
     def _check_progress(self, tally: Tally, film: Film) -> None:
-        """Raise an error that says why, if there is no sample at all. A render that was stopped on request is no
-        error."""
+        """Raise an error with the reason if there is no sample at all, unless the render was stopped on request."""
         if tally.samples or film.ledger.samples:
             return
         if tally.all_failed:

@@ -248,7 +248,7 @@ class Session:
         ----------
         job : RenderJob
         should_stop : callable, optional
-            If it returns True, the layers are made of fewer samples.
+            If it returns True, the layers have fewer samples.
 
         Returns
         -------

@@ -300,8 +300,7 @@ class RenderSettings:
             )
 
     def request(self) -> dict[str, Any]:
-        """The settings that determine the image, as JSON values; without the number of samples, as a film may hold
-        fewer."""
+        """The settings that determine the image, as JSON values; not the number of samples: a film may hold fewer."""
         return {
             name: getattr(self, name)
             for name, setting in SETTINGS.items()
@@ -387,8 +386,7 @@ class _Table(Protocol):
 
 
 class _Scene(Protocol):
-    """The attributes of `clrender.Scene` that are used here; this module may not import the class, which depends on
-    it."""
+    """The attributes of `clrender.Scene` that are used here; that class depends on this module."""
 
     @property
     def render(self) -> _Table: ...

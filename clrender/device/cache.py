@@ -192,8 +192,7 @@ def alive(pid: int) -> bool:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a temporary file and rename it, so that no partial file is ever visible. A full disk only loses the
-    entry."""
+    """Write a temporary file and rename it, so that no partial file is visible. A full disk only loses the entry."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -35,8 +35,7 @@ def main(argument: str) -> None:
 
 
 def _be_the_first_to_die() -> None:
-    """Limit this process to half of the memory, and make it the first that the system kills, in case a compiler runs
-    away."""
+    """Limit this process to half of the memory and make it the first to be killed, in case a compiler runs away."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_DATA, (memory // 2, memory // 2))

@@ -265,8 +265,7 @@ def _purge(base: Path, record: dict[str, Any]) -> None:
 
 
 def _pocl_entries(folder: Path) -> Iterator[Path]:
-    """Folders of the programs in PoCL's cache, which has two levels; unfinished files at the first level are
-    removed."""
+    """Folders of programs in PoCL's cache, at its second level; unfinished files at the first level are removed."""
     for entry in _entries(folder):
         if entry.is_dir():
             yield from _entries(entry)

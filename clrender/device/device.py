@@ -367,8 +367,7 @@ class Device:
         self.launches += 1
 
     def _first_launch(self, program: Program, enqueue: Callable[[], cl.Event]) -> None:
-        """Launch and wait. Drivers compile for a work-group size at its first use, so the overhead counts as compile
-        time."""
+        """Launch and wait. Drivers compile for a work-group size at its first use, which counts as compile time."""
         self._sentinel.put(program_key(self.info, self.options, program.source))
         self._queue.finish()
         begin = time.perf_counter()

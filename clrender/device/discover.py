@@ -150,8 +150,7 @@ def _wheel_folders() -> list[Path]:
 
 
 def _read(icd: Path) -> Iterator[Driver]:
-    """The drivers that an `.icd` file names. A wheel's file may hold a placeholder or a bare name of a library
-    nearby."""
+    """Drivers named by an `.icd` file. A wheel's file may hold a placeholder or a bare name of a library nearby."""
     try:
         library = icd.read_text(errors="replace").strip().splitlines()[0].strip()
     except (OSError, IndexError):

@@ -20,8 +20,7 @@ _Words = npt.NDArray[np.uint32]
 
 
 class ReplicateSums:
-    """Sums of squared replicates, for one unit at a time (``kernels/film/accumulate.cl``,
-    `film_accumulate_replicates`).
+    """Squared replicates of one unit at a time (``kernels/film/accumulate.cl``, `film_accumulate_replicates`).
 
     Parameters
     ----------

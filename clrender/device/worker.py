@@ -262,9 +262,7 @@ class DeviceWorker:
         if launch.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
-            defines["PACKET_PARTS"] = (
-                0  # not for single lanes, whose program is the same, so that it is compiled only once
-            )
+            defines["PACKET_PARTS"] = 0  # not for single lanes: their program is the same, and compiled only once
         if self._arrays.materials:
             defines["MATERIALS"] = 1
         if self._arrays.environment_map:
@@ -387,8 +385,7 @@ class DeviceWorker:
             finished += passes
 
     def _most_flying(self) -> int:
-        """Number of slices that may be in progress when the next is launched, so that the device never waits for the
-        host."""
+        """Slices that may be in progress when the next is launched, so that the device need not wait for the host."""
         return 0 if self._rate == 0.0 or self._pipeline.sample_by_sample or self._short_loops else 1
 
     def _read(self, sums: Buffer, counts: Buffer, slots: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:

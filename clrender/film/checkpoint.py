@@ -245,8 +245,7 @@ class Checkpoint:
             self._save = _Save(began, error=f"{self.path}: there is no memory for a copy of the film")
 
     def _write(self, film: RunningFilm, began: float, cpu: float) -> None:
-        """Write a film and record the outcome; `began` and `cpu` are the clock and this thread's processor time at the
-        start."""
+        """Write a film and record the outcome; `began` and `cpu` are clock and thread time at the start, seconds."""
         account = film.account()
         save = _Save(began, film.changes, account["samples"])
         try:

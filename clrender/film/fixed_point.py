@@ -1,4 +1,4 @@
-"""Fixed-point arithmetic: exact conversion of float32 samples to integers, and of their sums to float64."""
+"""Fixed-point arithmetic: conversion of float32 samples to exact integers, and of their sums to float64."""
 
 from __future__ import annotations
 

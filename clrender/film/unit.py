@@ -121,8 +121,7 @@ def slot_count(width: int, height: int, tile: int) -> int:
 
 
 def blocks_across(width: int) -> int:
-    """Number of blocks in a row of the image's grid; blocks at the right and bottom edges may extend beyond the
-    image."""
+    """Number of blocks in a row of the image's grid; blocks at the right and bottom edges may exceed the image."""
     return -(-width // BLOCK)
 
 

@@ -47,8 +47,7 @@ class Contributions:
         return samples
 
     def withdraw(self, worker: int) -> dict[int, list[Unit]]:
-        """Subtract a worker's contributions from the film; returns the units to render again, by the worker that did
-        them."""
+        """Subtract a worker's contributions from the film; returns the units to render again, by their workers."""
         apart = self._film if self._all else self._apart.pop(0 if self._shared else worker, None)
         if apart is not None:
             self._film.take_out(apart)

@@ -225,8 +225,7 @@ class Remaining:
         return max(min(rate * UNIT_SECONDS, share), rate * min(max(2.0 * self._shortest[worker], least), most))
 
     def _fitting(self, worker: int) -> int:
-        """Index of the strip to take from: the first that is large enough, so that fast workers skip small
-        remainders."""
+        """Index of the strip to take from: the first large enough, so that fast workers skip small remainders."""
         if worker not in self._rates or self._workers <= 1:
             return 0
         enough = self._wanted(worker) / 4.0

@@ -25,8 +25,7 @@ SHARE: Final = 0.01
 """Fraction of the samples that are rendered twice."""
 
 _APART: Final = 100
-"""Units between two checks if the integrator computes something for all pixels of a sample, so that checks are
-costly."""
+"""Units between two checks if each check needs something that is computed for all pixels of a sample."""
 
 
 def digest(result: UnitSums | Piece) -> bytes:

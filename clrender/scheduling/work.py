@@ -21,8 +21,7 @@ __all__ = ["Kind", "Task", "Work"]
 _MOST_CHECKS: Final = 64
 """Most pieces that may wait to be checked."""
 _CHECK_SECONDS: Final = (0.3, 1.0)
-"""Bounds of the seconds that the fastest checker may need for the waiting pieces; between them, a share of the run
-time."""
+"""Bounds of the seconds that the fastest checker may need for the waiting pieces; between them, a share of the run."""
 _CHECK_SHARE: Final = 0.02
 _LAST_CHECK_SHARE: Final = 0.01
 """Share of the run time that checks may take after all units are taken, when all workers wait for them."""
@@ -167,8 +166,7 @@ class Work:
             self._changed.notify_all()
 
     def room(self, worker: int) -> float:
-        """Number of further samples of a worker that the others can check in time, in addition to its waiting
-        pieces."""
+        """Samples of a worker that the others can check in time, in addition to its waiting pieces."""
         with self._changed:
             others = self._in_service - {worker}
             if not others or len(self._checks) >= _MOST_CHECKS:
@@ -291,8 +289,7 @@ class Work:
                 self._checks.remove(piece)
 
     def _may_check(self, worker: int, piece: Piece) -> bool:
-        """Whether a worker may check a piece: it must be another's, and either its first or checkable in the time
-        left."""
+        """Whether a worker may check a piece: it must be another's, and that one's first or checkable in time."""
         if piece.worker == worker:
             return False
         if piece.worker not in self._checked:
