@@ -57,6 +57,11 @@ class RunningFilm(Film):
             self.max_depth = max(self.max_depth, result.deepest)
         return samples
 
+    def merge(self, other: Film, ours: str = "one film", theirs: str = "another") -> None:
+        """See `Film.merge`; the counts of rays stay."""
+        with self._changing():
+            super().merge(other, ours, theirs)
+
     def take_out(self, other: Film) -> None:
         """See `Film.take_out`; the counts of rays are not reduced, as their origin is unknown."""
         with self._changing():
