@@ -92,7 +92,7 @@ def lathe(profile: Sequence[tuple[float, float]], segments: int) -> tuple[NDArra
     Parameters
     ----------
     profile : sequence of (radius, height)
-        From the axis to the axis, counter-clockwise, so that normals are outward; radius 0 only at both ends.
+        Counter-clockwise from axis to axis, so that normals are outward; radius 0 only at both ends.
     segments : int
 
     Returns

@@ -22,7 +22,7 @@ LEVEL: Final = 0.01
 _ROUNDING: Final = 1e-6
 """Largest relative difference due to single-precision samples."""
 _FLOOR_SHARE: Final = 0.1
-"""Fraction of the mean radiance, to which pixels are clamped when comparing their errors with their neighbours'."""
+"""Fraction of the mean radiance; darker pixels count as this bright when errors are compared with neighbours'."""
 _MAYBE: Final = 2.5
 """No value of t below it is significant, so its probability is not computed."""
 

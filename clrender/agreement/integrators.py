@@ -58,7 +58,7 @@ def compare_integrators(
     tile_size : int
         Side of the compared tiles, pixels; larger ones average fireflies out, smaller ones resolve more.
     device, on_progress, notify, **settings
-        As of `clrender.render`; progress covers all renders. `radiosity_display` defaults to ``gather``: the other
+        See `clrender.render`; progress covers all renders. `radiosity_display` defaults to ``gather``: the other
         displays show the patches themselves.
 
     Returns

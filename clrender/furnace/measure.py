@@ -64,7 +64,7 @@ class Measured:
     keys : dict
         The material's table in a scene file, JSON-able.
     energies, white : tuple of Energy
-        Of the front, and of the back if light is transmitted; of the material as it is, and without its colour.
+        Energies of the front, and of the back if light is transmitted; as it is, and without its colour.
     tests : tuple of SamplingTest
     reciprocity : Reciprocity
     tally : Tally

@@ -20,7 +20,7 @@ class Run:
     ----------
     seed : int
     seconds, cpu_seconds : float
-        From the first launch to the last result: elapsed, and CPU time of all threads of this process.
+        Elapsed time from the first launch to the last result, and CPU time of all threads of this process.
     cost : float
         Seconds that an idle machine would take: CPU time over cores on a CPU, else elapsed time.
     paths, rays, shadow_rays, deepest : int
@@ -34,7 +34,7 @@ class Run:
     mean : float
         Radiance, over pixels and channels.
     sha256 : str
-        Of the image's linear pixels.
+        Hash of the image's linear pixels.
     """
 
     seed: int

@@ -133,7 +133,7 @@ def triangle_tangents(
     kept, flipped
         See `triangle_attributes`.
     transform : Affine
-        From the mesh's space to world space.
+        Transform from the mesh's space to world space.
     turned : (kept triangles,) bool, optional
         Triangles whose normals the kernels flip.
 

@@ -34,7 +34,7 @@ class Surface:
     tangents: _Points | None = None
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is told where meshes are checked
+@np.errstate(over="ignore", invalid="ignore")  # mesh validation reports non-finite values
 def morphed(accessors: Accessors, primitive: dict[str, Any], weights: list[float], surface: Surface) -> Surface:
     """A surface deformed by the morph targets of its primitive.
 
@@ -83,7 +83,7 @@ def joint_transforms(document: Document, accessors: Accessors, index: int, world
     return [product(joint, from_columns(each)) for joint, each in zip(joints, columns, strict=True)]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is told where meshes are checked
+@np.errstate(over="ignore", invalid="ignore")  # mesh validation reports non-finite values
 def skinned(
     document: Document,
     accessors: Accessors,

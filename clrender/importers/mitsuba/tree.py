@@ -148,7 +148,7 @@ class _Builder:
             raise mark.fault(f"refers to {quoted(mark.id)}, whose aliases go round in a circle")
         if not mark.name or mark.name == found.name:
             return found
-        # The same object under another name; they share the list `children`, whose references are replaced once
+        # The same object under another name; they share the list `children`, so its references are replaced once
         return dataclasses.replace(found, name=mark.name)
 
     def _include(self, plugin: Plugin, element: Element, values: ValueReader, depth: int) -> None:
