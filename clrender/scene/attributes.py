@@ -1,4 +1,7 @@
-"""Texture coordinates, colours and tangents of the primitives of textured shapes."""
+"""Texture coordinates, colours and tangents of the primitives of textured shapes.
+
+Those of meshes come from their files; other shapes have their own.
+"""
 
 from __future__ import annotations
 
