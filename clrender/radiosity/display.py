@@ -94,7 +94,7 @@ class Display:
     Parameters
     ----------
     worker : DeviceWorker
-        Of the solution's flat scene.
+        Worker of the solution's flat scene.
     table : (2 n + 1, 16) float32
     """
 

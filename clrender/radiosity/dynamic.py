@@ -71,7 +71,7 @@ class DynamicRadiosity:
     Parameters
     ----------
     scene : Scene
-        Of diffuse surfaces only.
+        Must have only diffuse surfaces.
     device : Device
     settings : RadiositySettings, optional
         `tolerance` is relative to the mean radiance of the scene.
@@ -153,7 +153,7 @@ class DynamicRadiosity:
         Raises
         ------
         UsageError
-            When there is no such shape.
+            If there is no such shape.
         """
         begin, scene = self._clock(), self.patches.scene
         if not 0 <= shape < len(scene.plain_shapes):
@@ -178,7 +178,7 @@ class DynamicRadiosity:
         Raises
         ------
         UsageError
-            When there is no such light, or it is infinitely far away.
+            If there is no such light, or it is infinitely distant.
         """
         begin, scene = self._clock(), self.patches.scene
         if not 0 <= light < len(scene.lights):

@@ -51,7 +51,7 @@ class Moving:
         Parameters
         ----------
         scene : FlatScene
-            Of patches, at their current positions.
+            Scene of patches, at their current positions.
         boxes : (2, 6) float32
             Bounds of the shape before and after the step: low x, y, z and high x, y, z.
         at : (3,) float64
@@ -66,7 +66,7 @@ class Moving:
         Raises
         ------
         RenderError
-            When the device runs out of memory.
+            If the device runs out of memory.
         """
         if self._own is None:
             self._own, self._begin = self._build(scene, moving=True, others=False), at

@@ -220,7 +220,7 @@ class Patches:
         return finer
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
-        """The same patches with one shape moved, in the scene's description too.
+        """The patches with one shape moved, also in the scene's description.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class Patches:
         return self._again(replace(self, scene=scene, corners=corners), *_CARRIED)
 
     def lit_by(self, scene: Scene) -> Patches:
-        """The same patches in a scene with other lights."""
+        """The patches in a scene with other lights."""
         return self._again(replace(self, scene=scene))
 
     def _again(self, other: Patches, *same: str) -> Patches:
@@ -253,7 +253,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
     Parameters
     ----------
     scene : Scene
-        Of diffuse surfaces only.
+        Must have only diffuse surfaces.
     count : int
         Desired number; shapes that need more for their form get them.
 

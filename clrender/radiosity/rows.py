@@ -64,7 +64,7 @@ class Rows:
     hits : Buffer
         (r, rays) uint32.
     rays : int
-        Of each side.
+        Rays of each side.
     """
 
     def __init__(self, device: Device, traced: Traced, sealed: NDArray[np.bool_]) -> None:

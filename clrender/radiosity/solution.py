@@ -196,7 +196,7 @@ def solve_scene(
     Parameters
     ----------
     scene : Scene
-        Of diffuse surfaces only.
+        Must have only diffuse surfaces.
     device : Device
     settings : RadiositySettings, optional
     size : (int, int)

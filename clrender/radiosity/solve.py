@@ -23,13 +23,13 @@ class Balance:
     ----------
     factors : FormFactors
     reflectance : (r, 3) float64
-        Of each row's side, divided by its uncovered fraction.
+        Reflectance of each row's side, divided by its uncovered fraction.
     direct : (r, 3) float64
         Reflected direct light from shadow rays, by row.
     sent : (columns, 3) float64
         Emitted radiance that form factors carry; the last is the environment's.
     areas : (columns,) float64
-        Of each side.
+        Area of each side.
     """
 
     factors: FormFactors

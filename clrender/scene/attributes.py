@@ -1,4 +1,7 @@
-"""Texture coordinates, colours and tangents of the primitives of textured shapes."""
+"""Texture coordinates, colours and tangents of the primitives of textured shapes.
+
+Those of meshes come from their files; other shapes have their own.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +136,7 @@ def triangle_tangents(
     kept, flipped
         See `triangle_attributes`.
     transform : Affine
-        From the mesh's space to world space.
+        Transform from the mesh's space to world space.
     turned : (kept triangles,) bool, optional
         Triangles whose normals the kernels flip.
 

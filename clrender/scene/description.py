@@ -2,7 +2,7 @@
 
 Every table of the file is one frozen pydantic model with unknown keys forbidden, so that a misspelt key is an error
 and never ignored. Numbers are finite and bounded here; what needs more than one number (a camera that looks at itself,
-a transform that squashes a sphere) is checked by the model that holds them. `validation_errors.py` words the errors.
+a transform that squashes a sphere) is checked by the model that has them. `validation_errors.py` words the errors.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class Scene(Part):
         Yields
         ------
         index : int
-            In `shapes`.
+            Index in `shapes`.
         instance : Instance
         """
         for index, shape in enumerate(self.shapes):
@@ -166,7 +166,7 @@ class Scene(Part):
         Parameters
         ----------
         index : int
-            In `shapes`.
+            Index in `shapes`.
 
         Returns
         -------
@@ -452,7 +452,7 @@ class Scene(Part):
         Raises
         ------
         SceneError
-            If the file cannot be read or holds no usable transforms.
+            If the file cannot be read or contains no usable transforms.
         """
         instance = self.shapes[index]
         assert isinstance(instance, Instance)
@@ -476,7 +476,7 @@ class Scene(Part):
         Raises
         ------
         SceneError
-            If the file cannot be read or is not a usable picture.
+            If the file cannot be read or is not a usable image.
         """
         light = self.environment
         if light is None or light.file is None:

@@ -105,7 +105,7 @@ def read_ies(name: str, base_folder: Path, allow_paths: Sequence[Path], place: s
     Parameters
     ----------
     name, base_folder, allow_paths
-        As of `clrender.scene.named_files.allowed_file`; the same rules hold for its tilt file (``TILT=``).
+        See `clrender.scene.named_files.allowed_file`; the same rules hold for its tilt file (``TILT=``).
     place : str
         Location of the name in the scene, for error messages.
 

@@ -115,7 +115,7 @@ class FlatInstances:
         Parameters
         ----------
         primitives : (...) int64
-            Numbers as the kernels have them.
+            Primitive numbers as used by the kernels.
         """
         words = self.rows.view(np.uint32).astype(np.int64)
         if not self.count:
@@ -134,7 +134,7 @@ class FlatInstances:
         Parameters
         ----------
         primitives : (...) int64
-            Numbers as the kernels have them.
+            Primitive numbers as used by the kernels.
         primitive_shape : (P,) uint32
             See `clrender.flatten.FlatScene`.
         """

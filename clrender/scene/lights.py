@@ -107,7 +107,7 @@ def flat_lights(
     instances : FlatInstances
         Instances of this scene; none of their shapes emits light.
     textures : FlatTextures
-        Of this scene.
+        Textures of this scene.
     around : EnvironmentTable
         Table of the environment light.
     tables : LampTables

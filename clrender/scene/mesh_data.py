@@ -84,7 +84,7 @@ def inline_mesh(
     uvs_1: Sequence[Sequence[float]] = (),
     colors: Sequence[Sequence[float]] = (),
 ) -> MeshData:
-    """A mesh written into the scene file; the model has validated its indices."""
+    """A mesh in the scene file, with vertex texture coordinates and colours; the model has validated its indices."""
     corners = np.array(faces, dtype=np.uint32)
     first, second, third = (np.array(each, np.float32)[corners] if each else None for each in (uvs, uvs_1, colors))
     return MeshData(np.array(vertices, dtype=np.float64), corners, uvs=first, uvs_1=second, colors=third)

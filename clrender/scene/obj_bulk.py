@@ -109,7 +109,7 @@ def alike_corners(run: Run) -> tuple[list[NDArray[np.int64]], int] | None:
     Returns
     -------
     indices : list of three (corners,) int64
-        Of vertices, texture coordinates and normals, each all above 0 or all 0.
+        Indices of vertices, texture coordinates and normals, each all above 0 or all 0.
     size : int
     """
     data, lines = np.frombuffer(run.block.text, np.uint8), run.lines

@@ -39,7 +39,7 @@ def least_detected(total: int, checked: int, confidence: float) -> int:
     Parameters
     ----------
     total, checked : int
-        As of `detection_probability`; at least one is checked.
+        See `detection_probability`; at least one is checked.
     confidence : float
         Below 1.
     """
