@@ -171,8 +171,8 @@ class Engine:
         self._inbox.call(lambda: None)
 
     def image(self) -> Future[RenderedImage | None]:
-        """The image so far, with its numbers; None: there is no sample yet."""
-        return self._inbox.call(self._progressive.developed)
+        """The image so far, with its numbers; None: there is no sample yet. It does not change as the render goes on."""
+        return self._inbox.call(self._progressive.copied)
 
     # --- the thread that renders ---
 

@@ -51,6 +51,8 @@ _SHARE: Final = 8.0
 """A layer is made anew after so many times what making it took: watching must not slow the render down."""
 _LEAST_SECONDS: Final = 1.0 / 30.0
 _MOST_SECONDS: Final = 2.0
+_MOST_KEPT: Final = 32
+"""Frames that are kept: sixteen viewers show two layers each."""
 
 
 @dataclass
@@ -94,7 +96,12 @@ class Shot:
     @property
     def samples(self) -> float:
         """Of a pixel, mean."""
-        return 0.0 if self.film is None else self.film.ledger.samples / (self.width * self.height)
+        return 0.0 if self.film is None else self.film.samples_taken / (self.width * self.height)
+
+    def is_whole(self, layer: str) -> bool:
+        """Whether a layer of what is seen first is there in all pixels."""
+        found = self.layers.get(layer)
+        return found is not None and found.shape[:2] == (self.height, self.width)
 
 
 @dataclass(frozen=True)
@@ -123,11 +130,14 @@ class Frame:
 
 
 class Frames:
-    """The newest frame of each layer, made when somebody asks and kept for the next; may be asked in any thread."""
+    """The newest frame of each layer, made when somebody asks and kept for the next; may be asked in any thread.
+
+    Frames of one image are kept: one of an earlier image would keep that image's film.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: dict[tuple[str, int], Frame] = {}
+        self._kept: dict[tuple[str, int], Frame] = {}  # by layer and size; the one made last is last
         self._not_before: dict[tuple[str, int], float] = {}
         self._denoiser: Denoiser | None = None
 
@@ -157,7 +167,7 @@ class Frames:
             begin = time.monotonic()
             frame = self._made(shot, layer, most)
             if frame is not None:
-                self._kept[key] = frame
+                self._keep(key, frame)
                 now = time.monotonic()
                 self._not_before[key] = now + min(max(_LEAST_SECONDS, _SHARE * (now - begin)), _MOST_SECONDS)
             return frame
@@ -169,6 +179,13 @@ class Frames:
             if self._denoiser is not None:
                 self._denoiser.release()
                 self._denoiser = None
+
+    def _keep(self, key: tuple[str, int], frame: Frame) -> None:
+        self._kept = {other: kept for other, kept in self._kept.items() if other != key and kept.shot is frame.shot}
+        self._kept[key] = frame
+        if len(self._kept) > _MOST_KEPT:
+            del self._kept[next(iter(self._kept))]
+        self._not_before = {other: when for other, when in self._not_before.items() if other in self._kept}
 
     def _made(self, shot: Shot, layer: str, most: int) -> Frame | None:
         changes, samples, final = shot.changes, shot.samples, shot.sha256 is not None
@@ -188,14 +205,14 @@ class Frames:
             pixels = _errors(film, layer == "error")[::step, ::step] if film is not None and known else None
         else:
             found = shot.layers.get(layer)
-            coarse = found is not None and found.shape[:2] != (shot.height, shot.width)
+            coarse = not shot.is_whole(layer)
             pixels = found if found is None or coarse else found[::step, ::step]
         return None if pixels is None else Frame(shot, layer, pixels, changes, samples, coarse, final)
 
     def _can_denoise(self, shot: Shot) -> bool:
         if shot.film is None or int(shot.film.counts.min()) == 0:
             return False
-        return all(guide in shot.layers and len(shot.layers[guide]) == shot.height for guide in GUIDES)
+        return all(map(shot.is_whole, GUIDES))
 
     def _denoised(self, linear: _Pixels, shot: Shot) -> _Pixels:
         try:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.film.replicates import relative_error
+from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.session import Session
 from clrender.view.frames import Shot
@@ -66,8 +67,10 @@ class Progressive:
         self._steps: list[int] = []
         self._rate = _FIRST_RATE
         self._warm = False
-        self._error: tuple[Shot | None, float, float | None] = (None, 0.0, None)
-        self._probed: tuple[Shot | None, int, dict[str, npt.NDArray[np.float32]]] = (None, 1, {})
+        self._failed = False
+        # Both know their image by its revision: the image itself would keep its film when another one has begun.
+        self._error: tuple[int, float, float | None] = (0, 0.0, None)
+        self._probed: tuple[int, int, dict[str, npt.NDArray[np.float32]]] = (0, 1, {})
 
     @property
     def session(self) -> Session:
@@ -76,8 +79,9 @@ class Progressive:
 
     def use(self, session: Session) -> None:
         """Render with another session from now on; the image begins anew with the next `restart`."""
-        self._session.close()
-        self._session, self._rate, self._warm = session, _FIRST_RATE, False
+        before, self._session = self._session, session
+        self._rate, self._warm = _FIRST_RATE, False
+        before.close()
 
     def restart(self, job: RenderJob, moves: Mapping[int, int | str | None], *, moved: bool = False) -> None:
         """Begin another image.
@@ -92,21 +96,20 @@ class Progressive:
         """
         revision = 1 if self.shot is None else self.shot.revision + 1
         settings = job.settings
-        self._job, self.seconds, self._warm = job, 0.0, self._warm and moved
+        self._job, self.seconds, self._warm, self._failed = job, 0.0, self._warm and moved, False
         self.shot = Shot(revision, settings.width, settings.height, settings.spp, moves=dict(moves))
         self._steps = self._previews(job)
 
     def extend(self, job: RenderJob, moves: Mapping[int, int | str | None]) -> None:
         """Go on with the same image, of which more or fewer samples are wanted."""
         shot = self.shot
-        if shot is not None and shot.moves != moves:
-            shot.moves, shot.changes = dict(moves), shot.changes + 1
-            self._changed()
         taken = 0 if shot is None or shot.film is None else int(shot.film.ledger.taken().max(initial=0))
         if shot is None or job.settings.spp < taken:
             self.restart(job, moves, moved=True)
-        else:
-            self._job, shot.spp, shot.sha256, shot.still = job, job.settings.spp, None, False
+            return
+        self._job, self._failed = job, False
+        shot.moves, shot.spp, shot.sha256, shot.still = dict(moves), job.settings.spp, None, False
+        self._publish(shot)
 
     def step(self, should_stop: Callable[[], bool]) -> bool:
         """Do what comes next, or as much of it as there is time for; gives whether there was something to do.
@@ -117,12 +120,12 @@ class Progressive:
             As of `Session.render`. The image keeps what was finished.
         """
         job, shot = self._job, self.shot
-        if job is None or shot is None:
+        if job is None or shot is None or self._failed:
             return False
         if self._steps:
             self._preview(job, shot, self._steps[0], should_stop)
             return True
-        if missing := [name for name in sorted(self.wanted) if not self._is_whole(shot, name)]:
+        if missing := [name for name in sorted(self.wanted) if not shot.is_whole(name)]:
             self._layers(job, shot, missing, should_stop)
             return True
         if not self.running or shot.sha256 is not None:
@@ -136,23 +139,35 @@ class Progressive:
 
     def give_up(self) -> None:
         """The image cannot be rendered: leave it as it is."""
-        self._job, self._steps = None, []
+        self._failed = True
+        if self.shot is not None:
+            self.shot.still = True
+            self._publish(self.shot)
 
-    def developed(self, aov: tuple[str, ...] = ()) -> RenderedImage | None:
-        """The image so far with its numbers, if there is a sample."""
+    def developed(self) -> RenderedImage | None:
+        """The image so far with its numbers, if there is a sample. Its film is the one that is rendered on."""
         job, shot = self._job, self.shot
         if job is None or shot is None or shot.film is None or not shot.film.ledger.samples:
             return None
-        return self._session.develop(dataclasses.replace(job, aov=aov), shot.film)
+        return self._session.develop(job, shot.film)
+
+    def copied(self) -> RenderedImage | None:
+        """The same with a film of its own, for other threads: it stays as its numbers say while the render goes on."""
+        image = self.developed()
+        if image is None:
+            return None
+        film = RunningFilm(image.film.width, image.film.height, image.film.request)
+        image.film.copy_to(film)
+        return dataclasses.replace(image, film=film)
 
     def probed(self, x: int, y: int) -> dict[str, Any]:
         """What the pixel's first sample sees: numbers of `PROBED`, each an array."""
         job, shot = self._job, self.shot
-        if job is None or shot is None:
+        if job is None or shot is None or self._failed:
             return {}
-        if self._probed[0] is not shot:
+        if self._probed[0] != shot.revision:
             step = max(1, round((shot.width * shot.height / _PROBE_PIXELS) ** 0.5))
-            self._probed = shot, step, self._session.layers(_smaller(job, step, 1, PROBED))
+            self._probed = shot.revision, step, self._session.layers(_smaller(job, step, 1, PROBED))
         _, step, layers = self._probed
         height, width = layers["depth"].shape[:2]
         row, column = min(y // step, height - 1), min(x // step, width - 1)
@@ -164,9 +179,9 @@ class Progressive:
         if shot is None or film is None:
             return None
         now = time.monotonic()
-        if self._error[0] is not shot or shot.still or now >= self._error[1]:
+        if self._error[0] != shot.revision or shot.still or now >= self._error[1]:
             error = relative_error(film)
-            self._error = shot, now + max(1.0, 20.0 * (time.monotonic() - now)), error
+            self._error = shot.revision, now + max(1.0, 20.0 * (time.monotonic() - now)), error
         return self._error[2]
 
     def _previews(self, job: RenderJob) -> list[int]:
@@ -191,26 +206,24 @@ class Progressive:
         film = self._session.refine(small, should_stop=None if first else stopped)
         if self.wanted and not stopped.yes:
             layers = self._session.layers(_smaller(job, step, 1, tuple(sorted(self.wanted))))
-            shot.layers |= {name: layer for name, layer in layers.items() if not self._is_whole(shot, name)}
+            shot.layers |= {name: layer for name, layer in layers.items() if not shot.is_whole(name)}
         seconds = time.perf_counter() - begin
         if stopped.yes:
             return
         self._steps.pop(0)
         shot.preview = film.mean()
-        shot.changes += 1
+        self._publish(shot)
         pixels = small.settings.width * small.settings.height
         if self._warm and pixels >= 4096:
             self._rate = pixels / seconds
         self._warm = True
-        self._changed()
 
     def _layers(self, job: RenderJob, shot: Shot, names: list[str], should_stop: Callable[[], bool]) -> None:
         stopped = _Asked(should_stop)
         layers = self._session.layers(_smaller(job, 1, _LAYER_SAMPLES, tuple(names)), stopped)
         if not stopped.yes:
             shot.layers |= layers
-            shot.changes += 1
-            self._changed()
+            self._publish(shot)
 
     def _refine(self, job: RenderJob, shot: Shot, should_stop: Callable[[], bool]) -> None:
         """Take samples until somebody wants something else, or all are there."""
@@ -222,8 +235,7 @@ class Progressive:
             self.seconds = before + progress.seconds
             if shot.film is not None and shot.film.changes != seen:
                 seen = shot.film.changes
-                shot.changes += 1
-                self._changed()
+                self._publish(shot)
             self._advanced(progress)
 
         stopped = _Asked(should_stop)
@@ -232,12 +244,15 @@ class Progressive:
             shot.film = film
         if not stopped.yes and (job.settings.error is not None or film.ledger.holds(0, job.settings.spp)):
             shot.sha256, shot.still = image_sha256(film.mean()), True
-        # Last: a frame that is made meanwhile has the number before, and so is not taken for the finished image.
+        self._publish(shot)
+
+    def _publish(self, shot: Shot) -> None:
+        """Say that there is something new to see, when all of it is in place.
+
+        A frame with this number is kept, and shown, until there is a higher one: it must hold all that is new.
+        """
         shot.changes += 1
         self._changed()
-
-    def _is_whole(self, shot: Shot, name: str) -> bool:
-        return name in shot.layers and shot.layers[name].shape[:2] == (shot.height, shot.width)
 
 
 class _Asked:

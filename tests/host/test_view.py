@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,9 +22,11 @@ import clrender
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.film.ledger import Ledger
 from clrender.film.running import RunningFilm
+from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.settings import SETTINGS
 from clrender.view import tables
+from clrender.view.audience import MOST_VIEWERS
 from clrender.view.frames import Frame, Frames, Shot, encode
 from clrender.view.guard import Guard
 from clrender.view.inbox import Inbox
@@ -463,3 +467,57 @@ def test_pixels_without_a_sample_show_the_coarse_picture_also_where_one_comes_me
     frame = Frames().newest(shot, "image", 16, (0, 0))
     assert frame is not None and not frame.coarse
     assert (frame.pixels[:, :4] == 0.0).all() and (frame.pixels[:, 4:] == 3.0).all()
+
+
+def test_what_a_frame_says_of_the_samples_can_be_asked_while_samples_come() -> None:
+    """A ledger that is read while it grows has blocks whose set of samples the reader does not know yet."""
+    film = RunningFilm(64, 64)
+    shot = Shot(1, 64, 64, 4096, film=film)
+    failures: list[Exception] = []
+    is_over = threading.Event()
+
+    def ask() -> None:
+        try:
+            while not is_over.is_set():
+                assert shot.samples <= 40.0
+        except Exception as error:
+            failures.append(error)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    asking = threading.Thread(target=ask)
+    asking.start()
+    try:
+        for number in range(4 * 256):
+            unit = Unit(16 * (number % 256), 16, number // 256, 1, 64)
+            nothing = UnitSums.nothing(unit)
+            nothing.done[:] = 1
+            film.commit(unit, nothing)
+            if failures:
+                break
+    finally:
+        is_over.set()
+        asking.join()
+        sys.setswitchinterval(before)
+    assert not failures
+
+
+def test_frames_of_an_earlier_image_do_not_keep_its_film() -> None:
+    frames = Frames()
+    pixels = np.zeros((4, 8, 3), np.float32)
+    first = Shot(1, 8, 4, 4, preview=pixels, layers={"normal": pixels}, changes=1)
+    for layer in ("normal", "image"):
+        assert frames.newest(first, layer, 16, (0, 0)) is not None
+    assert frames.newest(Shot(2, 8, 4, 4, preview=pixels, changes=1), "image", 16, (0, 0)) is not None
+    gone = weakref.ref(first)
+    del first
+    gc.collect()
+    assert gone() is None
+
+
+def test_frames_of_many_sizes_are_not_all_kept() -> None:
+    frames = Frames()
+    shot = Shot(1, 8, 4, 4, preview=np.zeros((4, 8, 3), np.float32), changes=1)
+    made = [weakref.ref(frames.newest(shot, "image", most, (0, 0))) for most in range(16, 1016)]  # type: ignore[arg-type]
+    gc.collect()
+    assert sum(each() is not None for each in made) <= 2 * MOST_VIEWERS
