@@ -40,6 +40,11 @@ class Audience:
         """Layers of what is seen first that somebody looks at."""
         return {name for viewer in self._all() for layer in viewer.layers for name in first_hits_of(layer)}
 
+    @property
+    def camera_ids(self) -> dict[int, int | str]:
+        """Of each viewer that has moved the camera, the `id` of its newest message that did."""
+        return {each.number: each.camera_id for each in self._all() if each.camera_id is not None}
+
     def join(self, engine: Engine, wake: Callable[[], None]) -> Viewer:
         """As of `Engine.connect`."""
         with self._lock:

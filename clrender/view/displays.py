@@ -126,11 +126,14 @@ class Displays:
     def _deliver(self) -> None:
         """Send each output what there is for it; a slow one has not acknowledged its frame, and gets no other."""
         for name, display in list(self._displays.items()):
-            while (item := display.viewer.take()) is not None:
-                if isinstance(item, str):
-                    self._send(name, text=item)
-                else:
-                    self._send(name, [item])
+            try:
+                while (item := display.viewer.take()) is not None:
+                    if isinstance(item, str):
+                        self._send(name, text=item)
+                    else:
+                        self._send(name, [item])
+            except Exception as error:  # of one output: the others are sent to all the same
+                display.viewer.end(f"{type(error).__name__}: {error}")
             if display.viewer.closed is not None and not self._closed:
                 self._send(name, ended=True)
                 with self._lock:

@@ -81,7 +81,6 @@ class Engine:
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
         self._parting = False
-        self._moves: dict[int, int | str | None] = {}
         self._problems: dict[str, str] = {}
         self._told = self._looked = 0.0
         self._seen = threading.Event()
@@ -117,13 +116,18 @@ class Engine:
     def close(self, reason: str = "the view has ended") -> None:
         """End: viewers are told, what is on the devices is released."""
         self.say_goodbye(reason)
-        self._seen.set()
         if self._watcher is not None:
             self._watcher.close()
         self._inbox.close()
+        self._seen.set()
         self._thread.join(_PATIENCE)
         self._audience.end(reason)
         self.frames.release()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing is rendered any more."""
+        return self._inbox.closed
 
     @property
     def shot(self) -> Shot | None:
@@ -160,7 +164,6 @@ class Engine:
     def disconnect(self, viewer: Viewer) -> None:
         """Somebody looks on no more."""
         self._audience.leave(viewer)
-        self._inbox.call(lambda: self._moves.pop(viewer.number, None))
 
     def post(self, viewer: Viewer, message: messages.Message) -> None:
         """A viewer's message for the thread that renders; raises `UsageError` where too many wait."""
@@ -168,10 +171,10 @@ class Engine:
 
     def nudge(self) -> None:
         """Have the thread that renders look what is wanted now."""
-        self._inbox.call(lambda: None)
+        self._inbox.nudge()
 
     def image(self) -> Future[RenderedImage | None]:
-        """The image so far, with its numbers; None: there is no sample yet. It does not change as the render goes on."""
+        """The image so far, with its numbers; None: there is no sample yet. Later samples leave it as it is."""
         return self._inbox.call(self._progressive.copied)
 
     # --- the thread that renders ---
@@ -184,9 +187,18 @@ class Engine:
                 self._tell_state()
                 if not busy:
                     self._inbox.wait()
+        except Exception as error:  # nobody else would hear of it
+            self._problems["render"] = _words(error)
+            self.say_goodbye(_words(error))
+            raise
         finally:
             self._inbox.refuse_all()
             self._progressive.session.close()
+
+    @property
+    def _failed(self) -> bool:
+        """Whether the image could not be rendered; a scene file with an error leaves the last image as it is."""
+        return "render" in self._problems or "device" in self._problems
 
     def _step(self) -> bool:
         """Render a little; gives whether there was something to do."""
@@ -213,7 +225,7 @@ class Engine:
         match message:
             case messages.MoveCamera():
                 moved = subject.moved(message.camera)
-                self._moves[viewer.number] = message.id
+                viewer.camera_id = message.id
                 self._look_at(moved, moved=True)
             case messages.SetSettings():
                 self._look_at(subject.set(message.settings))
@@ -224,11 +236,11 @@ class Engine:
             case messages.DeviceChoice():
                 session, self._device = self._opened(message.device)
                 self._progressive.use(session)
-                self._progressive.restart(subject.job, self._moves)
+                self._progressive.restart(subject.job, self._audience.camera_ids)
             case messages.Run():
                 self._progressive.running = message.run
             case messages.Restart():
-                self._progressive.restart(subject.job, self._moves, moved=True)
+                self._progressive.restart(subject.job, self._audience.camera_ids, moved=True)
             case messages.Probe():
                 viewer.reply("probe", message, probe(self._progressive, subject, message.x, message.y))
             case messages.Save():
@@ -236,10 +248,10 @@ class Engine:
 
     def _look_at(self, subject: Subject, *, moved: bool = False) -> None:
         before, self._subject = self._subject, subject
-        if subject.restarts(before) or self._problems:
-            self._progressive.restart(subject.job, self._moves, moved=moved)
+        if subject.restarts(before) or self._failed:
+            self._progressive.restart(subject.job, self._audience.camera_ids, moved=moved)
         else:
-            self._progressive.extend(subject.job, self._moves)
+            self._progressive.extend(subject.job, self._audience.camera_ids)
         if subject.checked.scene is not before.checked.scene:
             self._audience.tell("scene", tables.scene(subject), again=False)
 
@@ -301,7 +313,7 @@ class Engine:
     def _tell_state(self) -> None:
         """Send the state where something of it is another."""
         shot = self.shot
-        if "render" in self._problems or "device" in self._problems:
+        if self._failed:
             status = "failed"
         elif shot is None or (shot.preview is None and shot.film is None):
             status = "starting"
@@ -337,21 +349,24 @@ class Engine:
             self._inbox.call(lambda: self._show(scene))
 
     def _broken(self, message: str) -> None:
-        self._problems = {"scene": message}
+        self._problems = {"scene": message} | {where: it for where, it in self._problems.items() if where != "scene"}
 
     def _show(self, scene: Scene) -> None:
         try:
             subject = self._subject.reread(scene)
-        except ClrenderError as error:
-            self._broken(str(error))
+            described = tables.scene(subject)
+        except Exception as error:  # a scene that cannot be shown, in whatever way, is told
+            self._broken(_words(error))
             return
         self._problems.clear()
         self._subject = subject
-        self._progressive.restart(subject.job, self._moves)
-        self._audience.tell("scene", tables.scene(subject))
+        self._progressive.restart(subject.job, self._audience.camera_ids)
+        self._audience.tell("scene", described)
 
     def _list_devices(self) -> None:
         self._seen.wait()  # it takes as long as a first picture, which comes first
+        if self._inbox.closed:
+            return
         devices = tables.devices()
         self._audience.remember("hello", tables.hello(devices, list(self._outputs)))
         self._audience.tell("devices", {"devices": devices})

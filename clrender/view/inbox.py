@@ -35,6 +35,7 @@ class Inbox:
         self.closed = False
         self._messages: deque[tuple[Viewer, Message]] = deque()
         self._calls: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._nudged = False
         self._changed = threading.Condition()
 
     def post(self, viewer: Viewer, message: Message) -> None:
@@ -67,6 +68,12 @@ class Inbox:
                 self._changed.notify_all()
         return future
 
+    def nudge(self) -> None:
+        """Have the reader look anew at what it does; any number of nudges that wait are one."""
+        with self._changed:
+            self._nudged = True
+            self._changed.notify_all()
+
     def close(self) -> None:
         """Have the reader end."""
         with self._changed:
@@ -78,12 +85,13 @@ class Inbox:
     @property
     def urgent(self) -> bool:
         """Whether something waits."""
-        return bool(self._messages or self._calls) or self.closed
+        return bool(self._messages or self._calls) or self._nudged or self.closed
 
     def follow(self, answer: Callable[[Viewer, Message], None]) -> None:
         """Have all that waits answered, or called."""
         while self.urgent and not self.closed:
             with self._changed:
+                self._nudged = False
                 call = self._calls.popleft() if self._calls else None
                 posted = self._messages.popleft() if call is None and self._messages else None
             if call is not None:

@@ -87,7 +87,7 @@ class View:
         self._engine = Engine(scene, device=device, outputs=outputs, **settings)
         self._widget = widget(still=self._key, height=height)
         self._stills: list[Any] = []
-        self._shown: object = None
+        self._drawn: str | None = None
         self._last: RenderedImage | None = None
         self._closing = threading.Lock()
         self._closed = False
@@ -188,8 +188,9 @@ class View:
     def _look(self) -> None:
         """Bring the pictures up to date when an image is finished, and end when nobody displays the view any more."""
         shot = self._engine.shot
-        if shot is not None and shot.sha256 is not None and shot is not self._shown and self._stills:
-            self._shown = shot
+        finished = None if shot is None else shot.sha256
+        if finished is not None and finished != self._drawn and self._stills:
+            self._drawn = finished
             self._draw(self.image)
         if self._displays.alone_for > _ALONE_SECONDS:
             threading.Thread(target=self.close, name="clrender view ends").start()

@@ -10,11 +10,11 @@ import socket
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any, Final
 
 from clrender.errors import ClrenderError, UsageError
+from clrender.rendered_image import RenderedImage
 from clrender.view.engine import Engine
 from clrender.view.guard import CONTENT_POLICY, Guard
 from clrender.view.messages import MESSAGE_BYTES
@@ -228,9 +228,17 @@ async def _download(request: Request) -> Response:
         return PlainTextResponse("404: there is no such file\n", 404)
     try:
         exposure = float(request.query_params.get("exposure", "0"))
-        data = await asyncio.to_thread(_saved, engine, name, request.query_params.get("tone_map", "srgb"), exposure)
-    except (ClrenderError, ValueError, CancelledError) as error:
+        # Awaited here: threads that wait for the renderer would be missing where frames are made for viewers.
+        image = await asyncio.wrap_future(engine.image())
+        if image is None:
+            raise UsageError("there is no sample yet, and so nothing to save")
+        data = await asyncio.to_thread(_saved, image, name, request.query_params.get("tone_map", "srgb"), exposure)
+    except (ClrenderError, ValueError) as error:
         return PlainTextResponse(f"400: {error}\n", 400)
+    except asyncio.CancelledError:
+        if not engine.ended:
+            raise
+        return PlainTextResponse("400: the view has ended\n", 400)
     return Response(data, media_type=_DOWNLOADS[name], headers=_as_file(name))
 
 
@@ -238,11 +246,8 @@ def _as_file(name: str) -> dict[str, str]:
     return {"content-disposition": f'attachment; filename="{name}"'}
 
 
-def _saved(engine: Engine, name: str, tone_map: str, exposure: float) -> bytes:
-    """The image so far as a file, by way of a folder that is gone afterwards."""
-    image = engine.image().result()
-    if image is None:
-        raise UsageError("there is no sample yet, and so nothing to save")
+def _saved(image: RenderedImage, name: str, tone_map: str, exposure: float) -> bytes:
+    """An image as a file, by way of a folder that is gone afterwards."""
     with tempfile.TemporaryDirectory(prefix="clrender-view-") as folder:
         path = Path(folder) / name
         image.save(path, tone_map, exposure)
@@ -275,20 +280,22 @@ async def _socket(page: WebSocket) -> None:
                 return
             await awake.wait()
 
-    sending = asyncio.create_task(send())
-    try:
-        while not sending.done():
-            message = await page.receive()
-            if message["type"] == "websocket.disconnect":
-                break
+    async def receive() -> None:
+        while (message := await page.receive())["type"] != "websocket.disconnect":
             if message.get("text") is None:
                 await page.close(1003, "messages are texts")
-                break
+                return
             viewer.receive(message["text"])
-    except (WebSocketDisconnect, RuntimeError):  # the latter: it was closed from this side meanwhile
-        pass
-    finally:
+
+    both = {asyncio.create_task(send()), asyncio.create_task(receive())}
+    try:
+        await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+    finally:  # one that has ended, or failed, ends the other
         viewer.close()
-        sending.cancel()
-        with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
-            await sending
+        for task in both:
+            task.cancel()
+        results = await asyncio.gather(*both, return_exceptions=True)
+    for error in results:  # the server closes the socket of one that failed
+        # RuntimeError: the socket was closed from this side meanwhile
+        if isinstance(error, Exception) and not isinstance(error, WebSocketDisconnect | RuntimeError | OSError):
+            raise error

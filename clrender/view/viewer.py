@@ -52,11 +52,19 @@ class Viewer:
         Of the viewer.
     wake : callable
         Called, in any thread, when there may be something to `take`.
+
+    Attributes
+    ----------
+    closed : str or None
+        Why the transport is to hang up.
+    camera_id : int, str or None
+        The `id` of its newest camera message that was followed; set by the thread that renders.
     """
 
     def __init__(self, engine: Engine, number: int, wake: Callable[[], None]) -> None:
         self.number = number
         self.closed: str | None = None
+        self.camera_id: int | str | None = None
         self._engine, self._wake = engine, wake
         self._lock = threading.Lock()
         self._replies: deque[str] = deque()
@@ -183,8 +191,7 @@ class Viewer:
             with self._lock:
                 self._frames += 1
                 shown.seen, shown.under_way = (shot.revision, frame.changes), self._frames
-                if shown in self._shown:  # its turn comes last next time
-                    self._shown.remove(shown)
-                    self._shown.append(shown)
+                if shown in self._shown:  # its turn comes last next time; another list, as others may read this one
+                    self._shown = [*(each for each in self._shown if each is not shown), shown]
             return encode(frame, self._frames, self._half, shot.moves.get(self.number))
         return None

@@ -43,8 +43,8 @@ class Watcher:
         while not self._end.wait(_SECONDS):
             now = self._signature()
             if now == before and now != self._known:
+                self._known = now  # before it is read: what is written meanwhile is another change
                 self._on_change()
-                now = self._known = self._signature()
             before = now
 
     def _signature(self) -> _Signature:

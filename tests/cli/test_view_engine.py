@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,9 +18,10 @@ from view_clients import Onlooker
 
 import clrender
 from clrender.device import Buffer, Device
-from clrender.errors import SceneError, UsageError
+from clrender.errors import RenderError, SceneError, UsageError
 from clrender.film.film import Film
 from clrender.film.replicates import standard_error
+from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.view import Engine
 from clrender.view.audience import MOST_VIEWERS
@@ -356,6 +359,146 @@ def test_a_failing_device_is_told_and_the_view_goes_on(
         assert told["problem"] == {"where": "render", "message": "made up"}
     page.say("reset", what="settings")
     assert page.until_done() == digest
+
+
+def test_what_was_finished_before_a_failure_can_be_saved(
+    opened: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refine = clrender.Session.refine
+
+    def failing(session: Any, job: Any, film: Any = None, *, on_progress: Any = None, **how: Any) -> Any:
+        def advance(progress: Any) -> None:
+            on_progress(progress)
+            if progress.film.changes:
+                raise RenderError("made up")
+
+        return refine(session, job, film, on_progress=on_progress and advance, **how)
+
+    monkeypatch.setattr(clrender.Session, "refine", failing)
+    path = tmp_path / "a.film"
+    _, page = opened(outputs=[path], spp=2**12)
+    page.until_kind("state", status="failed")
+    page.say("save", name=str(path))
+    assert page.until_kind("saved").content["bytes"] == path.stat().st_size
+    assert 0 < Film.load(path).ledger.samples < 2**12 * 96 * 64
+
+
+def test_an_image_that_is_handed_out_stays_as_its_numbers_say(opened: Callable[..., Any]) -> None:
+    engine, page = opened(spp=2**16)
+    page.until(lambda m: m.kind == "frame" and m.content["samples"] > 0)
+    image = engine.image().result(60)
+    page.until(lambda m: m.kind == "frame" and m.content["samples"] * 96 * 64 > image.stats["samples"])
+    assert image.film.ledger.samples == image.stats["samples"]
+    assert image_sha256(image.film.mean()) == image.stats["image_sha256"]
+
+
+def test_a_finished_image_that_gets_more_samples_is_final_no_more(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, page = opened()
+    page.until_done()
+    waits, goes_on = threading.Event(), threading.Event()
+    refine = clrender.Session.refine
+
+    def waiting(*arguments: Any, **how: Any) -> Any:
+        waits.set()
+        goes_on.wait()
+        return refine(*arguments, **how)
+
+    monkeypatch.setattr(clrender.Session, "refine", waiting)
+    page.say("set", settings={"spp": 9})
+    assert waits.wait(60)
+    try:
+        assert not Onlooker(engine).until_kind("frame").content["final"]
+    finally:
+        goes_on.set()
+    assert page.until_done()
+
+
+def test_nothing_is_kept_of_earlier_images_and_of_viewers_that_are_gone(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, page = opened(replicate_spp=1)
+    page.until_done()
+    page.say("probe", id=1, x=3, y=3)
+    page.until_kind("probe", id=1)
+    page.say("show", layers=["depth"])
+    page.until(lambda m: m.kind == "frame" and m.content["layer"] == "depth")
+    film = weakref.ref(engine.shot.film)
+    page.say("show", layers=["image"])
+    other = Onlooker(engine)
+    waits, goes_on = threading.Event(), threading.Event()
+
+    def waiting() -> None:
+        waits.set()
+        goes_on.wait()
+
+    engine._inbox.call(waiting)
+    assert waits.wait(60)
+    other.say("camera", id="other", camera={"position": [0.1, 2.0, 5.0]})
+    other.viewer.close()  # before what it said is followed
+    goes_on.set()
+    page.say("camera", id=2, camera={"position": [0.2, 2.0, 5.0]})
+    page.until(lambda m: m.kind == "frame" and m.content["answers"] == 2)
+    gc.collect()
+    assert film() is None
+    assert engine.shot.moves == {page.viewer.number: 2}
+
+
+def test_a_broken_scene_file_neither_hides_a_failure_nor_costs_samples(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, page = opened()
+    page.until_done()
+    revision = engine.shot.revision
+    engine._inbox.call(lambda: engine._broken("made up"))
+    page.say("set", settings={"spp": 9})
+    page.until_done()
+    assert engine.shot.revision == revision
+
+    def failing(*_: Any, **__: Any) -> Any:
+        raise RenderError("no more")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(clrender.Session, "refine", failing)
+        page.say("restart")
+        page.until_kind("state", status="failed")
+        engine._inbox.call(lambda: engine._broken("made up again"))
+        told = page.until(lambda m: m.kind == "state" and "again" in m.content["problem"]["message"]).content
+        assert told["status"] == "failed"
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_viewers_hear_of_a_renderer_that_dies(opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, page = opened()
+    page.until_done()
+
+    def failing(*_: Any) -> Any:
+        raise RuntimeError("made up")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("clrender.view.tables.state", failing)
+        page.say("restart")
+        assert "made up" in page.until_kind("bye").content["reason"]
+    assert "made up" in engine.problem
+    assert engine.ended
+
+
+def test_a_view_that_ends_before_its_first_picture_looks_for_no_devices(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[int] = []
+    monkeypatch.setattr("clrender.view.tables.devices", lambda: looked.append(1) or [])
+    monkeypatch.setattr(
+        clrender.Session, "refine", lambda *_, should_stop=None, **__: time.sleep(1.0) or RunningFilm(96, 64)
+    )
+    before = set(threading.enumerate())
+    engine, _ = opened()
+    started = set(threading.enumerate()) - before
+    engine.close()
+    for thread in started:
+        thread.join(30)
+    assert not looked
 
 
 def test_another_device_gives_the_same_image(opened: Callable[..., Any]) -> None:

@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from clrender.view import displays as module
 from clrender.view.audience import Audience
 from clrender.view.bundle import widget_module
 from clrender.view.displays import Displays
+from clrender.view.frames import Shot
 from clrender.view.viewer import Viewer
 
 
@@ -161,6 +163,41 @@ def test_a_front_end_that_is_gone_ends_nothing() -> None:
     displays.hear({"display": "a", "text": '{"type": "restart"}'})
     assert len(engine.posted) == 1
     displays.close()
+
+
+def test_an_output_that_fails_ends_alone(notebook: Notebook, monkeypatch: pytest.MonkeyPatch) -> None:
+    take = Viewer.take
+
+    def failing(viewer: Viewer) -> Any:
+        if viewer.number == 1:
+            raise MemoryError("made up")
+        return take(viewer)
+
+    monkeypatch.setattr(Viewer, "take", failing)
+    notebook.displays.hear({"display": "a"})
+    notebook.wait(lambda message: message == {"display": "a", "ended": True})
+    notebook.displays.hear({"display": "b"})
+    assert notebook.wait_kind("b", "hello")
+    assert len(notebook.engine.audience) == 1
+
+
+def test_the_picture_below_a_view_is_drawn_for_each_finished_image() -> None:
+    """Also where more samples of the same image are asked for, which finishes it a second time."""
+    from clrender.view.notebook import View
+
+    drawn: list[Any] = []
+    view = SimpleNamespace(
+        _engine=SimpleNamespace(shot=Shot(1, 8, 4, 4)),
+        _displays=SimpleNamespace(alone_for=0.0),
+        _stills=["picture"],
+        _drawn=None,
+        _draw=drawn.append,
+        image="image",
+    )
+    for digest, count in ((None, 0), ("a", 1), ("a", 1), (None, 1), ("b", 2)):
+        view._engine.shot.sha256 = digest
+        View._look(view)  # type: ignore[arg-type]
+        assert len(drawn) == count
 
 
 def test_without_the_extra_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

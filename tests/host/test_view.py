@@ -390,11 +390,68 @@ def test_too_many_messages_are_refused_and_calls_are_cancelled_at_the_end() -> N
     assert inbox.call(lambda: 5).cancelled()
 
 
+def test_nudges_that_wait_are_one() -> None:
+    inbox = Inbox()
+    for _ in range(1000):
+        inbox.nudge()
+    assert inbox.urgent
+    inbox.wait()
+    inbox.follow(lambda viewer, message: None)
+    assert not inbox.urgent
+
+
+def test_layers_that_are_shown_can_be_asked_for_while_their_turns_change() -> None:
+    stage = _Stage()
+    stage.shot.layers = {"normal": np.ones((8, 8, 3), np.float32)}
+    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    viewer.receive(json.dumps({"type": "show", "layers": ["image", "normal"]}))
+    is_over = threading.Event()
+
+    def take() -> None:
+        while not is_over.is_set():
+            stage.shot.changes += 1
+            if (taken := frame_of(viewer.take())) is not None:
+                viewer.receive(json.dumps({"type": "ack", "frame": taken["frame"]}))
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    taking = threading.Thread(target=take)
+    taking.start()
+    try:
+        assert all(set(viewer.layers) == {"image", "normal"} for _ in range(20_000))
+    finally:
+        is_over.set()
+        taking.join()
+        sys.setswitchinterval(before)
+
+
 def test_the_reader_is_woken() -> None:
     inbox = Inbox()
     threading.Timer(0.05, lambda: inbox.post(SimpleNamespace(), Probe(type="probe", x=0, y=0))).start()  # type: ignore[arg-type]
     inbox.wait()
     assert inbox.urgent
+
+
+def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text("1")
+    told: list[str] = []
+    is_read_again = threading.Event()
+
+    def read() -> None:
+        told.append(path.read_text())
+        if len(told) == 1:
+            path.write_text("333")
+        else:
+            is_read_again.set()
+
+    watcher = Watcher(lambda: [path], read)
+    try:
+        path.write_text("22")
+        assert is_read_again.wait(30.0)
+        assert told == ["22", "333"]
+    finally:
+        watcher.close()
 
 
 def test_a_file_that_changes_is_noticed_once_it_is_whole(tmp_path: Path) -> None:
