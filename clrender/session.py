@@ -139,7 +139,7 @@ class Session:
         ----------
         scene : Scene or RenderJob
         on_progress : callable, optional
-            Called in this thread after each launch.
+            Called in this thread after each launch, and at the end, when the film has all that was done.
         should_stop : callable, optional
             Asked in this thread, twenty times a second; a yes ends the render with what is done.
         keep_film : bool

@@ -69,7 +69,7 @@ def run(
     film : Receiver
         A `clrender.film.Film` of the plan's size, or the like, without any of the plan's samples.
     on_progress : callable, optional
-        Told, in the calling thread, how many samples and rays are done in all.
+        Told, in the calling thread, how many samples and rays are done in all; last of all when the film has them.
     should_stop : callable, optional
         Asked in the calling thread, twenty times a second at least; after a yes, the film keeps what is done by then.
     tell : callable, optional
@@ -156,6 +156,8 @@ class _Run:
                 "ended before it was found which are wrong; the image may be"
             )
         tally.complete = tally.samples == self._plan.samples
+        if self._listeners.on_progress is not None and tally.samples:
+            self._listeners.on_progress(tally.samples, tally.rays)
         return tally
 
     def _ask_to_stop(self) -> None:
