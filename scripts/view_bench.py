@@ -38,7 +38,7 @@ class Page:
         self.said: dict[str, Any] = {}
 
     def close(self) -> None:
-        """Look on no more."""
+        """Disconnect."""
         self._open.close()
 
     def say(self, **message: Any) -> None:

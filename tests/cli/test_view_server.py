@@ -26,8 +26,9 @@ from websockets.sync.client import connect
 import clrender
 from clrender.film import Film
 from clrender.view import server as view_server
-from clrender.view.audience import MOST_VIEWERS
+from clrender.view.broadcaster import MOST_VIEWERS
 from clrender.view.messages import MESSAGE_BYTES
+from clrender.view.page_socket import serve_page
 
 ARGUMENTS = ("room", "--size", "96x64", "--spp", "8", "-d", "cpu")
 
@@ -407,7 +408,7 @@ def test_a_socket_whose_viewer_fails_is_hung_up_on() -> None:
     page: Any = SimpleNamespace(app=app, accept=accept, receive=never)
 
     async def talk() -> None:
-        await asyncio.wait_for(view_server._socket(page), 20.0)
+        await asyncio.wait_for(serve_page(page), 20.0)
 
     with pytest.raises(ValueError, match="made up"):
         asyncio.run(talk())
