@@ -56,7 +56,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture(scope="module")
-def edited_scene() -> EditedScene:
+def edited() -> EditedScene:
     return EditedScene.of(clrender.load("room"), {"width": 64, "height": 48})
 
 
