@@ -99,8 +99,8 @@ def test_more_samples_are_added_to_those_that_are_there(
     taken: list[int] = []
     commit = Film.commit
 
-    def counted(film: Film, unit: Any, result: Any) -> int:
-        taken.append(commit(film, unit, result))
+    def counted(film: Film, unit: Any, result: Any, part: Film | None = None) -> int:
+        taken.append(commit(film, unit, result, part))
         return taken[-1]
 
     engine, page = opened(spp=4)
