@@ -75,12 +75,22 @@ def _options() -> argparse.Namespace:
 
 
 def _pythons() -> dict[str, str]:
-    """Interpreters on PATH, by version; that which runs this, too."""
+    """Interpreters by version: the one that runs this, those on PATH and those of pyenv."""
     found = {f"{sys.version_info.major}.{sys.version_info.minor}": getattr(sys, "_base_executable", sys.executable)}
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for version in VERSIONS:
-        if path := shutil.which(f"python{version}"):
-            found[version] = path
+        candidates = [shutil.which(f"python{version}"), *sorted(pyenv.glob(f"{version}.*/bin/python{version}"))]
+        # One on PATH may be a launcher of pyenv that runs no interpreter.
+        runs = (str(each) for each in candidates if each is not None and _is_version(str(each), version))
+        if (path := next(runs, None)) is not None:
+            found.setdefault(version, path)
     return {version: found[version] for version in VERSIONS if version in found}
+
+
+def _is_version(python: str, version: str) -> bool:
+    tell = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    done = subprocess.run(tell, check=False, capture_output=True, text=True, timeout=60)
+    return done.returncode == 0 and done.stdout.strip() == version
 
 
 def _build(folder: Path, keep: Path | None) -> Path:

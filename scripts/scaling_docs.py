@@ -112,8 +112,8 @@ def _row(costs: Mapping[str, Any], workers: int, unit: float, asset: float) -> s
 
 def _alone(costs: Mapping[str, Any]) -> str:
     header = (
-        "| workers | of their time they render | samples/s | network in use | client's processor in use "
-        "| 100 MB to all of them |\n|---|---|---|---|---|---|"
+        "| workers | time spent rendering | samples/s | network utilisation | client CPU utilisation "
+        "| 100 MB to all workers |\n|---|---|---|---|---|---|"
     )
     rows = [_row(costs, workers, _UNIT_SECONDS, 1e8) for workers in _WORKERS]
     return "\n".join([header, *rows])
@@ -121,8 +121,8 @@ def _alone(costs: Mapping[str, Any]) -> str:
 
 def _sharded(costs: Mapping[str, Any]) -> str:
     header = (
-        "| workers | shards | of their time they render | samples/s | merging all films "
-        "| samples of a pixel in the time of the merge |\n|---|---|---|---|---|---|"
+        "| workers | shards | time spent rendering | samples/s | merging all films "
+        "| samples per pixel rendered in the merge time |\n|---|---|---|---|---|---|"
     )
     lines = [header]
     shared, apart = _stages(costs, _UNIT_SECONDS)
@@ -148,18 +148,18 @@ def _costs(costs: Mapping[str, Any]) -> str:
             f"a unit of {slots:,} pixels x {costs['unit_samples']} samples",
             f"{_duration(seconds)} of rendering, {costs['unit_bytes'] / 1e6:.2f} MB of sums",
         ),
-        ("beside its samples, a small unit", _duration(costs["unit_seconds"])),
-        ("sums on their way, within one machine", f"{1e-9 / costs['byte_seconds']:.2f} GB/s"),
-        ("reading them from the message", f"{1e-9 / costs['receive_byte_seconds']:.2f} GB/s"),
+        ("overhead of a small unit", _duration(costs["unit_seconds"])),
+        ("transfer of sums, within one machine", f"{1e-9 / costs['byte_seconds']:.2f} GB/s"),
+        ("reading sums from the message", f"{1e-9 / costs['receive_byte_seconds']:.2f} GB/s"),
         (
             "adding a unit to the film",
             f"{_duration(slots * costs['commit_slot_seconds'])}, "
             f"{_number(costs['unit_samples'] / costs['commit_slot_seconds'])} samples/s",
         ),
         ("merging two films of 800 x 800 pixels", _duration(_PIXELS * costs["merge_pixel_seconds"])),
-        ("setting a worker up, kernels compiled before", _duration(costs["prepare_seconds"])),
-        ("files of a scene, to one worker on this machine", f"{1e-9 / costs['asset_byte_seconds']:.2f} GB/s"),
-        ("looking once at a call that is out", _duration(costs["poll_seconds"])),
+        ("setting up a worker, with kernels already compiled", _duration(costs["prepare_seconds"])),
+        ("transfer of scene files to one worker on this machine", f"{1e-9 / costs['asset_byte_seconds']:.2f} GB/s"),
+        ("polling a pending call once", _duration(costs["poll_seconds"])),
     )
     return "\n".join(["| what | cost |\n|---|---|", *(f"| {what} | {cost} |" for what, cost in rows)])
 

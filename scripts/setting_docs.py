@@ -14,9 +14,9 @@ __all__ = ["PAGE", "current", "tables"]
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
 _GROUPS: Final = {
-    IMAGE: ("What decides the image", "They are part of the request: with another value it is another image."),
-    STOP: ("When enough is done", "They say how many samples there are."),
-    WORK: ("How the work is cut", "None of them changes a bit of the image."),
+    IMAGE: ("The image", "These settings are part of the request: another value gives another image."),
+    STOP: ("Stopping", "These settings set the number of samples."),
+    WORK: ("Division of the work", "These settings do not change a bit of the image."),
 }
 
 
@@ -51,7 +51,7 @@ def _in_scenes(settings: Sequence[Setting]) -> str:
     """Which of them may stand in a scene file, and where."""
     sections = dict.fromkeys(setting.section for setting in settings if setting.section)
     if not sections:
-        return "A scene file takes none of them."
+        return "They cannot be set in a scene file."
     parts = []
     for section in sections:
         names = [f"`{setting.name}`" for setting in settings if setting.section == section]

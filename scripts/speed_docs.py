@@ -77,8 +77,8 @@ def _take(data: dict[str, Any], lines: list[dict[str, Any]]) -> None:
 
 def _table(data: dict[str, Any]) -> str:
     lines = [
-        "| scene | clrender, Mpaths/s | Mitsuba LLVM, Mpaths/s | as fast "
-        "| relMSE: clrender, Mitsuba | as efficient | memory on the device |",
+        "| scene | clrender, Mpaths/s | Mitsuba LLVM, Mpaths/s | speed ratio "
+        "| relMSE: clrender, Mitsuba | efficiency ratio | device memory |",
         "|---|---:|---:|---:|---:|---:|---:|",
     ]
     for scene in _ROWS:

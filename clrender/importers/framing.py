@@ -50,8 +50,10 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         raise scene_error(error, Scene, files.source) from None
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file in draft.meshes}
-    scene = scene.with_meshes({asset: draft.meshes[asset[0]] for asset in held})
-    scene = scene.with_transforms(draft.places).with_encoded_textures(draft.pictures).with_pictures(draft.environments)
+    meshes = {asset: draft.meshes[asset[0]] for asset in held}
+    scene = scene.with_files(
+        meshes=meshes, transforms=draft.places, encoded=draft.pictures, environments=draft.environments
+    )
     if framed:
         notes = [*notes, "there is no camera in it: it is framed from the front, a little from above"]
         low, high = scene_bounds(scene)
@@ -59,7 +61,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     if dark:
         notes = [*notes, _LIT]
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
-        scene = scene.with_pictures({_STUDIO: studio_light(scene.camera)})
+        scene = scene.with_files(environments={_STUDIO: studio_light(scene.camera)})
     scene.read_named()
     return scene.with_notes((f"{files.source}: {note}" for note in notes), files.opened)
 

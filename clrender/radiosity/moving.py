@@ -1,4 +1,4 @@
-"""A moving shape on a device: it has a BVH of its own, so that a step does not rebuild the BVH of everything else."""
+"""A moving shape on a device, with its own BVH, so that a step does not rebuild that of everything else."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Moving:
         inside : bool
             Whether it may intersect a box or tetrahedron, or is one that another shape may intersect. Rays from inside
             hit two coplanar surfaces, the box's and that of the floor below it, and the rounding of the BVH's boxes
-            decides which of them is nearer: then the BVH has to be that of a fresh start.
+            decides which is nearer: then the BVH must equal the one built from scratch.
 
         Raises
         ------
@@ -75,7 +75,7 @@ class Moving:
             self._release(self.others)
             self.others = self._build(scene, moving=inside, others=True)
         self._over_all = inside
-        # Kernels size their stacks for the deeper of both.
+        # Kernels size their stacks for the deeper of the two.
         self.others = replace(self.others, levels=max(self.others.levels, self._own.levels))
         self._device.write(self._place, np.concatenate([boxes.reshape(-1), at - self._begin, by]).astype(np.float32))
 

@@ -8,13 +8,11 @@ a transform that squashes a sphere) is checked by the model that holds them. `va
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from io import BytesIO
+from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
 
 from clrender.errors import SceneError
@@ -24,7 +22,7 @@ from clrender.scene.content_hash import content_sha256
 from clrender.scene.defaults import Image, Render
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
-from clrender.scene.ies import IesProfile, read_ies
+from clrender.scene.ies import IesProfile
 from clrender.scene.light_kinds import (
     LIGHT_TYPES,
     DirectionalLight,
@@ -44,11 +42,10 @@ from clrender.scene.materials import (
 )
 from clrender.scene.medium import Medium
 from clrender.scene.mesh_data import MeshData, inline_mesh
-from clrender.scene.mesh_io import read_mesh
-from clrender.scene.named_files import open_named_file
 from clrender.scene.references import check_references
+from clrender.scene.scene_files import SceneFiles
 from clrender.scene.shapes import AnyShape, Mesh
-from clrender.scene.texels import StoredPicture, TexelStore
+from clrender.scene.texels import TexelStore
 from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
 from clrender.scene.values import (
     POWER_LIMIT,
@@ -56,8 +53,7 @@ from clrender.scene.values import (
     Name,
     Part,
 )
-from clrender.scene.vertex_colors import VertexColors
-from clrender.scene.wording import place, quoted
+from clrender.scene.wording import place
 
 __all__ = [
     "LIGHT_TYPES",
@@ -78,13 +74,6 @@ __all__ = [
     "SpotLight",
     "SunSkyLight",
 ]
-
-
-def _working_folder() -> Path:
-    try:
-        return Path.cwd()
-    except FileNotFoundError:  # deleted under our feet; only a scene that names files has to know
-        return Path()
 
 
 class Scene(Part):
@@ -124,17 +113,9 @@ class Scene(Part):
     media: Annotated[dict[Name, Medium], Field(max_length=65536)] = Field(default_factory=dict)
     fog: Name | None = Field(None, description="name of a medium that is wherever no other one is, without end")
 
-    _base_folder: Path = PrivateAttr(default_factory=_working_folder)
-    _allow_paths: tuple[Path, ...] = PrivateAttr(default=())
-    _source: str = PrivateAttr(default="Scene")
-    _meshes: dict[tuple[str, VertexColors | None], MeshData] = PrivateAttr(default_factory=dict)
-    _pictures: dict[str, EnvironmentPicture] = PrivateAttr(default_factory=dict)
-    _profiles: dict[str, IesProfile] = PrivateAttr(default_factory=dict)
-    _given: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = PrivateAttr(default_factory=dict)
-    _transforms: dict[str, TransformArray] = PrivateAttr(default_factory=dict)
-    _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
-    _encoded: dict[str, tuple[bytes, str]] = PrivateAttr(default_factory=dict)
+    _files: SceneFiles = PrivateAttr(default_factory=SceneFiles)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
+    _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
     _notes: tuple[str, ...] = PrivateAttr(default=())
     _read_files: tuple[Path, ...] = PrivateAttr(default=())
     _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
@@ -146,7 +127,7 @@ class Scene(Part):
         return self
 
     def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
-        """Its shapes and those of its groups, each with its place in the scene's description; no instances.
+        """Its shapes and those of its groups, without instances, each with its location in the description.
 
         Yields
         ------
@@ -163,11 +144,11 @@ class Scene(Part):
 
     @property
     def plain_shapes(self) -> tuple[AnyShape, ...]:
-        """Its shapes, where it is known that none is an instance: `clrender.scene.assembly` has taken them apart."""
+        """Its shapes, of a scene whose instances `clrender.scene.assembly` has resolved."""
         return self.shapes  # type: ignore[return-value]
 
     def instances(self) -> Iterator[tuple[int, Instance]]:
-        """Those of its shapes that place a group, each with its index.
+        """Its instances, each with its index.
 
         Yields
         ------
@@ -180,7 +161,7 @@ class Scene(Part):
                 yield index, shape
 
     def place_of(self, index: int) -> tuple[str | int, ...]:
-        """Where `shapes[index]` stands in the description: there, or in a group if `clrender.scene.assembly` put it.
+        """Location of `shapes[index]` in the description: in `shapes`, or in a group after `clrender.scene.assembly`.
 
         Parameters
         ----------
@@ -194,12 +175,12 @@ class Scene(Part):
         return self._places[index] if self._places else ("shapes", index)
 
     def assembled(self, shapes: Sequence[tuple[tuple[str | int, ...], AnyShape]]) -> Scene:
-        """The same scene with these shapes, each with its place in the description, and no groups.
+        """A copy of the scene with these shapes, each with its location in the description, and no groups.
 
         Parameters
         ----------
         shapes : sequence of (place, shape)
-            As `all_shapes` gives them.
+            As `all_shapes` yields them.
 
         Returns
         -------
@@ -211,26 +192,26 @@ class Scene(Part):
 
     @property
     def base_folder(self) -> Path:
-        """Folder against which files are looked up: the scene file's own, or the working folder."""
-        return self._base_folder
+        """Folder to which file names are relative: the scene file's own, or the working folder."""
+        return self._files.base_folder
 
     @property
     def source(self) -> str:
-        """Name of the scene file for messages."""
-        return self._source
+        """Name of the scene file, for messages."""
+        return self._files.source
 
     @property
     def origin(self) -> dict[str, Any] | None:
-        """Arguments of `clrender.load` that gave this scene, or the one that it was made from; None: made in code."""
+        """Arguments of `clrender.load` that loaded this scene or its original; None if it was built in code."""
         return self._origin
 
     def with_origin(self, origin: Mapping[str, Any]) -> Scene:
-        """The same scene, which was loaded with these arguments, JSON-able.
+        """A copy of the scene that records these arguments of `clrender.load`, JSON-able.
 
         Parameters
         ----------
         origin : mapping
-            Arguments of `clrender.load` by their names.
+            Arguments of `clrender.load` by name.
 
         Returns
         -------
@@ -241,14 +222,14 @@ class Scene(Part):
         return scene
 
     def placed(self, source: str, base_folder: Path, allow_paths: Sequence[Path] = ()) -> Scene:
-        """The same scene, looking for its files in another folder.
+        """A copy of the scene that looks for its files in another folder.
 
         Parameters
         ----------
         source : str
-            What messages call the scene.
+            Name of the scene in messages.
         base_folder : pathlib.Path
-            Files are looked up in it and read only from it and below ...
+            Folder to which file names are relative. Files are read only from it and below ...
         allow_paths : sequence of pathlib.Path
             ... and from these folders and below.
 
@@ -257,20 +238,37 @@ class Scene(Part):
         Scene
         """
         scene = self.model_copy()
-        scene._source, scene._base_folder, scene._allow_paths = source, base_folder, tuple(allow_paths)
-        scene._meshes, scene._pictures, scene._profiles, scene._store = {}, {}, {}, []
-        scene._transforms = {}
+        scene._files, scene._store = self._files.in_folder(source, base_folder, tuple(allow_paths)), []
+        return scene
+
+    def with_files(self, **contents: Mapping[Any, Any]) -> Scene:
+        """A copy of the scene that uses these contents instead of the files of these names.
+
+        Parameters
+        ----------
+        **contents : mapping
+            By kind of file and name: `meshes`, `transforms`, `environments`, `profiles`, `textures` and `encoded`; see
+            `clrender.scene.scene_files.SceneFiles`.
+
+        Returns
+        -------
+        Scene
+        """
+        scene = self.model_copy()
+        scene._files = self._files.with_contents(**contents)
+        if contents.keys() & {"textures", "encoded"}:
+            scene._store = []
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
-        """The same scene with other triangles, in world space, for each of its shapes.
+        """A copy of the scene with other triangles, in world space, for each of its shapes.
 
         Parameters
         ----------
         meshes : sequence of MeshData
             One for each shape.
         lights : sequence of Light
-            In place of the scene's own.
+            Lights that replace the scene's own.
         emitting : bool
             Whether shapes keep their emission.
 
@@ -283,100 +281,38 @@ class Scene(Part):
             for i, s in enumerate(self.shapes)
         )
         scene = self.model_copy(update={"shapes": shapes, "lights": tuple(lights)})
-        scene._meshes = {(f"shape {i}", None): mesh for i, mesh in enumerate(meshes)}
+        scene._files = replace(self._files, meshes={(f"shape {i}", None): mesh for i, mesh in enumerate(meshes)})
         return scene
 
-    def with_meshes(self, meshes: Mapping[tuple[str, VertexColors | None], MeshData]) -> Scene:
-        """The same scene with these meshes in the place of files: `clrender.scene.Mesh.asset`.
-
-        Parameters
-        ----------
-        meshes : mapping of (str, VertexColors or None) to MeshData
-            By the name of the file, and what its colours are taken for.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._meshes = {**self._meshes, **meshes}
-        return scene
-
-    def with_textures(self, pictures: Mapping[str, tuple[StoredPicture, NDArray[np.uint8]]]) -> Scene:
-        """The same scene with these pictures, each with its tiles, in the place of the files of these names.
-
-        Parameters
-        ----------
-        pictures : mapping of str to (StoredPicture, (tiles, 64) uint8)
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._given, scene._store = {**self._given, **pictures}, []
-        return scene
-
-    def with_encoded_textures(self, pictures: Mapping[str, tuple[bytes, str]]) -> Scene:
-        """The same scene with these encoded pictures and their formats' endings in place of such files.
-
-        Parameters
-        ----------
-        pictures : mapping of str to (bytes, str)
-            By the name of the file: its content, and an ending such as ``.png``.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._encoded, scene._store = {**self._encoded, **pictures}, []
-        return scene
-
-    @contextmanager
-    def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:
-        """A picture or lamp that the scene names, encoded as it is, and the ending of its format.
+    def opened(self, name: str, where: str) -> AbstractContextManager[tuple[BinaryIO, str]]:
+        """Open an image or IES file that the scene names: see `clrender.scene.scene_files.SceneFiles.opened`.
 
         Parameters
         ----------
         name : str
-            As the scene has it.
+            Name in the scene.
         where : str
-            Place of the name, for messages.
+            Location of the name, for error messages.
 
-        Yields
-        ------
-        file : binary file
-        ending : str
-            Such as ``.png``.
-
-        Raises
-        ------
-        SceneError
-            As of `clrender.scene.named_files.open_named_file`.
+        Returns
+        -------
+        context manager of (binary file, str)
+            The file, and its format's extension, such as ``.png``.
         """
-        if name in self._encoded:
-            data, ending = self._encoded[name]
-            yield BytesIO(data), ending
-            return
-        label = f"{self._source}: {where}: {quoted(name)}"
-        file, _ = open_named_file(name, self._base_folder, self._allow_paths, label, 2**33)
-        with file:
-            yield file, Path(name).suffix.lower()
+        return self._files.opened(name, where)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What its reader did not understand, and what it did instead; a sentence each."""
+        """Notes of the importer on what it does not support and did instead; a sentence each."""
         return self._notes
 
     @property
     def read_files(self) -> tuple[Path, ...]:
-        """Files that its reader has read besides the scene file, and that the description does not name."""
+        """Files that its importer has read besides the scene file, and that the description does not name."""
         return self._read_files
 
     def with_notes(self, notes: Iterable[str], read_files: Iterable[Path] = ()) -> Scene:
-        """The same scene with these notes, and these more files that were read.
+        """A copy of the scene with these notes and additional files that were read.
 
         Parameters
         ----------
@@ -393,13 +329,13 @@ class Scene(Part):
         return scene
 
     def with_default_light(self, light: EnvironmentLight, note: str) -> Scene:
-        """The same scene, which has no environment, in one that `with_environment` replaces, along with its note.
+        """A copy of the scene, which has no environment, in a default one; `with_environment` replaces it and its note.
 
         Parameters
         ----------
         light : EnvironmentLight
         note : str
-            What is told of it.
+            Note about the light.
 
         Returns
         -------
@@ -410,7 +346,7 @@ class Scene(Part):
         return scene
 
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
-        """All textures of materials and shapes, each with its place in the scene's description."""
+        """All textures of materials and shapes, each with its location in the description."""
         found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
         for name, material in self.materials.items():
             found += [(("materials", name, key), texture) for key, texture in textures_of(material)]
@@ -420,36 +356,37 @@ class Scene(Part):
         return found
 
     def texture_files(self) -> list[tuple[tuple[str | int, ...], ImageTexture | NormalMap | BumpMap]]:
-        """Those that name a file, each with the place of its name."""
+        """Textures that name a file, each with the location of the name."""
         placed = self.placed_textures()
         return [((*at, "texture"), each) for at, each in placed if not isinstance(each, Checker | Ramp)]
 
     def textures(self) -> TexelStore:
-        """The pictures that its materials and shapes name; the files are read once and kept.
+        """The images that its materials and shapes name; files are read once and cached.
 
         Raises
         ------
         SceneError
-            If a file cannot be read or is no sound picture.
+            If a file cannot be read or is not a valid image.
         """
         placed = self.placed_textures()
         if self._store and self._store[0].holds(texture for _, texture in placed):
             return self._store[0]
-        textures = [(f"{self._source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
-        store = TexelStore(textures, self._base_folder, self._allow_paths, self._given, self._encoded)
+        files = self._files
+        textures = [(f"{files.source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
+        store = TexelStore(textures, files.base_folder, files.allow_paths, files.textures, files.encoded)
         if self._store:
-            self._store = [store]  # this is a copy with other textures of the scene that the store is for
+            self._store = [store]  # this copy has other textures than the scene that the store was made for
         else:
             self._store.append(store)  # for all copies
         return store
 
     def mesh(self, index: int) -> MeshData:
-        """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.
+        """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and cached.
 
         Parameters
         ----------
         index : int
-            In `shapes`, of a mesh.
+            Index of a mesh in `shapes`.
 
         Returns
         -------
@@ -465,12 +402,12 @@ class Scene(Part):
         return self.mesh_of(self.place_of(index), shape)
 
     def mesh_of(self, at: tuple[str | int, ...], shape: Mesh) -> MeshData:
-        """The same of a mesh of its own or of a group, as of `all_shapes`.
+        """Like `mesh`, for any mesh that `all_shapes` yields.
 
         Parameters
         ----------
         at : tuple of str or int
-            Place of the mesh, for messages.
+            Location of the mesh, for error messages.
         shape : Mesh
 
         Returns
@@ -479,20 +416,15 @@ class Scene(Part):
         """
         if shape.file is None:
             return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
-        if shape.asset not in self._meshes:
-            where = f"{self._source}: {place((*at, 'file'))}"
-            self._meshes[shape.asset] = read_mesh(
-                shape.file, self._base_folder, self._allow_paths, where, shape.vertex_colors
-            )
-        return self._meshes[shape.asset]
+        return self._files.mesh(at, shape)
 
     def read_named(self) -> None:
-        """Read every file that the scene names, so that nothing is read later.
+        """Read every file that the scene names, so that none is read later.
 
         Raises
         ------
         SceneError
-            If one cannot be read or is not sound.
+            If one cannot be read or is invalid.
         """
         for at, shape in self.all_shapes():
             if isinstance(shape, Mesh) and shape.file is not None:
@@ -506,12 +438,12 @@ class Scene(Part):
             self.ies_profile(index)
 
     def transforms(self, index: int) -> TransformArray:
-        """Where the instance `shapes[index]` stands; a file is read once and kept.
+        """Transforms of the instance `shapes[index]`; a file is read once and cached.
 
         Parameters
         ----------
         index : int
-            In `shapes`, of an instance.
+            Index of an instance in `shapes`.
 
         Returns
         -------
@@ -526,41 +458,20 @@ class Scene(Part):
         assert isinstance(instance, Instance)
         if instance.file is None:
             return TransformArray.of(instance)
-        if instance.file not in self._transforms:
-            where = f"{self._source}: shapes[{index}].transforms"
-            self._transforms[instance.file] = TransformArray.read(
-                instance.file, self._base_folder, self._allow_paths, where
-            )
-        return self._transforms[instance.file]
-
-    def with_transforms(self, arrays: Mapping[str, TransformArray]) -> Scene:
-        """The same scene with these in the place of the files of these names.
-
-        Parameters
-        ----------
-        arrays : mapping of str to TransformArray
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._transforms = {**self._transforms, **arrays}
-        return scene
+        return self._files.transform_array(instance.file, f"shapes[{index}].transforms")
 
     @property
     def environment(self) -> EnvironmentLight | None:
-        """The scene's only one."""
+        """The environment light, of which a scene has at most one."""
         return next((light for light in self.lights if isinstance(light, EnvironmentLight)), None)
 
     @property
     def sky(self) -> SunSkyLight | None:
-        """The scene's only one; beside it there is no environment."""
+        """The sun and sky, of which a scene has at most one, and then no environment light."""
         return next((light for light in self.lights if isinstance(light, SunSkyLight)), None)
 
     def environment_picture(self) -> EnvironmentPicture | None:
-        """The picture of the environment, if it has one; its file is read once and kept.
+        """The environment map, if there is one; its file is read once and cached.
 
         Raises
         ------
@@ -570,38 +481,17 @@ class Scene(Part):
         light = self.environment
         if light is None or light.file is None:
             return None
-        if light.file not in self._pictures:
-            place = f"{self._source}: lights[{self.lights.index(light)}].file"
-            self._pictures[light.file] = EnvironmentPicture.read(
-                light.file, self._base_folder, self._allow_paths, place
-            )
-        return self._pictures[light.file]
-
-    def with_pictures(self, pictures: Mapping[str, EnvironmentPicture]) -> Scene:
-        """The same scene with these pictures in the place of the files of these names.
-
-        Parameters
-        ----------
-        pictures : mapping of str to EnvironmentPicture
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._pictures = {**self._pictures, **pictures}
-        return scene
+        return self._files.environment(light.file, f"lights[{self.lights.index(light)}].file")
 
     def with_exposure(
         self, f_stop: float | None = None, shutter: float | None = None, iso: float | None = None
     ) -> Scene:
-        """The same scene, its display images exposed otherwise; what is not given stays.
+        """A copy of the scene with another exposure of display images; settings not given stay.
 
         Parameters
         ----------
         f_stop, shutter, iso : float, optional
-            As of `clrender.exposure.photographic_stops`.
+            See `clrender.exposure.photographic_stops`.
 
         Returns
         -------
@@ -610,7 +500,7 @@ class Scene(Part):
         Raises
         ------
         UsageError
-            When a number is not allowed, or f-stop or shutter is missing then.
+            If a number is not allowed, or the result lacks an f-stop or shutter.
         """
         asked = {"f_stop": f_stop, "shutter": shutter, "iso": iso}
         asked = {name: value for name, value in asked.items() if value is not None}
@@ -621,16 +511,16 @@ class Scene(Part):
         return self.model_copy(update={"camera": self.camera.model_copy(update=given)})
 
     def ies_lights(self) -> list[tuple[int, IesLight]]:
-        """The lights that an IES file describes, each with its index."""
+        """The IES lights, each with its index."""
         return [(index, light) for index, light in enumerate(self.lights) if isinstance(light, IesLight)]
 
     def ies_profile(self, index: int) -> IesProfile:
-        """What the file of the IES light `lights[index]` says; it is read once and kept.
+        """Profile of the IES light `lights[index]`; its file is read once and cached.
 
         Parameters
         ----------
         index : int
-            In `lights`, of an IES light.
+            Index of an IES light in `lights`.
 
         Returns
         -------
@@ -639,39 +529,19 @@ class Scene(Part):
         Raises
         ------
         SceneError
-            If the file cannot be read or is no sound IES file.
+            If the file cannot be read or is not a valid IES file.
         """
         light = self.lights[index]
         assert isinstance(light, IesLight)
-        if light.file not in self._profiles:
-            where = f"{self._source}: lights[{index}].file"
-            self._profiles[light.file] = read_ies(light.file, self._base_folder, self._allow_paths, where)
-        return self._profiles[light.file]
-
-    def with_profiles(self, profiles: Mapping[str, IesProfile]) -> Scene:
-        """The same scene with these in the place of the IES files of these names.
-
-        Parameters
-        ----------
-        profiles : mapping of str to IesProfile
-            By the name of the file.
-
-        Returns
-        -------
-        Scene
-        """
-        scene = self.model_copy()
-        scene._profiles = {**self._profiles, **profiles}
-        return scene
+        return self._files.profile(light.file, f"lights[{index}].file")
 
     def with_environment(self, environment: str | Path | float) -> Scene:
-        """The same scene, which has no environment of its own, in one.
+        """A copy of the scene, which has no environment of its own, in this environment.
 
         Parameters
         ----------
         environment : str, pathlib.Path or float
-            A `.exr`, `.hdr` or `.png` in latitude and longitude, anywhere; or a radiance, W/(sr m2), the same from all
-            around.
+            An equirectangular `.exr`, `.hdr` or `.png` in any folder, or a constant radiance, W/(sr m2).
 
         Returns
         -------
@@ -680,41 +550,41 @@ class Scene(Part):
         Raises
         ------
         SceneError
-            If the scene has an environment, or the file cannot be read or is not a usable picture, or the number is no
-            radiance.
+            If the scene has an environment, the file cannot be read or is not a usable image, or the number is not a
+            valid radiance.
         """
         around = self.environment or self.sky
         if around is not None and around is not self._default_light[0]:
-            place = f"{self._source}: lights[{self.lights.index(around)}]"
+            place = f"{self.source}: lights[{self.lights.index(around)}]"
             raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
         default, note = self._default_light
         others = tuple(light for light in self.lights if light is not default)
         light, pictures = _environment(environment)
-        scene = self.model_copy(update={"lights": (*others, light)}).with_pictures(pictures)
+        scene = self.model_copy(update={"lights": (*others, light)}).with_files(environments=pictures)
         scene._default_light = None, ""
         return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
     def sha256(self) -> str:
-        """Hash of what the scene holds, wherever it lies and however it was written.
+        """Hash of the scene's content, independent of its location and spelling.
 
-        Its title, the names of its shapes, its defaults for a render's settings and the exposure of display images do
-        not count; which settings made an image is said beside it.
+        Its title, the names of its shapes, its default render settings and the exposure of display images do not count.
+        Films record a render's settings separately.
 
         Returns
         -------
         str
-            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels,
-            an IES file by its intensities, none by its name.
+            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, an image by its pixels,
+            an IES file by its intensities, and none by its name.
         """
         return content_sha256(self, {"title", "render"})
 
     def content_sha256(self) -> str:
-        """The same of shapes, materials and lights alone: whoever looks at them, and however."""
+        """Hash of shapes, materials and lights alone, without camera and settings."""
         return content_sha256(self, {"title", "camera", "image", "render"})
 
 
 def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:
-    """The environment that a user asks for, and its picture by the name that it has there."""
+    """The environment light for a user's value, and its environment map, if any, by name."""
     if not isinstance(asked, str | Path):
         if not 0.0 <= asked <= POWER_LIMIT:
             raise SceneError(f"the environment is {asked!r}, but a radiance must be from 0 to {POWER_LIMIT:g}")

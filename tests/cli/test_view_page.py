@@ -10,6 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -312,6 +313,22 @@ def test_a_changed_scene_file_is_read_again_and_a_broken_one_told_of(browser: An
         assert (_image(view) == before).all()
 
 
+def test_the_reply_of_a_probe_is_not_lost_among_cameras(browser: Any, server: Server) -> None:
+    """Cameras have no reply; those of a drag must not push out the question that has one."""
+    with view_of(browser, server, "hub") as view:
+        answered = view.run("""
+            const { createHub } = await import('/page/hub.js');
+            const transport = { send: () => {} };
+            const hub = createHub(transport);
+            let answered = 0;
+            const id = hub.send({ type: 'probe', x: 0, y: 0 }, () => (answered += 1));
+            for (let i = 0; i < 200; i += 1) hub.send({ type: 'camera', camera: {} }, () => false);
+            transport.onmessage(JSON.stringify({ type: 'probe', id }));
+            return answered;
+        """)
+        assert answered == 1
+
+
 def test_a_slow_browser_slows_nobody(browser: Any, server: Server) -> None:
     with view_of(browser, server, "fast") as fast, view_of(browser, server, "slow") as slow:
         slow.wait("view.picture.frame() !== undefined")
@@ -483,3 +500,78 @@ def test_it_fits_its_width(browser: Any, server: Server, width: int, scheme: str
         box = view.page.locator(".cv-canvas").bounding_box()
         assert box["width"] >= (330 if width == 360 else 900)
         assert box["width"] / box["height"] == pytest.approx(160 / 90, rel=0.02)
+
+
+_NEARER = """
+    const { position, target } = view.hub.newest("state").camera;
+    return Math.hypot(...position.map((value, i) => value - target[i])) < argument;
+"""
+
+
+def _touch(view: view_of, devtools: Any, kind: str, *places: tuple[float, float]) -> None:
+    """Fingers on the image, as shares of its width and height."""
+    box = view.page.locator(".cv-canvas").bounding_box()
+    points = [
+        {"x": box["x"] + box["width"] * x, "y": box["y"] + box["height"] * y, "id": finger}
+        for finger, (x, y) in enumerate(places)
+    ]
+    devtools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+
+@pytest.mark.slow
+def test_one_finger_orbits_two_zoom_and_a_tap_picks(browser: Any, server: Server) -> None:
+    phone = {"viewport": {"width": 390, "height": 740}, "has_touch": True, "is_mobile": True}
+    with view_of(browser, server, "touch", **phone) as view:
+        view.wait_until_done()
+        start = view.newest("state")["camera"]
+        touch = partial(_touch, view, view.page.context.new_cdp_session(view.page))
+        touch("touchStart", (0.5, 0.5))
+        for step in range(1, 6):
+            touch("touchMove", (0.5 + 0.06 * step, 0.5))
+        touch("touchEnd")
+        view.wait("view.hub.newest('state').camera.position[0] < -0.5")
+        turned = view.newest("state")["camera"]
+        assert turned["target"] == start["target"]
+        touch("touchStart", (0.4, 0.5), (0.6, 0.5))
+        for step in range(1, 6):
+            touch("touchMove", (0.4 - 0.04 * step, 0.5), (0.6 + 0.04 * step, 0.5))
+        touch("touchEnd")
+        far = float(np.linalg.norm(np.subtract(turned["position"], turned["target"])))
+        view.wait(_NEARER, 0.6 * far)
+        view.run("view.hub.send({ type: 'reset', what: 'camera' })")
+        view.wait("view.hub.newest('state').changed.length === 0")
+        view.wait_until_done()
+        touch("touchStart", (0.5, 0.5))
+        touch("touchEnd")
+        view.wait("document.querySelector('.cv-probe').dataset.probe !== undefined")
+        assert json.loads(view.page.locator(".cv-probe").get_attribute("data-probe"))["material"] == "ball"
+        assert view.newest("state")["changed"] == []
+
+
+@pytest.mark.slow
+def test_the_divider_shows_before_and_after_the_denoiser(browser: Any, server: Server, scene: Path) -> None:
+    pytest.importorskip("pyoidn", reason="the denoiser is not installed")
+    truth = to_display(clrender.render(clrender.load(scene), device=_DEVICE, spp=2048).linear, "srgb", 0.0).astype(int)
+    with view_of(browser, server, "denoiser") as view:
+        view.wait_until_done()
+        noisy = _image(view)
+        view.page.locator(".cv-stage").focus()
+        view.page.keyboard.press("b")
+        view.wait("document.querySelector('.cv-divider').checkVisibility()")
+        # Guides are rendered first; until they are there the layer is the image itself.
+        view.page.locator(".cv-split").fill("0")
+        end = time.monotonic() + 120
+        while (_image(view) == noisy).all():
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        denoised = _image(view)
+        view.page.locator(".cv-split").fill("1")
+        assert (_image(view) == noisy).all()
+        view.page.locator(".cv-split").fill("0.5")
+        shown = _image(view)
+        assert (shown[:, :80] == noisy[:, :80]).all() and (shown[:, 80:] == denoised[:, 80:]).all()
+        before, after = (np.abs(each.astype(int) - truth).mean() for each in (noisy, denoised))
+        assert after < 0.7 * before, (before, after)
+        view.page.locator(".cv-stage").focus()
+        view.page.keyboard.press("b")
+        view.wait("!document.querySelector('.cv-divider').checkVisibility()")

@@ -74,7 +74,7 @@ def test_black_pictures_are_no_light() -> None:
     table = table_of(np.zeros((2, 2, 3)))
     assert table.radiance == (0.0, 0.0, 0.0) and len(table.words) == 1
     what = Scene(camera=CAMERA, lights=(EnvironmentLight(type="environment", file="a"),))
-    flat = flatten(what.with_pictures({"a": EnvironmentPicture(np.zeros((2, 2, 3), np.float32))}), 8, 8)
+    flat = flatten(what.with_files(environments={"a": EnvironmentPicture(np.zeros((2, 2, 3), np.float32))}), 8, 8)
     assert (flat.environment, flat.light_count) == (layout.NONE, 0)
 
 
@@ -97,7 +97,7 @@ def test_what_is_left_to_the_bsdf_is_not_chosen(how: str, light_sampler: str) ->
     if how == "picture":
         pixels[0, 0] = 100.0
     if how != "even":
-        what = what.with_pictures({"a": EnvironmentPicture(pixels)})
+        what = what.with_files(environments={"a": EnvironmentPicture(pixels)})
     whole = flatten(what, 8, 8, light_sampler)
     assert (whole.light_count, whole.environment) == (3, 1)
     assert whole.arrays["lights"]["probability"].sum() == pytest.approx(1.0)

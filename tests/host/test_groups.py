@@ -151,7 +151,7 @@ def test_spheres_are_not_stretched() -> None:
 
 
 def test_a_group_is_kept_once() -> None:
-    scene = of({"transforms": "a.npy"}, own=(BALL,)).with_transforms({"a.npy": TransformArray(matrices(1000))})
+    scene = of({"transforms": "a.npy"}, own=(BALL,)).with_files(transforms={"a.npy": TransformArray(matrices(1000))})
     flat = flatten(scene, 8, 8)
     assert flat.triangle_count == 12 and flat.analytic_count == 1
     assert flat.instances.count == 1000 and flat.primitive_total == 12_001
@@ -160,7 +160,7 @@ def test_a_group_is_kept_once() -> None:
 
 def test_primitives_are_numbered_as_if_written_out() -> None:
     scene = of({"transforms": "a.npy"}, BALL, CUBE, own=(CUBE, BALL))
-    scene = scene.with_transforms({"a.npy": TransformArray(matrices(300))})
+    scene = scene.with_files(transforms={"a.npy": TransformArray(matrices(300))})
     flat = flatten(scene, 8, 8)
     first = flat.triangle_count + flat.analytic_count
     rows, instance = flat.instances.rows_of(np.arange(first + 300 * 13))
@@ -191,8 +191,8 @@ def test_guides_find_every_instance() -> None:
 
 
 def test_what_shines_is_written_out() -> None:
-    scene = of({"transforms": "a.npy"}, CUBE, LAMP, own=(BALL,)).with_transforms(
-        {"a.npy": TransformArray(matrices(50))}
+    scene = of({"transforms": "a.npy"}, CUBE, LAMP, own=(BALL,)).with_files(
+        transforms={"a.npy": TransformArray(matrices(50))}
     )
     assembly = assemble(scene)
     assert assembly.own_shapes == 51 and [len(each) for each in assembly.groups] == [1]
@@ -238,8 +238,8 @@ def test_too_many_primitives_are_told() -> None:
     faces = [[0, 1, 2]] * 1000
     mesh = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": faces}
     scene = of({"transforms": "a.npy"}, mesh)
-    scene = scene.with_transforms(
-        {"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 1000 + 1, 3, 4)))}
+    scene = scene.with_files(
+        transforms={"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 1000 + 1, 3, 4)))}
     )
     with pytest.raises(SceneError, match="triangles with all instances counted, but 4294967280 is the most"):
         flatten(scene, 8, 8)
@@ -247,7 +247,7 @@ def test_too_many_primitives_are_told() -> None:
 
 def test_boxes_hold_their_instances() -> None:
     maps = matrices(500, 7) * 10.0 ** np.random.default_rng(8).uniform(-6.0, 3.0, (500, 1, 1))
-    scene = of({"transforms": "a.npy"}, CUBE).with_transforms({"a.npy": TransformArray(maps)})
+    scene = of({"transforms": "a.npy"}, CUBE).with_files(transforms={"a.npy": TransformArray(maps)})
     boxes = flatten(scene, 8, 8).instances.boxes.astype(np.float64)
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     points = np.einsum("nij,kj->nki", maps[:, :, :3], corners) + maps[:, None, :, 3]
@@ -272,21 +272,21 @@ def test_the_camera_may_be_in_an_instance_of_glass() -> None:
 
 
 def test_hashes_tell_groups_and_places() -> None:
-    base = of({"transforms": "a.npy"}).with_transforms({"a.npy": TransformArray(matrices(3))})
-    same = of({"transforms": "b.npy"}).with_transforms({"b.npy": TransformArray(matrices(3))})
-    moved = of({"transforms": "a.npy"}).with_transforms({"a.npy": TransformArray(matrices(3, 2))})
-    other = of({"transforms": "a.npy"}, BALL).with_transforms({"a.npy": TransformArray(matrices(3))})
+    base = of({"transforms": "a.npy"}).with_files(transforms={"a.npy": TransformArray(matrices(3))})
+    same = of({"transforms": "b.npy"}).with_files(transforms={"b.npy": TransformArray(matrices(3))})
+    moved = of({"transforms": "a.npy"}).with_files(transforms={"a.npy": TransformArray(matrices(3, 2))})
+    other = of({"transforms": "a.npy"}, BALL).with_files(transforms={"a.npy": TransformArray(matrices(3))})
     assert base.sha256() == same.sha256()
     assert len({base.sha256(), moved.sha256(), other.sha256()}) == 3
-    named = of({"transforms": "a.npy", "name": "trees"}).with_transforms({"a.npy": TransformArray(matrices(3))})
+    named = of({"transforms": "a.npy", "name": "trees"}).with_files(transforms={"a.npy": TransformArray(matrices(3))})
     assert named.sha256() == base.sha256(), "names are for mattes"
 
 
 def test_groups_travel_and_are_written() -> None:
     mesh = {"type": "mesh", "file": "mesh"}
     triangle = MeshData(np.eye(3), np.array([[0, 1, 2]], np.uint32))
-    scene = of({"transforms": "a.npy"}, CUBE, mesh).with_meshes({("mesh", None): triangle})
-    scene = scene.with_transforms({"a.npy": TransformArray(matrices(5))})
+    scene = of({"transforms": "a.npy"}, CUBE, mesh).with_files(meshes={("mesh", None): triangle})
+    scene = scene.with_files(transforms={"a.npy": TransformArray(matrices(5))})
     description, assets = scene_to_portable(scene)
     again = scene_from_portable(json.loads(json.dumps(description)), assets)
     assert again.sha256() == scene.sha256() and flatten(again, 8, 8).sha256 == flatten(scene, 8, 8).sha256

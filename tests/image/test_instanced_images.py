@@ -84,7 +84,7 @@ def scene(folder: Path, *shapes: dict[str, Any], similar: bool = False, tangents
             "shapes": [_FLOOR, *({**instance, **each} for each in places)], **more,
         }
     )  # fmt: skip
-    return made.placed("scene", folder).with_meshes({("ball", None): body(tangents)})
+    return made.placed("scene", folder).with_files(meshes={("ball", None): body(tangents)})
 
 
 def render(what: Scene, device: Device, **settings: Any) -> npt.NDArray[np.float32]:

@@ -28,7 +28,7 @@ def ball(device: Device, reflectance: float, camera: Camera) -> npt.NDArray[np.f
         materials={"matt": material},
         shapes=(Sphere(type="sphere", radius=1.0, material="matt"),),
         lights=(light,),
-    ).with_pictures({"studio light": studio_light(camera)})
+    ).with_files(environments={"studio light": studio_light(camera)})
     image = clrender.render(scene, device=device.info.index, size=(SIZE, SIZE), spp=64)
     return np.asarray(image.linear, np.float64)[..., 1]
 

@@ -304,7 +304,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
     what = Scene.model_validate(described).placed("everything", folder)
     # Photons start at lights, for which a tree has no answer
     choice = "power" if run.kernel == "photon" else "auto"
-    return flatten(what.with_pictures({"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)
+    return flatten(what.with_files(environments={"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)
 
 
 def render(device: Device, run: Run) -> str:

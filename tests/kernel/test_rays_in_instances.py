@@ -43,7 +43,7 @@ def placed(shapes: list[dict[str, Any]], places: _Floats, more: tuple[dict[str, 
     """A group, instances of it, and shapes of the scene's own."""
     instance = {"type": "instance", "group": "one", "transforms": "places.npy"}
     scene = Scene(camera=_CAMERA, groups={"one": {"shapes": shapes}}, shapes=(*more, instance))
-    return scene.with_transforms({"places.npy": TransformArray.checked(places, "places")})
+    return scene.with_files(transforms={"places.npy": TransformArray.checked(places, "places")})
 
 
 def ball(frequency: int = 12) -> dict[str, Any]:

@@ -138,7 +138,7 @@ def irradiance(pixels: Floats, normal: tuple[float, ...], degrees: float = 0.0, 
 
 def under(pixels: Floats, what: Scene, **more: Any) -> Scene:
     """A scene whose environment is the file "sky", with these pixels in its place."""
-    return what.with_pictures({"sky": EnvironmentPicture(pixels.astype(np.float32))})
+    return what.with_files(environments={"sky": EnvironmentPicture(pixels.astype(np.float32))})
 
 
 class DevicePicture:

@@ -1,0 +1,150 @@
+"""The files that a scene names: where to find them, and their contents, each read once and cached."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from numpy import uint8
+from numpy.typing import NDArray
+
+from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.groups import TransformArray
+from clrender.scene.ies import IesProfile, read_ies
+from clrender.scene.mesh_data import MeshData
+from clrender.scene.mesh_io import read_mesh
+from clrender.scene.named_files import open_named_file
+from clrender.scene.shapes import Mesh
+from clrender.scene.texels import StoredPicture
+from clrender.scene.vertex_colors import VertexColors
+from clrender.scene.wording import place, quoted
+
+__all__ = ["SceneFiles"]
+
+_PICTURE_BYTES = 2**33
+
+
+def _working_folder() -> Path:
+    try:
+        return Path.cwd()
+    except FileNotFoundError:  # the folder was deleted; this matters only to a scene that names files
+        return Path()
+
+
+@dataclass
+class SceneFiles:
+    """Contents by name in the scene; missing ones are read from the file of that name.
+
+    Attributes
+    ----------
+    source : str
+        Name of the scene in messages.
+    base_folder : pathlib.Path
+        Folder to which file names are relative. Files are read only from it and below ...
+    allow_paths : tuple of pathlib.Path
+        ... and from these folders and below.
+    meshes : dict of (str, VertexColors or None) to MeshData
+        By file name and colour encoding: see `clrender.scene.Mesh.asset`.
+    transforms : dict of str to TransformArray
+    environments : dict of str to EnvironmentPicture
+    profiles : dict of str to IesProfile
+    textures : dict of str to (StoredPicture, (tiles, 64) uint8)
+    encoded : dict of str to (bytes, str)
+        Encoded images: file content, and the format's extension such as ``.png``.
+    """
+
+    source: str = "Scene"
+    base_folder: Path = field(default_factory=_working_folder)
+    allow_paths: tuple[Path, ...] = ()
+    meshes: dict[tuple[str, VertexColors | None], MeshData] = field(default_factory=dict)
+    transforms: dict[str, TransformArray] = field(default_factory=dict)
+    environments: dict[str, EnvironmentPicture] = field(default_factory=dict)
+    profiles: dict[str, IesProfile] = field(default_factory=dict)
+    textures: dict[str, tuple[StoredPicture, NDArray[uint8]]] = field(default_factory=dict)
+    encoded: dict[str, tuple[bytes, str]] = field(default_factory=dict)
+
+    def in_folder(self, source: str, base_folder: Path, allow_paths: tuple[Path, ...]) -> SceneFiles:
+        """Files of the same names in another folder; only images that were given are kept."""
+        return SceneFiles(source, base_folder, allow_paths, textures=self.textures, encoded=self.encoded)
+
+    def with_contents(self, **contents: Mapping[Any, Any]) -> SceneFiles:
+        """A copy with more contents: attributes of this class, by name."""
+        merged: dict[str, Any] = {kind: {**getattr(self, kind), **more} for kind, more in contents.items()}
+        return replace(self, **merged)
+
+    def mesh(self, at: tuple[str | int, ...], shape: Mesh) -> MeshData:
+        """Triangles of a mesh that names a file.
+
+        Parameters
+        ----------
+        at : tuple of str or int
+            Location of the mesh in the scene's description, for messages.
+        shape : Mesh
+
+        Raises
+        ------
+        SceneError
+            The file cannot be read or is not a usable mesh.
+        """
+        if shape.asset not in self.meshes:
+            assert shape.file is not None
+            where = f"{self.source}: {place((*at, 'file'))}"
+            self.meshes[shape.asset] = read_mesh(
+                shape.file, self.base_folder, self.allow_paths, where, shape.vertex_colors
+            )
+        return self.meshes[shape.asset]
+
+    def transform_array(self, name: str, where: str) -> TransformArray:
+        """Transforms of an instance; `where` is the location of the name, for messages. Raises like `mesh`."""
+        if name not in self.transforms:
+            where = f"{self.source}: {where}"
+            self.transforms[name] = TransformArray.read(name, self.base_folder, self.allow_paths, where)
+        return self.transforms[name]
+
+    def environment(self, name: str, where: str) -> EnvironmentPicture:
+        """An environment map; `where` is the location of the name, for messages. Raises like `mesh`."""
+        if name not in self.environments:
+            where = f"{self.source}: {where}"
+            self.environments[name] = EnvironmentPicture.read(name, self.base_folder, self.allow_paths, where)
+        return self.environments[name]
+
+    def profile(self, name: str, where: str) -> IesProfile:
+        """Content of an IES file; `where` is the location of the name, for messages. Raises like `mesh`."""
+        if name not in self.profiles:
+            self.profiles[name] = read_ies(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
+        return self.profiles[name]
+
+    @contextmanager
+    def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:
+        """Open an encoded image or IES file.
+
+        Parameters
+        ----------
+        name : str
+            Name in the scene.
+        where : str
+            Location of the name, for error messages.
+
+        Yields
+        ------
+        file : binary file
+        ending : str
+            Such as ``.png``.
+
+        Raises
+        ------
+        SceneError
+            See `clrender.scene.named_files.open_named_file`.
+        """
+        if name in self.encoded:
+            data, ending = self.encoded[name]
+            yield BytesIO(data), ending
+            return
+        label = f"{self.source}: {where}: {quoted(name)}"
+        file, _ = open_named_file(name, self.base_folder, self.allow_paths, label, _PICTURE_BYTES)
+        with file:
+            yield file, Path(name).suffix.lower()
