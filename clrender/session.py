@@ -140,7 +140,7 @@ class Session:
         ----------
         scene : Scene or RenderJob
         on_progress : callable, optional
-            Called in the calling thread after each launch.
+            Called in the calling thread after each launch, and a last time after the last commit.
         should_stop : callable, optional
             Called in the calling thread, twenty times a second. If it returns True, the render ends with the samples
             taken so far.

@@ -35,6 +35,12 @@ class RunningFilm(Film):
         self.rays = self.shadow_rays = self.max_depth = 0
         self._intact = True
 
+    @property
+    def samples_taken(self) -> int:
+        """Samples taken so far, accepted or not, over all pixels of the image. Safe in any thread during a render."""
+        with self._whole:
+            return self.ledger.samples
+
     def take_up(self) -> dict[str, int]:
         """Resume a loaded film: take over, and return, the counts in its file's provenance."""
         told = {name: self.provenance.get(name) for name in ("rays", "shadow_rays", "max_depth")}

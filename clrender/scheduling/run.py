@@ -69,7 +69,8 @@ def run(
     film : Receiver
         A `clrender.film.Film` of the plan's size, or another receiver, without any of the plan's samples.
     on_progress : callable, optional
-        Called in the calling thread with the total numbers of finished samples and rays.
+        Called in the calling thread with the total numbers of finished samples and rays; the last call comes after the
+        last commit.
     should_stop : callable, optional
         Called in the calling thread, at least twenty times a second. If it returns True, the run ends and the film
         keeps the samples taken so far.
@@ -157,6 +158,8 @@ class _Run:
                 "ended before it was found which are wrong; the image may be"
             )
         tally.complete = tally.samples == self._plan.samples
+        if self._listeners.on_progress is not None and tally.samples:
+            self._listeners.on_progress(tally.samples, tally.rays)
         return tally
 
     def _ask_to_stop(self) -> None:
