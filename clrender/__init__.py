@@ -1,4 +1,4 @@
-"""clrender: a physically based renderer whose image is the same bits on every OpenCL device.
+"""clrender: a physically based renderer whose image is bit-identical on every OpenCL device.
 
 >>> import clrender
 >>> image = clrender.render(clrender.load("room"), spp=16, size=(200, 200))  # doctest: +SKIP
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from clrender.verification import verify as verify
     from clrender.view.notebook import View as View
 
-# What each name comes from. They are fetched when first used: `clrender --version` must not load NumPy.
+# Module of each name. Names are imported when first used: `clrender --version` must not load NumPy.
 _HOMES = {
     "ClrenderError": "clrender.errors",
     "ConvergencePlot": "clrender.convergence_plot",

@@ -1,4 +1,4 @@
-"""`clrender` and `python -m clrender`: the command line, which Ctrl-C also ends quietly while it is being loaded."""
+"""`clrender` and `python -m clrender`: the command line; Ctrl-C ends it quietly even while modules load."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 __all__ = ["main"]
 
 COLLECT_EVERY: Final = 50_000
-"""New objects from one search for garbage to the next: CPython's own 700 search often while modules load, in vain."""
+"""Threshold of the garbage collector, in new objects. CPython's 700 runs it often during imports, in vain."""
 
 
 def main() -> None:
@@ -29,8 +29,8 @@ def main() -> None:
             device.leave_lost_devices(end.code)
         raise
     finally:
-        # Where Ctrl-C came in code made from a string, as dataclasses make theirs, CPython remembers it although it
-        # was caught, and ends the process by the signal in place of the exit code. It forgets when more such code runs.
+        # If Ctrl-C interrupts code compiled from a string, as in dataclasses, CPython remembers it although it was
+        # caught, and ends the process by the signal instead of the exit code. Running more such code resets this.
         exec("")
 
 

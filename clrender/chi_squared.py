@@ -1,4 +1,4 @@
-"""Pearson's test of counts against probabilities, without a statistics library."""
+"""Pearson's chi-squared test of counts against probabilities, without a statistics library."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy.typing as npt
 __all__ = ["Fit", "goodness_of_fit", "survival"]
 
 _FEWEST: Final = 5.0
-"""Expected events of a cell, below which the statistic does not follow its distribution."""
+"""Fewest expected events per cell: below it the statistic does not follow the chi-squared distribution."""
 _TERMS: Final = 10_000
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Counts against probabilities.
+    """Result of the test of counts against probabilities.
 
     Attributes
     ----------
     statistic : float
-        Pearson's.
+        Pearson's statistic.
     freedom : int
-        Its degrees of freedom; 0: all is in one cell, and there is nothing to test.
+        Its degrees of freedom; 0 if there is only one cell, so that there is nothing to test.
     p : float
-        Probability of a statistic at least as large where the probabilities are right.
+        Probability of a statistic at least as large if the probabilities are right.
     """
 
     statistic: float
@@ -36,7 +36,7 @@ class Fit:
 
 
 def survival(x: float, freedom: int) -> float:
-    """Probability that χ² with so many degrees of freedom exceeds `x`: Q(freedom / 2, x / 2).
+    """Probability that χ² with `freedom` degrees of freedom exceeds `x`: Q(freedom / 2, x / 2).
 
     Q is the regularised upper incomplete gamma function: one minus its series (DLMF 8.11.4) below the mean, its
     continued fraction (DLMF 8.9.2, by the method of Lentz) above.
@@ -76,21 +76,21 @@ def survival(x: float, freedom: int) -> float:
 
 
 def goodness_of_fit(counts: npt.ArrayLike, chances: npt.ArrayLike) -> Fit:
-    """Pearson's test; cells in which fewer than 5 events are expected are united.
+    """Pearson's test; cells in which fewer than 5 events are expected are merged.
 
     Parameters
     ----------
     counts : (k,) int
         Independent events in each cell.
     chances : (k,) float
-        Probability of each cell. They are not scaled to add up to 1: that they do is part of what is tested.
+        Probability of each cell. They are not normalized, so that the test also covers that their sum is 1.
     """
     seen, expected = np.asarray(counts, np.float64), np.asarray(chances, np.float64) * np.sum(counts)
     order = np.argsort(expected)
     seen, expected = seen[order], expected[order]
     few = int(np.count_nonzero(expected < _FEWEST))
     if few:
-        # With as many more as it takes, for the smallest cells together to be large enough
+        # Add the smallest remaining cells until the merged cell is large enough
         few = max(few, 1 + int(np.searchsorted(np.cumsum(expected), _FEWEST)))
         seen = np.append(seen[few:], seen[:few].sum())
         expected = np.append(expected[few:], expected[:few].sum())

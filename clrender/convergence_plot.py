@@ -1,4 +1,4 @@
-"""How an image gets better while it is rendered: error, samples and time, as a plot in a notebook."""
+"""Convergence plot of a render for notebooks: error against samples and time."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
 __all__ = ["ConvergencePlot", "Measured"]
 
 _ROWS: Final = 64
-"""Rows of the image that its error is taken from."""
+"""Number of image rows from which the error is estimated."""
 _GROWTH: Final = 1.12
-"""Samples from one point to the next: twenty points a decade."""
+"""Ratio of the samples of consecutive points: twenty points per decade."""
 _REDRAW_SECONDS: Final = 1.0
 _SHARE: Final = 20.0
-"""Looking at the image must not slow the render down: nothing is done before so many times what it took last time."""
+"""Least interval between two updates, in multiples of the last update's duration: updates must not slow the render."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """How far a render was.
+    """State of a render at one point of the plot.
 
     Attributes
     ----------
     samples : float
-        Of a pixel, mean.
+        Mean samples per pixel.
     seconds : float
-        Since the first launch.
+        Time since the first launch.
     error : float or None
-        Root mean square error of luminance over the image's mean; None where it is not known.
+        Root mean square error of luminance, relative to the image's mean luminance; None if unknown.
     """
 
     samples: float
@@ -56,17 +56,17 @@ class Measured:
 
 
 class ConvergencePlot:
-    """Collects how a render gets on, as its ``on_progress``, and shows itself as a plot in a notebook.
+    """An ``on_progress`` callback that records the convergence of a render and displays it as a plot in a notebook.
 
-    The error is known with replicates (their standard error) or with a reference (the distance from it). Without both,
-    the plot is of samples over time. It is drawn with Matplotlib: ``pip install 'clrender[notebook]'``.
+    The error is the standard error of the replicates or the difference from a reference. Without both, samples are
+    plotted over time. Drawing needs Matplotlib: ``pip install 'clrender[notebook]'``.
 
     Parameters
     ----------
     reference : (height, width, 3) float32 array or RenderedImage, optional
-        Radiance of the same scene, much nearer to the truth than what is rendered.
+        Radiance of the same scene with a much smaller error than the render.
     live : bool
-        Show it in the cell from the first sample on, and keep it up to date while the render goes on.
+        Show the plot in the cell from the first sample on, and update it during the render.
 
     Examples
     --------
@@ -93,12 +93,12 @@ class ConvergencePlot:
         return f"<clrender.ConvergencePlot, {len(points)} points{told}{error}>"
 
     def __call__(self, progress: Progress) -> None:
-        """Note how far a render is; what `Session.render` calls. Another render begins another plot.
+        """Record the progress of a render; called by `Session.render`. A new render starts a new plot.
 
         Raises
         ------
         UsageError
-            The reference has another size than the image.
+            When the reference and the image have different sizes.
         """
         film = progress.film
         if film is None:
@@ -122,12 +122,12 @@ class ConvergencePlot:
 
     @property
     def points(self) -> list[Measured]:
-        """What was collected, in the order of samples."""
+        """The recorded points, in the order of samples."""
         self._complete()
         return list(self._points)
 
     def _complete(self) -> None:
-        """Add what came in after the last call: devices were done then, and their last samples not added up."""
+        """Add a point for samples that were committed after the last call, when the devices were already done."""
         film = self._film
         if film is None or film.developed or self._ended is None:
             return
@@ -143,7 +143,7 @@ class ConvergencePlot:
             raise UsageError(f"the reference has {width} x {height} pixels, but the image {film.width} x {film.height}")
 
     def _error(self, film: Film) -> float | None:
-        """Root mean square error of some rows; None where a pixel of them has no error yet."""
+        """Root mean square error of some rows; None if one of their pixels has no error yet."""
         rows = slice(0, film.height, max(1, film.height // _ROWS))
         weights = np.asarray(LUMINANCE)
         if self._reference is not None:
@@ -155,7 +155,7 @@ class ConvergencePlot:
         elif film.replicate_spp:
             try:
                 distances = standard_error_of(film, rows) @ weights
-            except RenderError:  # it was developed: nothing of its sums is there any more
+            except RenderError:  # the film was developed and its sums are released
                 return None
             mean = float((film.snapshot(_ROWS) @ weights).mean())
         else:
@@ -186,7 +186,7 @@ class ConvergencePlot:
         Raises
         ------
         UsageError
-            There is no sample yet, or Matplotlib is not installed.
+            When there is no sample yet, or Matplotlib is not installed.
         """
         if not self.points:
             raise UsageError("there is nothing to plot yet; give the plot to a render as on_progress")
@@ -232,7 +232,7 @@ def _curve(axes: Axes, points: list[Measured], across: str, up: str) -> None:
 
 
 def _slope(axes: Axes, points: list[Measured]) -> None:
-    """What independent samples do: the error falls with the square root of their number."""
+    """Draw the expected slope: the error of independent samples falls with the square root of their number."""
     from clrender.drawing.svg import GREY
 
     ends = [points[0].samples, points[-1].samples]

@@ -1,4 +1,4 @@
-"""The devices of a session at one job's disposal, as workers of a cluster are: a team that works on this machine."""
+"""The devices of a session as a team of workers for one job, with the same interface as the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ __all__ = ["DeviceTeam", "check_lanes", "member"]
 
 
 class DeviceTeam:
-    """A `clrender.scheduling.cluster.Team`, and a context manager: at its end its workers are released.
+    """A `clrender.scheduling.cluster.Team` and a context manager; on exit it releases its workers.
 
     Parameters
     ----------
     session : Session
     prepared : Prepared
-        What the integrator renders with.
+        The integrator's scene and kernels, after its preparation.
     settings : (1,) `Settings`
     launch : LaunchConfig
     on_ready : callable
-        Told, in any thread, of each device that is set up.
+        Called, in any thread, after each device is set up.
     """
 
     limits = None
@@ -74,28 +74,28 @@ class DeviceTeam:
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """One for each device."""
+        """One candidate for each device."""
         return self._pool.candidates
 
     def members(self) -> list[Member | None]:
-        """As of `clrender.scheduling.cluster.Team.members`: all of them."""
+        """See `clrender.scheduling.cluster.Team.members`; none is None here."""
         workers = self._pool.workers
         return [member(device, workers.get(number)) for number, device in enumerate(self._devices)]
 
     def stats(self) -> Mapping[str, Any]:
-        """Nothing beside what members tell."""
+        """No further entries for the statistics."""
         return {}
 
 
 def member(device: Device, worker: DeviceWorker | None = None) -> Member:
-    """A device in the statistics."""
+    """The entry of a device in the statistics."""
     info, driver = device.info, f"{device.info.platform} {device.info.driver}"
     busy, build = (worker.busy_seconds, worker.build_seconds) if worker is not None else (0.0, 0.0)
     return Member(info.name, driver, info.type, busy, build, device.compile_seconds, device.allocated_bytes)
 
 
 def check_lanes(settings: RenderSettings, devices: Sequence[Device]) -> None:
-    """Refuse more lanes than a device takes.
+    """Check that no device supports fewer lanes than requested.
 
     Raises
     ------

@@ -11,7 +11,7 @@ class ClrenderError(Exception):
     Attributes
     ----------
     exit_code : int
-        What the command line exits with when this error ends it.
+        Exit status of the command line when this error ends it.
     """
 
     exit_code = 1
@@ -24,28 +24,28 @@ class RenderError(ClrenderError):
 
 
 class DeviceFailure(RenderError):
-    """A driver refused a call that it may well accept later: the device is worth another try."""
+    """A driver refused a call that it may accept later, so the device is tried again."""
 
 
 class MemoryRefused(RenderError):
-    """Something would take more memory than the user allows."""
+    """An operation would take more memory than the user allows."""
 
     exit_code = 2
 
 
 class SceneError(ClrenderError):
-    """The scene, or a file it names, is not what the format asks for."""
+    """The scene, or a file it refers to, does not conform to its format."""
 
     exit_code = 2
 
 
 class UsageError(ClrenderError):
-    """A command line or a call with arguments that make no sense."""
+    """A command line or a call with invalid arguments."""
 
     exit_code = 2
 
 
 class DeviceError(ClrenderError):
-    """No OpenCL device can do the work, or the one asked for cannot."""
+    """No OpenCL device can do the work, or the requested one cannot."""
 
     exit_code = 3

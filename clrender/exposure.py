@@ -1,13 +1,13 @@
-"""Exposure as photographers say it: f-stop, shutter and film speed become stops of the display image.
+"""Photographic exposure: converts f-stop, shutter time and film speed to stops of the display image.
 
 By the saturation-based speed of ISO 12232 a sensor of speed S saturates at the exposure 78 / S lux seconds; with the
 part q = 0.65 of the light that lenses let through (Lagarde and de Rousiers, "Moving Frostbite to physically based
-rendering", SIGGRAPH 2014 course notes) that is at the luminance
+rendering", SIGGRAPH 2014 course notes) this corresponds to the luminance
 
     L = 78 N^2 / (q S t) = 120 N^2 / (S t)  cd/m2
 
-for the f-number N and the time t. Such a surface becomes 1 before tone mapping: display white. The luminance of a
-colour is 683 lm/W times that of its linear Rec. 709 numbers in W/(sr m2).
+for the f-number N and the time t. This luminance maps to 1, display white, before tone mapping. The luminance of a
+colour is 683 lm/W times the luminance of its linear Rec. 709 values in W/(sr m2).
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ PHOTOGRAPHIC: Final[Mapping[str, Range]] = {
     "shutter": Range(1e-6, 1e6),
     "iso": Range(0.1, 1e7),
 }
-"""What an exposure is made of: f-number, seconds, film speed."""
+"""The parameters of an exposure: f-number, shutter time in seconds, film speed."""
 SPEED: Final = 100.0
-"""The film speed where only f-stop and shutter are given."""
+"""Default film speed if only f-stop and shutter are given."""
 
 LUMENS_PER_WATT: Final = 683.0
-"""By the definition of the candela: luminous efficacy of light of 540 THz, to which the eye is most sensitive."""
+"""Luminous efficacy of light of 540 THz, near the eye's peak sensitivity, by the definition of the candela."""
 _SATURATION: Final = 78.0 / 0.65
-"""Luminance that saturates, times S t / N^2."""
+"""Saturation luminance times S t / N^2."""
 
 
 def photographic_stops(f_stop: float | None = None, shutter: float | None = None, iso: float | None = None) -> float:
-    """Stops by which radiance is multiplied; 0 where nothing is given.
+    """The exposure, in stops, that is applied to radiance; 0 if nothing is given.
 
     Parameters
     ----------
@@ -46,12 +46,12 @@ def photographic_stops(f_stop: float | None = None, shutter: float | None = None
     shutter : float, optional
         Time, seconds.
     iso : float, optional
-        Film speed S; default, where the others are given: 100.
+        Film speed S; default if the others are given: 100.
 
     Raises
     ------
     UsageError
-        When one is not allowed, or f-stop or shutter is missing where another is given.
+        When a value is not allowed, or f-stop or shutter is missing although another is given.
     """
     asked = {"f_stop": f_stop, "shutter": shutter, "iso": iso}
     given = {name: value for name, value in asked.items() if value is not None}
@@ -73,14 +73,14 @@ def photographic_stops(f_stop: float | None = None, shutter: float | None = None
 
 
 def camera_exposure(provenance: Mapping[str, Any] | None, given: Mapping[str, float | None]) -> dict[str, float]:
-    """The exposure of an image: what is given, else what its camera asked for by what is said of its making.
+    """The exposure parameters of an image: those given, else those of the camera in its provenance.
 
     Parameters
     ----------
     provenance : mapping or None
-        A render's numbers; the key ``camera_exposure``.
+        Statistics of a render, in which the key ``camera_exposure`` is read.
     given : mapping
-        Some of `PHOTOGRAPHIC`, or None for what is not given.
+        Some of `PHOTOGRAPHIC`; None for parameters that are not given.
 
     Returns
     -------

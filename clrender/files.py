@@ -1,4 +1,4 @@
-"""Files on disk: written whole or not at all, opened with errors that say what to do."""
+"""File access: atomic writes, and errors on opening that say what to do."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from clrender.errors import RenderError, UsageError
 
 try:
     import fcntl
-except ImportError:  # a system without
+except ImportError:  # not on this system
     fcntl = None  # type: ignore[assignment]
 
 __all__ = ["UnreadableFile", "atomic_write", "check_writable", "open_input", "open_regular", "remove_temporaries"]
 
 
 class UnreadableFile(Exception):
-    """A file that cannot be read; the message goes on from its name: "is a folder; …"."""
+    """A file that cannot be read; the message follows the file's name: "is a folder; …"."""
 
 
 _PART: Final = re.compile(r"\.clrender-\d+-[0-9a-f]{12}\.part")
-"""Names of files that are being written."""
+"""Names of temporary files of writes in progress."""
 _temporaries: set[Path] = set()
 _tidied: set[Path] = set()
-"""Folders that were looked through for what killed processes have left."""
+"""Folders that were already searched for temporary files of killed processes."""
 _beginning = threading.Lock()
 
 
 def check_writable(path: str | Path) -> None:
-    """Make sure, before any work is done, that `path` can be written.
+    """Check, before any work is done, that `path` can be written.
 
-    A file beside it is really created and removed: permissions alone do not tell (root, read-only or full disks).
+    A temporary file is created beside it and removed: permissions alone are not enough (root, read-only or full disks).
 
     Raises
     ------
     UsageError
-        No such folder, or a place that cannot be written.
+        When the folder does not exist or cannot be written.
     """
     path = Path(path)
     try:
@@ -61,24 +61,24 @@ def check_writable(path: str | Path) -> None:
 
 @contextmanager
 def atomic_write(path: str | Path, beside: str | None = None) -> Iterator[IO[bytes]]:
-    """Binary file that takes the place of `path` when the block ends well, and vanishes when it does not.
+    """Open a binary file that replaces `path` if the block succeeds and is removed if it fails.
 
-    The data is written beside, flushed to the disk and renamed, so that `path` is the old or the new file, whole,
-    whenever the program or the machine dies.
+    The data is written to a temporary file beside `path`, flushed to disk and renamed. So `path` is either the complete
+    old or the complete new file, even if the program or the machine crashes.
 
     Parameters
     ----------
     path : path
     beside : str, optional
-        Name of the file until then, for a caller who knows that nobody else uses it: what a killed process has left
-        there is replaced, so that no more than one such file is ever left. By default no two are called alike.
+        Name of the temporary file, for a caller that knows that no one else uses it. A file left there by a killed
+        process is replaced, so at most one remains. By default each temporary file has a unique name.
 
     Raises
     ------
     RenderError
-        The file cannot be written (no room, no permission, …).
+        When the file cannot be written (no space, no permission, …).
     UsageError
-        `path` is a pipe or a device, which a rename would destroy.
+        When `path` is a pipe or a device, which a rename would destroy.
     """
     path = Path(path)
     try:
@@ -87,7 +87,7 @@ def atomic_write(path: str | Path, beside: str | None = None) -> Iterator[IO[byt
             yield file
             file.flush()
             os.fsync(file.fileno())
-            # A link is written through, not replaced.
+            # The target of a link is replaced, not the link.
             target = Path(os.path.realpath(path))
             if target.exists():
                 temporary.chmod(target.stat().st_mode & 0o7777)
@@ -98,28 +98,28 @@ def atomic_write(path: str | Path, beside: str | None = None) -> Iterator[IO[byt
 
 
 def open_regular(path: str | Path, beneath: Path | None = None) -> BinaryIO:
-    """Open an existing regular file for reading, without ever waiting for it.
+    """Open an existing regular file for reading, without ever blocking.
 
-    Opening a pipe waits until somebody writes to it, and a device may never end; both are refused.
+    Pipes and devices are refused: opening a pipe blocks until a writer appears, and a device may never end.
 
     Parameters
     ----------
     path : path
     beneath : Path, optional
-        A folder. `path` must then be relative to it, without `..`; links on the way are refused, so that nobody can
-        lead the way out of the folder between a check of the path and its opening.
+        A folder. `path` must then be relative to it, without `..`. Symbolic links in the path are refused, so that it
+        cannot be redirected out of the folder between a check and the opening.
 
     Raises
     ------
     UnreadableFile
-        Missing, a folder, a device, a pipe, a socket, or without permission.
+        When the file is missing, a folder, a device, a pipe or a socket, or permission is denied.
     """
     try:
         descriptor = _open_beneath(beneath, Path(path)) if beneath is not None else os.open(path, _READ)
     except FileNotFoundError:
         raise UnreadableFile("does not exist (no such file); check its name and folder") from None
     except (OSError, ValueError) as error:
-        if isinstance(error, OSError) and error.errno == errno.ENXIO:  # what opening a socket says
+        if isinstance(error, OSError) and error.errno == errno.ENXIO:  # from opening a socket
             raise UnreadableFile(_SPECIAL) from None
         if isinstance(error, OSError) and error.errno == errno.ELOOP:
             raise UnreadableFile("cannot be opened: its links go round in a circle") from None
@@ -137,7 +137,7 @@ _READ = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
 
 
 def _open_beneath(folder: Path, path: Path) -> int:
-    """Descriptor of a file reached from `folder` step by step, through real folders only."""
+    """Open a file below `folder` one path component at a time, without following links; returns its descriptor."""
     step = os.O_DIRECTORY | os.O_CLOEXEC | getattr(os, "O_PATH", os.O_RDONLY)
     here = os.open(folder, step)
     try:
@@ -152,12 +152,12 @@ def _open_beneath(folder: Path, path: Path) -> int:
 
 @contextmanager
 def open_input(path: str | Path) -> Iterator[IO[bytes]]:
-    """Existing regular file for reading.
+    """Open an existing regular file for reading.
 
     Raises
     ------
     UsageError
-        It cannot be opened or read, or is a folder, a device, a pipe or a socket.
+        When it cannot be opened or read, or is a folder, a device, a pipe or a socket.
     """
     try:
         with open_regular(path) as file:
@@ -169,8 +169,8 @@ def open_input(path: str | Path) -> Iterator[IO[bytes]]:
 
 
 def remove_temporaries() -> None:
-    """Remove what `atomic_write` has begun and not ended; only for a program about to exit without cleaning up."""
-    # For good: another thread would begin one behind our back. But one that waits for its disk does not keep us.
+    """Remove the temporary files of unfinished `atomic_write` calls; only for a program that exits without cleanup."""
+    # Never released, so that no other thread starts a write. The timeout is for a thread that is blocked by its disk.
     _beginning.acquire(timeout=1.0)
     for temporary in list(_temporaries):
         with suppress(OSError):
@@ -179,7 +179,7 @@ def remove_temporaries() -> None:
 
 @contextmanager
 def _beside(path: Path, name: str | None = None) -> Iterator[tuple[IO[bytes], Path]]:
-    """New file in the folder where `path` really lies, removed at the end unless it was renamed."""
+    """Create a file in the real folder of `path`; it is removed at the end unless it was renamed."""
     folder = Path(os.path.realpath(path)).parent
     _tidy(folder)
     temporary = folder / (name or f".clrender-{os.getpid()}-{secrets.token_hex(6)}.part")
@@ -187,7 +187,7 @@ def _beside(path: Path, name: str | None = None) -> Iterator[tuple[IO[bytes], Pa
         with _beginning:
             _temporaries.add(temporary)
             if name is not None:
-                temporary.unlink(missing_ok=True)  # not opened and emptied: it may be a link
+                temporary.unlink(missing_ok=True)  # removed instead of truncated: it may be a link
             descriptor = _new_locked(temporary)
         with os.fdopen(descriptor, "wb") as file:
             yield file, temporary
@@ -198,9 +198,9 @@ def _beside(path: Path, name: str | None = None) -> Iterator[tuple[IO[bytes], Pa
 
 
 def _new_locked(path: Path) -> int:
-    """Descriptor of a new file, locked for as long as this process writes it: whoever tidies up sees that it lives."""
+    """Create a file, locked while this process writes it, so that `_tidy` keeps it; returns its descriptor."""
     while True:
-        # Not `tempfile`: the final file shall have the rights that the user's umask gives.
+        # Not `tempfile`: the final file should have the permissions of the user's umask.
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         try:
             _lock(descriptor)
@@ -209,28 +209,28 @@ def _new_locked(path: Path) -> int:
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)  # somebody took it for one that was left behind, before it was locked
+        os.close(descriptor)  # another process removed it as a leftover before it was locked
 
 
 def _lock(descriptor: int) -> None:
-    """Lock a new file, where its file system knows locks."""
+    """Lock a new file, if its file system supports locks."""
     if fcntl is None:
         return
     for _ in range(100):
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
-        except BlockingIOError:  # whoever tidies up is about to remove it
+        except BlockingIOError:  # `_tidy` of another process is about to remove it
             time.sleep(0.01)
         except OSError:
             return
 
 
 def _tidy(folder: Path) -> None:
-    """Remove what killed processes of this user were writing in a folder; once for each folder.
+    """Remove temporary files that killed processes of this user left in a folder; once for each folder.
 
-    A lock ends with the process that has it, on whatever machine that runs. Where a file system knows no locks nothing
-    is removed, for nobody can tell.
+    A lock ends with the process that holds it, on any machine. Without locks in the file system nothing is removed, as
+    leftovers cannot be told from files in use.
     """
     if fcntl is None or folder in _tidied:
         return
@@ -243,7 +243,7 @@ def _tidy(folder: Path) -> None:
 
 
 def _remove_if_left(part: Path) -> None:
-    """Remove a file that is being written, unless somebody still does."""
+    """Remove a temporary file, unless a process still writes it."""
     descriptor = os.open(part, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOFOLLOW)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -259,7 +259,7 @@ def _refuse_special(path: Path) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make a rename last; some file systems know no such call, and then there is nothing to do."""
+    """Flush a folder to disk so that a rename persists; file systems without such a call are skipped."""
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:
@@ -270,7 +270,7 @@ def _sync_folder(folder: Path) -> None:
 
 def _reason(path: Path, error: OSError) -> str:
     folder = Path(os.path.realpath(path)).parent
-    if error.errno == errno.ENOENT and folder.is_dir():  # as /proc says of new files
+    if error.errno == errno.ENOENT and folder.is_dir():  # the error of /proc for new files
         return f"{path}: the folder {str(folder)!r} takes no files; write elsewhere."
     match error.errno:
         case errno.ENOSPC | errno.EDQUOT | errno.EFBIG:

@@ -46,7 +46,7 @@ _Rows: TypeAlias = NDArray[np.void]
 
 @dataclass(frozen=True)
 class FlatScene:
-    """A scene as the kernels see it. No array is empty: the counts tell how many rows are real.
+    """A scene as arrays for the kernels. No array is empty: the counts say how many rows are valid.
 
     Attributes
     ----------
@@ -55,44 +55,43 @@ class FlatScene:
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
         ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
-        ``media_rows`` (N, 16) float32, zero where paths need no account of what they are inside of;
+        ``media_rows`` (N, 16) float32, zero if paths need not track the media that they are inside;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
-        ``texture_slots``, ``texel_values`` and ``texels`` as of `clrender.scene.texture_rows.FlatTextures`;
-        ``hole_rows`` (N, 64) uint32, as of `clrender.scene.holes`, one row where no opacity is a texture;
-        ``lights`` (L,) `Light`, as of `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and
-        ``light_order`` (N,) uint32, the tree of lights, and ``light_cones`` (N, 8) float32 where there are lamps, else
-        one row; ``lamp_tables`` (N,) float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero
-        where the environment has no picture; ``instance_rows`` and ``instance_guides`` as of `instances`. Shapes are
-        those of `clrender.scene.assembly`: those of groups come last, in the space of their group. Little-endian,
-        C-contiguous.
+        ``texture_slots``, ``texel_values`` and ``texels``: see `clrender.scene.texture_rows.FlatTextures`;
+        ``hole_rows`` (N, 64) uint32, see `clrender.scene.holes`, one row if no opacity is textured; ``lights`` (L,)
+        `Light`, see `clrender.scene.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and ``light_order`` (N,)
+        uint32, the light BVH, and ``light_cones`` (N, 8) float32 if there are lamps, else one row; ``lamp_tables`` (N,)
+        float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero if the environment has no image;
+        ``instance_rows`` and ``instance_guides``: see `instances`. Shapes are in the order of
+        `clrender.scene.assembly`: those of groups come last, in the space of their group. Little-endian, C-contiguous.
     camera : (1,) `Camera`
-        All that depends on the camera, but for `origin`.
+        All camera parameters; nothing else but `origin` depends on the camera.
     environment : int
         Index of the environment light, or `layout.NONE`.
     triangle_count, analytic_count : int
     light_count : int
-        Of the lights that light samples choose from.
+        Number of lights that light sampling chooses from.
     light_levels : int
-        Of the tree of lights; 0: there is none.
+        Levels of the light BVH; 0: there is none.
     scatters : bool
-        Whether a medium does, or there is fog.
+        Whether any medium, including fog, scatters light.
     fog : bool
-        Whether what no other medium fills does.
+        Whether the medium outside of all others scatters light.
     straight_surfaces : bool
-        Whether light goes straight through some surfaces that are no boundaries: `clrender.scene.media.Media`.
+        Whether some surfaces transmit light undeflected without bounding a medium: `clrender.scene.media.Media`.
     masked : bool
-        Whether rays may pass by some surfaces: those of shapes with the flag `layout.SHAPE_MASKED`.
+        Whether rays may pass through some surfaces: those of shapes with the flag `layout.SHAPE_MASKED`.
     subsurface : bool
         Whether there are subsurface materials.
     instances : FlatInstances
-        Of groups of shapes; their primitives are counted from ``triangle_count + analytic_count`` on.
+        Instances of groups of shapes; their primitives are numbered from ``triangle_count + analytic_count`` on.
     arrays_sha256 : str
-        Over all of the above but the camera.
+        Hash of all of the above except the camera.
     warnings : tuple of str
-        What was left out or changed, and light that cannot be found, one sentence each.
+        One sentence for each thing left out or changed, and for light that cannot be found.
     origin : (3,) float
-        World space, metres: what all coordinates of the arrays and of the camera are relative to. `scene_origin`
-        chooses it, and chooses another only when the camera goes far: until then the arrays stay as they are.
+        World space, metres: the origin of all coordinates in the arrays and the camera. `scene_origin` chooses it. It
+        changes only when the camera moves far; until then the arrays stay the same.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -114,25 +113,25 @@ class FlatScene:
 
     @property
     def sha256(self) -> str:
-        """Hash of all that the kernels read of the scene, the camera included."""
+        """Hash of all scene data that the kernels read, including the camera."""
         return hashlib.sha256(self.arrays_sha256.encode() + self.camera.tobytes()).hexdigest()
 
     @property
     def primitive_total(self) -> int:
-        """Triangles, spheres and disks that rays may meet, those of every instance counted."""
+        """Number of triangles, spheres and disks that rays may hit, counted for every instance."""
         return self.instances.own_triangles + self.instances.own_analytic + self.instances.primitive_count
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all arrays together; the tree built on the device comes on top."""
+        """Bytes of all arrays together, without the BVH that is built on the device."""
         return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes
 
 
 def scene_origin(camera: Camera) -> Vector:
-    """Where coordinates on the device begin: near the camera, so that single precision resolves what it sees.
+    """The origin of coordinates on the device: near the camera, so that single precision resolves the visible scene.
 
-    It is the point nearest to the camera of a cubic grid, whose side is 64 to 1024 times the distance from the camera
-    to its target: the world's own origin for a camera that is near it, and the same for most moves of a camera.
+    It is the point nearest to the camera of a cubic grid whose spacing is 64 to 1024 times the distance from the camera
+    to its target. So it is the world origin for a camera near it, and most camera moves do not change it.
 
     Parameters
     ----------
@@ -157,7 +156,7 @@ def flatten(
     origin: Vector | None = None,
     compensated: bool = False,
 ) -> FlatScene:
-    """Arrays of a scene for an image of `width` by `height` pixels.
+    """Convert a scene to arrays, for an image of `width` by `height` pixels.
 
     Parameters
     ----------
@@ -167,10 +166,10 @@ def flatten(
     light_sampler : str
         A light sampler of `clrender.settings`.
     origin : (3,) float, optional
-        World space, metres: what coordinates on the device are relative to; default: `scene_origin`.
+        World space, metres: origin of the coordinates on the device; default: `scene_origin`.
     compensated : bool
-        Light samples of the environment leave what is darker than its mean to samples of the BSDF, which are taken,
-        too: `clrender.scene.environment.environment_table`.
+        MIS compensation: light sampling of the environment leaves the parts darker than its mean to BSDF sampling; see
+        `clrender.scene.environment.environment_table`.
 
     Returns
     -------
@@ -232,7 +231,7 @@ def flatten(
     for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
         if name == "texels":
-            digest.update(textures.sha256.encode())  # they may be many, and are hashed already
+            digest.update(textures.sha256.encode())  # they may be large, and are already hashed
         else:
             digest.update(array.reshape(-1).view(np.uint8).data)
     return FlatScene(
@@ -261,14 +260,14 @@ def flatten(
 
 
 def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene:
-    """The same arrays with the camera of `scene`, whose shapes, materials and lights they are, for another image.
+    """The same arrays with the camera of `scene`; all other parts of the scene must be the same.
 
-    The camera's `scene_origin` has to be that of the arrays.
+    The camera's `scene_origin` must be that of the arrays.
 
     Raises
     ------
     SceneError, UsageError
-        As `flatten`.
+        See `flatten`.
     """
     camera = _camera_row(scene.camera, width, height, scene.source, flat.origin)
     around = _surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin)
@@ -278,7 +277,7 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
 def _darken(
     arrays: Mapping[str, NDArray[Any]], triangle_count: int, light_count: int, instances: FlatInstances
 ) -> None:
-    """Note of subsurface materials whether nothing shines inside: then paths look for no light there."""
+    """Set the flag of subsurface media without lights inside, in which paths then take no light samples."""
     flags = arrays["media_rows"][:, 15].view(np.uint32)
     flags[(flags & layout.MEDIUM_FLAG_SUBSURFACE) != 0] |= np.uint32(layout.MEDIUM_FLAG_DARK)
     for medium in media_with_lights(arrays, triangle_count, light_count, instances):
@@ -286,7 +285,7 @@ def _darken(
 
 
 def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
-    """What no integrator but one finds: light of points and directions that passes glass."""
+    """Warn of light from delta lights through glass, which only the photon integrator finds."""
     used = {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary
     glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
     kinds: dict[type, str] = {
@@ -305,14 +304,14 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
 
 
 def _is_glass(material: Material) -> bool:
-    """Whether it bends light, as far as it can be said without knowing what is around it."""
+    """Whether the material refracts light, as far as this is known without the surrounding medium."""
     if isinstance(material, Subsurface):
         return material.ior is not None and not material.rough
     return isinstance(material, Dielectric) and material.ior != material.exterior_ior
 
 
 def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count: int) -> list[str]:
-    """Volumes of which a ray cannot tell where one ends and the other begins; not looked for among instances."""
+    """Warnings about volumes whose boundaries coincide, so that rays cannot order them; instances are not searched."""
     shapes = coinciding_shapes(arrays, triangle_count)
     if shapes is None:
         return []
@@ -322,12 +321,12 @@ def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count
 
 
 def _padded(array: NDArray[Any]) -> NDArray[Any]:
-    """The array, or one row of zeros in its place: OpenCL knows no empty buffer."""
+    """The array, or one row of zeros if it is empty: OpenCL has no empty buffers."""
     return np.ascontiguousarray(array) if len(array) else np.zeros((1, *array.shape[1:]), dtype=array.dtype)
 
 
 def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:
-    """As kernels/camera/camera.h reads it; right-handed, image right = forward x up unless it is mirrored."""
+    """The camera for kernels/camera/camera.h; right-handed, image right = forward x up unless it is mirrored."""
     view = _difference(camera.target, camera.position)
     forward = _scaled(view, 1.0 / length(view))
     right = cross(forward, _scaled(camera.up, 1.0 / length(camera.up)))
@@ -374,7 +373,7 @@ def _surrounded(
     camera: Camera,
     origin: Vector,
 ) -> _Rows:
-    """The camera's row with the media around it; a lens is taken to be where its middle is."""
+    """The camera's row with the media around it; the whole lens is taken to be in the media of its centre."""
     media = media_around(arrays, triangle_count, np.array(_difference(camera.position, origin)), instances)
     row[0]["interior_first"], row[0]["interior_last"] = packed(media)
     return row

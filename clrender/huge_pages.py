@@ -1,4 +1,4 @@
-"""Large pages for memory that processors jump about in: fewer of them to look up on the way to it."""
+"""Huge pages for memory with random access: they cause fewer TLB misses."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ import mmap
 __all__ = ["LARGE_BYTES", "prefer_large_pages"]
 
 LARGE_BYTES = 4 << 20
-"""Below this too little of a piece of memory is whole pages of two MiB."""
+"""Smallest block worth it: of smaller ones, too small a part consists of whole pages of two MiB."""
 
 _ADVICE = getattr(mmap, "MADV_HUGEPAGE", None)  # only Linux has it
 
 
 def prefer_large_pages(address: int, nbytes: int) -> None:
-    """Ask the system for large pages under a piece of this process's memory that nothing was written to yet.
+    """Ask the system to back a block of this process's memory, not written to yet, with huge pages.
 
-    It is a wish: where the system has none, or may not give them, all goes on as before.
+    This is only a hint: it has no effect if the system has no huge pages or denies them.
 
     Parameters
     ----------
     address, nbytes : int
-        Where it begins, and its size.
+        Start and size of the block, bytes.
     """
     if _ADVICE is None:
         return
-    import ctypes  # here because few processes need it, and it takes time
+    import ctypes  # imported here because few processes need it, and it loads slowly
 
     begin = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE
     end = (address + nbytes) // mmap.PAGESIZE * mmap.PAGESIZE

@@ -1,4 +1,4 @@
-"""An image as it shows itself in a notebook: HTML that needs nothing else, with its layers and its numbers."""
+"""Display of an image in a notebook: self-contained HTML with its layers and statistics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _Bytes = npt.NDArray[np.uint8]
 
 IMAGE_SIDE: Final = 1024
 LAYER_SIDE: Final = 512
-"""Pixels of the longer side in a notebook, at most: it keeps all that it ever showed."""
+"""Longer side of a layer in a notebook, pixels, at most: notebooks store every image that they display."""
 
 _PAGE: Final = Template("""<div class="clrender-image" id="$name">
 <style>
@@ -53,10 +53,10 @@ $numbers
 
 
 def image_html(image: RenderedImage) -> str:
-    """HTML of an image: one picture at a time, chosen by buttons where there are several, and the numbers folded up.
+    """HTML of an image: one image or layer at a time, selected by buttons, and the statistics collapsed below.
 
-    Without scripts, so that it works in exported notebooks and wherever scripts are not run. Pictures are made smaller
-    than `IMAGE_SIDE`, layers than `LAYER_SIDE`, and say so.
+    It uses no scripts, so that it works in exported notebooks and where scripts are not run. Images are reduced to
+    `IMAGE_SIDE` and layers to `LAYER_SIDE` pixels; the caption says so.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def image_html(image: RenderedImage) -> str:
 
 
 def shrunk(pixels: _Array, most: int) -> _Array:
-    """An image whose longer side has `most` pixels at most: means of squares of its pixels.
+    """Reduce an image so that its longer side has at most `most` pixels, by averaging square blocks of pixels.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def shrunk(pixels: _Array, most: int) -> _Array:
     Returns
     -------
     (h, w, channels) float32
-        The given one where it is small enough. What is left of a square at the right and at the bottom is left out.
+        The given image if it is small enough. Incomplete blocks at the right and bottom edges are dropped.
     """
     step = _step(pixels, most)
     if step == 1:
@@ -132,9 +132,9 @@ def _radiance(linear: _Array, image: RenderedImage, most: int) -> _Bytes:
 
 
 def _layer(key: str, layer: _Array, image: RenderedImage) -> tuple[_Bytes, str]:
-    """A layer as a picture, and what its colours mean."""
+    """A layer as 8-bit colours, and the meaning of the colours."""
     step = _step(layer, LAYER_SIDE)
-    some = layer[::step, ::step]  # no means: of numbers and directions there are none, and the infinite would spread
+    some = layer[::step, ::step]  # not averaged: ids and directions have no mean, and infinite values would spread
     match key:
         case "albedo":
             return to_display(shrunk(layer, LAYER_SIDE)), ""
@@ -163,7 +163,7 @@ def _layer(key: str, layer: _Array, image: RenderedImage) -> tuple[_Bytes, str]:
 
 
 def _ranged(values: _Array, what: str, unit: str) -> tuple[_Bytes, str]:
-    """Values between the least and the greatest as black to white, each channel for itself, and these."""
+    """Map each channel linearly from its minimum, black, to its maximum, white; also returns these limits as text."""
     finite = np.isfinite(values)
     low = np.where(finite, values, np.inf).min(axis=(0, 1))
     high = np.where(finite, values, -np.inf).max(axis=(0, 1))
@@ -178,7 +178,7 @@ def _ranged(values: _Array, what: str, unit: str) -> tuple[_Bytes, str]:
 
 
 def _colored(numbers: npt.NDArray[np.int64]) -> _Bytes:
-    """Light colours that are the same for the same number; black where it is negative."""
+    """A light colour for each id, equal for equal ids; black for negative ids."""
     mixed = (numbers.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
     channels = [(mixed >> np.uint64(shift)) & np.uint64(255) for shift in (16, 8, 0)]
     colors = (64 + np.stack(channels, axis=2).astype(np.float64) * (191 / 255)).astype(np.uint8)
@@ -187,13 +187,13 @@ def _colored(numbers: npt.NDArray[np.int64]) -> _Bytes:
 
 
 def _bytes(shares: npt.NDArray[Any]) -> _Bytes:
-    """Numbers between 0 and 1 as 8 bits a channel, without a tone curve."""
+    """Values between 0 and 1 as 8 bits per channel, without a tone curve."""
     pixels: _Bytes = (np.nan_to_num(np.clip(shares, 0.0, 1.0)) * 255.0 + 0.5).astype(np.uint8)
     return pixels
 
 
 def _source(key: str, pixels: _Bytes) -> str:
-    """A picture as an address: a PNG where colours stand for numbers, else a JPEG, which noise makes far smaller."""
+    """An image as a data URL: a PNG if colours stand for ids, else a JPEG, which is far smaller for noisy images."""
     exact = key in ("object", "material") or key in MATTES
     data, kind = (png_bytes(pixels, {}), "png") if exact else (jpeg_bytes(pixels), "jpeg")
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
@@ -206,7 +206,7 @@ def _caption(pixels: _Bytes, width: int, height: int, meaning: str) -> str:
 
 
 def _numbers(stats: dict[str, Any]) -> list[tuple[str, str]]:
-    """What is told of a render beside its picture, in words."""
+    """The statistics shown with an image: names and values as text."""
 
     def number(key: str, words: str) -> list[str]:
         value = stats.get(key)

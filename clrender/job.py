@@ -1,4 +1,4 @@
-"""A render as data: what is asked for, checked once, and the hashes of all that makes its image what it is."""
+"""A render as data: the checked request, and hashes of everything that determines its image."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ FORMAT: Final = "clrender job 1"
 
 @dataclass(frozen=True)
 class RenderJob:
-    """A scene, the settings of its render, and which of its samples are wanted; make one with `RenderJob.of`.
+    """A scene, its render settings and the range of samples to take; create one with `RenderJob.of`.
 
     Attributes
     ----------
     scene : Scene
     settings : RenderSettings
     first_sample, sample_count : int
-        Of each pixel; the whole render has the samples from 0 to `settings.spp`.
+        Range of the samples of each pixel; the whole render has the samples from 0 to `settings.spp`.
     aov : tuple of str
-        Layers beside the image.
+        Layers in addition to the image.
     denoise : bool
     """
 
@@ -58,7 +58,7 @@ class RenderJob:
         denoise: bool = False,
         **settings: Any,
     ) -> RenderJob:
-        """A job, checked.
+        """Create a job and check it.
 
         Parameters
         ----------
@@ -66,12 +66,12 @@ class RenderJob:
         size : (int, int), optional
             Width and height; default: the scene's.
         samples : (int, int), optional
-            The first sample of each pixel, and the first that is not wanted any more; default: all, (0, spp).
+            Half-open range of the samples of each pixel; default: all, (0, spp).
         aov : iterable of str
-            Layers, of `clrender.aov.AOVS`.
+            Layers, named in `clrender.aov.AOVS`.
         denoise : bool
         **settings
-            Fields of `RenderSettings`; what is not given comes from the scene, then from the defaults.
+            Fields of `RenderSettings`; those not given come from the scene, else from the defaults.
 
         Returns
         -------
@@ -80,9 +80,9 @@ class RenderJob:
         Raises
         ------
         UsageError
-            When something makes no sense.
+            When a setting is invalid.
         SceneError
-            When the integrator does not take a material of the scene.
+            When the integrator does not support a material of the scene.
         """
         return cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise)
 
@@ -115,13 +115,13 @@ class RenderJob:
 
     @classmethod
     def given(cls, scene: Scene | RenderJob, **settings: Any) -> RenderJob:
-        """A job as it is, or the one that a scene and settings make.
+        """Return a given job as it is, or create one from a scene and settings.
 
         Parameters
         ----------
         scene : Scene or RenderJob
         **settings
-            Of a scene: as `RenderJob.of` takes them.
+            Only with a scene; see `RenderJob.of`.
 
         Returns
         -------
@@ -130,7 +130,7 @@ class RenderJob:
         Raises
         ------
         UsageError
-            When something makes no sense, neither is given, or a job comes with settings: it has its own.
+            When a setting is invalid, `scene` is neither a scene nor a job, or settings are given with a job.
         """
         if isinstance(scene, Scene):
             return cls.of(scene, **settings)
@@ -142,18 +142,18 @@ class RenderJob:
 
     @property
     def integrator(self) -> Integrator:
-        """What the settings name."""
+        """The integrator that the settings name."""
         return INTEGRATORS[self.settings.integrator]
 
     def shard(self, number: int, count: int) -> RenderJob:
-        """One of some disjoint parts of the samples that together are the job.
+        """One of several disjoint shards of the samples that together make up the job.
 
         Parameters
         ----------
         number : int
             From 1 to `count`.
         count : int
-            Of parts, each of one sample of every pixel at least.
+            Number of shards; each has at least one sample (or replicate) of every pixel.
 
         Returns
         -------
@@ -162,7 +162,7 @@ class RenderJob:
         Raises
         ------
         UsageError
-            There is no such part.
+            When there is no such shard, or the render stops by its error.
         """
         if not 1 <= number <= count:
             raise UsageError(f"shard {number}/{count}: there are the shards 1/{count} to {count}/{count}")
@@ -183,9 +183,10 @@ class RenderJob:
         return dataclasses.replace(self, first_sample=self.first_sample + begin, sample_count=stop - begin)
 
     def request(self) -> dict[str, Any]:
-        """What makes the image what it is, JSON-able: the same for all parts of one image, and for no other image.
+        """Everything that determines the image, as JSON values: equal for all parts of one image, and only for these.
 
-        Neither the number of samples is in it, of which a film may hold some, nor how the work is cut and by whom.
+        It contains neither the number of samples, as a film may hold fewer, nor the division of the work, nor the
+        devices.
         """
         return {
             **self.settings.request(),
@@ -201,7 +202,7 @@ class RenderJob:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def to_json(self) -> tuple[str, dict[str, bytes]]:
-        """The job as JSON text, and the files that it names by their hashes, for another process or machine.
+        """Serialize the job for another process or machine: JSON text, and the files that it refers to by hash.
 
         Returns
         -------
@@ -211,7 +212,7 @@ class RenderJob:
         Raises
         ------
         SceneError
-            A file cannot be read.
+            When a file cannot be read.
         """
         scene, assets = scene_to_portable(self.scene)
         content = {
@@ -223,18 +224,18 @@ class RenderJob:
             "denoise": self.denoise,
             "request": self.request(),
         }
-        return json.dumps(content), assets  # in the scene's own order, by which materials have their numbers
+        return json.dumps(content), assets  # in the scene's own order, which numbers the materials
 
     @classmethod
     def from_json(cls, text: str, assets: Mapping[str, bytes]) -> RenderJob:
-        """The job that `to_json` wrote, checked anew.
+        """Read a job that `to_json` wrote, and check it again.
 
         Parameters
         ----------
         text : str
-            What `to_json` gave.
+            Text from `to_json`.
         assets : mapping of str to bytes
-            The files that it names, by their hashes.
+            The files that it refers to, by hash.
 
         Returns
         -------
@@ -243,9 +244,9 @@ class RenderJob:
         Raises
         ------
         UsageError
-            It is no job, or here it would give another image: other kernels, another version.
+            When the text is no job, or would give another image here because the kernels or the version differ.
         SceneError
-            Its scene is not valid, or an asset is missing or damaged.
+            When its scene is not valid, or an asset is missing or damaged.
         """
         try:
             content = json.loads(text)
@@ -269,7 +270,7 @@ class RenderJob:
 
 
 def _check_parts(settings: RenderSettings, first: int, stop: int) -> None:
-    """A part of the samples holds whole replicates, and only the whole stops by its error."""
+    """Check that a range of samples holds whole replicates, and all samples if the render stops by its error."""
     whole = settings.replicate_spp or 1
     if first % whole or stop % whole:
         raise UsageError(f"samples is {(first, stop)}; with replicates of {whole} samples both must be multiples of it")
@@ -278,5 +279,5 @@ def _check_parts(settings: RenderSettings, first: int, stop: int) -> None:
 
 
 def _sampler_sha256() -> str:
-    """Hash of the kernels' sampler: the points that a seed, a pixel and a sample stand for."""
+    """Hash of the kernels' sampler, which maps a seed, a pixel and a sample to sample points."""
     return hashlib.sha256((kernels_folder() / "core" / "sampler.h").read_bytes()).hexdigest()

@@ -1,4 +1,4 @@
-"""Holds a render to the memory that it is allowed: the host's, and that of each device."""
+"""Enforces the memory limit of a render, on the host and on each device."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from clrender.scheduling.contributions import MOST_BYTES
 __all__ = ["limited", "needs", "told"]
 
 _UNITS_WAITING = 10
-"""Units beside those that workers hold: some wait to be merged."""
+"""Units on the host in addition to those that workers hold: some wait to be merged."""
 
 _WORTH_TELLING = 1 << 30
 
 
 def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool) -> dict[str, int]:
-    """What a render holds on the host at one time, bytes, for what.
+    """Host memory that a render needs at one time, bytes, by purpose.
 
     Parameters
     ----------
     job : RenderJob
-        Whose scene is flat already.
+        Its scene has already been flattened.
     devices : int
-        How many share the render.
+        Number of devices that share the render.
     checkpoint : bool
-        Whether the film is saved as it goes on.
+        Whether the film is saved during the render.
     resumed : bool
-        Whether its film has been read already.
+        Whether its film has already been read.
     """
     settings = job.settings
     replicates = settings.replicate_spp is not None
@@ -55,7 +55,7 @@ def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool) -> d
 
 @contextmanager
 def limited(devices: Sequence[Device], limit: int | None, wanted: Mapping[str, int]) -> Iterator[int]:
-    """Hold devices to a limit for as long as a render takes.
+    """Limit the memory of devices for the duration of a render.
 
     Parameters
     ----------
@@ -63,24 +63,24 @@ def limited(devices: Sequence[Device], limit: int | None, wanted: Mapping[str, i
     limit : int or None
         Bytes, of the host and of each device.
     wanted : mapping of str to int
-        As of `needs`.
+        See `needs`.
 
     Yields
     ------
     int
-        Bytes that films of single devices may take.
+        Bytes that the films of individual devices may take.
 
     Raises
     ------
     MemoryRefused
-        The host's memory is not enough.
+        When the host's memory is not enough.
     """
     before = [device.memory_limit for device in devices]
     total = check_host(limit, wanted)
     try:
         if limit is not None:
             for device in devices:
-                # A CPU's buffers are the host's memory as well
+                # The buffers of a CPU device are host memory too
                 device.memory_limit = limit - total if device.is_cpu else limit
         yield MOST_BYTES if limit is None else min(MOST_BYTES, limit - total)
     finally:
@@ -89,7 +89,7 @@ def limited(devices: Sequence[Device], limit: int | None, wanted: Mapping[str, i
 
 
 def told(job: RenderJob) -> str | None:
-    """A line about the memory of a large image, before it is taken; None: nothing to tell."""
+    """A message about the memory that a large image will take; None for smaller images."""
     pixels = job.settings.width * job.settings.height
     wanted = film_bytes(job.settings.replicate_spp is not None) * pixels
     if wanted < _WORTH_TELLING:

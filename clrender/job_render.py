@@ -1,4 +1,4 @@
-"""One job on its way through a session: layers, preparation, samples, and the image with its numbers."""
+"""Rendering of one job in a session: layers, preparation, samples, and the image with its statistics."""
 
 from __future__ import annotations
 
@@ -50,30 +50,30 @@ if TYPE_CHECKING:
 __all__ = ["JobRender"]
 
 _LIVE_SECONDS: Final = 0.02
-"""What a launch should last where somebody watches who may want another image at any moment."""
+"""Target duration of a launch in interactive rendering, where a different image may be requested at any time."""
 
 _DEPTH: Final = 64
-"""Samples of a pixel in a unit that goes to a cluster: a third of the bytes of sixteen."""
+"""Samples per pixel in a unit that goes to a cluster: a third of the bytes that units of 16 samples would take."""
 
 _Arrays = dict[str, npt.NDArray[np.float32]]
 
 
 class JobRender:
-    """A job that a session renders.
+    """The rendering of one job by a session.
 
     Parameters
     ----------
     session : Session
-        Whose devices render it.
+        Its devices render the job.
     job : RenderJob
     on_progress, should_stop : callable, optional
-        As of `Session.render`.
+        See `Session.render`.
     checkpoint : Checkpoint, optional
-        Open.
+        An open checkpoint.
     cluster : Cluster, optional
-        Whose workers take the samples in place of the session's devices, which then make the layers alone.
+        Its workers take the samples. The session's devices then render only the layers.
     begun : RunningFilm, optional
-        A film of the job, as `refine` leaves it; what it holds is not taken again.
+        A film of the job from an earlier `refine`; the samples that it holds are not taken again.
     """
 
     def __init__(
@@ -114,11 +114,11 @@ class JobRender:
 
     @property
     def _devices(self) -> list[Device]:
-        """Those that render here; none where a cluster does."""
+        """The session's devices that take samples; none if a cluster takes them."""
         return self._session.devices if self._cluster is None else []
 
     def image(self, keep_film: bool) -> RenderedImage:
-        """Render it; `Session.render` says what is returned and raised."""
+        """Render the job; see `Session.render` for the return value and the exceptions."""
         denoiser = Denoiser() if self._job.denoise else None
         flat, memory = self._flat()
         with self._memory_held():
@@ -126,7 +126,7 @@ class JobRender:
 
     @contextmanager
     def _memory_held(self) -> Iterator[None]:
-        """Take no more memory than is allowed; refuse before it is taken."""
+        """Enforce the memory limit; a job that would exceed it is refused before anything is allocated."""
         devices, checkpoint = self._devices, self._checkpoint
         most = most_slots(devices, self._settings.max_memory, self._settings.replicate_spp is not None)
         self._plan = dataclasses.replace(self._plan, most_slots=most)
@@ -162,7 +162,7 @@ class JobRender:
         taken = self._run(flat, prepared, film, take and settings.error is not None)
         tally, members = taken.tally, taken.members
         if self._cluster is None and self._dismissed(sharing, tally) and first and not tally.all_failed:
-            with self._timed("aov_seconds"):  # they may be wrong as well
+            with self._timed("aov_seconds"):  # the layers may be wrong too
                 first = self._layers(flat)
         self._check_progress(tally, film)
         if self._started is not None:
@@ -201,19 +201,19 @@ class JobRender:
         return image
 
     def part(self, wanted: Ledger, check: Callable[[Mapping[str, Any]], None]) -> Film:
-        """Render some samples of some blocks of pixels alone.
+        """Render only some samples of some blocks of pixels.
 
         Parameters
         ----------
         wanted : Ledger
-            Of samples that the job has.
+            A subset of the job's samples.
         check : callable
-            Told the request of the job's film before anything is rendered; it may raise.
+            Called with the request of the job's film before anything is rendered; it may raise.
 
         Returns
         -------
         Film
-            With less than what is wanted where `should_stop` said yes.
+            It lacks some of the samples if `should_stop` returned True.
         """
         flat, _ = self._flat()
         check(self._request(flat))
@@ -224,7 +224,7 @@ class JobRender:
         return film
 
     def refine(self) -> RunningFilm:
-        """Add what it lacks to the film that was begun, or to a new one; `Session.refine` has the details."""
+        """Add the missing samples to the film that was begun, or to a new one; see `Session.refine`."""
         settings = self._settings
         self._plan = dataclasses.replace(self._plan, gradual=True)
         self._launch = dataclasses.replace(self._launch, slice_seconds=_LIVE_SECONDS)
@@ -246,17 +246,17 @@ class JobRender:
         return film
 
     def layers(self) -> _Arrays:
-        """The layers of the job alone, but for those of its film."""
+        """Render only the job's layers, except those that come from its film."""
         flat, _ = self._flat()
         return self._layers(flat)
 
     def developed(self) -> RenderedImage:
-        """The image of the film that was begun, as it is; `Session.develop` has the details."""
+        """The image of the film that was begun, without further samples; see `Session.develop`."""
         flat, memory = self._flat()
         return self._image(flat, memory, keep_film=True, denoiser=None, take=False)
 
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
-        """The scene as arrays, and what memory that took."""
+        """The scene as arrays, and the memory that reading and flattening it took."""
         with self._timed("read_seconds"):
             self._job.scene.read_named()
         memory: dict[str, float] = {"read_peak_rss_bytes": peak_rss()}
@@ -268,11 +268,11 @@ class JobRender:
         return flat, memory
 
     def _request(self, flat: FlatScene) -> dict[str, Any]:
-        """Of the film."""
+        """The request of the film."""
         return {**self._job.request(), "arrays_sha256": flat.sha256}
 
     def _new_film(self, flat: FlatScene) -> Film:
-        """The film to be filled: an empty one, or that of the checkpoint."""
+        """The film that receives the samples: the checkpoint's, the one that was begun, or an empty one."""
         job, settings = self._job, self._settings
         request = self._request(flat)
         samples = range(job.first_sample, job.first_sample + job.sample_count)
@@ -290,12 +290,12 @@ class JobRender:
         return film
 
     def _want(self, wanted: Ledger) -> None:
-        """Render only some samples."""
+        """Restrict the plan to some samples."""
         self._plan = dataclasses.replace(self._plan, wanted=wanted)
         self._total = self._plan.samples
 
     def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_good: bool = False) -> _Taken:
-        """Take the samples of the plan; what is not prepared yet is prepared before."""
+        """Take the samples of the plan; prepare the integrator first if `prepared` is None."""
         if not self._plan.samples:
             if until_good:
                 _, self._found = run_until_good(self._plan, [], film, self._settings)
@@ -311,7 +311,7 @@ class JobRender:
         return taken
 
     def _take(self, team: Team, film: Film, until_good: bool) -> Tally:
-        """Have a team take the samples of the plan, or as many as make the image good enough."""
+        """Have a team take the samples of the plan, or fewer if the error criterion is met earlier."""
         take = partial(
             run,
             should_stop=self._stops,
@@ -325,13 +325,13 @@ class JobRender:
         return tally
 
     def _team(self, flat: FlatScene, prepared: Prepared | None) -> AbstractContextManager[Team]:
-        """Who takes the samples."""
+        """The workers that take the samples."""
         if self._cluster is not None:
             return self._cluster.team(self._job, flat.sha256, self._ready)
         return self._device_team(prepared or self._prepared(flat))
 
     def _prepared(self, flat: FlatScene) -> Prepared:
-        """What the integrator renders with."""
+        """The scene and kernels that the integrator renders with, after its preparation."""
         job, session, integrator = self._job, self._session, self._job.integrator
         if not integrator.preparation:
             return Prepared(flat, integrator.pipeline)
@@ -358,9 +358,9 @@ class JobRender:
             self._on_progress(Progress(resumed + samples, total, seconds, rays, self._film, resumed))
 
     def team(self) -> tuple[DeviceTeam, str]:
-        """The session's devices for who schedules them elsewhere, and the hash of the scene's arrays.
+        """The session's devices for an external scheduler, and the hash of the scene's arrays.
 
-        Whoever asked is to release it.
+        The caller must release the team.
         """
         flat, _ = self._flat()
         check_lanes(self._settings, self._session.devices)
@@ -371,22 +371,22 @@ class JobRender:
         return DeviceTeam(self._session, prepared, settings, self._launch, self._ready)
 
     def _ready(self) -> None:
-        """A worker is ready."""
+        """Note the time at which the first worker is ready."""
         self._started = self._started or time.perf_counter()
 
     def _dismissed(self, devices: Sequence[Device], tally: Tally) -> bool:
-        """Devices that no later render should use are left out of the session; gives whether results were wrong."""
+        """Exclude devices that hung or were wrong from the session; returns whether any results were wrong."""
         for device, done in zip(devices, tally.workers, strict=True):
             if done.state in ("hung", "wrong"):
                 self._session.dismiss(device)
         return any(done.state == "wrong" for done in tally.workers)
 
     def _layers(self, flat: FlatScene) -> _Arrays:
-        """What is seen first. It comes before the image, so that one stopped early has its layers whole."""
+        """First-hit layers, rendered before the image so that they are complete even if the render stops early."""
         job = self._job
         names = [*job.aov, *(GUIDES if job.denoise else ())]
         if not names:
-            return {}  # with a cluster there need be no device here
+            return {}  # with a cluster, this machine needs no device
         make = partial(
             self._session.worker, flat=flat, settings=self._settings.struct(self._plan.tile), launch=self._launch
         )
@@ -404,7 +404,7 @@ class JobRender:
         )
 
     def _check_progress(self, tally: Tally, film: Film) -> None:
-        """An image without any sample is none: say why there is nothing to show."""
+        """Raise an error with the reason if there is no sample at all, unless the render was stopped on request."""
         if tally.samples or film.ledger.samples:
             return
         if tally.all_failed:
@@ -418,7 +418,7 @@ class JobRender:
     def _denoised(
         self, denoiser: Denoiser, linear: npt.NDArray[np.float32], first: _Arrays, stats: dict[str, Any]
     ) -> npt.NDArray[np.float32]:
-        """The image without noise; the numbers say so."""
+        """The denoised image; it is noted in the statistics."""
         begin = time.perf_counter()
         denoised = denoiser(linear, first["albedo"], first["normal"])
         denoiser.release()
@@ -442,11 +442,11 @@ class _Taken:
     ----------
     tally : Tally
     members : list of Member
-        Who took part, in the order of the tally.
+        The workers that took part, in the order of the tally.
     finished : float
-        When the last result was there, by `time.perf_counter`.
+        Time of the last result, by `time.perf_counter`.
     told : mapping
-        What else the statistics say.
+        Further entries of the statistics.
     """
 
     tally: Tally
@@ -456,7 +456,7 @@ class _Taken:
 
     @classmethod
     def of(cls, tally: Tally, team: Team, finished: float) -> _Taken:
-        """Of those that never came nothing is told."""
+        """Workers that never joined are left out."""
         came = [
             (each or Member(done.name, "", ""), done)
             for each, done in zip(team.members(), tally.workers, strict=True)
@@ -467,7 +467,7 @@ class _Taken:
 
 
 def _plan_of(job: RenderJob) -> Plan:
-    """All of a job's samples."""
+    """The plan for all of a job's samples."""
     settings = job.settings
     tile = largest_tile(settings.max_memory, settings.tile, settings.replicate_spp is not None)
     return Plan(

@@ -115,7 +115,7 @@ __all__ = [
 ]
 
 NONE: Final = 0xFFFFFFFF
-"""An index that points at nothing, and a limit that never binds."""
+"""The invalid index, and the value for no limit."""
 
 MATERIAL_LAMBERT: Final = 0
 MATERIAL_MIRROR: Final = 1
@@ -127,7 +127,7 @@ MATERIAL_MIX: Final = 6
 MATERIAL_BY_ROW: Final = 7
 MATERIAL_MEDIUM: Final = 8
 MATERIAL_SUBSURFACE: Final = 9
-"""Kind of a primitive's material that has rows of its own, of which the first says the kind."""
+"""Kinds of a primitive's material. A material with rows of its own has its kind in the first of them."""
 
 MATERIAL_FLAG_THIN: Final = 1
 MATERIAL_FLAG_ONE_SIDED: Final = 2
@@ -138,7 +138,7 @@ MATERIAL_FLAG_SINGLE_SCATTERING: Final = 16
 
 MEDIUM_FLAG_SUBSURFACE: Final = 1
 MEDIUM_FLAG_DARK: Final = 2
-"""Flags of a medium's row: of a subsurface material; nothing shines in there, so that no light sample arrives."""
+"""Flags of a medium's row: a subsurface material; no lights inside, so that light sampling is useless there."""
 
 GGX_ROWS: Final = 48
 GGX_COLUMNS: Final = 48
@@ -160,7 +160,7 @@ COVERED_ROWS: Final = 12
 COVERED_COLUMNS: Final = 24
 SLANT_ROWS: Final = 48
 SLANT_NUMBERS: Final = 17
-"""Sizes of the tables of albedos (``scripts/albedo_tables.py``)."""
+"""Sizes of the albedo tables (``scripts/albedo_tables.py``)."""
 
 ALBEDO_GGX: Final = 0
 ALBEDO_SCHLICK: Final = ALBEDO_GGX + GGX_ROWS * (GGX_COLUMNS - 1)
@@ -178,16 +178,16 @@ ALBEDO_SLANT_NUMBERS: Final = ALBEDO_SLANTS + 3 * SLANT_ROWS
 ALBEDO_COVERED: Final = ALBEDO_SLANT_NUMBERS + SLANT_NUMBERS
 ALBEDO_COVERED_MEAN: Final = ALBEDO_COVERED + 2 * COVERED_LAYERS * COVERED_ROWS * (COVERED_COLUMNS - 1)
 ALBEDO_END: Final = ALBEDO_COVERED_MEAN + 2 * COVERED_LAYERS * COVERED_ROWS
-"""Where the tables of `clrender.scene.microfacets.albedo_tables` begin, in words, and where the last ends."""
+"""Offsets of the tables of `clrender.scene.microfacets.albedo_tables`, in words, and the end of the last."""
 
 FILTER_LINES: Final = 64
-"""Straight lines that half of a pixel filter's profile is made of; a power of two, for a search by halves."""
+"""Line segments that approximate half of a pixel filter's profile; a power of two, for binary search."""
 FILTER_LINE_BEFORE: Final = 0
 FILTER_LINE_PLACE: Final = 1
 FILTER_LINE_HEIGHT: Final = 2
 FILTER_LINE_SLOPE: Final = 3
-"""What is known of each, of the absolute value that has the integral 1: the part of the integral before it, where it
-begins, pixels, and its height and slope there."""
+"""Columns of a segment of the filter's absolute value, normalized to the integral 1: the integral before the segment,
+its start, pixels, and its value and slope there."""
 
 CAMERA_PERSPECTIVE: Final = 0
 CAMERA_ORTHOGRAPHIC: Final = 1
@@ -209,14 +209,14 @@ ROULETTE_THROUGHPUT: Final = 1
 ROULETTE_ABSORPTION: Final = 2
 
 SHAPE_SMOOTH: Final = 1
-"""Flag of a shape whose vertices carry normals to interpolate."""
+"""Flag of a shape with vertex normals that are interpolated."""
 SHAPE_TEXTURED: Final = 2
-"""Flag of a shape whose material or emission has textures: its primitives have rows of attributes."""
+"""Flag of a shape whose material or emission is textured: its primitives have attribute rows."""
 SHAPE_MASKED: Final = 4
 """Flag of a shape whose opacity is not 1 everywhere."""
 
 HOLE_GRID: Final = 32
-"""Cells along either side of a masked triangle, of which it may be known that they are holes, or whole, all over."""
+"""Cells along each side of a masked triangle; a cell may be known to be entirely transparent or entirely opaque."""
 
 TEXTURE_SLOTS: Final[Mapping[str, int]] = {
     "BASE_COLOR": 0,
@@ -236,7 +236,7 @@ TEXTURE_SLOTS: Final[Mapping[str, int]] = {
     "NORMAL": 14,
     "BUMP": 15,
 }
-"""Columns of a material's row of textures: which of its parameters each stands for."""
+"""Columns of a material's texture row, by the parameter that the texture controls."""
 
 TEXEL_FOUR: Final = 8
 TEXEL_FLOAT: Final = 16
@@ -253,7 +253,7 @@ FIRST_HIT_PRIMITIVE: Final = 4
 FIRST_HIT_EMISSION: Final = 5
 FIRST_HIT_UV: Final = 6
 FIRST_HIT_TANGENT: Final = 7
-"""What is asked of what a camera ray sees first."""
+"""Attributes of a camera ray's first hit."""
 
 CONSTANTS: Final[Mapping[str, int]] = {
     "NONE": NONE,
@@ -436,8 +436,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
     ),
 }
 
-# table -> ((column, first number, how many, comment), ...). Rows are sixteen numbers (kernels/core/lane.h, lane_rows).
-# What a triangle and a sphere or disk, or two kinds of light, have in the same place has several names.
+# table -> ((column, offset, count, comment), ...). Rows are sixteen numbers (kernels/core/lane.h, lane_rows).
+# Offsets that a triangle and a sphere or disk, or two kinds of light, use differently have several names.
 ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
     "INSTANCE": (
         ("TO_OBJECT", 0, 12, "first row of an instance: world to object, three rows of the linear part and the offset"),
@@ -652,7 +652,7 @@ _SCALARS: Final[Mapping[str, tuple[str, tuple[int, ...]]]] = {
 
 
 def columns(table: str) -> dict[str, int]:
-    """Where the numbers of a row begin.
+    """Offsets of the columns of a row.
 
     Parameters
     ----------
@@ -662,13 +662,13 @@ def columns(table: str) -> dict[str, int]:
     Returns
     -------
     dict of str to int
-        Column to its first number.
+        Column name to its offset.
     """
     return {name: first for name, first, _, _ in ROWS[table]}
 
 
 def dtype(struct: str) -> np.dtype[np.void]:
-    """NumPy dtype of a shared struct, little-endian, the layout OpenCL gives it.
+    """NumPy dtype of a shared struct, little-endian, in OpenCL's memory layout.
 
     Parameters
     ----------
@@ -684,7 +684,7 @@ def dtype(struct: str) -> np.dtype[np.void]:
 
 
 def _numbers(c_type: str) -> tuple[str, tuple[int, ...]]:
-    """NumPy's type of a member, and how many numbers of it there are."""
+    """NumPy's type and shape of a struct member."""
     scalar, _, count = c_type.partition("[")
     kind, shape = _SCALARS[scalar]
     return kind, (int(count[:-1]), *shape) if count else shape

@@ -1,4 +1,4 @@
-"""What a value may be: numbers within bounds and names of a list, checked alike in command lines, files and calls."""
+"""Domains of values: ranges of numbers and lists of names, with the same checks in command lines, files and calls."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from typing import Any, Protocol
 __all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "nearest", "shown"]
 
 _DIGITS = 400
-"""Longer texts are no number that anybody means, and slow to convert."""
+"""Longest text that is parsed as a number: longer ones are surely mistakes, and slow to convert."""
 
 
 class NotAllowed(ValueError):
-    """A value outside its domain; the message goes on from the value's name: "is 0, but must be ..."."""
+    """A value outside its domain; the message follows the value's name: "is 0, but must be ..."."""
 
 
 class Domain(Protocol):
-    """The values that are allowed."""
+    """A set of allowed values."""
 
     @property
     def words(self) -> str:
-        """What is allowed, for sentences: "a whole number of at least 1"."""
+        """The allowed values, as text for messages: "a whole number of at least 1"."""
 
     @property
     def metavar(self) -> str:
-        """The value in the help of a command."""
+        """Placeholder of the value in the help of a command."""
 
     def accept(self, value: object) -> Any:
-        """The value as Python's own type.
+        """Check a value and convert it to a built-in Python type.
 
         Raises
         ------
@@ -41,7 +41,7 @@ class Domain(Protocol):
         """
 
     def parse(self, text: str) -> Any:
-        """The value of a text from the command line.
+        """Parse and check a text from the command line.
 
         Raises
         ------
@@ -84,7 +84,7 @@ class Range:
         return "N" if self.whole else "X"
 
     def accept(self, value: object) -> int | float:
-        # NumPy's numbers are of these abstract types too. Python's truth values are integers, but nobody means them.
+        # NumPy's scalars are of these abstract types too. Booleans are integers in Python, but are refused.
         number: int | float = math.nan
         if self.whole and isinstance(value, numbers.Integral) and not isinstance(value, bool):
             number = int(value)
@@ -119,7 +119,7 @@ _SUFFIXES = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 @dataclass(frozen=True)
 class Bytes:
-    """Amounts of memory, whole numbers of bytes; on the command line also such as ``512M``.
+    """Amounts of memory, whole numbers of bytes; on the command line also with a suffix, such as ``512M``.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ class Choice:
         return f"[{'|'.join(map(str, self.members))}]"
 
     def accept(self, value: object) -> str | int:
-        # Of the members' own type: 8.0 and True are no number of lanes.
+        # The type must match too: 8.0 and True are no number of lanes.
         whole = isinstance(self.members[0], int)
         if isinstance(value, numbers.Integral if whole else str) and not isinstance(value, bool):
             plain: str | int = int(value) if isinstance(value, numbers.Integral) else str(value)
@@ -195,15 +195,15 @@ class Choice:
 
 
 def nearest(wrong: object, known: Iterable[object]) -> str:
-    """The end of a sentence about a misspelt name: ``; did you mean 'path'?``, or nothing where no name is near."""
+    """The end of a message about a misspelt name: ``; did you mean 'path'?``, or empty if no name is similar."""
     near = difflib.get_close_matches(wrong[:100], map(str, known), 1) if isinstance(wrong, str) else []
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def shown(value: object) -> str:
-    """A wrong value as it stands in a sentence: on one line, printable anywhere, not too long."""
+    """A wrong value as text for a message: on one line, printable anywhere, not too long."""
     if isinstance(value, int) and abs(value) >= 10**30:
-        return "an integer of more than 30 digits"  # which Python may refuse to print
+        return "an integer of more than 30 digits"  # Python may refuse to print it
     try:
         text = ascii(value)
     except Exception:  # the value's own `__repr__` may do anything

@@ -1,4 +1,4 @@
-"""How much memory a render takes on the host: told, and refused where it is too much, before it is taken."""
+"""Estimates of a render's host memory, and checks against the limit before it is allocated."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ __all__ = [
 ]
 
 _SUM_BYTES: Final = 52
-"""Of a pixel's exact sums and its count, on the host and on a device."""
+"""Bytes of a pixel's exact sums and its count, on the host and on a device."""
 _SQUARE_BYTES: Final = 96
-"""Of the squares of its replicates."""
+"""Bytes of a pixel's sums of squared replicates."""
 IMAGE_BYTES: Final = 12
-"""Of a pixel of the image."""
+"""Bytes per pixel of the image."""
 ERROR_BYTES: Final = 144
-"""Of a pixel while the errors of all pixels are judged (`clrender.film.convergence.judge`)."""
+"""Bytes per pixel while the errors of all pixels are evaluated (`clrender.film.convergence.judge`)."""
 
 _UNIT_SHARE: Final = 64
-"""Of the memory that is allowed, one unit takes so small a part: some ten of them may wait on the host."""
+"""A unit may take at most one part in this many of the allowed memory: about ten units may wait on the host."""
 
 
 def shown(nbytes: float) -> str:
-    """An amount of memory in words."""
+    """Format an amount of memory."""
     for unit, size in (("GiB", 2**30), ("MiB", 2**20), ("KiB", 2**10)):
         if nbytes >= size:
             return f"{nbytes / size:.1f} {unit}"
@@ -46,31 +46,31 @@ def shown(nbytes: float) -> str:
 
 
 def film_bytes(replicates: bool) -> int:
-    """Memory of a pixel of a film, or of a unit."""
+    """Bytes per pixel of a film, or of a unit."""
     return _SUM_BYTES + _SQUARE_BYTES * replicates
 
 
 def unit_slots(limit: int | None, replicates: bool = False) -> int | None:
-    """Slots of a unit at most, where that many bytes are allowed; None: no limit."""
+    """Most slots of a unit if `limit` bytes are allowed; None: no limit."""
     return None if limit is None else max(16, limit // (_UNIT_SHARE * film_bytes(replicates)))
 
 
 def largest_tile(limit: int | None, tile: int, replicates: bool = False) -> int:
-    """Side of a tile, for which a unit has to have room."""
+    """Side of a tile, pixels, reduced if needed so that a unit can hold a tile within the limit."""
     slots = unit_slots(limit, replicates)
     return tile if slots is None else max(4, min(tile, isqrt(slots) // 4 * 4))
 
 
 def check_image(width: int, height: int, limit: int | None, pixel_bytes: int = _SUM_BYTES) -> None:
-    """Refuse an image that takes more memory than there is, or than is allowed, before anything is read.
+    """Refuse an image that takes more memory than exists or is allowed, before anything is read.
 
     Parameters
     ----------
     width, height : int
     limit : int or None
-        Bytes that are allowed.
+        Allowed bytes.
     pixel_bytes : int
-        As of `film_bytes`.
+        See `film_bytes`.
 
     Raises
     ------
@@ -93,14 +93,14 @@ def check_image(width: int, height: int, limit: int | None, pixel_bytes: int = _
 
 
 def check_host(limit: int | None, needs: Mapping[str, int]) -> int:
-    """Refuse a render that takes more than is allowed, before its film is made.
+    """Refuse a render that takes more memory than is allowed, before its film is allocated.
 
     Parameters
     ----------
     limit : int or None
-        Bytes; None: as many as there are.
+        Allowed bytes; None: all of the machine's.
     needs : mapping of str to int
-        What is needed at one time, for what.
+        Bytes needed at one time, by purpose.
 
     Returns
     -------
@@ -122,7 +122,7 @@ def check_host(limit: int | None, needs: Mapping[str, int]) -> int:
 
 
 def process_bytes() -> int:
-    """Memory that this program holds now; 0 where the system does not tell."""
+    """Bytes that this process holds now; 0 if the system does not report it."""
     with suppress(OSError):
         if match := re.search(r"VmRSS:\s+(\d+) kB", Path("/proc/self/status").read_text(errors="replace")):
             return int(match[1]) * 1024
@@ -132,5 +132,5 @@ def process_bytes() -> int:
 def _machine_bytes() -> int | None:
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # a system that does not tell
+    except (AttributeError, OSError, ValueError):  # the system does not report it
         return None

@@ -1,6 +1,6 @@
-"""Arrays in NumPy's file format (NEP 1, "A simple file format for NumPy arrays"), of which nothing is evaluated.
+"""Reads NumPy's file format (NEP 1, "A simple file format for NumPy arrays") without evaluating headers.
 
-NumPy's own reader tokenises headers and warns about them, and believes what they say of sizes.
+NumPy's own reader tokenizes headers, warns about them, and trusts the sizes in them.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ _HEADER_LIMIT: Final = 4096
 
 @dataclass(frozen=True)
 class NpyHeader:
-    """What a file says of its array.
+    """Header of a file: type and shape of its array.
 
     Attributes
     ----------
     kind : numpy.dtype
     shape : tuple of int
     fortran : bool
-        Whether the first index runs fastest.
+        Whether the first index varies fastest.
     """
 
     kind: np.dtype[Any]
@@ -40,12 +40,12 @@ class NpyHeader:
 
 
 def read_npy_header(file: IO[bytes]) -> NpyHeader:
-    """Read up to where the numbers begin.
+    """Read the header, up to the start of the data.
 
     Raises
     ------
     ValueError
-        It is no such header.
+        When the header is invalid.
     """
     start = file.read(8)
     if len(start) < 8 or start[:6] != b"\x93NUMPY" or start[6] not in (1, 2, 3):
@@ -64,18 +64,18 @@ def read_npy_header(file: IO[bytes]) -> NpyHeader:
 
 
 def read_npy_items(file: IO[bytes], header: NpyHeader) -> NDArray[Any]:
-    """Read what the header promises.
+    """Read the array that the header describes.
 
     Parameters
     ----------
     file : binary file
-        A real one, behind its header.
+        A real file, positioned after its header.
     header : NpyHeader
 
     Raises
     ------
     ValueError
-        The file has less or more than that.
+        When the file holds fewer or more bytes.
     """
     size = math.prod(header.shape) * header.kind.itemsize
     held = os.fstat(file.fileno()).st_size - file.tell()

@@ -1,4 +1,4 @@
-"""Photon maps: one for each sample of the pixels, made on the device before the samples are."""
+"""Photon maps: one for each sample index, built on the device before that sample of the pixels is taken."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["PhotonMaps", "prepare", "radius_of_pass"]
 
 SHRINKING: Final = 2.0 / 3.0
-"""How slowly the radius shrinks: the value that Knaus and Zwicker find best (2011, section 4.1)."""
+"""Parameter alpha of the radius reduction: the value recommended by Knaus and Zwicker (2011, section 4.1)."""
 RADIUS_SHARE: Final = 0.01
-"""Of the scene's radius: the first photon map's, unless the user says otherwise."""
+"""Default radius of the first photon map, relative to the scene's radius."""
 
 # kernels/photon/deposit.h; a test compares them.
 DEPOSITS: Final = 8
@@ -52,25 +52,25 @@ def radius_of_pass(first: float, number: int) -> float:
     first : float
         Radius of map 0.
     number : int
-        Of the map, from 0.
+        Index of the map, from 0.
     """
     return first * math.sqrt(float(_shrunk(max(number, 255).bit_length())[number]))
 
 
 @lru_cache
 def _shrunk(bits: int) -> npt.NDArray[np.float64]:
-    """(2**bits,) by how much the square of the radius has shrunk at each map, multiplied one after the other."""
+    """(2**bits,) float64: ratio of each map's squared radius to the first one's, as a sequential product."""
     i = np.arange(1.0, 2.0**bits)
     return np.concatenate([[1.0], np.cumprod((i + SHRINKING) / (i + 1.0))])
 
 
 def photons_per_item(lanes: int) -> int:
-    """Photons that a work-item follows: ``PHOTONS_PER_ITEM`` of ``kernels/photon/photons.cl``."""
+    """Photons that a work-item traces: ``PHOTONS_PER_ITEM`` of ``kernels/photon/photons.cl``."""
     return 1 if lanes == 1 else 16 * lanes
 
 
 def scene_box(flat: FlatScene) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Lowest and highest coordinates, (3,) float64 each, of all that rays can hit; of nothing, a metre."""
+    """Bounding box of all that rays can hit: minimum and maximum, (3,) float64 each; a unit cube if empty."""
     if not flat.triangle_count + flat.analytic_count:
         return np.zeros(3), np.ones(3)
     of = flat.instances
@@ -79,20 +79,20 @@ def scene_box(flat: FlatScene) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.
 
 
 class PhotonMaps:
-    """The photon maps of a render on one device; it holds one at a time.
+    """The photon maps of a render on one device; only one is in memory at a time.
 
-    Map `n` is a function of the scene, the settings and `n`: whoever needs it makes it, and gets the same bits.
+    Map `n` is a function of the scene, the settings and `n`, so every device that builds it gets the same bits.
 
     Parameters
     ----------
     worker : DeviceWorker
-        Whose scene photons fly through.
+        The photons are traced in its scene.
     flat : FlatScene
         The same scene.
     photons : int
-        Emitted for each map.
+        Number of photons emitted for each map.
     radius : float or None
-        Of the first map, metres; None: a hundredth of the scene's.
+        Radius of the first map, metres; None: a hundredth of the scene's.
     """
 
     def __init__(self, worker: DeviceWorker, flat: FlatScene, photons: int, radius: float | None) -> None:
@@ -112,12 +112,12 @@ class PhotonMaps:
         self._rays = 0
 
     def take_rays(self) -> int:
-        """Rays traced since this was last asked."""
+        """Number of rays traced since the last call."""
         rays, self._rays = self._rays, 0
         return rays
 
     def arguments(self, sample: int) -> Sequence[Argument]:
-        """The photon map for this sample of every pixel, as ``kernels/integrator/photon.cl`` takes it."""
+        """The photon map for this sample of every pixel, as arguments of ``kernels/integrator/photon.cl``."""
         if self._ready is None or self._ready[0] != sample:
             self.release()
             self._ready = sample, self._make(sample)
@@ -147,7 +147,7 @@ class PhotonMaps:
         return [photon_map, starts, stride, low, size, radius, np.float32(1.0 / (self._photons * area))]
 
     def _deposits(self, number: int) -> tuple[Buffer, Buffer]:
-        """Send the photons out: what they leave, and how many deposits each made."""
+        """Trace the photons; returns their deposits, and the number of deposits of each photon."""
         device, worker = self._worker.device, self._worker
         deposits = device.empty(4 * DEPOSIT_WORDS * DEPOSITS * self._photons)
         counts = device.empty(4 * self._photons)
@@ -165,7 +165,7 @@ class PhotonMaps:
         return deposits, counts
 
     def _cells(self, radius: float) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
-        """The grid: its corner and cells per metre; its cells along each axis and in all."""
+        """The grid: its corner and cells per metre; its number of cells along each axis and in total."""
         side = radius
         along = np.ceil(self._extent / side)
         while along.prod() > _MOST_CELLS:
@@ -174,14 +174,14 @@ class PhotonMaps:
         return np.array([*self._low, 1.0 / side], np.float32), np.array([*along, along.prod()], np.uint32)
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device memory."""
         for buffer in self._held:
             self._worker.device.release(buffer)
         self._held, self._ready = [], None
 
 
 def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
-    """Where the scene file has a light of the arrays."""
+    """Location in the scene file of a light of the arrays."""
     lights = flat.arrays["lights"]
     if lights[light]["primitive"] != layout.NONE:
         return f"shapes[{flat.instances.own_places[flat.arrays['primitive_shape'][lights[light]['primitive']]]}]"
@@ -190,7 +190,7 @@ def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
 
 
 def prepare(request: Request) -> Prepared:
-    """Photon maps on each device."""
+    """Prepare photon maps on each device."""
     settings, flat = request.settings, request.flat
     if (light := light_inside(flat.arrays, flat.triangle_count, flat.light_count, flat.instances)) is not None:
         raise SceneError(f"{request.scene.source}: {_LIGHT_INSIDE.format(_light_place(flat, request.scene, light))}")

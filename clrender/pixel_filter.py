@@ -1,6 +1,7 @@
-"""Pixel filters as the tables that kernels draw a sample's place from (``kernels/film/filter.h``).
+"""Pixel filters as tables from which the kernels sample positions (``kernels/film/filter.h``).
 
-Each is the product of the same even function along x and along y, of the distance from the pixel's centre in pixels:
+Each filter is separable: the product of one even function along x and along y, of the distance from the pixel centre in
+pixels:
 
 ===============  ======  ==============================================================================================
 name             radius  function
@@ -13,9 +14,8 @@ mitchell         2       cubic with B = C = 1/3 of Mitchell and Netravali, "Reco
                          graphics", SIGGRAPH 1988; negative from 8/7 on
 ===============  ======  ==============================================================================================
 
-A table has `clrender.layout.FILTER_LINES` straight lines from one point of the function to the next: what is drawn,
-and what the weight of samples is computed from, is that chain of lines. It is nowhere further from the function than
-0.1 % of the function's largest value.
+A table is a piecewise linear approximation of the function with `clrender.layout.FILTER_LINES` segments. Both the
+sampling and the sample weights use this approximation. Its error is at most 0.1 % of the function's maximum.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ from clrender import layout
 __all__ = ["PIXEL_FILTERS", "FilterTable", "filter_table"]
 
 _DIGITS: Final = 40
-"""Decimal arithmetic, because mathematics libraries do not agree on the last bit of an exponential or a cosine."""
+"""Digits of the decimal arithmetic, used because math libraries differ in the last bit of exponentials and cosines."""
 _PI: Final = Decimal("3.141592653589793238462643383279502884197")
 
 
 @dataclass(frozen=True)
 class FilterTable:
-    """A filter as kernels know it.
+    """A filter as the kernels read it.
 
     Attributes
     ----------
     lines : (FILTER_LINES, 4) float32
         Columns ``FILTER_LINE_*`` of `clrender.layout`.
     negative : int
-        The first line where the function is negative; `FILTER_LINES` where it never is.
+        Index of the first segment where the function is negative; `FILTER_LINES` if it never is.
     weight : float
-        Of a sample at a place where the filter is positive; elsewhere it is minus that. Over the square of the
-        function's support, the integral of the filter's absolute value over that of the filter.
+        Weight of a sample where the filter is positive; its negative elsewhere. It is the ratio of the integral of the
+        filter's absolute value to the integral of the filter, both over the square of the function's support.
     """
 
     lines: npt.NDArray[np.float32]
@@ -72,7 +72,7 @@ def filter_table(name: str) -> FilterTable:
         context.prec = _DIGITS
         function, ends = PIXEL_FILTERS[name]
         places = _places(ends)
-        values = [round(function(place), _DIGITS - 5) for place in places]  # zeros are zero then
+        values = [round(function(place), _DIGITS - 5) for place in places]  # makes zeros exact
         spans = list(zip(pairwise(places), pairwise(values), strict=True))
         areas = [(end - begin) * (low + high) / 2 for (begin, end), (low, high) in spans]
         size = sum(map(abs, areas), Decimal(0))
@@ -88,7 +88,7 @@ def filter_table(name: str) -> FilterTable:
 
 
 def _places(ends: tuple[Decimal, ...]) -> list[Decimal]:
-    """Where the lines begin, and where the last ends: as many between each two ends of lobes."""
+    """The ends of the segments; every lobe is divided into equally many."""
     each = layout.FILTER_LINES // len(ends)
     places = [Decimal(0)]
     for begin, end in zip((Decimal(0), *ends), ends, strict=False):
@@ -113,7 +113,7 @@ def _mitchell(x: Decimal) -> Decimal:
 
 
 def _cosine(x: Decimal) -> Decimal:
-    """By its series, of at most a few turns."""
+    """Cosine by its series, for angles of at most a few turns."""
     total, term, number = Decimal(0), Decimal(1), 0
     while abs(term) > Decimal(10) ** -(_DIGITS - 5):
         total += term
@@ -127,4 +127,4 @@ PIXEL_FILTERS: Final[Mapping[str, tuple[Callable[[Decimal], Decimal], tuple[Deci
     "blackman-harris": (_blackman_harris, (Decimal("1.5"),)),
     "mitchell": (_mitchell, (Decimal(8) / 7, Decimal(2))),
 }
-"""Function and where its lobes end, the last at the radius, of the filters that have tables."""
+"""Function and ends of its lobes, the last at the radius, for each filter with a table."""

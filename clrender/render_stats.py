@@ -1,4 +1,4 @@
-"""The numbers about a render that go into its statistics and its files."""
+"""Statistics of a render, for ``--stats`` and the metadata of files."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ __all__ = ["error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"
 
 
 def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
-    """What a job says of its image, before it is rendered.
+    """Statistics that are known from the job before it is rendered.
 
     Parameters
     ----------
     job : RenderJob
     request : mapping
-        Of its film.
+        Request of its film.
     """
     settings = job.settings
     return {
@@ -65,7 +65,7 @@ def render_stats(
     resumed: Mapping[str, int],
     checkpoint: Checkpoint | None = None,
 ) -> dict[str, Any]:
-    """What ``--stats`` writes of a render.
+    """The statistics that ``--stats`` writes.
 
     Parameters
     ----------
@@ -74,12 +74,12 @@ def render_stats(
     linear : (height, width, 3) float32
         The image.
     members : sequence of Member
-        Who took part, in the order of the tally.
+        The workers that took part, in the order of the tally.
     measured : mapping
         The keys that end in ``_seconds``, and those about the memory of reading and flattening.
     resumed : mapping
-        ``samples``, ``rays``, ``shadow_rays`` and ``max_depth`` of what the film held before; they count, too, but not
-        in what this render's devices did.
+        ``samples``, ``rays``, ``shadow_rays`` and ``max_depth`` of the film before this render. They are included in
+        the totals, but not in the counts of this render's devices.
     checkpoint : Checkpoint, optional
     """
     seconds = max(measured["render_seconds"], 1e-9)
@@ -131,7 +131,7 @@ def error_stats(
     found: Convergence | None,
     complete: bool,
 ) -> dict[str, Any]:
-    """What ``--stats`` says of a film with replicates.
+    """Entries of ``--stats`` for a film with replicates.
 
     Parameters
     ----------
@@ -140,9 +140,9 @@ def error_stats(
     errors : (height, width, 3) float64
         Standard errors of the pixels.
     found : Convergence, optional
-        Where the render was to stop by its error.
+        The convergence, if the render stops by its error.
     complete : bool
-        Whether it did, or took all samples.
+        Whether the render met the error criterion or took all samples.
     """
     of_mean = image_error(errors, job.integrator.blocks_share) if np.isfinite(errors).all() else None
     replicates = int(replicate_counts(film).min())
@@ -151,7 +151,7 @@ def error_stats(
         return stats
     settings, taken = job.settings, int(film.ledger.taken().max())
     interval = None if of_mean is None else interval_of_mean(settings, replicates, of_mean).tolist()
-    if complete:  # these are the samples of the image: whoever verifies it takes so many
+    if complete:  # the sample count of the image, which its verification uses
         stats |= {"spp": taken, "sample_count": taken, "settings": {**settings.request(), "spp": taken}}
     return stats | {
         "error": settings.error,
@@ -171,7 +171,7 @@ def film_layers(
     """The layers that come from the image's own film, each (height, width, channels) float32."""
     layers = {"samples": film.counts[..., None].astype(np.float32)}
     if errors is not None:
-        # Channel by channel, as files have it, so that nothing is copied when it is written
+        # Stored channel by channel, as in files, so that writing needs no copy
         layers["stderr"] = np.moveaxis(np.moveaxis(errors, 2, 0).astype(np.float32, order="C"), 0, 2)
     if found is not None:
         layers["unconverged"] = found.unconverged[..., None].astype(np.float32)
@@ -179,9 +179,9 @@ def film_layers(
 
 
 def peak_rss() -> int:
-    """Most memory this program ever held, bytes; 0 where the system does not tell."""
+    """Peak resident memory of this process, bytes; 0 if the system does not report it."""
     with suppress(OSError):
-        # `ru_maxrss` begins with what the process that started this one held
+        # `ru_maxrss` starts at the value of the parent process
         if match := re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text(errors="replace")):
             return int(match[1]) * 1024
     try:

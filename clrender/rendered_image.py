@@ -1,4 +1,4 @@
-"""What a render gives: the image with its film and numbers, and the progress on the way."""
+"""Results of a render: the image with its film and statistics, and progress reports."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ __all__ = ["IncompleteRender", "Progress", "RenderedImage", "check_mattes"]
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a render is.
+    """Progress of a render.
 
     Attributes
     ----------
     samples_done, samples_total : int
-        Over all pixels.
+        Summed over all pixels.
     seconds : float
-        Since the first launch.
+        Time since the first launch.
     rays : int
     film : Film or None
-        What is committed so far, where one render is watched: `Film.snapshot` of it is cheap, in any thread.
+        The samples committed so far, if a single render is observed. `Film.snapshot` is cheap and works in any thread.
     samples_resumed : int
-        Of `samples_done`, those that came from a checkpoint.
+        The part of `samples_done` that came from a checkpoint.
     """
 
     samples_done: int
@@ -47,26 +47,27 @@ class Progress:
 
     @property
     def fraction(self) -> float:
-        """Between 0 and 1."""
+        """Fraction of the samples that are done, between 0 and 1."""
         return self.samples_done / self.samples_total if self.samples_total else 1.0
 
     @property
     def samples_per_second(self) -> float:
-        """Mean so far."""
+        """Mean speed so far, without the resumed samples."""
         return (self.samples_done - self.samples_resumed) / self.seconds if self.seconds > 0.0 else 0.0
 
     @property
     def seconds_left(self) -> float:
-        """At the mean speed so far; infinite before the first sample."""
+        """Estimated time left at the mean speed so far; infinite before the first sample."""
         speed = self.samples_per_second
         return (self.samples_total - self.samples_done) / speed if speed > 0.0 else float("inf")
 
     @property
     def relative_error(self) -> float | None:
-        """Mean standard error of the pixels' luminance over their mean luminance, by some thousand of the pixels.
+        """Mean standard error of the pixels' luminance over their mean luminance, from a few thousand pixels.
 
-        It takes some milliseconds. None where it is not known: without replicates, before each of them has two, or for
-        who does not watch one render. Only for `on_progress`: a later look at the film may meet half a change.
+        Computing it takes a few milliseconds. It is None if unknown: without replicates, before each pixel has two of
+        them, or if no single render is observed. Read it only within `on_progress`: later the film may be in the middle
+        of an update.
         """
         return relative_error(self.film) if self.film is not None else None
 
@@ -80,17 +81,17 @@ class RenderedImage:
     linear : (height, width, 3) float32
         Radiance, linear Rec. 709.
     stats : dict
-        What ``--stats`` writes.
+        The statistics that ``--stats`` writes.
     film : Film
-        The exact sums; released for huge images unless they were asked for.
+        The exact sums; released after developing unless they were to be kept.
     interrupted : bool
-        Some of the samples asked for are missing.
+        Whether some of the requested samples are missing.
     denoised : (height, width, 3) float32 or None
-        The image without noise, where that was asked for: what `save` writes.
+        The denoised image, if requested; `save` then writes this one.
     aovs : dict of str to (height, width, channels) float32
-        The layers asked for; `clrender.aov.first_hits` says what each holds.
+        The requested layers; see `clrender.aov.first_hits` for their contents.
     mattes : dict of str to sequence of str or None
-        Of those that are mattes, the names of the scene's shapes or materials (`clrender.aov.matte_names`).
+        For each layer that is a matte, the names of the scene's shapes or materials (`clrender.aov.matte_names`).
     """
 
     linear: npt.NDArray[np.float32]
@@ -103,12 +104,12 @@ class RenderedImage:
 
     @property
     def picture(self) -> npt.NDArray[np.float32]:
-        """What is written and shown, (height, width, 3) float32: `denoised` where there is one, else `linear`."""
+        """The image to write and display, (height, width, 3) float32: `denoised` if there is one, else `linear`."""
         return self.linear if self.denoised is None else self.denoised
 
     @property
     def camera_stops(self) -> float:
-        """Exposure of display images by the camera's f-stop, shutter and iso; 0 without them."""
+        """Exposure of display images, in stops, from the camera's f-stop, shutter and iso; 0 without them."""
         return photographic_stops(**camera_exposure(self.stats, {}))
 
     def save(
@@ -121,7 +122,7 @@ class RenderedImage:
         exr_compression: str = "zip",
         exr_tile: int | None = None,
     ) -> None:
-        """Write the image; the ending says how. `.film` keeps the exact sums, `.exr` the layers too.
+        """Write the image in the format of the file suffix. `.film` keeps the exact sums, `.exr` also the layers.
 
         Parameters
         ----------
@@ -129,18 +130,18 @@ class RenderedImage:
         tone_map : str
             For display formats.
         exposure : float
-            In stops, for display formats; added to that of the camera's f-stop, shutter and iso, where it has them.
+            In stops, for display formats. It is added to the exposure of the camera's f-stop, shutter and iso, if set.
         exr_type, exr_compression : str
-            Of `.exr`: `type` and `compression` of `clrender.image.exr_write.ExrFormat`.
+            For `.exr`: `type` and `compression` of `clrender.image.exr_write.ExrFormat`.
         exr_tile : int, optional
-            Its `tile`, pixels.
+            For `.exr`: `tile` of the same class, pixels.
 
         Raises
         ------
         UsageError
-            When the ending or the tone map is unknown, or the compression of an `.exr` would lose the ids of mattes.
+            When the suffix or the tone map is unknown, or the compression of an `.exr` would lose the ids of mattes.
         RenderError
-            When the file cannot be written; nothing is left half-written.
+            When the file cannot be written; no partial file is left.
         """
         exr = ExrFormat(exr_type, exr_compression, exr_tile)
         if Path(path).suffix.lower() == ".film":
@@ -170,11 +171,12 @@ class RenderedImage:
 
 
 def check_mattes(layers: Iterable[str], exr: ExrFormat) -> None:
-    """Make sure that a file keeps the ids of mattes, if there are some.
+    """Check that an `.exr` file keeps the ids of mattes, if there are any.
 
     Raises
     ------
     UsageError
+        When there are mattes and the compression is lossy.
     """
     matte = next((name for name in layers if name in MATTES), None)
     if matte is not None and exr.lossy:
@@ -185,12 +187,12 @@ def check_mattes(layers: Iterable[str], exr: ExrFormat) -> None:
 
 
 class IncompleteRender(RenderError):
-    """Every device failed before the render was done; what was finished by then is kept.
+    """Every device failed before the render was done; the finished samples are kept.
 
     Attributes
     ----------
     image : RenderedImage
-        Of the samples that were finished.
+        Image of the finished samples.
     """
 
     def __init__(self, message: str, image: RenderedImage) -> None:

@@ -1,6 +1,6 @@
 """`render()`: one session for one job.
 
-(Not ``render.py``: a module of that name would take the place of the function `clrender.render`.)
+(Not ``render.py``: a module of that name would shadow the function `clrender.render`.)
 """
 
 from __future__ import annotations
@@ -40,22 +40,23 @@ def render(
     ----------
     scene : Scene or RenderJob
     device : str, int, Device, sequence of them, optional
-        As ``--device``; default: ``CLRENDER_DEVICE``, else the best that works. With a cluster, of each worker.
+        See ``--device``. Default: ``CLRENDER_DEVICE``, else the best device that works. With a cluster, the device of
+        each worker.
     on_progress, should_stop : callable, optional
-        As of `Session.render`.
+        See `Session.render`.
     notify : callable, optional
-        As of `Session`.
+        See `Session`.
     keep_film : bool
-        As of `Session.render`.
+        See `Session.render`.
     checkpoint : path, optional
-        As of `Session.render`.
+        See `Session.render`.
     resume : bool
-        As of `Session.render`.
+        See `Session.render`.
     cluster : str, optional
-        ``tcp://HOST:PORT`` of a Dask scheduler whose workers take the samples, or ``local:N`` for N processes here:
-        `clrender.cluster.open_cluster`, which serves more than one render.
+        ``tcp://HOST:PORT`` of a Dask scheduler whose workers take the samples, or ``local:N`` for N processes on this
+        machine. For several renders, use `clrender.cluster.open_cluster`.
     **settings
-        As of `Session.render`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of `RenderSettings`.
+        See `Session.render`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of `RenderSettings`.
 
     Returns
     -------
@@ -64,7 +65,7 @@ def render(
     Raises
     ------
     SceneError, UsageError, DeviceError, RenderError
-        As `Session.render` does.
+        See `Session.render`.
     """
     job = RenderJob.given(scene, **settings)
     with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""Where the kernels and the built-in scenes lie: inside the installed package, or beside it in a checkout."""
+"""Location of the kernels and the built-in scenes: inside the installed package, or beside it in a checkout."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _folder(name: str) -> Path:
 
 
 def kernels_folder() -> Path:
-    """Folder of the OpenCL sources; includes in them are relative to it.
+    """Folder of the OpenCL sources; their includes are relative to it.
 
     Raises
     ------
@@ -48,6 +48,6 @@ def scenes_folder() -> Path:
 
 @cache
 def integrator_names() -> tuple[str, ...]:
-    """Names of the integrators, ``path`` first: the modules of `clrender.integrators`, none of which is imported."""
+    """Names of the integrators, ``path`` first: the modules of `clrender.integrators`, without importing them."""
     names = {path.stem for path in (_PACKAGE / "integrators").glob("*.py")} - {"__init__", "descriptor"}
     return ("path", *sorted(names - {"path"}))

@@ -1,4 +1,4 @@
-"""A session: devices with their programs and scenes, which render job after job without starting over."""
+"""A session: open devices that keep compiled programs and uploaded scenes from one render job to the next."""
 
 from __future__ import annotations
 
@@ -38,26 +38,27 @@ __all__ = ["Session"]
 
 
 class Session:
-    """Devices that render one job after the other; what does not change from one to the next stays on them.
+    """A set of devices that renders jobs one after another; data that two jobs share stays on the devices.
 
-    A job whose camera, exposure, seed or range of samples is another than the last one's has its camera and settings
-    uploaded, and nothing else; programs are built once. A context manager: at its end all is released.
+    If a job differs from the previous one only in its camera, exposure, seed or range of samples, only the camera and
+    the settings are uploaded. Programs are built once. A session is a context manager; on exit it releases all
+    resources.
 
-    It renders one job at a time. Threads may share it, and wait for each other; a callback that renders, or closes the
-    session, while it is called by a render of that session, gets a `UsageError`.
+    A session renders one job at a time. Threads may share it and wait for each other. A callback that is called during
+    a render and itself renders with, or closes, the same session gets a `UsageError`.
 
     Parameters
     ----------
     device : str, int, Device, sequence of them, optional
-        As ``--device``; default: ``CLRENDER_DEVICE``, else the best that works. A `Device` that is already open stays
-        open at the end.
+        See ``--device``. Default: ``CLRENDER_DEVICE``, else the best device that works. A `Device` that is already open
+        is not closed at the end.
     notify : callable, optional
-        Told in a line which device was chosen, and of anything to know about it or a scene.
+        Called with one line of text: which device was chosen, or a note or warning about a device or a scene.
 
     Raises
     ------
     UsageError, DeviceError
-        When the devices are first needed: there is none of that description, or none that works.
+        When the devices are first needed: no device matches the description, or none works.
 
     Examples
     --------
@@ -95,7 +96,7 @@ class Session:
 
     @property
     def devices(self) -> list[Device]:
-        """The session's devices; opened when they are first asked for. Those that were found unusable are left out."""
+        """The session's devices, opened at the first access. Devices that were found unusable are left out."""
         if self._closed:
             raise UsageError("the session is closed; open another")
         if self._devices is None:
@@ -106,12 +107,12 @@ class Session:
         return usable
 
     def close(self) -> None:
-        """Release everything on the devices, and those that the session opened. A second call does nothing.
+        """Release everything on the devices and close those that the session opened. A second call does nothing.
 
         Raises
         ------
         UsageError
-            Called by a callback of a render of this session; all stays as it is.
+            When a callback of a render of this session calls it; nothing is released then.
         """
         with self._turn:
             self._closed = True
@@ -133,28 +134,29 @@ class Session:
         cluster: Cluster | None = None,
         **settings: Any,
     ) -> RenderedImage:
-        """Render a scene, or a job.
+        """Render a scene or a job.
 
         Parameters
         ----------
         scene : Scene or RenderJob
         on_progress : callable, optional
-            Called in this thread after each launch.
+            Called in the calling thread after each launch, and a last time after the last commit.
         should_stop : callable, optional
-            Asked in this thread, twenty times a second; a yes ends the render with what is done.
+            Called in the calling thread, twenty times a second. If it returns True, the render ends with the samples
+            taken so far.
         keep_film : bool
-            Keep the exact sums, 52 bytes a pixel (148 with replicates), in the result.
+            Keep the exact sums, 52 bytes per pixel (148 with replicates), in the result.
         checkpoint : path, optional
-            A film that the render is saved to every five seconds, or less often where that would take more than 2 % of
-            its time, and at its end, whatever ends it. As many bytes a pixel again.
+            Film file to which the render is saved every five seconds, or less often if saving would take more than 2 %
+            of the render time, and at the end, however the render ends. This needs as many bytes per pixel again.
         resume : bool
-            Go on from what the checkpoint holds, if it is there yet; it must be of the same image, and may have been
-            made with fewer samples per pixel.
+            Continue from the checkpoint if the file exists. It must be of the same image, but may have been made with
+            fewer samples per pixel.
         cluster : Cluster, optional
-            As of `clrender.cluster.open_cluster`: its workers take the samples. The session's devices then make the
-            layers and what guides the denoiser, and are not opened where neither is asked for.
+            See `clrender.cluster.open_cluster`: its workers take the samples. The session's devices then render only
+            the layers and the denoiser's guide images; if neither is requested, they are not opened.
         **settings
-            Of a scene: as `RenderJob.of` takes them, ``size``, ``samples``, ``aov``, ``denoise`` and the fields of
+            Only with a scene; see `RenderJob.of`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of
             `RenderSettings`.
 
         Returns
@@ -164,13 +166,13 @@ class Session:
         Raises
         ------
         SceneError, UsageError
-            When the scene or a setting makes no sense, or what denoising needs is not installed. When there is a file
-            in the checkpoint's place that is not to be resumed, or is of another image, or another render saves itself
-            there. When a callback of a render of this session, or one that uses the same `Device`, calls it.
+            When the scene or a setting is invalid, or a package that denoising needs is not installed. When the
+            checkpoint file exists but `resume` is False, when it is of another image, or when another render saves to
+            it. When it is called by a callback of a render of this session or of one that uses the same `Device`.
         DeviceError
             When no device works.
         RenderError
-            When every device fails; `IncompleteRender`, with the image so far, when samples were finished by then.
+            When every device fails. It is an `IncompleteRender`, with the image so far, if any samples were finished.
         """
         job = RenderJob.given(scene, **settings)
         if isinstance(cluster, str):
@@ -194,41 +196,41 @@ class Session:
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> RunningFilm:
-        """Render for somebody who watches: begin with one sample of each pixel, stop soon, and go on later.
+        """Render progressively for an interactive viewer: start with one sample per pixel, stop quickly, resume later.
 
-        The sums are those of `render`, whatever the stops. Only samples are taken: the job's layers are not rendered.
+        The sums are the same as those of `render`, wherever it stops. The job's layers are not rendered.
 
         Parameters
         ----------
         job : RenderJob
         film : RunningFilm, optional
-            To go on from: one that `refine` returned for this job, or for the same with fewer samples per pixel.
+            Film to continue: one that `refine` returned for this job, or for the same job with fewer samples per pixel.
         on_progress, should_stop : callable, optional
-            As of `render`. A yes is answered within a twentieth of a second on a device that is not slower than that
-            with a few thousand pixels.
+            See `render`. The render stops within a twentieth of a second, on a device that renders a few thousand
+            pixels in that time.
 
         Returns
         -------
         RunningFilm
-            The one given, or a new one. Which request it is of is noted by `develop`.
+            The given film, or a new one. Its request is set by `develop`.
 
         Raises
         ------
         SceneError, UsageError, DeviceError, RenderError
-            As `render`. The film keeps what was finished.
+            See `render`. The film keeps the finished samples.
         """
         with self._alone():
             return JobRender(self, job, on_progress, should_stop, begun=film).refine()
 
     def develop(self, job: RenderJob, film: RunningFilm) -> RenderedImage:
-        """The image of what a film holds, with its numbers, as if a render had been stopped there.
+        """Develop a film into an image with its statistics, as if a render had been stopped there.
 
         Parameters
         ----------
         job : RenderJob
             Its layers are rendered; no more samples are taken.
         film : RunningFilm
-            That `refine` returned for this job; the image holds it.
+            A film that `refine` returned for this job; the image holds it.
 
         Returns
         -------
@@ -240,24 +242,24 @@ class Session:
     def layers(
         self, job: RenderJob, should_stop: Callable[[], bool] | None = None
     ) -> dict[str, npt.NDArray[np.float32]]:
-        """The layers of a job that are seen first, without its image, as of `clrender.aov.first_hits`.
+        """Render only the first-hit layers of a job, without its image; see `clrender.aov.first_hits`.
 
         Parameters
         ----------
         job : RenderJob
         should_stop : callable, optional
-            After a yes, samples are missing.
+            If it returns True, the layers have fewer samples.
 
         Returns
         -------
         dict of str to (height, width, channels) float32
-            By the names of the job's `aov`.
+            Keys are the names in the job's `aov`.
         """
         with self._alone():
             return JobRender(self, job, None, should_stop).layers()
 
     def team(self, job: RenderJob) -> tuple[DeviceTeam, str]:
-        """The devices at a job's disposal, as of `clrender.job_render.JobRender.team`.
+        """The session's devices as workers for a job; see `clrender.job_render.JobRender.team`.
 
         Parameters
         ----------
@@ -280,7 +282,7 @@ class Session:
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> Film:
-        """Some samples of some pixels of a job, as of `clrender.job_render.JobRender.part`.
+        """Render some samples of some pixels of a job; see `clrender.job_render.JobRender.part`.
 
         Parameters
         ----------
@@ -288,9 +290,9 @@ class Session:
         wanted : Ledger
             Which samples of which blocks of pixels.
         check : callable
-            Told the request of the job's film before anything is rendered; it may raise.
+            Called with the request of the job's film before anything is rendered; it may raise.
         on_progress, should_stop : callable, optional
-            As of `render`.
+            See `render`.
 
         Returns
         -------
@@ -301,16 +303,16 @@ class Session:
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """The session, and devices that others may use as well, for this thread."""
+        """Lock the session, and the devices that other sessions may share, for this thread."""
         with ExitStack() as turns:
             turns.enter_context(self._turn)
             shared = {id(device.turn): device.turn for device in self._borrowed}
-            for _, turn in sorted(shared.items()):  # in one order everywhere: nobody waits in a circle
+            for _, turn in sorted(shared.items()):  # always in the same order, to avoid deadlock
                 turns.enter_context(turn)
             yield
 
     def flat(self, job: RenderJob) -> FlatScene:
-        """The job's scene as arrays; those of the session's last job where only the camera is another.
+        """The job's scene as arrays. If only the camera differs from the session's last job, its arrays are reused.
 
         Parameters
         ----------
@@ -335,20 +337,20 @@ class Session:
         launch: LaunchConfig,
         on_device: Callable[[DeviceWorker], DevicePreparation] | None = None,
     ) -> DeviceWorker:
-        """A worker for a scene that is, or will be, on a device; one at a time for each device.
+        """Make a worker for a scene on a device, and upload the scene if needed; one worker per device at a time.
 
         Parameters
         ----------
         device : Device
         flat : FlatScene
         settings : (1,) `Settings`
-            As of `clrender.settings.RenderSettings.struct`.
+            See `clrender.settings.RenderSettings.struct`.
         pipeline : Pipeline
             The kernels of an integrator.
         launch : LaunchConfig
-            How the work is cut.
+            How the work is divided into launches.
         on_device : callable, optional
-            Given the worker, prepares what its integrator needs there.
+            Called with the worker; prepares what its integrator needs on the device.
 
         Returns
         -------
@@ -374,13 +376,13 @@ class Session:
         return worker
 
     def _forget(self, device: Device, before: frozenset[Buffer]) -> None:
-        """Release what a worker that could not be made left on its device."""
+        """Release everything that was allocated on a device since `before`, after a worker could not be made."""
         self._uploaded.pop(device, None)
         self._scratch.pop(device, None)
         device.release_but(before)
 
     def restart(self, device: Device) -> None:
-        """Make a device that failed ready for another try: nothing of before is on it, or is used.
+        """Reset a device that failed, so that it can be tried again: everything on it is released.
 
         Parameters
         ----------
@@ -391,7 +393,7 @@ class Session:
             device.reopen()
 
     def dismiss(self, device: Device) -> None:
-        """Use a device no more in this session: it hangs, or its results are wrong.
+        """Exclude a device from the rest of this session, because it hangs or its results are wrong.
 
         Parameters
         ----------
@@ -400,7 +402,7 @@ class Session:
         self._dismissed.add(device)
 
     def tell(self, line: str) -> None:
-        """Pass a line on to whoever is to be notified.
+        """Pass a line of text to the session's `notify`.
 
         Parameters
         ----------
@@ -417,7 +419,7 @@ class Session:
 
 
 def _given(device: object) -> list[str | int | Device]:
-    """Descriptions of devices, and devices, as a list; none where nothing is given."""
+    """The given devices and descriptions of devices as a list; empty if none is given."""
     given: list[str | int | Device] = []
     for one in device if isinstance(device, Iterable) and not isinstance(device, str) else [device]:
         if isinstance(one, (str, int, Device)) and not isinstance(one, bool):
@@ -429,7 +431,7 @@ def _given(device: object) -> list[str | int | Device]:
 
 @dataclass(frozen=True)
 class _Geometry:
-    """What the arrays of a scene are made from, all but the camera."""
+    """Everything that determines the arrays of a scene, except the camera."""
 
     scene: Scene
     light_sampler: str
@@ -455,13 +457,13 @@ class _Geometry:
 
 
 def _light_sampler(job: RenderJob) -> str:
-    """As asked for; ``auto`` is what the integrator makes of it."""
+    """The requested light sampler; ``auto`` is replaced by the integrator's choice."""
     asked = job.settings.light_sampler
     return job.integrator.auto_light_sampler if asked == "auto" else asked
 
 
 def _compensated(job: RenderJob) -> bool:
-    """Whether there is an environment, and samples of the BSDF find it wherever light samples do."""
+    """Whether there is an environment that is sampled both by light sampling and by BSDF sampling."""
     if job.scene.environment is None and job.scene.sky is None:
         return False
     settings = job.settings.struct(1, job.integrator.fixed)

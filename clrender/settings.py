@@ -1,6 +1,6 @@
-"""THE table of settings: command line, scene file, its schema, calls and the hash of a request are made from it.
+"""THE table of settings. The command line, scene files and their schema, calls and request hashes derive from it.
 
-A new setting is one field of `RenderSettings`, and what its integrator does with it.
+A new setting is one field of `RenderSettings`, plus the code in its integrator that uses it.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ __all__ = [
 ]
 
 IMAGE: Final = "image"
-"""Group of settings that decide the image: the request."""
+"""Group of settings that determine the image: the request."""
 WORK: Final = "work"
-"""Group of settings that say how work is cut; none changes a bit of the image."""
+"""Group of settings that divide the work into launches; none changes a bit of the image."""
 STOP: Final = "stop"
-"""Group of settings that say when enough is done."""
+"""Group of settings that decide when the render stops."""
 
 PIXEL_LIMIT: Final = 2**30
 
 REPLICATE_SPP: Final = 16
-"""Samples of a replicate where one asks for errors and not for replicates."""
+"""Default samples per replicate if errors are requested but no replicates."""
 FIRST_LOOK: Final = 16
-"""Replicates of each pixel before their spread says enough to stop by."""
+"""Replicates per pixel that are needed before their variance is a usable stopping criterion."""
 ERROR_SPP: Final = 16384
-"""Most samples of a pixel where a render stops by its error and nobody says how many."""
+"""Default maximum of samples per pixel if a render stops by its error."""
 
 
 @dataclass(frozen=True)
@@ -61,23 +61,23 @@ class Setting:
     name : str
         Field of `RenderSettings`, key of the scene file, argument of `clrender.render`.
     domain : Domain
-        What it may be.
+        The allowed values.
     default
-        Where nothing is said; None is a value only where it is the default.
+        The value if none is given; None is allowed only if it is the default.
     help : str
-        What it is, with units; for ``--help`` and the schema.
+        Description with units, for ``--help`` and the schema.
     unset : str
-        What the default means, where the value itself does not say it.
+        Meaning of the default, if the value itself does not show it.
     group : str
         `IMAGE`, `WORK` or `STOP`.
     section : str or None
         Table of the scene file that may hold it.
     integrator : str or None
-        The only one that it concerns; None: all.
+        The only integrator that uses it; None: all.
     option : str or None
-        Of ``clrender render``.
+        Option of ``clrender render``.
     metavar : str
-        The option's value in the help.
+        Placeholder of the option's value in the help.
     """
 
     name: str
@@ -92,21 +92,22 @@ class Setting:
     metavar: str
 
     def accept(self, value: object) -> Any:
-        """The value as Python's own type.
+        """The value, checked and converted to a built-in Python type.
 
         Raises
         ------
         NotAllowed
+            When the value is outside the domain.
         """
         return None if value is None and self.default is None else self.domain.accept(value)
 
     @property
     def default_words(self) -> str:
-        """The default in the help."""
+        """Text for the default in the help."""
         return self.unset or str(self.default)
 
     def schema(self) -> dict[str, Any]:
-        """JSON Schema."""
+        """JSON Schema of the setting."""
         schema = self.domain.schema()
         if self.default is None:
             schema = {"anyOf": [schema, {"type": "null"}]}
@@ -124,7 +125,7 @@ def _setting(
     option: str | None = "",
     metavar: str = "",
 ) -> Any:
-    """A field of `RenderSettings`; its option is named like it unless that is said, or None: there is none."""
+    """A field of `RenderSettings`. `option` defaults to the field's name; None means no option."""
     about = {"domain": domain, "help": help, "unset": unset, "group": group, "section": section}
     about |= {"integrator": integrator, "option": option, "metavar": metavar or domain.metavar}
     return dataclasses.field(default=default, metadata=about)
@@ -140,9 +141,9 @@ _SIDE: Final = Range(1, 65536, whole=True)
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """What a render is asked for; `SETTINGS` says of each field what it means and what it may be.
+    """Settings of a render; `SETTINGS` gives the meaning and the allowed values of each field.
 
-    NumPy's numbers become Python's.
+    NumPy scalars are converted to Python numbers.
 
     Raises
     ------
@@ -204,7 +205,7 @@ class RenderSettings:
     )
     photon_radius: float | None = _setting(
         None,
-        # Rays describe light only where lengths are above its wavelength.
+        # Geometric optics holds only at lengths above the wavelength of light.
         Range(1e-6, 1e12),
         "For integrator photon: initial radius of the density estimate, metres",
         "1/100 of the scene radius",
@@ -320,7 +321,7 @@ class RenderSettings:
             )
 
     def request(self) -> dict[str, Any]:
-        """The settings that decide the image, JSON-able; not the number of samples, of which a film may hold some."""
+        """The settings that determine the image, as JSON values; not the number of samples: a film may hold fewer."""
         return {
             name: getattr(self, name)
             for name, setting in SETTINGS.items()
@@ -328,19 +329,20 @@ class RenderSettings:
         }
 
     def struct(self, tile: int, fixed: Mapping[str, Any] | None = None) -> npt.NDArray[np.void]:
-        """The `Settings` that kernels read, for tiles of this side.
+        """The `Settings` struct that the kernels read.
 
         Parameters
         ----------
         tile : int
+            Side of a tile, pixels.
         fixed : mapping, optional
-            Fields that hold whatever the user says: `clrender.integrators.Integrator.fixed`.
+            Fields whose values override the user's: `clrender.integrators.Integrator.fixed`.
 
         Returns
         -------
         (1,) `Settings`
         """
-        # Here, because whoever only asks for help should not wait for NumPy.
+        # Imported here because `--help` should not wait for NumPy to load.
         import numpy as np
 
         from clrender import layout
@@ -356,7 +358,7 @@ class RenderSettings:
             "indirect_rays": indirect,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
             "roulette": getattr(layout, f"ROULETTE_{self.roulette.upper()}"),
-            # Without indirect rays only light samples find light on diffuse surfaces.
+            # Without indirect rays, only light samples find the lights from diffuse surfaces.
             "light_samples": 0 if self.sampling == "bsdf" and indirect else self.shadow_rays,
             "bsdf_samples": 0 if self.sampling == "light" else indirect,
             "reuse": self.reuse,
@@ -382,17 +384,17 @@ def _line(field: dataclasses.Field[Any]) -> Setting:
 
 
 SETTINGS: Final[Mapping[str, Setting]] = {field.name: _line(field) for field in dataclasses.fields(RenderSettings)}
-"""Every setting by name, in the order of the help."""
+"""All settings by name, in the order of the help."""
 
 
 def not_taken(name: str, value: object, integrator: str) -> str:
-    """What is wrong with a value that an integrator does not take; goes on from the setting's name."""
+    """The error text for a value that an integrator does not accept; it follows the setting's name."""
     words = Choice(tuple(INTEGRATORS[integrator].takes[name])).words  # type: ignore[arg-type]
     return f"is {shown(value)}, but the integrator {integrator} takes {words} only"
 
 
 def settings_of(integrator: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Of some settings, those that concern an integrator."""
+    """The given settings without those of other integrators."""
     return {
         name: value
         for name, value in given.items()
@@ -405,7 +407,7 @@ class _Table(Protocol):
 
 
 class _Scene(Protocol):
-    """What is read of a `clrender.Scene`, which stands above this table."""
+    """The attributes of `clrender.Scene` that are used here; that class depends on this module."""
 
     @property
     def render(self) -> _Table: ...
@@ -414,9 +416,9 @@ class _Scene(Protocol):
 
 
 def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str, Any]) -> RenderSettings:
-    """The settings of a render: those given, else the scene's, else the defaults.
+    """Combine the settings of a render: the given ones, else the scene's, else the defaults.
 
-    What is given must have an effect; what the scene says may be for another integrator than the one asked for.
+    Every given setting must have an effect. The scene's settings may be for another integrator than the requested one.
 
     Parameters
     ----------
@@ -460,7 +462,7 @@ def _sides(size: Any) -> dict[str, Any]:
 
 
 def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
-    """What somebody asks for is not ignored in silence."""
+    """Raise an error if a given setting would have no effect."""
     for name in given:
         owner = SETTINGS[name].integrator
         if owner not in (None, wanted.integrator) and getattr(wanted, name) is not None:
@@ -473,10 +475,11 @@ def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
 
 
 def check_memory(wanted: RenderSettings) -> None:
-    """Make sure that the machine, or what is allowed of it, could hold the film.
+    """Check that the film fits into the machine's memory, or into the memory limit.
 
     Raises
     ------
     UsageError
+        When it does not fit.
     """
     check_image(wanted.width, wanted.height, wanted.max_memory, film_bytes(wanted.replicate_spp is not None))

@@ -1,7 +1,7 @@
-"""Student's t distribution, for tests and confidence intervals where few values are at hand.
+"""Student's t distribution, for tests and confidence intervals from few values.
 
-By hand because this and `clrender.chi_squared` are all that clrender needs of a statistics library:
-`compare --integrators` and `furnace` work without SciPy, which the tests hold them against.
+It is implemented here because this and `clrender.chi_squared` are all that clrender needs of a statistics library. So
+`compare --integrators` and `furnace` work without SciPy; the tests compare with SciPy.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ __all__ = ["SMALLEST", "critical_value", "p_value"]
 Floats = npt.NDArray[np.float64]
 
 SMALLEST: Final = 1e-300
-"""Probabilities below it are not told apart."""
+"""Smallest probability that is resolved."""
 _ITERATIONS: Final = 400
 
 
 def p_value(t: npt.ArrayLike, df: npt.ArrayLike) -> Floats:
     """Two-sided p-value: the probability that Student's t is at least as far from 0 as `t`.
 
-    P(|T| >= t) = I_x(ν/2, 1/2) with x = ν / (ν + t²), I the regularised incomplete beta function (Abramowitz and
-    Stegun 26.7.1), by its continued fraction (DLMF 8.17.22) where that converges fast, else by its complement.
+    P(|T| >= t) = I_x(ν/2, 1/2) with x = ν / (ν + t²), I the regularised incomplete beta function (Abramowitz and Stegun
+    26.7.1). It is computed by its continued fraction (DLMF 8.17.22) where that converges fast, else by its complement.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def p_value(t: npt.ArrayLike, df: npt.ArrayLike) -> Floats:
     a, b = nu / 2.0, np.full_like(nu, 0.5)
     swap = x >= (a + 1.0) / (a + b + 2.0)
     p, q, z = np.where(swap, b, a), np.where(swap, a, b), np.where(swap, y, x)
-    # x^a (1 - x)^b / (a B(a, b)) is the same for the complement, but for the a it is divided by.
+    # x^a (1 - x)^b / (a B(a, b)) is the same for the complement, except for the divisor a.
     front = np.exp(_log_gamma(a + b) - _log_gamma(a) - _log_gamma(b) + a * np.log(x) + b * np.log(y))
     part = front / p * _beta_fraction(p, q, z)
     result[inner] = np.clip(np.where(swap, 1.0 - part, part), 0.0, 1.0)
@@ -50,9 +50,9 @@ def p_value(t: npt.ArrayLike, df: npt.ArrayLike) -> Floats:
 
 
 def critical_value(probability: float, df: npt.ArrayLike) -> Floats:
-    """What |t| exceeds with this probability: the inverse of `p_value`.
+    """The value that |t| exceeds with this probability: the inverse of `p_value`.
 
-    By Newton's method for log p as a function of log t, which is concave: it converges from any start.
+    It is found by Newton's method for log p as a function of log t, which is concave, so it converges from any start.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Turns at something that only one render at a time may use: a session, and a device that several sessions share."""
+"""Locks for resources that only one render at a time may use: sessions, and devices that several sessions share."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ __all__ = ["Turn"]
 
 
 class Turn:
-    """A lock for which other threads wait. The thread that has it is refused instead: it would wait for itself.
+    """A non-reentrant lock. Other threads wait for it; the thread that holds it gets an error instead of a deadlock.
 
-    A context manager.
+    It is a context manager.
 
     Parameters
     ----------
     busy : str
-        What the message says to a thread that asks again while it has its turn.
+        Message of the error if a thread acquires the lock while it already holds it.
     """
 
     def __init__(self, busy: str) -> None:
@@ -27,7 +27,7 @@ class Turn:
         self._taken = False
 
     def __enter__(self) -> Turn:
-        # Reentrant, so that an interrupt right after this line leaves nothing that this thread would wait for
+        # An `RLock`, so that an interrupt right after this line cannot make this thread wait for itself later
         self._lock.acquire()
         if self._taken:
             self._lock.release()

@@ -1,4 +1,4 @@
-"""The version, where everything can read it at no cost."""
+"""The version, in a module that is cheap to import."""
 
 from __future__ import annotations
 

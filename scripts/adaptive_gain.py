@@ -16,14 +16,14 @@ import clrender
 
 SIDE: Final = 64
 SPP: Final = 16
-"""Samples per pixel of a replicate: an image with a seed, and so with points, of its own."""
+"""Samples per pixel of a replicate, an image with its own seed and so its own sample points."""
 REPLICATES: Final = 192
 BUDGET: Final = 64
-"""Replicates that an even allocation spends on each pixel."""
+"""Replicates per pixel of a uniform allocation."""
 PILOT: Final = 16
-"""Of these, those by which the others are allocated."""
+"""Of these, the replicates that determine the allocation of the others."""
 DRAWS: Final = 20
-"""Pilots that are drawn from all replicates."""
+"""Number of pilots drawn from all replicates."""
 BLOCK: Final = 4
 
 SCENES: Final = ("room", "cornell", "product", "textures", "candles", "haze", "caustic")
@@ -32,7 +32,7 @@ Array = npt.NDArray[np.float64]
 
 
 def replicates(session: clrender.Session, name: str) -> Array:
-    """Mean of the three channels: (REPLICATES, SIDE, SIDE) float64."""
+    """Mean of the three channels of each replicate: (REPLICATES, SIDE, SIDE) float64."""
     scene = clrender.load(name)
     size = (SIDE, SIDE)
     images = [
@@ -44,26 +44,26 @@ def replicates(session: clrender.Session, name: str) -> Array:
 
 
 def relative_variance(images: Array) -> Array:
-    """Variance of one replicate of each pixel over the square of its mean, as the relative MSE counts it."""
+    """Variance of one replicate over the squared mean, per pixel, as in the relative MSE."""
     mean = images.mean(0)
     variance: Array = images.var(0, ddof=1) / (mean**2 + 1e-2 * mean.mean() ** 2)
     return variance
 
 
 def blocks(values: Array) -> Array:
-    """Means over blocks of pixels, the least that work is made of."""
+    """Means over blocks of pixels, the smallest unit of work."""
     means: Array = values.reshape(SIDE // BLOCK, BLOCK, SIDE // BLOCK, BLOCK).mean((1, 3))
     return means
 
 
 def ideal_gain(variance: Array) -> float:
-    """With the true variances known, and as many replicates of each part as their roots are large, which is optimal."""
+    """Gain with known variances, and the optimal allocation in proportion to their square roots."""
     return float(variance.mean() / np.sqrt(variance).mean() ** 2)
 
 
 def gain(images: Array, random: np.random.Generator) -> float:
-    """With variances estimated by a pilot, and pilot and rest combined by weights fixed in advance, so that the mean
-    stays unbiased (Kirk and Arvo, "Unbiased Sampling Techniques for Image Synthesis", SIGGRAPH 1991)."""
+    """Gain with variances estimated by a pilot, combined with the rest by weights fixed in advance, so that the mean is
+    unbiased (Kirk and Arvo, "Unbiased Sampling Techniques for Image Synthesis", SIGGRAPH 1991)."""
     order = random.permutation(len(images))
     pilot, others = images[order[:PILOT]], images[order[PILOT:]]
     true, seen = blocks(relative_variance(others)), blocks(relative_variance(pilot))

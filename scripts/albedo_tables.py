@@ -47,20 +47,20 @@ from clrender import layout
 
 FILE = Path(__file__).resolve().parent.parent / "clrender" / "scene" / "albedo_tables.npz"
 LEAST_ALPHA = 1e-5
-LEAST_TURNED = 1e-3  # the least alpha that is no delta: CLOSURE_SMOOTH of kernels/material/closure.h
+LEAST_TURNED = 1e-3  # the smallest alpha that is not a delta: CLOSURE_SMOOTH of kernels/material/closure.h
 
 _Floats = NDArray[np.float64]
 
 
 def facets(wo: _Floats, alpha: _Floats, grid: int) -> _Floats:
-    """Normals (3, grid, grid) that are seen along a direction, equally likely."""
+    """Equally likely visible normals (3, grid, grid) for a direction."""
     u = (np.arange(grid) + 0.5) / grid
     turn, v = np.meshgrid(u, u, indexing="ij")
     stretched = alpha * wo
     stretched /= np.linalg.norm(stretched)
     z = (1.0 - v) * (1.0 + stretched[2]) - stretched[2]
     r = np.sqrt(np.maximum(1.0 - z * z, 0.0))
-    # Both halves of the turn are alike where the direction is along x and alpha is the same on all sides
+    # Both halves of the azimuth are alike if the direction is along x and alpha is isotropic
     around = (np.pi if wo[1] == 0.0 and alpha[0] == alpha[1] else 2.0 * np.pi) * turn
     x, y = r * np.cos(around) + stretched[0], r * np.sin(around) + stretched[1]
     normal = np.array([alpha[0] * x, alpha[1] * y, np.maximum(z + stretched[2], 0.0)])
@@ -69,12 +69,12 @@ def facets(wo: _Floats, alpha: _Floats, grid: int) -> _Floats:
 
 
 def alike(alpha: float) -> _Floats:
-    """The same roughness on all sides."""
+    """Isotropic roughness."""
     return np.array([alpha, alpha, 1.0])
 
 
 def seen_at(cosine: float, along_x: float = 1.0) -> _Floats:
-    """A direction of that cosine, and of that square of the cosine of its angle to x in the plane."""
+    """A direction with this cosine, and this squared cosine of its azimuth from x."""
     sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
     return np.array([sine * np.sqrt(along_x), sine * np.sqrt(1.0 - along_x), cosine])
 
@@ -87,14 +87,14 @@ def smith(w: _Floats, alpha: _Floats) -> _Floats:
 
 
 def smith_even(cosine: _Floats, alpha: float) -> _Floats:
-    """Λ of GGX of the same roughness on all sides."""
+    """Λ of isotropic GGX."""
     cosine2 = np.clip(cosine * cosine, 1e-24, 1.0)
     of: _Floats = (np.sqrt(1.0 + alpha * alpha * (1.0 - cosine2) / cosine2) - 1.0) / 2.0
     return of
 
 
 def albedo(wo: _Floats, alpha: _Floats, grid: int = 384) -> tuple[float, float]:
-    """Of mirror-like facets, and weighted by (1 - c)^5."""
+    """Albedo of mirror-like facets, and the same weighted by (1 - c)^5."""
     m = facets(wo, alpha, grid)
     wo = wo[:, None, None]
     at = (m * wo).sum(axis=0)
@@ -105,7 +105,7 @@ def albedo(wo: _Floats, alpha: _Floats, grid: int = 384) -> tuple[float, float]:
 
 
 def spread(count: int) -> tuple[_Floats, _Floats]:
-    """Points (n,) of the unit square, even in all directions: a lattice of `count` Fibonacci numbers."""
+    """Points (n,) of the unit square: a Fibonacci lattice."""
     last, size = 1, 1
     for _ in range(count):
         last, size = size, last + size
@@ -114,7 +114,7 @@ def spread(count: int) -> tuple[_Floats, _Floats]:
 
 
 def turned_albedo(wo: _Floats, alpha: _Floats, count: int = 19) -> _Floats:
-    """Of mirror-like facets that are rougher along x, from directions (3, n)."""
+    """Albedo of mirror-like facets that are rougher along x, for directions (3, n)."""
     turn, v = spread(count)
     stretched = alpha[:, None] * wo
     stretched = (stretched / np.linalg.norm(stretched, axis=0))[..., None]
@@ -124,7 +124,7 @@ def turned_albedo(wo: _Floats, alpha: _Floats, count: int = 19) -> _Floats:
     x = alpha[0] * (r * np.cos(2.0 * np.pi * turn) + stretched[0])
     y = alpha[1] * (r * np.sin(2.0 * np.pi * turn) + stretched[1])
     z = np.maximum(z + stretched[2], 0.0)
-    # wi = 2 (wo · m) m - wo of a facet m whose length is not yet 1
+    # wi = 2 (wo · m) m - wo for a facet m that is not yet normalised
     both = 2.0 * (wo[0] * x + wo[1] * y + wo[2] * z) / (x * x + y * y + z * z)
     wi = np.array([both * x - wo[0], both * y - wo[1], both * z - wo[2]])
     here = 1.0 + smith(wo, alpha)
@@ -133,9 +133,9 @@ def turned_albedo(wo: _Floats, alpha: _Floats, count: int = 19) -> _Floats:
 
 
 def fitted(table: _Floats) -> _Floats:
-    """Values at the nodes that halve the error of linear interpolation between them.
+    """Values at the nodes that halve the error of linear interpolation.
 
-    That error has the sign of the curvature, and is most in the middle: all nodes are moved by half of it.
+    The error has the sign of the curvature and is largest in the middle: all nodes are shifted by half of it.
     """
     of = table.copy()
     for axis in range(of.ndim):
@@ -145,9 +145,9 @@ def fitted(table: _Floats) -> _Floats:
 
 
 def glass_albedo(cosine: _Floats, alpha: float, eta: float, count: int = 20) -> _Floats:
-    """Of facets of glass, from directions of these cosines (n,): `eta` is the index beyond over that on this side.
+    """Albedo of glass facets, for directions with cosines (n,): `eta` is the index beyond relative to this side.
 
-    A lattice: even grids miss by 0.3 % where all facets beyond one angle reflect all light.
+    Uses a lattice: regular grids have errors of 0.3 % if all facets beyond one angle reflect totally.
     """
     turn, v = spread(count)
     mu = cosine[:, None]
@@ -187,7 +187,7 @@ def sheen_lambda(cosine: Any, alpha: float) -> Any:
 
 
 def sheen_albedo(cosine: float, alpha: float, grid: int = 256) -> float:
-    """Of the sheen of that roughness before it is scaled."""
+    """Albedo of sheen before scaling."""
     u = (np.arange(grid) + 0.5) / grid
     # Denser towards the horizon
     up, turn = np.meshgrid(u * u, u, indexing="ij")
@@ -201,17 +201,17 @@ def sheen_albedo(cosine: float, alpha: float, grid: int = 256) -> float:
 
 
 def cosines(alpha: float, size: int) -> _Floats:
-    """Of the columns of a row."""
+    """Cosines of the columns of a row."""
     grid2 = (np.arange(size) / (size - 1)) ** 2
     of: _Floats = np.clip(alpha * grid2 / (1.0 + alpha - grid2), 1e-7, 1.0)
     return of
 
 
 def glass_column(alpha: float, cosine: _Floats, ior: float, denser: bool) -> _Floats:
-    """The column's coordinate for glass of that index, seen from the denser medium or the thinner one.
+    """Column coordinate for glass of an index, seen from the denser medium or the thinner one.
 
-    Columns are dense where the cosine is about alpha, and within the denser medium about the critical angle, too, where
-    E bends within a few alphas. All layers have the bend in nearly the same column, so that it lies there between them.
+    Columns are dense around a cosine of alpha and, within the denser medium, around the critical angle, where E bends
+    within a few alphas. All layers have the bend in nearly the same column, and so has the interpolation between them.
     """
     by_slope = np.sqrt(cosine * (1.0 + alpha) / (cosine + alpha))
     if not denser:
@@ -227,7 +227,7 @@ def glass_column(alpha: float, cosine: _Floats, ior: float, denser: bool) -> _Fl
 
 
 def glass_cosines(alpha: float, ior: float, denser: bool, size: int) -> _Floats:
-    """Of the columns of a row of glass."""
+    """Cosines of the columns of a row of glass."""
     even = np.linspace(0.0, 1.0, 1 << 13)
     around = np.sqrt(1.0 - 1.0 / ior**2) + alpha * np.sinh(np.linspace(-9.0, 9.0, 1 << 12))
     cosine = np.unique(np.concatenate([even, even**4, np.clip(around, 0.0, 1.0)]))
@@ -237,9 +237,9 @@ def glass_cosines(alpha: float, ior: float, denser: bool, size: int) -> _Floats:
 
 
 def glass_index(layer: int) -> float:
-    """The index n of a layer of glass: even over 1.3 t / (t + 0.3), where t² is (n - 1) / (n + 1).
+    """The index n of a layer of glass: uniform in 1.3 t / (t + 0.3), where t² is (n - 1) / (n + 1).
 
-    Near n = 1, alpha and t count by their ratio, so layers are to be nearly as dense as of a logarithm there.
+    Near n = 1, only the ratio of alpha and t matters, so layers there are nearly as dense as for a logarithm.
     """
     at = layer / (layout.GLASS_LAYERS - 1)
     ratio = min((0.3 * at / (1.3 - at)) ** 2, 1.0 - 1e-7)
@@ -253,13 +253,13 @@ def glass_layer(ior: float) -> float:
 
 
 def alphas(size: int) -> _Floats:
-    """Of the rows."""
+    """Alphas of the rows."""
     of: _Floats = np.maximum((np.arange(size) / (size - 1)) ** 2, LEAST_ALPHA)
     return of
 
 
 def average(row: _Floats, alpha: float) -> float:
-    """2 ∫ E(μ) μ dμ of a row as the kernels interpolate it, over the column's coordinate."""
+    """2 ∫ E(μ) μ dμ of a row as interpolated by the kernels, over the column coordinate."""
     steps = 1 << 14
     at = (np.arange(steps) + 0.5) / steps
     cosine = alpha * at**2 / (1.0 + alpha - at**2)
@@ -269,14 +269,14 @@ def average(row: _Floats, alpha: float) -> float:
 
 
 def glass_average(table: NDArray[np.uint16], alpha: float, ior: float, denser: bool) -> float:
-    """1 - E_avg of a layer (R, C) of glass as the kernels interpolate it, over the fourth root of the cosine."""
+    """1 - E_avg of a layer (R, C) of glass as interpolated by the kernels, over the fourth root of the cosine."""
     at = (np.arange(1 << 11) + 0.5) / (1 << 11)
     value = interpolated(table, np.sqrt(alpha), np.clip(glass_column(alpha, at**4, ior, denser), 0.0, 1.0))
     return float(2.0 * ((1.0 - value) * at**4 * 4.0 * at**3).mean())
 
 
 def packed(table: Any) -> NDArray[np.uint16]:
-    """In sixteen bits."""
+    """Quantise to sixteen bits."""
     of: NDArray[np.uint16] = np.rint(np.clip(np.asarray(table), 0.0, 1.0) * 65535.0).astype("<u2")
     return of
 
@@ -284,8 +284,8 @@ def packed(table: Any) -> NDArray[np.uint16]:
 def lost(table: NDArray[np.uint16]) -> NDArray[np.float32]:
     """(1 - E_avg) / alpha^(3/2) of a table of (…, rows, columns).
 
-    Where alpha is small, 1 - E_avg grows too fast from row to row to be interpolated: there are four times as many, of
-    the table as it is interpolated at each of them.
+    For small alpha, 1 - E_avg changes too fast between rows for interpolation. So there are four times as many rows,
+    each computed from the interpolated table.
     """
     rows, columns = table.shape[-2:]
     fine = 4 * (rows - 1) + 1
@@ -326,14 +326,14 @@ def ggx_tables() -> dict[str, NDArray[Any]]:
 
 
 def turned_facets(row: float, across: float) -> tuple[float, float]:
-    """alpha_x and alpha_y of a row, from 0 to 1, and of how far they are apart."""
+    """alpha_x and alpha_y from a row, 0 to 1, and from their distance."""
     most = max(row * row, LEAST_TURNED)
     least = (np.sqrt(most) + (np.sqrt(LEAST_TURNED) - np.sqrt(most)) * across) ** 2
     return most, float(least)
 
 
 def turned_seen(most: float, least: float, seen: _Floats) -> _Floats:
-    """The square of the cosine between x and directions in the plane that see such an alpha."""
+    """Squared cosine of the azimuth from x at which the effective alpha is `seen`."""
     if most < least * (1.0 + 1e-9):
         return np.linspace(0.0, 1.0, len(seen))
     of: _Floats = np.clip((seen**2 - least**2) / (most**2 - least**2), 0.0, 1.0)
@@ -341,7 +341,7 @@ def turned_seen(most: float, least: float, seen: _Floats) -> _Floats:
 
 
 def turned_average(table: _Floats, most: float, least: float) -> float:
-    """1 - E_avg of the (Q, C) part of the table for such facets, as the kernels interpolate it."""
+    """1 - E_avg of the (Q, C) part of the table for these facets, as interpolated by the kernels."""
     turns = len(table)
     angles = (np.arange(64) + 0.5) / 64 * np.pi / 2.0
     seen = np.sqrt((most * np.cos(angles)) ** 2 + (least * np.sin(angles)) ** 2)
@@ -402,7 +402,7 @@ def sheen_tables() -> dict[str, NDArray[Any]]:
 
 
 def interpolated(table: NDArray[np.uint16], row: float, columns: _Floats) -> _Floats:
-    """A line of a table at a row from 0 to 1 and columns from 0 to 1, as the kernels find it."""
+    """A line of a table at a row from 0 to 1 and columns from 0 to 1, as interpolated by the kernels."""
     y = row * (len(table) - 1)
     lower = min(int(y), len(table) - 2)
     line = (table[lower] * (lower + 1.0 - y) + table[lower + 1] * (y - lower)) / 65535.0
@@ -411,7 +411,7 @@ def interpolated(table: NDArray[np.uint16], row: float, columns: _Floats) -> _Fl
 
 
 def slant_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """``slants`` and ``slant_numbers``, of the other tables."""
+    """``slants`` and ``slant_numbers``, from the other tables."""
     nodes, weights = np.polynomial.legendre.leggauss(600)
     mu = ((nodes + 1.0) / 2.0) ** 2
     weight = weights * (nodes + 1.0) * mu  # for 2 ∫ … μ dμ
@@ -423,12 +423,12 @@ def slant_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         upright = max(row, 0.1)
         lines += [e, b, interpolated(of["sheen"], upright, np.sqrt(mu))]
     varying = np.array([line - (line * weight).sum() for line in lines]).reshape(-1, 3, len(mu))
-    # What glossy layers of metal alone reflect has no diffuse surface below
+    # Layers of metal alone have no diffuse surface below
     _, _, axes = np.linalg.svd(varying[:, 1:].reshape(-1, len(mu)) * np.sqrt(weight), full_matrices=False)
     b, c = (axis * np.sign(axis.sum()) / np.sqrt(weight) for axis in axes[:2])
     components = np.stack([(varying * axis * weight).sum(axis=2) for axis in (b, c)], axis=-1)
     words = np.rint(np.clip((components + 0.05) / 0.2, 0.0, 1.0) * 65535.0).astype(np.uint32)
-    # EON (kernels/material/eon.h), over all turns, in white: 1 + r A Q
+    # EON (kernels/material/eon.h), over all azimuths, in white: 1 + r A Q
     sine, g = np.sqrt(1.0 - mu * mu), 1.0 - mu
     albedo_fit = g * (0.0571085289 + g * (0.491881867 + g * (-0.332181442 + g * 0.0714429953)))
     c1, c2 = 0.5 - 2.0 / (3.0 * np.pi), 2.0 / 3.0 - 28.0 / (15.0 * np.pi)
@@ -443,7 +443,7 @@ def slant_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """``covered`` and ``covered_mean``, of the other tables."""
+    """``covered`` and ``covered_mean``, from the other tables."""
     layers, rows, columns = layout.COVERED_LAYERS, layout.COVERED_ROWS, layout.COVERED_COLUMNS
     mus = np.maximum((np.arange(columns) / (columns - 1)) ** 2, 1e-4)
     turn, v = spread(16)
@@ -474,7 +474,7 @@ def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
             seen = (1.0 + smith(wo, alpha)) / (1.0 + smith(wo, alpha) + smith(wi, alpha))
             seen = np.where(wi[2] > 0.0, seen, 0.0)
             beyond = np.clip(wi[2], 1e-6, 1.0)
-            # What it scatters more often goes to μ with density 2 μ (1 - E(μ)) / (1 - E_avg)
+            # Multiple scattering goes to μ with density 2 μ (1 - E(μ)) / (1 - E_avg)
             often = (1.0 - float(metal(row, mus[k : k + 1])[0])) * 2.0 * even * (1.0 - metal(row, even)) / average_lost
             for which in (0, 1):
                 for i in range(layers):
@@ -492,7 +492,7 @@ def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def tables() -> dict[str, NDArray[Any]]:
-    """All of them, by the names in the file."""
+    """All tables, by their names in the file."""
     made = {**ggx_tables(), **turned_tables(), **glass_tables(), **sheen_tables()}
     return {**made, **slant_tables(made), **covered_tables(made)}
 

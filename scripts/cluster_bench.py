@@ -133,7 +133,7 @@ def _least(do: Callable[[], object], times: int) -> float:
 
 
 def _rate(connection: Connection, unit: Unit) -> float:
-    """Samples a second of a worker, at its best."""
+    """Samples per second of a worker, at best."""
     connection.call("render", unit)
     before = connection.state.busy_seconds
     connection.call("render", unit)
@@ -141,14 +141,14 @@ def _rate(connection: Connection, unit: Unit) -> float:
 
 
 def _beside(connection: Connection, unit: Unit) -> float:
-    """Seconds of a unit beside its launches."""
+    """Overhead of a unit besides its launches, seconds."""
     before, begun = connection.state.busy_seconds, time.perf_counter()
     connection.call("render", unit)
     return time.perf_counter() - begun - (connection.state.busy_seconds - before)
 
 
 def _commit(unit: Unit, result: UnitSums) -> float:
-    """Seconds a slot in the film, on a core that does nothing else."""
+    """Seconds per slot in the film, on an otherwise idle core."""
     film = Film(*SIZE)
     for first in range(0, 20 * _DEEP, _DEEP):
         film.commit(Unit(unit.first_slot, unit.slot_count, first, _DEEP, _TILE), result)
@@ -161,13 +161,13 @@ def _commit(unit: Unit, result: UnitSums) -> float:
 
 
 def _asset(connection: Connection) -> float:
-    """Seconds a byte of an asset, to a worker on this machine."""
+    """Seconds per byte of an asset, to a worker on this machine."""
     data = os.urandom(1 << 26)
     return _least(lambda: connection.call("take", {"test": data}), 5) / len(data)
 
 
 def _merge() -> float:
-    """Seconds a pixel of merging one film into another."""
+    """Seconds per pixel of merging one film into another."""
     found = []
     for _ in range(5):
         films = [Film(*SIZE) for _ in range(2)]
@@ -181,7 +181,7 @@ def _merge() -> float:
 
 
 def _poll(cluster: DaskCluster) -> float:
-    """Processor's seconds of one look at a call that is out."""
+    """CPU seconds of polling an outstanding call once."""
     import concurrent.futures
 
     waiting: concurrent.futures.Future[None] = concurrent.futures.Future()

@@ -23,10 +23,10 @@ from clrender.settings import RenderSettings
 from clrender.student import critical_value
 
 SCENES: Final = {"room": 0.6, "lens": 0.4, "candles": 0.8, "textures": 0.1, "haze": 0.8}
-"""And the error at which they end: after some 500 samples of each pixel."""
+"""Scenes and the error at which they end: after about 500 samples of each pixel."""
 REFERENCE_SPP: Final = 1 << 17
 ROUNDING: Final = 1e-6
-"""Relative error of single precision, of which the spread says nothing."""
+"""Relative error of single precision, which the spread does not include."""
 
 LENS: Final = """
 title = "A caustic that paths find: a glass ball between a large light and a floor"
@@ -64,22 +64,22 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Coverage:
-    """Of one scene.
+    """Coverage for one scene.
 
     Attributes
     ----------
     planned : (pixels,) float64
-        Share of the seeds whose interval, the one that the end was decided by, holds the pixel's luminance.
+        Fraction of the seeds whose interval of the stopping rule contains the pixel's luminance.
     plain : (pixels,) float64
-        Likewise of each channel's mean, within Student's interval of that level, as if nobody had looked before.
+        Likewise for each channel's mean, by Student's interval of that level, as if there had been no earlier tests.
     mean : float
-        Likewise of the image's mean, within the interval of the end.
+        Likewise for the image's mean, by the interval of the stopping rule.
     plain_mean : float
-        The same within 1.96 standard errors.
+        Likewise for the image's mean, by 1.96 standard errors.
     bias : float
-        Mean of pixels' distances from the truth, in standard errors of one image.
+        Mean of pixels' deviations from the truth, in standard errors of one image.
     samples : float
-        Mean number of samples of a pixel at the end.
+        Mean number of samples per pixel at the end.
     """
 
     planned: Floats
@@ -91,7 +91,7 @@ class Coverage:
 
 
 def scene_of(name: str) -> clrender.Scene:
-    """A built-in one, or `lens`."""
+    """A built-in scene, or `lens`."""
     if name != "lens":
         return clrender.load(name)
     with tempfile.TemporaryDirectory() as folder:

@@ -38,18 +38,18 @@ _SIDE: Final = 48
 _SPP: Final = 512
 _TILES: Final = 4
 _ROUNDING: Final = 1e-4
-"""What single precision and the pictures' formats may change, of a mean: some tiles have no noise at all."""
+"""Relative tolerance of a mean for single precision and image formats: some tiles have no noise at all."""
 _LEVEL: Final = 0.01
-"""False alarms over all means, and over all tiles."""
+"""Probability of a false alarm over all means, and over all tiles."""
 _SHARP: Final = 0.002
-"""Standard error of a mean of which 0.5 % can be told: caustics of small lights leave some without an answer."""
+"""Largest standard error of a mean that can reveal 0.5 %: caustics of small lights leave some scenes undecided."""
 _BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
 _HALF: Final = 2.0
 """Half the side of the room, metres."""
 _MORE: Final = ("media", "spots", "cameras", "opacity", "skies")
-"""What scenes may have besides."""
+"""Optional features of scenes."""
 _MOST: Final = 0.8
-"""Share of the scenes that have it."""
+"""Fraction of the scenes that have a feature."""
 
 
 def _rounded(values: npt.NDArray[np.float64]) -> list[float]:
@@ -57,12 +57,12 @@ def _rounded(values: npt.NDArray[np.float64]) -> list[float]:
 
 
 def _seeds(number: int) -> range:
-    """Of the batches of that scene of a run; of the others other ones, for what is seen directly is alike in many."""
+    """Seeds of the batches of a scene; other scenes have others, as directly visible parts are alike in many."""
     return range(1 + number * _BATCHES, 1 + (number + 1) * _BATCHES)
 
 
 class _Maker:
-    """One random scene."""
+    """Generator of one random scene."""
 
     def __init__(self, seed: int, folder: Path, more: frozenset[str] = frozenset()) -> None:
         self.random = np.random.default_rng(seed)
@@ -111,7 +111,7 @@ class _Maker:
         return {"type": "lambert", "reflectance": self._color(0.1, 0.9)}
 
     def _textured(self, number: int) -> dict[str, Any]:
-        """A lambertian picture of a few large texels; the second one has a normal map as well."""
+        """A Lambertian texture of a few large texels; the second one also has a normal map."""
         from PIL import Image
 
         from clrender.image.files import write_image
@@ -123,13 +123,13 @@ class _Maker:
             "reflectance": {"texture": f"texture{number}.png", "color_space": "srgb"},
         }
         if number == 1:
-            # Little: where a normal turns away from the viewer the two renderers mend it in different ways. Not of 8
+            # Small slopes: the two renderers correct normals that face away from the viewer in different ways. Not 8
             # bits, whose middle is 128 here and 127.5 there.
             tilts = self.random.normal(size=(8, 8, 3)) * [0.02, 0.02, 0.0] + [0.5, 0.5, 1.0]
             write_image(self.folder / "normals.exr", tilts.astype(np.float32))
             made["normal_map"] = {"texture": "normals.exr"}
-            # Mitsuba shades what is between texels, clrender's paths see one of them, of all pictures at a vertex by
-            # the same numbers. It is the same for one picture that enters linearly, as that of number 0
+            # Mitsuba interpolates between texels, clrender's paths pick one of them, with the same random numbers for
+            # all textures at a vertex. The result is the same for one texture that enters linearly, as that of number 0
             for picture in (made["reflectance"], made["normal_map"]):
                 picture["filter"] = "nearest"
         return made
@@ -145,12 +145,12 @@ class _Maker:
             self._environment()
         position = [self._number(-1.8, 1.8), self._number(-1.0, 1.5), 1.9 if closed else 5.0]
         camera = {"position": position, "target": self._place(0.5), "vertical_fov": round(self._number(45.0, 75.0), 2)}
-        # In the end, so that a seed gives the same scene without them as ever
+        # At the end, so that the scene of a seed without them does not change
         for kind, add in (("spots", self._spots), ("opacity", self._masks), ("skies", self._sky)):
             if kind in self.more and self.random.random() < _MOST:
                 add()
         if closed and not any("emission" in each or each["type"] in ("point", "spot") for each in self._all()):
-            # Else the only light would be what roundings let through between two walls, here or there
+            # Else the only light would be leaks by rounding between two walls
             self._quad((-0.5, 1.9, -0.5), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), emission=[6.0] * 3, material="black")
         if "media" in self.more and self.random.random() < _MOST:
             self._fill(closed)
@@ -175,11 +175,11 @@ class _Maker:
             )
 
     def _lens(self, camera: dict[str, Any]) -> dict[str, Any]:
-        """Parallel rays, or a lens in the place of a point."""
+        """An orthographic camera, or a thin lens instead of a pinhole."""
         if self.random.random() < 0.5:
             lens = {"aperture_radius": round(self._number(0.02, 0.12), 3), "focus_distance": self._number(1.0, 5.0)}
             return {**camera, **lens}
-        # Nearly straight on: what it sees begins in a plane that nothing stands in. Level rays would all be in the
+        # Nearly straight on: its rays begin in a plane that contains no object. Horizontal rays would all hit the
         # horizon, where a sky without ground has two values
         x, y, z = round(self._number(-0.4, 0.4), 3), round(self._number(-0.4, 0.4), 3), camera["position"][2]
         both = {"position": [x, y, z], "target": [x, y - 0.05, 0.0], "height": round(self._number(1.5, 3.0), 3)}
@@ -194,7 +194,7 @@ class _Maker:
         return name
 
     def _fill(self, closed: bool) -> None:
-        """Clouds, milk in glass, and in closed rooms fog; no two of what light passes may overlap."""
+        """Clouds, milk in glass, and in closed rooms fog; transmissive shapes must not overlap."""
         clear = ("glass", "rough_glass")
         apart: list[dict[str, Any]] = []
         for shape in list(self.shapes):
@@ -220,7 +220,7 @@ class _Maker:
             self.fog = self._medium(0.3)
 
     def _masks(self) -> None:
-        """Quads that are there in part: everywhere by a share, or with the holes of a picture."""
+        """Quads with opacity: constant, or textured with holes."""
         from PIL import Image
 
         for number in range(int(self.random.integers(1, 4))):
@@ -237,7 +237,7 @@ class _Maker:
             self._quad(self._place(), self._place(1.2), self._place(1.2), material=name)
 
     def _sky(self) -> None:
-        """In the place of another environment: the sky alone, since the sun's disc differs in both."""
+        """Replaces another environment by the sky alone, since the sun's disc differs in both."""
         self.lights = [light for light in self.lights if light["type"] != "environment"]
         x, y, z = self._normal()
         sky = {"sun_direction": [x, abs(y) + 0.1, z], "turbidity": round(self._number(2.0, 8.0), 2)}
@@ -282,7 +282,7 @@ class _Maker:
             corners = [_rounded(np.array(self._place()) + self.random.uniform(-0.7, 0.7, 3)) for _ in range(3)]
             self.shapes.append({"type": "triangle", "vertices": corners, "material": plain})
         else:
-            # Without the normal map: from behind clrender reverses the normal, as glTF asks, and Mitsuba mirrors it
+            # Without the normal map: from behind, clrender reverses the normal, as glTF asks, but Mitsuba mirrors it
             place, u, v, flat = self._place(), self._place(0.8), self._place(0.8), str(self.random.choice(self.flat))
             self._quad(place, u, v, material="texture0" if flat == "texture1" else flat)
 
@@ -327,7 +327,7 @@ class _Maker:
 
 
 def _ball(shape: dict[str, Any]) -> tuple[Any, float]:
-    """Centre and radius of a sphere about a sphere or box."""
+    """Centre and radius of a bounding sphere of a sphere or box."""
     size = shape["radius"] if shape["type"] == "sphere" else 0.5 * np.linalg.norm(shape["size"])
     return np.array(shape["center"]), float(size)
 
@@ -366,10 +366,10 @@ _SPHERES: Final[dict[str, dict[str, Any]]] = {
         f"glass, alpha 0.1 of {name}, met once": {"type": "dielectric", "ior": 1.5, "roughness": 0.316227766, **once}
         for name, once in _ONCE.items()
     },
-    # Of nothing smooth: Mitsuba's `blendbsdf` adds the probability of a delta to the density of what else there is
+    # Without smooth parts: Mitsuba's `blendbsdf` adds the probability of a delta to the density of the other part
     "mixture of lambert and gold": {"type": "mix", "materials": ["red", "silk"], "weight": 0.3},
 }
-"""Spheres of materials that are the same in both."""
+"""Spheres of materials with the same definition in both."""
 _OTHERS: Final[dict[str, tuple[dict[str, Any], str]]] = {
     "gold, alpha 0.2": (
         {"type": "conductor", **_GOLD, "roughness": 0.4472135955},
@@ -384,7 +384,7 @@ _OTHERS: Final[dict[str, tuple[dict[str, Any], str]]] = {
         "glTF's plastic here, Disney's there",
     ),
 }
-"""Spheres of materials that are not, and why."""
+"""Spheres of materials with different definitions, and why."""
 
 
 def _lamp(origin: list[float], u: list[float], v: list[float], emission: list[float]) -> dict[str, Any]:
@@ -392,7 +392,7 @@ def _lamp(origin: list[float], u: list[float], v: list[float], emission: list[fl
 
 
 def _spheres(folder: Path) -> list[Path]:
-    """Write the scenes: the sphere fills the picture nearly, between two lamps under an even sky."""
+    """Write the scenes: the sphere nearly fills the image, between two lamps under a constant sky."""
     folders = []
     for name, made in (_SPHERES | {name: made for name, (made, _) in _OTHERS.items()}).items():
         place = folder / name.replace(",", "").replace(" ", "_")
@@ -431,18 +431,18 @@ def _in_mitsuba(folders: list[Path]) -> None:
 
 @dataclass
 class _Comparison:
-    """What came of one scene; each array has the shape (k,)."""
+    """Result for one scene; each array has the shape (k,)."""
 
     name: str
     ratio: float
-    """Mean of ours over theirs."""
+    """Our mean over theirs."""
     error: float
-    """Standard error of the worst colour's mean, as a share of it."""
+    """Relative standard error of the mean of the worst channel."""
     means: npt.NDArray[np.float64]
     tiles: npt.NDArray[np.float64]
     """p-values."""
     deviate: float
-    """Of the tile that is farthest off."""
+    """Deviate of the tile with the largest difference."""
 
 
 def _ours(session: Any, folder: Path, number: int) -> npt.NDArray[np.float32]:
@@ -464,14 +464,14 @@ def _comparison(name: str, own: npt.NDArray[np.float32], other: npt.NDArray[np.f
     ]
     whole = [x.astype(np.float64).mean((1, 2)) for x in (own, other)]
     mean, tile = (welch(a, b, _ROUNDING * b.mean(0)) for a, b in (whole, split))
-    with np.errstate(divide="ignore", invalid="ignore"):  # of scenes that are black in every way
+    with np.errstate(divide="ignore", invalid="ignore"):  # for completely black scenes
         error = float(np.abs(mean.error / whole[1].mean(0)).max())
         ratio = float(whole[0].mean() / whole[1].mean())
     return _Comparison(name, ratio, error, mean.p, tile.p, float(tile.z[np.abs(tile.z).argmax()]))
 
 
 def _adjusted(p_values: list[npt.NDArray[np.float64]]) -> tuple[float, int, int]:
-    """The smallest p-value after Holm's correction, how many of them are significant, and of how many."""
+    """The smallest p-value after Holm's correction, the number of significant ones, and their total."""
     from clrender.agreement.significance import holm
 
     p = np.concatenate(p_values)
@@ -479,7 +479,7 @@ def _adjusted(p_values: list[npt.NDArray[np.float64]]) -> tuple[float, int, int]
 
 
 def _compare(folders: list[Path]) -> bool:
-    """Render with clrender, print a line a scene and a verdict; whether all agree."""
+    """Render with clrender, print a line per scene and a verdict; returns whether all agree."""
     import clrender
 
     found = []
@@ -507,7 +507,7 @@ def _verdict(found: list[_Comparison]) -> bool:
 
 
 def _compare_spheres(folders: list[Path]) -> bool:
-    """Render with clrender and print a table; whether all agree that should."""
+    """Render with clrender and print a table; returns whether all agree that should."""
     import clrender
 
     with clrender.Session() as session:

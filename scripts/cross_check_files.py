@@ -38,7 +38,7 @@ def _in_mitsuba(folders: list[Path]) -> None:
 
     mitsuba.set_variant("llvm_ad_rgb")
     for number, folder in enumerate(folders):
-        # Mitsuba 3.9.1 forgets merged meshes in the scene's bounding box, and shadow rays to a sky then end too early
+        # Mitsuba 3.9.1 omits merged meshes from the scene's bounding box, and shadow rays to a sky then end too early
         scene = mitsuba.load_file(str(folder / "scene.xml"), optimize=False)
         images = [np.array(mitsuba.render(scene, spp=_SPP, seed=seed)) for seed in _seeds(number)]
         np.save(folder / "mitsuba_xml.npy", np.array(images, np.float32))
@@ -61,7 +61,7 @@ def _compare(folders: list[Path]) -> bool:
         for number, folder in enumerate(folders):
             xml = _ours(session, folder / "scene.xml", number)
             pbrt = _ours(session, folder / "scene.pbrt", number)
-            # Other seeds for one of two of our own images, which would else be the same paths
+            # Other seeds for one of our two images, which would otherwise have the same paths
             metals = _ours(session, folder / "metals.json", number + 1000)
             pairs = ((xml, np.load(folder / "mitsuba_xml.npy")), (pbrt, metals))
             line = []

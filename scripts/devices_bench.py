@@ -25,11 +25,11 @@ from clrender.device.faults import FaultyDevice
 from clrender.rendered_image import RenderedImage
 
 _SPEED_SPP: Final = 16
-"""Samples by which speeds are measured."""
+"""Samples per pixel for measuring speeds."""
 
 
 class SlowDevice(FaultyDevice):
-    """A device that takes some times as long for each launch.
+    """A device whose launches take `times` as long.
 
     Parameters
     ----------
@@ -44,17 +44,17 @@ class SlowDevice(FaultyDevice):
     def launch(
         self, program: Program, kernel: str, global_size: int, local_size: int, args: Sequence[Argument]
     ) -> None:
-        """Launch, wait, and wait so much longer: nothing runs while it sleeps."""
+        """Launch, wait, and sleep in proportion; nothing runs meanwhile."""
         first = (kernel, local_size) not in program.launched
         begin = time.perf_counter()
         super().launch(program, kernel, global_size, local_size, args)
         super().finish()
-        if not first:  # a launch that waits for a compiler is no measure
+        if not first:  # a launch that waits for the compiler is not representative
             time.sleep((self._times - 1.0) * (time.perf_counter() - begin))
 
 
 def parts(device: Device, count: int) -> list[Device]:
-    """As many devices, each some of the cores of one; none where its driver cannot divide it so."""
+    """`count` devices, each with some of the cores of one; empty if its driver cannot partition it."""
     import pyopencl as cl
 
     cores = device.info.compute_units // count
@@ -69,7 +69,7 @@ def parts(device: Device, count: int) -> list[Device]:
 
 
 def device_sets() -> dict[str, Callable[[], list[Device]]]:
-    """What can be measured here, by name."""
+    """Sets of devices that are available here, by name."""
     every = sorted(select("all"), key=lambda each: "pocl" not in each.info.version.lower())
     first = every[0]
     sets: dict[str, Callable[[], list[Device]]] = {
@@ -89,7 +89,7 @@ def device_sets() -> dict[str, Callable[[], list[Device]]]:
 
 
 def rates(devices: Sequence[Device], scene: Any, size: tuple[int, int]) -> list[float]:
-    """Samples a second of each, all at once, each with a whole image of its own: parts of it cost more than others."""
+    """Samples per second of each, running concurrently, each with its own whole image, as its parts differ in cost."""
 
     def one(device: Device) -> float:
         with clrender.Session(device) as session:
@@ -102,14 +102,14 @@ def rates(devices: Sequence[Device], scene: Any, size: tuple[int, int]) -> list[
 
 
 def together(devices: Sequence[Device], scene: Any, spp: int, size: tuple[int, int]) -> RenderedImage:
-    """One image by all of them."""
+    """Render one image on all devices."""
     with clrender.Session(list(devices)) as session:
-        session.render(scene, spp=1, size=(256, 256))  # programs are built, trees are there
+        session.render(scene, spp=1, size=(256, 256))  # compile programs, build BVHs
         return session.render(scene, spp=spp, size=size)
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure according to the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="of `clrender bench` (S1 S3-1M)")
     parser.add_argument("--spp", type=int, default=64)

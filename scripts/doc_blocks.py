@@ -1,7 +1,7 @@
-"""The code blocks of a page, with what a comment before each says of it; tests run them, and pictures are made of some.
+"""The code blocks of a page, with their annotations; tests run them, and figures are made from some.
 
-A comment in front of a block, which no reader sees, may say `<!-- file: NAME -->`, the name under which the page's
-commands know it, or `<!-- not run: WHY -->`.
+An invisible comment before a block may be `<!-- file: NAME -->`, the name by which the page's commands refer to it, or
+`<!-- not run: WHY -->`.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class Block:
     ----------
     page : Path
     line : int
-        The first of the page is 1.
+        Line number in the page, from 1.
     language : str
-        As the page says it, or what the text looks like: ``console``, ``toml``, ``text``.
+        As given in the page, or guessed from the text: ``console``, ``toml``, ``text``.
     text : str
     file : str or None
-        Its name for the commands after it.
+        Its file name for the commands after it.
     not_run : str or None
         Why it is not run.
     """
@@ -45,7 +45,7 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    """All of a page.
+    """All code blocks of a page.
 
     Parameters
     ----------

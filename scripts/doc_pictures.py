@@ -1,4 +1,4 @@
-"""What the scripts that make pictures of docs/ share: renders as they are shown, and pictures side by side."""
+"""Shared by the scripts that make figures for docs/: display images of renders, and sheets of images."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
 
 
 def shown(image: clrender.RenderedImage) -> Image.Image:
-    """A render as a viewer shows it.
+    """Display image of a render.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def shown(image: clrender.RenderedImage) -> Image.Image:
 
 
 def shown_linear(linear: npt.NDArray[np.float32]) -> Image.Image:
-    """Radiance on a screen.
+    """Display image of radiance.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ def shown_linear(linear: npt.NDArray[np.float32]) -> Image.Image:
 
 
 def write_sheet(name: str, rows: Sequence[Sequence[Image.Image]], quality: int = 85, gap: int = 4) -> None:
-    """Write pictures of one size in rows, with white between them, to docs/.
+    """Write images of equal size to docs/ as one sheet, in rows with white gaps.
 
     Parameters
     ----------
     name : str
-        Of the file.
+        Name of the file.
     rows : sequence of sequences of Image
     quality : int
-        Of the JPEG.
+        Quality of the JPEG.
     gap : int
-        Pixels between two pictures.
+        Gap between two images, pixels.
     """
     width, height = rows[0][0].size
     size = (len(rows[0]) * (width + gap) - gap, len(rows) * (height + gap) - gap)

@@ -1,6 +1,6 @@
-"""Make the pictures of docs/. Arguments: names of files, or patterns such as `how-*` (all). `scripts/docs --figures`.
+"""Make the figures of docs/. Arguments: names of files, or patterns such as `how-*` (all). `scripts/docs --figures`.
 
-What only one page needs to know is made by that page's own script, which is called here.
+Figures of a single page are made by that page's own script, which is called here.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _Vector = npt.NDArray[np.float64]
 
 
 def _builtin(name: str, **settings: Any) -> Callable[[str], None]:
-    """A built-in scene as it is."""
+    """Figure of an unmodified built-in scene."""
 
     def make(file: str) -> None:
         write_sheet(file, [[shown(clrender.render(clrender.load(name), **settings))]])
@@ -47,7 +47,7 @@ def _denoise(file: str) -> None:
 
 
 def _first(file: str) -> None:
-    """The scene that docs/start.md writes."""
+    """Figure of the scene in docs/start.md."""
     (block,) = [each for each in blocks(DOCS / "start.md") if each.file == "first.toml"]
     scene = DOCS / ".first.toml"
     scene.write_text(block.text)
@@ -88,7 +88,7 @@ def _plates() -> clrender.Scene:
         middle = np.array([0.0, 1.9 - 2.1 * place, -0.6 + 3.0 * place])
         normal = _unit(_unit(eye - middle) + _unit(lights - middle))
         across = np.array([5.6, 0.0, 0.0])
-        down = 0.95 * np.cross(_unit(across), normal) * -1.0  # across x down points where the normal does
+        down = 0.95 * np.cross(_unit(across), normal) * -1.0  # across x down points along the normal
         materials[f"plate-{k}"] = Conductor(type="conductor", metal="Al", roughness=roughness)
         origin = middle - across / 2.0 - down / 2.0
         shapes.append(
@@ -162,7 +162,7 @@ def _rms(values: npt.NDArray[np.float64]) -> float:
 
 
 def _in_colour(values: npt.NDArray[np.float64]) -> Any:
-    """Numbers from 0.001 (black) to 0.3 (white), by their logarithm."""
+    """Logarithmic colour map from 0.001 (black) to 0.3 (white)."""
     from matplotlib import colormaps
     from PIL import Image
 
@@ -182,7 +182,7 @@ FIGURES: Final[Mapping[str, Callable[[str], None]]] = {
     "how-sampler.svg": _sampler,
     "how-error.jpg": _error,
 }
-"""Files, and what makes them."""
+"""Functions that make the files, by name."""
 
 OTHERS: Final[Mapping[str, Sequence[str]]] = {
     "gallery-*.jpg": ["gallery_docs.py"],
@@ -192,11 +192,11 @@ OTHERS: Final[Mapping[str, Sequence[str]]] = {
     "speed-growth.svg": ["speed_docs.py"],
     "report-*": ["report_docs"],
 }
-"""Patterns of files that scripts of their own make, and how these are called."""
+"""Commands of the scripts that make other files, by file pattern."""
 
 
 def main() -> int:
-    """Make what is asked for, or all."""
+    """Make the requested figures, or all."""
     wanted = sys.argv[1:] or ["*"]
     found = [name for name in [*FIGURES, *OTHERS] if any(_asked(name, each) for each in wanted)]
     if not found:

@@ -1,4 +1,4 @@
-"""Cameras, media, spots, skies and opacity of `cross_check.py` in the words of Mitsuba and of pbrt."""
+"""Converts cameras, media, spots, skies and opacity of `cross_check.py` to the formats of Mitsuba and pbrt."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ __all__ = [
 ]
 
 HARD: Final = 0.9999
-"""Width of the beam of Mitsuba's spots, as a share of their cone: by themselves they fall off in another way."""
+"""Beam width of Mitsuba's spots, as a fraction of their cone: their default falloff differs from ours."""
 _SKY_NANOMETRES: Final = 106.75
-"""What the model's radiance in RGB is divided by in Mitsuba, and not here."""
+"""Mitsuba divides the sky model's RGB radiance by this, clrender does not."""
 _LOOK: Final = (("origin", "position"), ("target", "target"), ("up", "up"))
 
 
 def words(values: Any) -> str:
-    """Numbers with blanks between them."""
+    """Numbers separated by blanks."""
     return " ".join(repr(float(x)) for x in np.asarray(values, np.float64).ravel())
 
 
 def element(tag: str, inside: str = "", **attributes: str) -> str:
-    """An element of XML."""
+    """An XML element."""
     head = "".join(f" {key}={quoteattr(text)}" for key, text in attributes.items())
     return f"<{tag}{head}>{inside}</{tag}>\n" if inside else f"<{tag}{head}/>\n"
 
@@ -53,7 +53,7 @@ def value(tag: str, name: str, given: Any) -> str:
 
 
 def mitsuba_sensor(camera: dict[str, Any], inside: str) -> str:
-    """A sensor with what is inside of it beside; a square image."""
+    """A sensor of a square image, with further child elements."""
     at = {key: ", ".join(map(repr, camera.get(name, (0.0, 1.0, 0.0)))) for key, name in _LOOK}
     look = element("lookat", **at)
     if camera.get("type") == "orthographic":
@@ -70,10 +70,10 @@ def mitsuba_sensor(camera: dict[str, Any], inside: str) -> str:
 
 
 def mitsuba_medium(described: dict[str, Any], name: str) -> str:
-    """Homogeneous, with Henyey and Greenstein's phase function."""
+    """A homogeneous medium with a Henyey-Greenstein phase function."""
     absorption, scattering = (np.broadcast_to(described.get(key, 0.0), 3) for key in ("absorption", "scattering"))
     extinction = absorption + scattering
-    scale = max(float(extinction.max()), 1e-30)  # a colour there is at most 1
+    scale = max(float(extinction.max()), 1e-30)  # a colour is at most 1 there
     albedo = np.divide(scattering, extinction, out=np.zeros(3), where=extinction > 0.0)
     inside = (
         value("rgb", "albedo", albedo) + value("rgb", "sigma_t", extinction / scale) + value("float", "scale", scale)
@@ -83,7 +83,7 @@ def mitsuba_medium(described: dict[str, Any], name: str) -> str:
 
 
 def mitsuba_around(shape: dict[str, Any], materials: dict[str, Any], fog: str | None) -> str:
-    """The media behind and before a surface that light passes; for a shape without a material, that none is seen."""
+    """The media behind and in front of a transmissive surface; an invisible BSDF for a shape without a material."""
     inside = "" if "material" in shape else element("bsdf", type="null")
     clear = "material" not in shape or materials[shape["material"]]["type"] == "dielectric"
     if "interior" in shape:
@@ -92,7 +92,7 @@ def mitsuba_around(shape: dict[str, Any], materials: dict[str, Any], fog: str | 
 
 
 def mitsuba_mask(opacity: Any, nested: str, name: str, folder: Path, bitmap: Any) -> str:
-    """A material with an opacity, a number or the alpha of a picture, which becomes a grey one beside it."""
+    """A material with opacity, a number or the alpha of an image, which is written as a separate grey image."""
     if not isinstance(opacity, dict):
         return element("bsdf", value("float", "opacity", opacity) + nested, type="mask", id=name)
     from PIL import Image
@@ -105,7 +105,7 @@ def mitsuba_mask(opacity: Any, nested: str, name: str, folder: Path, bitmap: Any
 
 
 def mitsuba_spot(light: dict[str, Any]) -> str:
-    """With a hard edge, whatever its own: the fall-off is another function there."""
+    """A spot with a hard edge, as the falloff is another function there."""
     position, direction = np.array(light["position"]), np.array(light["direction"])
     up = (1.0, 0.0, 0.0) if abs(direction[0]) < 0.9 * np.linalg.norm(direction) else (0.0, 1.0, 0.0)
     at = {"origin": position, "target": position + direction, "up": np.array(up)}
@@ -117,7 +117,7 @@ def mitsuba_spot(light: dict[str, Any]) -> str:
 
 
 def mitsuba_sky(light: dict[str, Any]) -> str:
-    """The sky without sun and ground: of the sun's disc the two have different spectra. Upward is z there."""
+    """The sky without sun and ground: the spectra of the sun's disc differ. Up is z there."""
     if light["sun_scale"] != 0.0 or light["ground"]:
         raise ValueError("of a sun_sky only the sky has an equal in Mitsuba: give sun_scale = 0 and ground = false")
     x, y, z = light["sun_direction"]
@@ -132,7 +132,7 @@ def mitsuba_sky(light: dict[str, Any]) -> str:
 
 
 def pbrt_camera(camera: dict[str, Any]) -> str:
-    """Of a square image."""
+    """A camera of a square image."""
     if camera.get("type") == "orthographic":
         half = camera["height"] / 2.0
         return f'Camera "orthographic" "float screenwindow" [{words([-half, half, -half, half])}]'
@@ -150,15 +150,15 @@ def pbrt_medium(described: dict[str, Any], name: str) -> str:
 
 
 def pbrt_interface(shape: dict[str, Any], fog: str | None) -> str:
-    """The media behind and before a surface, where there are some."""
+    """The media behind and in front of a surface, if any."""
     if "interior" not in shape and fog is None:
         return ""
-    # Without a word about it, what is behind a surface is what is before it
+    # By default, the medium behind a surface is the one in front of it
     return f'MediumInterface "{shape.get("interior", "")}" "{fog or ""}"'
 
 
 def pbrt_spot(light: dict[str, Any]) -> str:
-    """A smooth step in the cosine, as here."""
+    """A spot with a smoothstep in the cosine, as here."""
     half = light["cone_degrees"] / 2.0
     edge = math.cos(math.radians(half))
     delta = half - math.degrees(math.acos(edge + light.get("blend", 0.15) * (1.0 - edge)))

@@ -1,4 +1,4 @@
-"""Writes scenes of `cross_check.py` as Mitsuba's XML and as pbrt's files, for tests of their readers."""
+"""Writes scenes of `cross_check.py` as Mitsuba XML and pbrt files, for tests of the importers."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _frame(x: Any, y: Any, z: Any, origin: Any) -> Any:
 
 
 def _quad_frame(shape: dict[str, Any]) -> Any:
-    """Of a square from -1 to 1, to a parallelogram."""
+    """Map from the square from -1 to 1 to a parallelogram."""
     origin, u, v = (np.array(shape[key]) for key in ("origin", "edge_u", "edge_v"))
     normal = np.cross(u, v)
     return _frame(u / 2.0, v / 2.0, normal / np.linalg.norm(normal), origin + (u + v) / 2.0)
@@ -85,7 +85,7 @@ def _mitsuba_material(described: dict[str, Any], name: str, folder: Path) -> str
         inside = _bitmap(reflectance, "reflectance") if texture else value("rgb", "reflectance", reflectance)
     one = element("bsdf", inside, type=plugin)
     if "normal_map" in described:
-        # What clrender has not: a microsurface of the map's own
+        # Unlike clrender: a microsurface for the normal map
         plain = value("boolean", "use_shadowing_function", False)
         one = element("bsdf", _bitmap(described["normal_map"], "normalmap") + one + plain, type="normalmap")
     return element("bsdf", one, type="twosided", **named)
@@ -142,20 +142,20 @@ def _mitsuba_light(light: dict[str, Any]) -> str:
 
 
 def mitsuba_xml(scene: dict[str, Any], folder: Path, side: int, spp: int) -> str:
-    """A scene as Mitsuba 3 reads it; its triangles go into files beside it.
+    """A scene as Mitsuba 3 XML; its triangles are written to separate files.
 
     Parameters
     ----------
     scene : dict
-        As a scene file of ours.
+        In the form of our scene files.
     folder : pathlib.Path
-        Where the file will lie.
+        Folder of the file.
     side : int
-        Of the image, pixels.
+        Side of the image, pixels.
     spp : int
     """
     media, fog, materials = scene.get("media", {}), scene.get("fog"), scene["materials"]
-    # Shadow rays of its `path` take masks and surfaces that are not seen for whole ones
+    # Shadow rays of its `path` treat masks and invisible surfaces as opaque
     seen_through = media or any("opacity" in each for each in materials.values())
     kind = "volpath" if seen_through else "path"
     parts = [element("integrator", element("integer", name="max_depth", value="-1"), type=kind)]
@@ -237,10 +237,10 @@ def _pbrt_light(light: dict[str, Any]) -> str:
 
 
 def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
-    """The scene without what pbrt has not, or its reader here.
+    """Replace features of the scene that pbrt, or our importer of it, lacks.
 
-    Metals stand for mirrors, GGX for Beckmann's facets, an even environment for a sky or for a picture in latitude and
-    longitude, a half for an opacity that is a picture.
+    Mirrors become metals, Beckmann facets GGX, skies and environment maps a constant environment, and textured
+    opacity one half.
     """
     materials = {}
     for name, described in scene["materials"].items():
@@ -249,7 +249,7 @@ def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
             described = {"type": "conductor", "eta": [1.0] * 3, "k": k, "roughness": 0.0}
         if "microfacets" in described:
             described = {**described, "microfacets": "ggx"}
-        if "normal_map" in described:  # always linear between texels
+        if "normal_map" in described:  # always interpolated linearly
             normals = {key: value for key, value in described["normal_map"].items() if key != "filter"}
             described = {**described, "normal_map": normals}
         if isinstance(described.get("opacity"), dict):
@@ -264,14 +264,14 @@ def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
 
 
 def pbrt_text(scene: dict[str, Any], side: int, spp: int) -> str:
-    """A scene as pbrt-v4 reads it.
+    """A scene in pbrt-v4's format.
 
     Parameters
     ----------
     scene : dict
-        As a scene file of ours, and of `as_pbrt_has_it`.
+        In the form of our scene files, from `as_pbrt_has_it`.
     side : int
-        Of the image, pixels.
+        Side of the image, pixels.
     spp : int
     """
     camera = scene["camera"]

@@ -1,4 +1,4 @@
-"""Make the pictures of docs/gallery.md: built-in scenes, with many samples; one of them at three hours."""
+"""Make the figures of docs/gallery.md: built-in scenes with many samples, one of them at three times of day."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _SCENES: Final = {
     "product": 1024,
     "fisheye": 512,
 }
-"""Built-in scene -> samples per pixel."""
+"""Samples per pixel, by built-in scene."""
 _WIDTH: Final = 640
 _HOURS: Final = {"06:00": 1 / 80, "12:00": 1 / 180, "19:30": 1 / 50}
-"""Time of day of the scene `sundial` -> shutter, seconds."""
+"""Shutter times of the scene `sundial`, seconds, by time of day."""
 _HOUR_SIZE: Final = (426, 266)
 _HOUR_SPP: Final = 1024
 
 
 def at(scene: clrender.Scene, hour: str, shutter: float) -> clrender.Scene:
-    """The same day at another hour."""
+    """The scene on the same day at another hour."""
     light = scene.sky
     assert light is not None and light.time is not None
     day, offset = light.time[:11], light.time[19:]
@@ -41,7 +41,7 @@ def at(scene: clrender.Scene, hour: str, shutter: float) -> clrender.Scene:
 
 
 def main() -> None:
-    """Render all of them; the denoiser is not used."""
+    """Render all figures, without the denoiser."""
     with clrender.Session() as session:
         for name, spp in _SCENES.items():
             scene = clrender.load(name)

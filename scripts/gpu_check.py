@@ -37,7 +37,7 @@ __all__: list[str] = []
 
 _ROOT: Final = Path(__file__).resolve().parents[1]
 _HASHES: Final = _ROOT / "scripts" / "gpu_check_hashes.json"
-"""The known images, by title: written on a CPU by ``--update-hashes``."""
+"""Hashes of the known images, by title, written on a CPU by ``--update-hashes``."""
 _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     **{scene: (scene, {}) for scene in SCENES},
     "avenue": ("avenue", {}),
@@ -45,7 +45,7 @@ _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "room, photon": ("room", {"integrator": "photon", "photons": 20000}),
     "room-diffuse, radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 1000}),
 }
-"""What is rendered: a title, the scene, settings."""
+"""Test renders: scene and settings by title."""
 _CUTS: Final = (Cutting(tile=16, samples_per_pass=1), Cutting(order="shuffled", samples_per_pass=4))
 _GROUPS: Final = (32, 64, 128, 256)
 _PASSES: Final = (1, 4, 16)
@@ -54,7 +54,7 @@ _BENCHMARK: Final = ("S1", "S2", "S3-100k", "S3-1M", "S4", "S5", "S6", "S7")
 
 @dataclass
 class Check:
-    """One run: what is asked for, what was found so far, and where it is written."""
+    """A run: its options, its results so far, and its output files."""
 
     folder: Path
     seconds: float
@@ -73,7 +73,7 @@ class Check:
         print(*lines, sep="\n", flush=True)
 
     def write(self) -> None:
-        """Write both files, whole or not at all."""
+        """Write both files atomically."""
         self.found["seconds"] = round(time.monotonic() - self.begin, 1)
         for name, text in (
             ("gpu_check.json", json.dumps(self.found, indent=1)),
@@ -83,7 +83,7 @@ class Check:
             (self.folder / f".{name}").replace(self.folder / name)
 
     def step(self, title: str, needed: float, do: Callable[..., Any], *arguments: Any) -> None:
-        """Do a step and keep what it gives, if there is time for it; an error of clrender's ends the step only."""
+        """Run a step and store its result, if there is time for it; a clrender error ends only this step."""
         self.say(f"\n## {title}\n")
         if self.left < needed:
             self.say(f"Skipped: {self.left:.0f} s are left, and it may take {needed:.0f} s.")
@@ -98,7 +98,7 @@ class Check:
 
 
 def main() -> int:
-    """Do all steps; 0 when the bits are right everywhere, 1 when they are not, 2 and 3 as clrender itself."""
+    """Run all steps; returns 0 if all bits are right, 1 if not, 2 and 3 as clrender itself."""
     options = _options()
     options.output.mkdir(parents=True, exist_ok=True)
     check = Check(options.output, options.seconds)
@@ -145,7 +145,7 @@ def _options() -> argparse.Namespace:
 
 
 def _machine() -> dict[str, Any]:
-    """What the checks run on; NVIDIA's own words where its tool is."""
+    """Description of the machine; with the output of NVIDIA's tool, if installed."""
     query = ["nvidia-smi", "--query-gpu=name,driver_version,memory.total,power.limit", "--format=csv,noheader"]
     try:
         told = subprocess.run(query, capture_output=True, text=True, check=False, timeout=20.0).stdout.splitlines()
@@ -155,7 +155,7 @@ def _machine() -> dict[str, Any]:
 
 
 def _drivers(check: Check) -> dict[str, Any]:
-    """Every driver, where it was found, and what `clrender doctor` says."""
+    """Every driver, its location, and the output of `clrender doctor`."""
     reports = examine(notify=_say)
     for report in reports:
         check.say(f"- {report.driver.library or report.driver.origin} ({report.driver.origin}) {report.fault}".rstrip())
@@ -171,13 +171,13 @@ def _drivers(check: Check) -> dict[str, Any]:
 
 
 def _bits(check: Check, device: Device, update: bool) -> dict[str, Any]:
-    """The first build of everything, with other cuts of the work; hashes beside those that are known."""
+    """First build of everything, and renders with different launch configurations; compares hashes with the known."""
     known = json.loads(_HASHES.read_text(encoding="utf-8")) if _HASHES.exists() else {}
     check.say("| scene | built and rendered, s | again, s | hash | |", "|---|---|---|---|---|")
     rows: dict[str, Any] = {}
     longest = 10.0
     for title, (scene, settings) in _RENDERS.items():
-        if check.left < 2.0 * longest:  # compilers take most of it
+        if check.left < 2.0 * longest:  # mostly compilation
             check.say("", f"Stopped before {title}: out of time.")
             break
         begin = time.perf_counter()
@@ -205,7 +205,7 @@ def _bits(check: Check, device: Device, update: bool) -> dict[str, Any]:
 
 
 def _faults(check: Check, device: Device) -> dict[str, Any]:
-    """The device opened twice, one of both with a fault at each kind of call: the image has to stay the same."""
+    """Open the device twice, one with a fault at each kind of call in turn: the image must stay the same."""
     how: dict[str, Any] = {"size": (96, 64), "spp": 32, "tile": 16, "samples_per_pass": 2}
     wanted = render("cornell", [device], **how).stats["image_sha256"]
     rows: dict[str, bool] = {}
@@ -218,7 +218,7 @@ def _faults(check: Check, device: Device) -> dict[str, Any]:
 
 
 def _tuning(check: Check, device: Device, size: int, spp: int) -> list[dict[str, Any]]:
-    """Speed by lanes, work-items in a group, and samples in a launch."""
+    """Measure speed by lanes, work-group size, and samples per launch."""
     cuts: list[dict[str, int]] = [{}, *({"work_group": each} for each in _GROUPS)]
     cuts += [
         *({"samples_per_pass": each} for each in _PASSES),
@@ -251,7 +251,7 @@ def _tuning(check: Check, device: Device, size: int, spp: int) -> list[dict[str,
 
 
 def _speed(check: Check, device: Device, scene: str, task: Task, repeats: int) -> list[dict[str, Any]]:
-    """By the wall clock, since a GPU has no CPU time; Mitsuba on the GPU beside it, where it is installed."""
+    """Measure wall-clock speed, since a GPU has no CPU time; also of Mitsuba on the GPU, if installed."""
     python = _ROOT / ".peers/mitsuba/bin/python"
     peers: Sequence[Peer] = [Peer("mitsuba-cuda", str(python))] if python.exists() else []
     try:

@@ -17,20 +17,20 @@ from typing import Final
 __all__ = ["MOST_BYTES", "pack", "requirements", "unpack"]
 
 MOST_BYTES: Final = 64 << 20
-"""What travels with a checkout at most."""
+"""Largest size that is carried with a checkout."""
 _ROOT: Final = Path(__file__).resolve().parents[1]
 _PLATFORMS: Final = ("manylinux_2_28_{}", "manylinux_2_27_{}", "manylinux_2_17_{}", "manylinux2014_{}", "linux_{}")
 
 
 def requirements(root: Path = _ROOT) -> list[str]:
-    """What clrender needs to run, as ``setup.cfg`` says, and pip, which a Python of a container may lack."""
+    """Requirements of clrender from ``setup.cfg``, and pip, which a container's Python may lack."""
     parser = configparser.ConfigParser()
     parser.read(root / "setup.cfg", encoding="utf-8")
     return [*filter(None, parser["options"]["install_requires"].splitlines()), "pip"]
 
 
 def for_python(wanted: Sequence[str], python: str) -> list[str]:
-    """Requirements that hold for a version of Python, without their conditions: pip judges these by its own version.
+    """Requirements for a version of Python, without markers, which pip would evaluate for its own version.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ def for_python(wanted: Sequence[str], python: str) -> list[str]:
 
 
 def pack(folder: Path, pythons: Sequence[str], machine: str, wanted: Sequence[str]) -> int:
-    """Download wheels of all that is wanted; gives the bytes in the folder.
+    """Download wheels of the requirements; returns the size of the folder in bytes.
 
     Parameters
     ----------
     folder : Path
-        Made where it does not exist; what is in it stays.
+        Created if it does not exist; its contents are kept.
     pythons : sequence of str
         Versions such as ``3.12``.
     machine : str
@@ -65,7 +65,7 @@ def pack(folder: Path, pythons: Sequence[str], machine: str, wanted: Sequence[st
     Raises
     ------
     ValueError
-        A version that is none, or pip's last words.
+        An invalid version, or a failure of pip, with its last output.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for python in pythons:
@@ -92,9 +92,9 @@ def unpack(folder: Path, environment: Path, wanted: Sequence[str]) -> None:
     ----------
     folder : Path
     environment : Path
-        Is made anew.
+        Path of the environment, which is created anew.
     wanted : sequence of str
-        Requirements, all of which have to be in the folder.
+        Requirements, all of which must be in the folder.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def unpack(folder: Path, environment: Path, wanted: Sequence[str]) -> None:
 
 
 def main() -> int:
-    """Pack, or with --environment unpack; 0 when it worked, 2 when the call has to be another one."""
+    """Pack, or with --environment unpack; returns 0 on success, 2 for wrong arguments."""
     parser = argparse.ArgumentParser(prog="scripts/gpu_check", description=__doc__)
     parser.add_argument("folder", type=Path, help="of the wheels")
     here = ".".join(map(str, sys.version_info[:2]))

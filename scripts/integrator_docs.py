@@ -1,4 +1,4 @@
-"""Make the pictures of docs/integrators.md and print its numbers; arguments: pictures, reuse, caustic (all)."""
+"""Make the figures of docs/integrators.md and print its numbers; arguments: pictures, reuse, caustic (all)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _Image = npt.NDArray[np.float64]
 
 
 def main() -> int:
-    """Do what is asked for, or all."""
+    """Run the requested parts, or all."""
     parts = {"pictures": _pictures, "reuse": _reuse, "caustic": _caustic}
     for name in sys.argv[1:] or parts:
         parts[name]()
@@ -43,12 +43,12 @@ def _seconds(image: RenderedImage) -> float:
 
 
 def _relative(image: RenderedImage, reference: _Image) -> float:
-    """relMSE, as of `clrender compare`."""
+    """relMSE, as in `clrender compare`."""
     return relative_squared_error(image.linear.astype(np.float64) - reference, reference)
 
 
 def _reuse() -> None:
-    """Noise and time of path reuse against path tracing, seeds in turns."""
+    """Compare noise and time of path reuse with path tracing, interleaving seeds."""
     print("| scene | pixels per group | error of `path` / `reuse` | time of `reuse` / `path` | efficiency gain |")
     print("|---|---|---|---|---|")
     for name in ("cornell", "room-diffuse", "room"):
@@ -71,7 +71,7 @@ def _reuse() -> None:
 
 
 def _caustic() -> None:
-    """The caustic in the same time by both, and how far the mean of photon mapping is from path tracing's."""
+    """The caustic at equal time by both, and the difference of photon mapping's mean from path tracing's."""
     scene = clrender.load("caustic")
     size: dict[str, Any] = {"size": (400, 300)}
     photon = clrender.render(scene, spp=64, integrator="photon", **size)

@@ -18,7 +18,7 @@ __all__ = ["lint", "lint_text"]
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 
-# Built-ins that drivers round differently. core/ may hold the one hand-written form of each.
+# Built-ins that drivers round differently. core/ may contain the one hand-written version of each.
 _INEXACT: Final = (
     *("dot", "cross", "normalize", "length", "distance", "mix", "rsqrt", "rootn", "cbrt", "hypot", "smoothstep"),
     *("sin", "cos", "tan", "sincos", "sinpi", "cospi", "tanpi", "sinh", "cosh", "tanh", "degrees", "radians"),
@@ -38,7 +38,7 @@ _EVERYWHERE: Final = (
     (r"FP_CONTRACT\s+ON", "lets the compiler round differently"),
     (r"\b(?:row|look|anchor|target|deposit)\[(?:\d|1[0-5])\]", "is a bare column; use its name in types.h"),
 )
-# Divisions of integers, by literals and by these; and of constants, which compilers do. Others go through quotient.h.
+# Divisions of integers, by literals and by these, and of constants, at compile time. Others must use quotient.h.
 _WHOLE: Final = (
     r"\d+u?\b(?!\.)|\(tile \* tile\)|\(\(settings->|"
     r"(?:blocks_across|tiles_across|block_words|tile|stretch|rays|[A-Z]+_(?:CHUNK|DEPOSITS))\b"
@@ -64,7 +64,7 @@ def lint(folder: Path) -> list[str]:
     Parameters
     ----------
     folder : Path
-        The kernels folder, which includes are relative to.
+        The kernels folder, to which includes are relative.
     """
     faults = []
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
@@ -81,7 +81,7 @@ def lint(folder: Path) -> list[str]:
 
 
 def lint_text(name: str, text: str) -> list[str]:
-    """Faults of one file that its own text shows.
+    """Faults in the text of one file.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def _lint_host() -> Iterator[str]:
 
 
 def main(arguments: list[str]) -> int:
-    """Print the faults; 0 when there is none."""
+    """Print the faults; returns 0 if there are none."""
     faults = lint(Path(arguments[0]) if arguments else ROOT / "kernels")
     if not arguments:
         faults += _lint_host()

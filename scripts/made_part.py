@@ -1,4 +1,4 @@
-"""The parts of pages that scripts make: each stands between a mark that names its script, and an end."""
+"""Generated parts of pages: each is between a begin mark, which names its script, and an end mark."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ _END: Final = "<!-- end -->"
 
 
 def with_part(page: str, maker: str, text: str) -> str:
-    """A page with one of its parts made anew.
+    """A page with one of its generated parts replaced.
 
     Parameters
     ----------
     page : str
-        Text with the mark ``<!-- made by scripts/MAKER begin -->`` and, behind the part, ``<!-- end -->``.
+        Text with the mark ``<!-- made by scripts/MAKER begin -->`` and, after the part, ``<!-- end -->``.
     maker : str
-        What the mark names: a script, and which part of it where it makes several.
+        Name in the mark: a script, and which part, if it makes several.
     text : str
-        The part.
+        New text of the part.
     """
     begin = f"<!-- made by scripts/{maker} begin -->"
     before, mark, rest = page.partition(begin)

@@ -53,7 +53,7 @@ def scallop() -> str:
 
 
 def main() -> int:
-    """Write the file, or compare it."""
+    """Write the file, or compare with it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="compare with what is committed, and write nothing")
     check = parser.parse_args().check

@@ -29,7 +29,7 @@ def geodesic(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     Parameters
     ----------
     frequency : int
-        Parts into which each edge of the icosahedron is cut.
+        Number of parts into which each edge of the icosahedron is divided.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def geodesic(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     points: list[tuple[float, ...]] = []
 
     def vertex(*weights: tuple[int, int]) -> int:
-        """Number of the point with these integer weights of corners; one point has one key from every face."""
+        """Index of the point with these integer weights of corners; a point has the same key from every face."""
         key = tuple(sorted((corner, weight) for corner, weight in weights if weight))
         if key not in numbers:
             numbers[key] = len(points)
@@ -92,7 +92,7 @@ def lathe(profile: Sequence[tuple[float, float]], segments: int) -> tuple[NDArra
     Parameters
     ----------
     profile : sequence of (radius, height)
-        From the axis to the axis, anticlockwise, so that normals are outward; radius 0 at both ends alone.
+        Counter-clockwise from axis to axis, so that normals are outward; radius 0 only at both ends.
     segments : int
 
     Returns
@@ -128,7 +128,7 @@ def tumbler() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int6
 
 
 def liquid() -> tuple[NDArray[np.float64], None, NDArray[np.int64]]:
-    """What fills the tumbler to 85 mm: a cylinder that reaches to the middle of its walls and into its foot."""
+    """Liquid that fills the tumbler to 85 mm: a cylinder that extends to the middle of its walls and into its foot."""
     vertices, triangles = lathe([(0.0, 0.007), (0.0355, 0.007), (0.0355, 0.085), (0.0, 0.085)], 64)
     return vertices, None, triangles
 
@@ -136,9 +136,9 @@ def liquid() -> tuple[NDArray[np.float64], None, NDArray[np.int64]]:
 def head(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """A head without hair, 21 cm high, that looks along +z: vertices, unit normals, triangles.
 
-    An ellipsoid, and on it bumps (1 - q)^3 of the squared distance q < 1 from their middle, in units of their size.
+    An ellipsoid with bumps (1 - q)^3, where q < 1 is the squared distance from a bump's centre, in units of its size.
     """
-    bumps = [  # middle and size, on a unit sphere; height in metres; those beside the middle are on both sides
+    bumps = [  # centre and size, on a unit sphere; height in metres; those beside the centre line are mirrored
         ((0.0, 0.05, 1.0), (0.17, 0.36, 0.5), 0.012),  # bridge of the nose
         ((0.0, -0.20, 0.98), (0.21, 0.21, 0.4), 0.021),  # and its tip
         ((0.34, 0.10, 0.93), (0.30, 0.20, 0.5), -0.015),  # sockets of the eyes
@@ -183,7 +183,7 @@ def candle() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64
 
 
 def vertex_normals(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Unit means of the normals of the triangles around each vertex, by their areas."""
+    """Unit area-weighted means of the normals of the triangles around each vertex."""
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
     (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
     flat = np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)

@@ -27,7 +27,7 @@ _UP: Final = (0.0, 1.0, 0.0)
 
 
 class Chance:
-    """Random numbers that stay the same with every version of every library."""
+    """Random numbers that are independent of library versions."""
 
     def __init__(self, seed: int) -> None:
         self.state = seed
@@ -44,9 +44,9 @@ class Model:
     Parameters
     ----------
     unit : float
-        Metres of one step of a coordinate.
+        Unit of coordinates, metres.
     normal_bits : int
-        Of each number of a normal: 8 or 16.
+        Bits of each component of a normal: 8 or 16.
     """
 
     def __init__(self, unit: float, normal_bits: int = 8) -> None:
@@ -58,13 +58,13 @@ class Model:
         self.faces: list[tuple[int, ...]] = []
 
     def add(self, points: Sequence[Vector], faces: Sequence[Sequence[int]]) -> None:
-        """Add vertices, and triangles that count them from 0."""
+        """Add vertices, and triangles whose indices into them start from 0."""
         first = len(self.points)
         self.points += points
         self.faces += [tuple(first + corner for corner in face) for face in faces]
 
     def add_arrays(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
-        """Add a mesh with the normals of smooth surfaces."""
+        """Add a mesh with smooth normals."""
         x, y, z = vertex_normals(vertices, triangles).T.tolist()
         self.normals += list(zip(x, y, z, strict=True))
         x, y, z = vertices.T.tolist()
@@ -117,13 +117,13 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def across(a: Vector) -> tuple[Vector, Vector]:
-    """Two directions at right angles to a unit vector and to each other; the first is level unless `a` is upright."""
+    """Unit vectors perpendicular to a unit vector and each other; the first is horizontal unless `a` is vertical."""
     first = unit(cross(a, _UP) if abs(a[1]) < 0.99 else cross(a, (0.0, 0.0, 1.0)))
     return first, cross(first, a)
 
 
 def turned(a: Vector, angle: float, around: float) -> Vector:
-    """A unit vector turned away by whole degrees, to the side that `around` says."""
+    """A unit vector rotated by whole degrees, towards the azimuth `around`."""
     (s, c), (sine, cosine) = sin_cos_degrees(round(angle)), sin_cos_degrees(round(around))
     u, v = across(a)
     return unit(plus(plus((a[0] * c, a[1] * c, a[2] * c), u, s * cosine), v, s * sine))
@@ -132,10 +132,10 @@ def turned(a: Vector, angle: float, around: float) -> Vector:
 # --- plants -----------------------------------------------------------------------------------------------------------
 
 _PARTS: Final = (9, 6, 3, 1)
-"""Straight parts of trunk, limbs, branches and twigs."""
+"""Number of straight segments of trunk, limbs, branches and twigs."""
 _SIDES: Final = (9, 6, 4, 3)
 _BRANCHES: Final = (13, 8, 5, 0)
-"""How many grow from one of each."""
+"""Number of children of each of these."""
 _BEND: Final = (0.07, 0.16, 0.2, 0.2)
 _RISE: Final = (0.1, 0.07, 0.02, -0.05)
 
@@ -149,7 +149,7 @@ class Tree:
         self.grow(0, (0.0, -0.05, 0.0), _UP, 2.05, 0.07)
 
     def grow(self, level: int, start: Vector, direction: Vector, length: float, radius: float) -> None:
-        """Wood of one level, and all that grows on it."""
+        """Grow the wood of one level, and everything on it."""
         chance, parts = self.chance, _PARTS[level]
         nodes = [(start, direction)]
         for _ in range(parts):
@@ -178,7 +178,7 @@ class Tree:
                 )
 
     def tube(self, nodes: Sequence[tuple[Vector, Vector]], radius: float, sides: int) -> None:
-        """Rings around the nodes, thinner and thinner, and a point at the end."""
+        """Add rings around the nodes, ever thinner, and a point at the end."""
         points, faces = [], []
         for number, (center, direction) in enumerate(nodes[:-1]):
             u, v = across(direction)
@@ -201,7 +201,7 @@ class Tree:
         self.wood.add(points, faces)
 
     def leaf(self, base: Vector, axis: Vector, size: float) -> None:
-        """A leaf whose midrib is the diagonal of the picture."""
+        """Add a leaf whose midrib is the diagonal of the texture."""
         axis = unit(plus(axis, _UP, -0.25))
         side, normal = across(axis)
         s, c = sin_cos_degrees(round(self.chance(-50.0, 50.0)))
@@ -216,7 +216,7 @@ class Tree:
 
 
 def meadow() -> Model:
-    """4 × 4 m of tufts: upright pictures, one in nine of them with daisies, which is the picture's second half."""
+    """4 × 4 m of tufts: upright textured quads, one in nine with daisies, which are the texture's second half."""
     model, chance = Model(1e-4), Chance(11)
     cells = 34
     for number in range(cells * cells):
@@ -243,7 +243,7 @@ def arc(x: float, y: float, radius: float, first: float, last: float, parts: int
 
 
 def turned_on_a_lathe(outline: Outline, segments: int = 64) -> Model:
-    """A vessel from its outline."""
+    """A vessel as a surface of revolution of its outline."""
     model = Model(1e-5, normal_bits=16)
     model.add_arrays(*lathe(outline, segments))
     return model
@@ -259,7 +259,7 @@ def flask() -> Outline:
 
 
 def perfume() -> Outline:
-    """What fills the bottle to 58 mm: it reaches into the glass, to the middle of the wall."""
+    """Liquid that fills the bottle to 58 mm: it extends into the glass, to the middle of the wall."""
     return [
         (0.0, 0.011),
         (0.016, 0.011),

@@ -23,11 +23,11 @@ __all__ = ["main", "sky"]
 
 WIDTH, HEIGHT = 128, 64
 SUN = (25.0, 20.0)
-"""Degrees above the horizon, and from +z towards +x."""
+"""Elevation of the sun, and azimuth from +z towards +x, degrees."""
 
 
 def sky() -> NDArray[np.float32]:
-    """The picture, (HEIGHT, WIDTH, 3), W/(sr m2): by sums and products only, which every machine rounds alike."""
+    """The map, (HEIGHT, WIDTH, 3), W/(sr m2); uses only sums and products, which every machine rounds alike."""
     rows = [sin_cos_degrees(90.0 - (y + 0.5) * 180.0 / HEIGHT) for y in range(HEIGHT)]
     columns = [sin_cos_degrees(180.0 - (x + 0.5) * 360.0 / WIDTH) for x in range(WIDTH)]
     up = np.array([sine for sine, _ in rows])[:, None]

@@ -1,13 +1,13 @@
-"""Writes clrender/scene/hosek_wilkie.npz, the data of the sky's model, from a file that holds the published data sets.
+"""Writes clrender/scene/hosek_wilkie.npz, the data of the sky model, from a file with the published data sets.
 
 Run ``python scripts/make_sky_data.py sunsky_datasets.bin`` to write it: the file is part of Mitsuba 3 (`mitsuba/data/
 sunsky`) and holds the data of Hošek's and Wilkie's own program, whose licence is clrender/scene/hosek_wilkie.txt. With
 ``--check`` it is compared with what is committed.
 
 sky_parameters   (10, 2, 6, 3, 9) float32   turbidity, albedo of the ground, control point, channel, parameter
-sky_radiance     (10, 2, 6, 3) float32      W/(sr m2), the mean by which all is multiplied
+sky_radiance     (10, 2, 6, 3) float32      W/(sr m2), the mean, a factor of the radiance
 sun_radiance     (10, 45, 11, 4) float32    turbidity, piece of the elevation, wavelength, power: W/(sr m2 nm)
-sun_darkening    (11, 6) float32            wavelength, power of the cosine: share of the radiance of the disc's middle
+sun_darkening    (11, 6) float32            wavelength, power of the cosine: share of the disc's central radiance
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def read(data: bytes) -> dict[str, NDArray[np.float64]]:
 
 
 def packed(fields: dict[str, NDArray[np.float64]]) -> bytes:
-    """The bytes of the .npz: of no date, so that they are the same every time."""
+    """The bytes of the .npz, without a date, so that they are reproducible."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name, theirs in NAMES.items():
@@ -65,7 +65,7 @@ def packed(fields: dict[str, NDArray[np.float64]]) -> bytes:
 
 
 def main() -> int:
-    """Write it, or with ``--check`` say whether it is what the given file makes."""
+    """Write the file, or with ``--check`` compare it with the result for the given file."""
     arguments = [each for each in sys.argv[1:] if each != "--check"]
     if len(arguments) != 1:
         raise SystemExit("give the path of sunsky_datasets.bin")

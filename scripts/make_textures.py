@@ -24,7 +24,7 @@ _JOINT: Final = 6
 
 
 def tile_heights() -> NDArray[np.float64]:
-    """(128, 128) heights, in texels, of two by two tiles with rounded rims, and joints between them."""
+    """(128, 128) heights, in texels, of two by two tiles with rounded edges, and joints between them."""
     half = _SIZE // 2
     to_rim = np.minimum(np.arange(half), np.arange(half)[::-1])
     rim = np.clip((to_rim + 0.5 - _JOINT / 2) / 6.0, 0.0, 1.0)
@@ -33,7 +33,7 @@ def tile_heights() -> NDArray[np.float64]:
 
 
 def tiles() -> NDArray[np.uint8]:
-    """(128, 128, 3) colours of these tiles, sRGB, with a grain that is a function of the place alone."""
+    """(128, 128, 3) colours of these tiles, sRGB, with a grain that is a function of position only."""
     y, x = np.mgrid[:_SIZE, :_SIZE]
     grain = ((x * 7 + y * 13 + x * y * 3) % 17 - 8) / 2.0
     second = ((x // (_SIZE // 2) + y // (_SIZE // 2)) % 2 == 1)[..., None]
@@ -110,7 +110,7 @@ def grass() -> NDArray[np.uint8]:
 
 
 def shrunk(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Means of 4 × 4 pixels, in whole numbers."""
+    """Means of 4 × 4 pixels, in integers."""
     height, width, channels = picture.shape
     sums = np.floor(picture).astype(np.int64).reshape(height // 4, 4, width // 4, 4, channels).sum(axis=(1, 3))
     return np.asarray(sums // 16, np.uint8)
@@ -126,7 +126,7 @@ PICTURES: Final[Mapping[str, NDArray[np.uint8]]] = {
 
 
 def main() -> int:
-    """Write the pictures, or compare them."""
+    """Write the images, or compare with them."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare with what is committed")
     check = parser.parse_args().check

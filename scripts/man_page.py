@@ -1,4 +1,4 @@
-"""Write man/clrender.1, the manual page, from the command line's own help; run it where that has changed."""
+"""Write man/clrender.1, the manual page, from the command line's own help; run it after changes of the help."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ EXAMPLES: Final = {
 
 
 def current(_page: str = "") -> str:
-    """The page as it has to be."""
+    """The page as it should be."""
     top = click.Context(main, info_name="clrender")
     parts = [
         f'.TH CLRENDER 1 "" "clrender {__version__}" "User Commands"',
@@ -62,13 +62,13 @@ def _command(top: click.Context, name: str) -> str:
     usage = " ".join(["clrender", name, *command.collect_usage_pieces(context)])
     options = [each for each in command.params if isinstance(each, click.Option)]
     records = [record for option in options if (record := option.get_help_record(context))]
-    # click keeps the option for help as the first context had it
+    # click keeps the help option of the first context
     records.append(("-h, --help", "Show this message and exit."))
     return "\n".join([f".SS {_text(usage)}", _prose(command.help or ""), _list(dict(records))])
 
 
 def _prose(text: str) -> str:
-    """Paragraphs; those that click is to leave alone keep their lines."""
+    """Paragraphs; those marked as verbatim for click keep their lines."""
     paragraphs = []
     for part in re.split(r"\n\s*\n", text.strip()):
         kept = part.lstrip().startswith("\b")
@@ -82,7 +82,7 @@ def _list(entries: dict[str, str]) -> str:
 
 
 def _text(text: str) -> str:
-    """A line of text, none of which is a request of roff."""
+    """A line of text, escaped so that roff finds no request in it."""
     escaped = (
         text.replace("\\", "\\e")
         .replace("-", "\\-")

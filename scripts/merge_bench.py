@@ -27,18 +27,18 @@ _MOST_SLOTS: Final = 1 << 23
 
 
 class ReadyWorker:
-    """Returns the same sums for every slot, without computing anything.
+    """A worker that returns the same sums for every slot, without computing anything.
 
     Parameters
     ----------
     copies : bool
-        Whether sums are copied into new memory, as those of a device are when they are read.
+        Whether sums are copied to new memory, like those read from a device.
     """
 
     def __init__(self, copies: bool) -> None:
         self._copies = copies
         self._sums = np.full((_MOST_SLOTS, 3, 4), 0x9E3779B9, np.uint32)
-        self._sums[..., 2:] = 0  # of 128 bits, the upper half is small, as radiances are
+        self._sums[..., 2:] = 0  # the upper half of the 128 bits is zero for typical radiances
         self._counts = np.zeros(_MOST_SLOTS, np.uint32)
 
     def render(
@@ -47,7 +47,7 @@ class ReadyWorker:
         on_slice: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
     ) -> UnitSums:
-        """All of a unit at once."""
+        """Return all of a unit at once."""
         sums, counts = self._sums[: unit.slot_count], self._counts[: unit.slot_count]
         if self._copies:
             sums, counts = sums.copy(), counts.copy()
@@ -58,7 +58,7 @@ class ReadyWorker:
 
 
 def measured(size: str, workers: int, spp: int, copies: bool) -> dict[str, object]:
-    """One run."""
+    """Measure one run."""
     width, height = SIZES[size]
     plan, film = Plan(width, height, 0, spp, 64), Film(width, height)
     ready = [ReadyWorker(copies) for _ in range(workers)]
@@ -82,7 +82,7 @@ def measured(size: str, workers: int, spp: int, copies: bool) -> dict[str, objec
 
 
 def main() -> None:
-    """Measure what the command line asks for."""
+    """Measure according to the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--size", action="append", choices=SIZES, help="repeatable; default: all")
     parser.add_argument("--workers", action="append", type=int, help="repeatable; default: 1, 2, 4")

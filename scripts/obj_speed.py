@@ -1,9 +1,9 @@
-"""Processor time in which a million triangles of OBJ are read: as a mesh, as a scene, and by tinyobjloader.
+"""CPU time of reading an OBJ file of a million triangles: as a mesh, as a scene, and by tinyobjloader.
 
     python scripts/obj_speed.py [--turns N]
 
-Each reading is a process of its own, which has read a small file before; all of them take turns. Wants
-`pip install --pre tinyobjloader`, whose times are of parsing alone.
+Each measurement is a separate process, which has read a small file before; the readers take turns. Needs
+`pip install --pre tinyobjloader`, whose times are for parsing alone.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def write(path: Path, form: str, side: int) -> None:
 
 
 def reader(name: str) -> Callable[[Path], Any]:
-    """What reads a file in one of three ways."""
+    """A function that reads a file with one of the three readers."""
     if name == "tinyobjloader":
         tinyobjloader = import_module(name)
         return lambda path: tinyobjloader.ObjReader().ParseFromFile(str(path))

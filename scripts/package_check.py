@@ -32,7 +32,7 @@ SCENE: Final = ("--size", "48x32", "--spp", "4", "--seed", "7")
 
 
 def main() -> int:
-    """Check, print a line for each step, and give the exit code."""
+    """Check, print a line for each step, and return the exit code."""
     options = _options()
     found = dict(item.split("=", 1) if "=" in item else (item, item) for item in options.python) or _pythons()
     missing = [version for version in VERSIONS if version not in found] if not options.python else []
@@ -59,7 +59,7 @@ def main() -> int:
 
 
 class CheckError(Exception):
-    """A step that went wrong."""
+    """A step failed."""
 
 
 def _options() -> argparse.Namespace:
@@ -75,23 +75,33 @@ def _options() -> argparse.Namespace:
 
 
 def _pythons() -> dict[str, str]:
-    """Interpreters on PATH, by version; that which runs this, too."""
+    """Interpreters by version: the one that runs this, those on PATH and those of pyenv."""
     found = {f"{sys.version_info.major}.{sys.version_info.minor}": getattr(sys, "_base_executable", sys.executable)}
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for version in VERSIONS:
-        if path := shutil.which(f"python{version}"):
-            found[version] = path
+        candidates = [shutil.which(f"python{version}"), *sorted(pyenv.glob(f"{version}.*/bin/python{version}"))]
+        # One on PATH may be a launcher of pyenv that runs no interpreter.
+        runs = (str(each) for each in candidates if each is not None and _is_version(str(each), version))
+        if (path := next(runs, None)) is not None:
+            found.setdefault(version, path)
     return {version: found[version] for version in VERSIONS if version in found}
 
 
+def _is_version(python: str, version: str) -> bool:
+    tell = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    done = subprocess.run(tell, check=False, capture_output=True, text=True, timeout=60)
+    return done.returncode == 0 and done.stdout.strip() == version
+
+
 def _build(folder: Path, keep: Path | None) -> Path:
-    """The wheel, made from the sdist, which is made from what git would keep."""
+    """Build the wheel from the sdist, which is built from the files that git would track."""
     source, dist = folder / "source", folder / "dist"
     listed = _run(["git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]).stdout
     for name in filter(None, listed.split("\0")):
         if (ROOT / name).is_file():
             (source / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, source / name)
-    # Without options `build` makes the wheel out of the sdist.
+    # Without options, `build` makes the wheel from the sdist.
     _run([sys.executable, "-m", "build", "--outdir", str(dist), str(source)])
     (sdist,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")
     with tarfile.open(sdist) as archive, zipfile.ZipFile(wheel) as packed:
@@ -107,7 +117,7 @@ def _build(folder: Path, keep: Path | None) -> Path:
 
 
 def _demand_files(source: Path, sdist: set[str], wheel: set[str]) -> None:
-    """All of the package, the kernels and the scenes is in both, and the manual page, and nothing that is not to be."""
+    """Check that both contain the whole package with kernels, scenes and manual page, and the wheel nothing else."""
     wanted = {
         path.relative_to(source).as_posix()
         for room in ("clrender", "kernels", "scenes")
@@ -125,7 +135,7 @@ def _demand_files(source: Path, sdist: set[str], wheel: set[str]) -> None:
 
 
 def _try(environment: Path, python: str, wheel: Path, age: str, options: argparse.Namespace) -> str:
-    """Install the wheel into an empty environment and use it; gives the hash of an image."""
+    """Install the wheel into an empty environment and use it; returns the hash of an image."""
     begun = time.monotonic()
     uv = [sys.executable, "-m", "uv"]
     _run([*uv, "venv", "--quiet", "--no-project", "--python", python, str(environment)])
@@ -150,7 +160,7 @@ def _try(environment: Path, python: str, wheel: Path, age: str, options: argpars
 
 
 def _requirements(wheel: Path, extras: Sequence[str], environment: Path) -> list[str]:
-    """What the wheel asks for, to be named beside it: of what only it asks for, uv would not take the oldest."""
+    """Requirements of the wheel, to be passed explicitly: uv takes the oldest versions only of direct requirements."""
     from packaging.requirements import Requirement
 
     with zipfile.ZipFile(wheel) as packed:
@@ -161,7 +171,7 @@ def _requirements(wheel: Path, extras: Sequence[str], environment: Path) -> list
     version = _run([str(environment / "bin" / "python"), "-c", tell]).stdout.strip()
     wanted = {"", *extras}
     found: dict[str, str] = {}
-    for _ in range(2):  # extras name others
+    for _ in range(2):  # extras refer to other extras
         for each in asked:
             marker = each.marker
             if marker is None or any(marker.evaluate({"extra": one, "python_version": version}) for one in wanted):
@@ -173,7 +183,7 @@ def _requirements(wheel: Path, extras: Sequence[str], environment: Path) -> list
 
 
 def _use(environment: Path, work: Path, extras: str) -> str:
-    """Each part of the program once, as a user calls it, from a folder of its own."""
+    """Use each part of the program once, as a user would, in a separate folder."""
     work.mkdir()
     program = str(environment / "bin" / "clrender")
 
@@ -191,7 +201,7 @@ def _use(environment: Path, work: Path, extras: str) -> str:
     clrender("check", "first/scene.toml")
     clrender("convert", "first/scene.toml", "second.json")
     clrender("render", "second.json", "--size", "16x16", "--spp", "1", "-o", "b.jpg", "-o", "b.hdr")
-    for scene in ("textures", "lamps", "sundial"):  # textures, IES files, and the place of the sun
+    for scene in ("textures", "lamps", "sundial"):  # textures, IES files, and the position of the sun
         clrender("render", scene, "--size", "16x16", "--spp", "1", "-o", "c.exr")
     clrender("tonemap", "a.exr", "--tone-map", "agx", "-o", "d.png")
     clrender("compare", "a.exr", "a.npy", "--json")
@@ -214,7 +224,7 @@ def _use(environment: Path, work: Path, extras: str) -> str:
 
 
 def _test(environment: Path, install: Sequence[str], wheel: Path, tests: Sequence[str]) -> None:
-    """Run tests against what is installed; pytest and its friends are the newest."""
+    """Run tests against the installed package, with the newest pytest and plugins."""
     newest = [part if part != RESOLUTIONS["oldest"] else RESOLUTIONS["newest"] for part in install]
     _run([*newest, "pytest", "hypothesis", "jsonschema", "scipy", "pytest-xdist"])
     python = str(environment / "bin" / "python")
@@ -231,7 +241,7 @@ def _size(folder: Path) -> int:
 
 
 def _run(command: Sequence[str], folder: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run to the end; what it printed is in the error if that is a bad one."""
+    """Run a command to its end; if it fails, the error contains its output."""
     alone: Callable[[Mapping[str, str]], dict[str, str]] = lambda env: {  # noqa: E731
         name: value for name, value in env.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV", "PYTHONHOME")
     }

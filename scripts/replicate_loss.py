@@ -19,7 +19,7 @@ SIZES: Final = (None, 4, 16, 64, 256)
 
 
 def relative_mse(session: clrender.Session, name: str, size: int | None, arguments: argparse.Namespace) -> float:
-    """Mean over pixels of the variance between seeds over the squared mean."""
+    """Mean over pixels of the variance between seeds divided by the squared mean."""
     scene = clrender.load(name)
     images = [
         session.render(

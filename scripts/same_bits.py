@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 __all__: list[str] = []
 
 _INTERPRETED: Final = {"size": (32, 32), "spp": 1}
-"""What Oclgrind can do in minutes; a reference of the same size stands beside it."""
+"""A render that Oclgrind can do in minutes; its reference has the same size."""
 _OWN: Final = {"photon": {"photons": 2000}}
-"""What an integrator is asked for so that it takes no longer than others."""
+"""Settings with which an integrator takes no longer than others."""
 _HELP: Final = """Without an option: every driver that passes the probe, and Oclgrind where it is there. A row stands
 for 36 renders of each scene: tiles of 16, 64 and the whole image x 1, 4 and 16 samples in a launch x groups of 16 and
 64 work-items x units in order and shuffled. rusticl is asked for one lane and the packet traversal only, as it is used:
@@ -38,7 +38,7 @@ Table = dict[str, set[str]]
 
 
 def main() -> int:
-    """Print the table; 0 when there is one hash for each scene and size."""
+    """Print the table; returns 0 if there is one hash for each scene and size."""
     parser = argparse.ArgumentParser(description=_HELP)
     parser.add_argument("--device", action="append", help="only devices with this in their name; repeatable")
     parser.add_argument("--lanes", type=int, action="append", choices=LANES, help="only so many; repeatable")
@@ -75,7 +75,7 @@ def _say(line: str) -> None:
 def _programs(
     device: Device, lanes: Sequence[int], traversals: Sequence[str], insist: bool
 ) -> Iterator[tuple[Cutting, list[Cutting]]]:
-    """What to render with each program of a device: one cut, and all of them."""
+    """For each program of a device: one launch configuration, and all of them."""
     for count in lanes:
         for traversal in traversals:
             if "rusticl" in device.info.platform and (count, traversal) != (1, "packet") and not insist:
@@ -84,7 +84,7 @@ def _programs(
 
 
 def _rows(device: Device, cuttings: Sequence[Cutting], seen: Table, **settings: Any) -> None:
-    """Render all scenes with all cuts, which share a program, and print the row."""
+    """Render all scenes with all launch configurations, which share a program, and print the row."""
     begin, cells = time.perf_counter(), []
     for scene in SCENES:
         hashes = defaultdict(list)
@@ -106,7 +106,7 @@ def _rows(device: Device, cuttings: Sequence[Cutting], seen: Table, **settings: 
 
 
 def _oclgrind(seen: Table, integrator: str) -> None:
-    """Oclgrind has to be there when the process starts: have this script run in it, and read its row."""
+    """Run this script in Oclgrind, which must be present when the process starts, and read its row."""
     command = ["oclgrind", sys.executable, "-W", "ignore", __file__, "--interpreted", "--integrator", integrator]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     rows = [line for line in done.stdout.splitlines() if line.startswith("| Oclgrind")]

@@ -1,4 +1,4 @@
-"""Make the tables of docs/scaling.md: what clusters of 10 to 100,000 workers would do, by the measured costs of a unit.
+"""Make the tables of docs/scaling.md: simulated clusters of 10 to 100,000 workers, from the measured costs of a unit.
 
 `python scripts/scaling_docs.py [costs.json]`: a file that `scripts/cluster_bench.py costs` printed replaces
 docs/scaling.json. The simulation has no random numbers: the same costs make the same page.
@@ -22,27 +22,27 @@ _DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
 _WORKERS: Final = (10, 100, 1000, 10_000, 100_000)
 _UNIT_SECONDS: Final = 1.0
 _NETWORK: Final = 1.25e8
-"""Bytes a second of the network in the middle, towards the client: 1 Gbit/s."""
+"""Bandwidth of the central network, towards the client, bytes per second: 1 Gbit/s."""
 _POLLS: Final = 5
-"""How often a second a thread of the client looks at the call that it waits for."""
+"""Rate at which a thread of the client polls its call, per second."""
 _SIMULATED: Final = 60.0
 _PIXELS: Final = 800 * 800
 _SHARD: Final = 20
-"""Workers of a shard in the last table."""
+"""Workers per shard in the last table."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """What a second of rendering came to.
+    """Load during a second of rendering.
 
     Attributes
     ----------
     units : float
-        Done, a second.
+        Completed units per second.
     busy : float
-        Share of the workers' time that they rendered.
+        Fraction of the workers' time spent rendering.
     uses : mapping of str to float
-        Share of its time that each thing was used which all workers share.
+        Utilisation of each shared resource.
     """
 
     units: float
@@ -51,24 +51,24 @@ class Load:
 
 
 def simulate(workers: int, unit: float, stages: Mapping[str, float], apart: float, polled: float = 0.0) -> Load:
-    """A worker renders a unit, sends it, and begins the next once it is received; what they share serves one at a time.
+    """Simulate workers, which render and send one unit after the other; a shared resource serves one at a time.
 
     Parameters
     ----------
     workers : int
     unit : float
-        Seconds that a worker renders.
+        Rendering time of a unit, seconds.
     stages : mapping of str to float
-        Seconds that a unit occupies each thing that all share, in their order.
+        Seconds that a unit occupies each shared resource, in order.
     apart : float
-        Seconds of a unit that nobody else waits for.
+        Seconds of a unit that delay no other worker.
     polled : float
-        Share of the processor's time that looking at calls takes: all that the processor does lasts longer.
+        Fraction of the CPU's time spent polling, which slows down all its other work.
     """
     slower = 1.0 / max(1.0 - polled, 1e-3)
     lasts = {name: seconds * (1.0 if name == "network" else slower) for name, seconds in stages.items()}
     free, used = dict.fromkeys(lasts, 0.0), dict.fromkeys(lasts, 0.0)
-    # Workers begin spread over the first unit, as they would after a while
+    # Workers start staggered over the first unit, as in the steady state
     events = [((number + 1) * unit / workers, number) for number in range(workers)]
     heapq.heapify(events)
     done, rendered = 0, 0.0
@@ -87,7 +87,7 @@ def simulate(workers: int, unit: float, stages: Mapping[str, float], apart: floa
 
 
 def _stages(costs: Mapping[str, Any], unit: float) -> tuple[dict[str, float], float]:
-    """Seconds of a unit of so many seconds in what all share, and beside it in its worker."""
+    """Seconds of a unit of `unit` seconds in each shared resource, and its overhead in the worker."""
     slots = costs["samples_per_second"] * unit / costs["unit_samples"]
     size = slots * costs["unit_bytes"] / costs["unit_slots"]
     shared = {
@@ -179,14 +179,14 @@ def _duration(seconds: float) -> str:
 
 
 def current(page: str, costs: Mapping[str, Any]) -> str:
-    """The page with tables made anew."""
+    """The page with updated tables."""
     for name, table in (("costs", _costs), ("alone", _alone), ("sharded", _sharded)):
         page = with_part(page, f"scaling_docs.py: {name}", f"{table(costs)}\n")
     return page
 
 
 def main() -> int:
-    """Take new costs in, and rewrite the page."""
+    """Store new costs, if given, and rewrite the page."""
     data = _DOCS / "scaling.json"
     if len(sys.argv) > 1:
         data.write_text(Path(sys.argv[1]).read_text())

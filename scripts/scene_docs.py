@@ -16,9 +16,9 @@ __all__ = ["PAGE", "current", "tables"]
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "scene-file.md"
 _DEFAULT: Final = r" \(default: ([^)]*)\)$"
-"""How a description ends that says its default."""
+"""End of a description that states the default."""
 _LARGE: Final = 1e9
-"""Bounds beyond it are only there to keep numbers finite and are not listed."""
+"""Bounds beyond it only keep numbers finite and are not listed."""
 
 
 def main() -> int:
@@ -28,12 +28,12 @@ def main() -> int:
 
 
 def current(page: str) -> str:
-    """The page with its tables made anew.
+    """The page with updated tables.
 
     Parameters
     ----------
     page : str
-        Text with the two marks between which the tables stand.
+        Text with the two marks around the tables.
     """
     return with_part(page, "scene_docs.py:", tables(Scene.model_json_schema()))
 
@@ -84,7 +84,7 @@ def _kinds(one_of: dict[str, Any]) -> list[str]:
 
 
 def _shared(group: list[dict[str, Any]]) -> list[str]:
-    """Keys that mean the same in every table of a group."""
+    """Keys with the same meaning in every table of a group."""
     first = group[0]["properties"]
     return [
         key for key, value in first.items()
@@ -104,7 +104,7 @@ def _table(
 
 def _rows(table: dict[str, Any], schema: dict[str, Any], only: list[str] | None, without: list[str]) -> Iterator[str]:
     required = table.get("required", [])
-    # What several tables share is described in one of them.
+    # Keys that several tables share are described in one of them.
     for key, value in table["properties"].items():
         if key in without or (only is not None and key not in only):
             continue
@@ -131,7 +131,7 @@ def _default(value: dict[str, Any]) -> str:
 
 
 def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
-    """In words, what a value may be."""
+    """The type of a value, in words."""
     if "$ref" in value:
         name = re.sub(r"(?<!^)(?=[A-Z])", " ", str(value["$ref"]).rpartition("/")[2]).lower()
         name = name.replace("texture transform", "transforms of texture coordinates")

@@ -27,12 +27,12 @@ def main() -> int:
 
 
 def current(page: str) -> str:
-    """The page with its tables made anew.
+    """The page with updated tables.
 
     Parameters
     ----------
     page : str
-        Text with the two marks between which the tables stand.
+        Text with the two marks around the tables.
     """
     return with_part(page, "setting_docs.py:", tables())
 
@@ -48,7 +48,7 @@ def tables() -> str:
 
 
 def _in_scenes(settings: Sequence[Setting]) -> str:
-    """Which of them may stand in a scene file, and where."""
+    """Which settings are allowed in a scene file, and where."""
     sections = dict.fromkeys(setting.section for setting in settings if setting.section)
     if not sections:
         return "They cannot be set in a scene file."

@@ -1,7 +1,7 @@
-"""Check a built site: links to pages, anchors, pictures and scripts lead somewhere, and nothing comes from elsewhere.
+"""Check a built site: links to pages, anchors, images and scripts are valid, and nothing is loaded from other hosts.
 
-A site has to work from a folder without a network: pictures, style sheets and scripts of other hosts are faults; a link
-that a reader may follow to another host is none.
+A site must work from a folder without a network: images, style sheets and scripts of other hosts are faults. Links to
+other hosts that a reader may follow are allowed.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from urllib.parse import unquote, urlsplit
 __all__ = ["faults"]
 
 _FETCHED: Final = ("src", "srcset", "poster", "data")
-"""Attributes whose address a browser fetches by itself; `href` of a `link` as well."""
+"""Attributes whose address a browser fetches automatically; also `href` of a `link`."""
 _HARMLESS: Final = ("canonical", "license", "author", "search", "next", "prev", "index", "genindex")
-"""What a `link` may be whose address is not fetched."""
+"""Values of `rel` of a `link` whose address is not fetched."""
 
 
 class _Page(HTMLParser):
-    """The anchors of a page, and where it leads."""
+    """The anchors and links of a page."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -38,7 +38,7 @@ class _Page(HTMLParser):
 
 
 def faults(site: Path) -> list[str]:
-    """What is wrong with the links of a site, a line each.
+    """Faults of the links of a site, a line each.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def _problem(path: Path, link: str, fetched: bool, pages: dict[Path, _Page]) -> 
 
 
 def main() -> int:
-    """Print the faults of a site; the exit code is 1 if there are some."""
+    """Print the faults of a site; returns 1 if there are any."""
     site = Path(sys.argv[1])
     found = faults(site)
     for line in found:

@@ -1,6 +1,6 @@
-"""Make docs/speed.md's table, plot and pictures. Arguments: `pictures`, or files of lines that `scripts/bench` printed.
+"""Make the table, plot and images of docs/speed.md. Arguments: `pictures`, or files with the output of `scripts/bench`.
 
-Lines of a benchmark replace what docs/speed.json holds of the same scenes and renderers:
+Lines of a benchmark replace those in docs/speed.json for the same scenes and renderers:
 
     scripts/bench S1 S2 S1-tess S3-10k S3-1M S3-4M S4 S5 > speed.jsonl
     scripts/bench S1 S2 S4 S5 --errors --size 100x100 --spp 64 > errors.jsonl
@@ -32,7 +32,7 @@ _NONE: Final = "–"
 
 
 def main() -> int:
-    """Take new lines in, and rewrite the page."""
+    """Store new lines, if given, and rewrite the page."""
     if sys.argv[1:] == ["pictures"]:
         _pictures()
         return 0
@@ -50,20 +50,20 @@ def main() -> int:
 
 
 def current(page: str, data: dict[str, Any]) -> str:
-    """The page with its table made anew.
+    """The page with its table updated.
 
     Parameters
     ----------
     page : str
-        Text with the two marks between which the table stands.
+        Text with the two marks around the table.
     data : dict
-        What docs/speed.json holds.
+        Content of docs/speed.json.
     """
     return with_part(page, "speed_docs.py:", f"{_table(data)}\n")
 
 
 def _take(data: dict[str, Any], lines: list[dict[str, Any]]) -> None:
-    """Put the medians and ranges of a benchmark's lines into the data."""
+    """Update the data with the medians and ranges of a benchmark's lines."""
     judged = all("rel_mse" in line for line in lines)
     for scene, renderer in dict.fromkeys((line["scene"], line["renderer"]) for line in lines):
         these = [line for line in lines if (line["scene"], line["renderer"]) == (scene, renderer)]
@@ -96,7 +96,7 @@ def _table(data: dict[str, Any]) -> str:
 
 
 def _value(numbers: list[float] | None, form: str = "{:.2f}") -> str:
-    """A median with its range, where it has one."""
+    """A median with its range, if it has one."""
     if not numbers:
         return _NONE
     told = form.format(numbers[0])
@@ -108,7 +108,7 @@ def _ratio(own: list[float] | None, peer: list[float] | None) -> str:
 
 
 def _growth(data: dict[str, Any]) -> str:
-    """Paths per second against triangles."""
+    """Plot of paths per second against triangles."""
     series = []
     for renderer, title, colour in (("clrender", "clrender", BLUE), ("mitsuba", "Mitsuba LLVM", ORANGE)):
         points = []
@@ -123,7 +123,7 @@ def _growth(data: dict[str, Any]) -> str:
 
 
 def _pictures() -> None:
-    """The scenes side by side, docs/speed.jpg."""
+    """Make docs/speed.jpg, the scenes side by side."""
     from doc_pictures import shown_linear, write_sheet
 
     import clrender

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Make the table of `clrender/scene/subsurface.py`: which media have which albedo, seen from outside.
+"""Make the table of `clrender/scene/subsurface.py`, which maps reflectance to single-scattering albedo.
 
-The albedo of a half-space, of all light that enters it by the cosine, by discrete ordinates (Chandrasekhar, Radiative
-Transfer, 1960): Gauss's points in each hemisphere, the phase function as a series of Legendre's polynomials, and of the
-solutions those that fade with depth. What is fitted is s = √((1 - α) / (1 - α g)) of van de Hulst, as
-(1 - A) (1 + A q) with q a series of Chebyshev's polynomials in g / MOST_G and 2 √A - 1.
+The reflectance of a half-space, for cosine-distributed incident light, by discrete ordinates (Chandrasekhar, Radiative
+Transfer, 1960): Gauss points in each hemisphere, the phase function as a Legendre series, and the solutions that decay
+with depth. The fit is to van de Hulst's s = √((1 - α) / (1 - α g)), as (1 - A) (1 + A q) with q a Chebyshev series in
+g / MOST_G and 2 √A - 1.
 
 Prints the table; `--check` compares with it instead.
 """
@@ -27,7 +27,7 @@ ORDERS = (14, 10)  # in g, and in √A
 
 @lru_cache(maxsize=64)
 def kernel(g: float) -> tuple[_Floats, _Floats, _Floats, _Floats]:
-    """Cosines, weights, and how much scattering couples even and odd parts of the radiance, times √weights."""
+    """Cosines, weights, and the scattering matrices of the even and odd parts of the radiance, times √weights."""
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     cosines, weights = (nodes + 1.0) / 2.0, weights / 2.0
     orders = np.arange(2 * POINTS)
@@ -39,7 +39,7 @@ def kernel(g: float) -> tuple[_Floats, _Floats, _Floats, _Floats]:
 
 
 def half_space(alpha: float, g: float) -> float:
-    """Share of light that a half-space returns; `alpha` below 1: of light that meets something, what is scattered."""
+    """Reflectance of a half-space; `alpha`, below 1, is the single-scattering albedo."""
     cosines, weights, even, odd = kernel(g)
     sums, differences = np.eye(POINTS) - alpha * even, np.eye(POINTS) - alpha * odd
     lower = np.linalg.cholesky(sums)
@@ -52,7 +52,7 @@ def half_space(alpha: float, g: float) -> float:
 
 
 def solved(albedo: float, g: float) -> float:
-    """s of that albedo, by halving."""
+    """s for a reflectance, by bisection."""
     low, high = 0.0, 1.0
     while high - low > 1e-13:
         middle = (low + high) / 2.0
@@ -65,7 +65,7 @@ def solved(albedo: float, g: float) -> float:
 
 
 def series() -> _Floats:
-    """The table: Chebyshev's coefficients of q."""
+    """The table: Chebyshev coefficients of q."""
     in_g, in_root = (np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in ORDERS)
     albedos = ((in_root + 1.0) / 2.0) ** 2
     q = np.array([[(solved(a, g * MOST_G) / (1.0 - a) - 1.0) / a for a in albedos] for g in in_g])
@@ -74,7 +74,7 @@ def series() -> _Floats:
 
 
 def main() -> int:
-    """Print, or check."""
+    """Print the table, or check it."""
     made = series()
     if "--check" in sys.argv[1:]:
         apart = float(np.abs(made - np.array(SERIES)).max())

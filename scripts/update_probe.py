@@ -1,6 +1,6 @@
 """Write the hash of the probe's tile after a change of the kernels: `python scripts/update_probe.py`.
 
-Renders the tile on every driver of the machine; they have to agree, and nothing is written when they do not.
+Renders the tile on every driver of the machine; nothing is written unless they all agree.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__: list[str] = []
 
 
 def main() -> int:
-    """Write the file; 0 when all drivers agree."""
+    """Write the file; returns 0 if all drivers agree."""
     hashes: dict[str, str] = {}
     for info in inventory(refresh=True):
         driver = next(each for each in drivers() if each.library == info.library)

@@ -27,7 +27,7 @@ __all__ = ["main"]
 
 
 class Page:
-    """What a page does, without a screen."""
+    """A headless client that behaves like the page."""
 
     def __init__(self, address: str) -> None:
         urllib.request.urlopen(address).read()
@@ -38,7 +38,7 @@ class Page:
         self.said: dict[str, Any] = {}
 
     def close(self) -> None:
-        """Look on no more."""
+        """Disconnect."""
         self._open.close()
 
     def say(self, **message: Any) -> None:
@@ -60,7 +60,7 @@ class Page:
 
 
 def around(camera: dict[str, Any], angle: float) -> list[float]:
-    """The camera's position, turned around its target."""
+    """The camera's position, rotated around its target."""
     x, y, z = (p - t for p, t in zip(camera["position"], camera["target"], strict=True))
     turned = x * math.cos(angle) + z * math.sin(angle), y, z * math.cos(angle) - x * math.sin(angle)
     return [t + p for t, p in zip(camera["target"], turned, strict=True)]
@@ -109,7 +109,7 @@ def drag(page: Page, camera: dict[str, Any], seconds: float) -> list[float]:
 
 
 def told(what: str, seconds: Sequence[float]) -> None:
-    """Print the times of something."""
+    """Print statistics of measured times."""
     ordered = sorted(seconds)
     numbers = {
         "median_ms": statistics.median(ordered),

@@ -40,7 +40,7 @@ _ORBITS: Final = """
 
 
 def main() -> int:
-    """Measure, and take pictures."""
+    """Measure, and take screenshots."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scene", nargs="?", default="room")
     parser.add_argument("--size", default="640x360")
@@ -72,14 +72,14 @@ def main() -> int:
 
 
 def _first(browser: Any, server: Server) -> float:
-    """Milliseconds to the first picture."""
+    """Milliseconds to the first image."""
     with view_of(browser, server, "first") as view:
         view.wait("performance.getEntriesByName('clrender-first-image').length > 0")
         return float(view.run("performance.getEntriesByName('clrender-first-image')[0].startTime"))
 
 
 def _orbits(browser: Any, server: Server, count: int) -> list[float]:
-    """Milliseconds from each of some moves to its picture."""
+    """Milliseconds from each of some camera moves to its image."""
     with view_of(browser, server, "orbits") as view:
         view.wait("view.picture.frame() !== undefined && view.hub.newest('state') !== undefined")
         times = view.run(_ORBITS, count)

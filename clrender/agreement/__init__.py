@@ -1,4 +1,4 @@
-"""Whether integrators agree, by batches of images and tile by tile, and whether two films do, pixel by pixel."""
+"""Tests whether integrators agree, tile by tile over batches of images, and whether two films agree, pixel by pixel."""
 
 from clrender.agreement.batches import Batches, Pair
 from clrender.agreement.films import compare_films

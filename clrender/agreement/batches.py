@@ -40,9 +40,9 @@ class Batches:
     Attributes
     ----------
     label : str
-        Its name, with a number where it is compared with itself.
+        Its name, with a number if it is compared with itself.
     name : str
-        In `clrender.integrators.INTEGRATORS`.
+        Key of `clrender.integrators.INTEGRATORS`.
     tiles : (batches, rows, columns, 3) float64
         Mean radiance of each tile in each batch.
     tile_size : int
@@ -66,7 +66,7 @@ class Batches:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two integrators compared; `first` minus `second` where there is a sign.
+    """Comparison of two integrators; signed numbers are `first` minus `second`.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
     scene : Scene
     a, b : Batches
     level : float
-        Probability that they are found to differ although they do not, as long as tile means are normally distributed.
+        Probability that they are found to differ although they do not, if tile means are normally distributed.
     """
     shape = a.tiles.shape[1:]
     x, y = a.tiles.reshape(len(a.tiles), -1), b.tiles.reshape(len(b.tiles), -1)

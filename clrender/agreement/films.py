@@ -1,4 +1,4 @@
-"""Whether two films agree: a test of each pixel, and of the mean of the whole image, by the films' own errors."""
+"""Tests whether two films agree: each pixel, and the mean of the whole image, by the films' own error estimates."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from clrender.student import p_value
 __all__ = ["LEVEL", "compare_films"]
 
 LEVEL: Final = 0.01
-"""Probability to find a difference where there is none; half of it is for pixels, half for the mean."""
+"""Probability of finding a difference if there is none; half of it is for pixels, half for the mean."""
 
 _ROUNDING: Final = 1e-6
-"""Relative difference that the single precision of samples can make."""
+"""Largest relative difference due to single-precision samples."""
 _FLOOR_SHARE: Final = 0.1
-"""Of the mean radiance: in darker pixels errors are compared with those of their neighbours as if they had this."""
+"""Fraction of the mean radiance; darker pixels count as this bright when errors are compared with neighbours'."""
 _MAYBE: Final = 2.5
 """No value of t below it is significant, so its probability is not computed."""
 
@@ -38,9 +38,9 @@ def compare_films(first: Film, second: Film, names: tuple[str, str] = ("one film
     Parameters
     ----------
     first, second : Film
-        With replicates, of two or more in each pixel.
+        With two or more replicates in each pixel.
     names : (str, str)
-        What messages call them.
+        Names of the films in messages.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def compare_films(first: Film, second: Film, names: tuple[str, str] = ("one film
 
 
 def _check(first: Film, second: Film, names: tuple[str, str]) -> None:
-    """Both know their errors, and are independent."""
+    """Check that both films have error estimates, and are independent."""
     for film, name in zip((first, second), names, strict=True):
         if not film.replicate_spp:
             raise UsageError(

@@ -1,4 +1,4 @@
-"""Whether integrators agree on a scene: each renders it as independent batches, and any two of them are compared."""
+"""Tests whether integrators agree on a scene: each renders independent batches, and each pair is compared."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def compare_integrators(
     notify: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> tuple[list[Batches], list[Pair]]:
-    """Render a scene with several integrators and test, for any two, whether their images have the same mean.
+    """Render a scene with several integrators and test, for each pair, whether their images have the same mean.
 
     Parameters
     ----------
     scene : Scene
     integrators : sequence of str
-        At least two; one named twice is compared with itself, by other seeds.
+        At least two; one named twice is compared with itself, with different seeds.
     spp : int
         Samples per pixel for each integrator, over all batches; rounded up to a multiple of `batches`.
     batches : int
@@ -56,9 +56,9 @@ def compare_integrators(
     seed : int
         The seeds of all batches follow from it.
     tile_size : int
-        Side in pixels of the tiles that are compared; larger ones average fireflies out, smaller ones resolve more.
+        Side of the compared tiles, pixels; larger ones average fireflies out, smaller ones resolve more.
     device, on_progress, notify, **settings
-        As of `clrender.render`; progress covers all renders. `radiosity_display` defaults to ``gather``: the other
+        See `clrender.render`; progress covers all renders. `radiosity_display` defaults to ``gather``: the other
         displays show the patches themselves.
 
     Returns
@@ -71,7 +71,7 @@ def compare_integrators(
     Raises
     ------
     UsageError, SceneError, DeviceError, RenderError
-        As `clrender.render`; also for fewer than two integrators or 8 batches.
+        Like `clrender.render`; also for fewer than two integrators or 8 batches.
     """
     check_integrators(integrators)
     if batches < 8 or tile_size < 1 or spp < 1:
@@ -81,11 +81,11 @@ def compare_integrators(
     seeds = _seeds(seed, len(integrators) * batches)
 
     def settings_of_one(name: str, own: int) -> dict[str, Any]:
-        """Of an integrator and a batch's seed."""
+        """Settings for an integrator and a batch's seed."""
         mine = {"radiosity_display": "gather", **settings, "integrator": name, "spp": each, "seed": own}
         return settings_of(name, mine)
 
-    # Before any of them is rendered
+    # Before any rendering
     for name in dict.fromkeys(integrators):
         settings_for(scene, wanted, settings_of_one(name, seeds[0]))
         check_materials(scene, name)
@@ -111,12 +111,12 @@ def compare_integrators(
 
 
 def check_integrators(integrators: Sequence[str]) -> None:
-    """Make sure that there are at least two, and all of them known.
+    """Check that there are at least two integrators, all of them known.
 
     Raises
     ------
     UsageError
-        With the nearest name there is.
+        The message suggests the nearest name.
     """
     for name in integrators:
         if name not in INTEGRATORS:
@@ -153,7 +153,7 @@ class _Reporter:
 
 
 def _gathered(label: str, name: str, side: int, seeds: Sequence[int], images: Iterable[RenderedImage]) -> Batches:
-    """Batches of renders, with no more than one image in memory at a time."""
+    """Collect batches of renders, with at most one image in memory at a time."""
     tiles, whole = [], []
     mean: npt.NDArray[np.float64] | None = None
     numbers = {"spp": 0, "rays": 0, "seconds": 0.0, "nonfinite_samples": 0, "seeds": list(seeds)}

@@ -1,4 +1,4 @@
-"""Two images side by side as a page: one self-contained HTML file."""
+"""A page that compares two images: one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 __all__ = ["compare_page"]
 
 _MOST: Final = 1600
-"""Pixels of the longer side of a picture in the page, at most."""
+"""Largest longer side of an image in the page, pixels."""
 
 _EXTREME: Final = 99.0
-"""Percentile of the differences whose colour is the strongest."""
+"""Percentile of the differences that gets the strongest colour."""
 
 _Floats = npt.NDArray[np.float64]
 
@@ -40,16 +40,16 @@ def compare_page(
     Parameters
     ----------
     names : (str, str)
-        Of the image and of its reference.
+        Names of the image and of its reference.
     image, reference : (H, W, 3) floats
-        Radiance, linear Rec. 709; of one size, finite.
+        Radiance, linear Rec. 709, finite, of equal size.
     lines : sequence of (str, str)
-        Measures and their values.
+        Metrics and their values.
 
     Raises
     ------
     UsageError
-        Without Matplotlib.
+        If Matplotlib is not installed.
     """
     require_matplotlib()
     a, b = (np.asarray(each, np.float32) for each in (image, reference))
@@ -104,7 +104,7 @@ def _scale(low: str, high: str, colors: str) -> str:
 
 
 def _heat(values: _Floats) -> npt.NDArray[np.uint8]:
-    """Colours of numbers from 0 to 1: those of the paper on FLIP."""
+    """Colour map for numbers from 0 to 1, as in the FLIP paper."""
     from matplotlib import colormaps
 
     return np.asarray(colormaps["magma"](np.clip(values, 0.0, 1.0), bytes=True)[..., :3], np.uint8)
@@ -115,7 +115,7 @@ def _gradient() -> str:
 
 
 def _histograms(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32], flip: _Floats) -> str:
-    """Of luminance, over its logarithm, and of FLIP, as SVG."""
+    """Histograms of log luminance and of FLIP, as SVG."""
     luminance = [each.astype(np.float64) @ np.array(LUMINANCE) for each in (a, b)]
     lit = np.concatenate([each[each > 0.0] for each in luminance])
     low, high = np.percentile(lit, (0.1, 100.0)) if lit.size else (0.1, 1.0)

@@ -49,15 +49,15 @@ def welch(
     Parameters
     ----------
     first, second : (n, k) and (m, k) float
-        Rows: independent batches, at least two of each. Columns: quantities.
+        Rows: independent batches, at least two each. Columns: quantities.
     rounding : float or (k,) float
-        Absolute difference that rounding alone can make; it is subtracted before the test.
+        Largest absolute difference due to rounding; it is subtracted before the test.
     variance_floor : pair of float or (k,) float
-        Variances of one batch of the first and of the second that are known to be no smaller.
+        Lower bounds of the variance of one batch, of the first and of the second.
     """
     a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
     difference = a.mean(axis=0) - b.mean(axis=0)
-    # Squared standard errors. Those of equal numbers are 0 but for the rounding of their mean.
+    # Squared standard errors. Those of equal numbers are 0 apart from the rounding of their mean.
     u = np.maximum(a.var(axis=0, ddof=1), variance_floor[0]) / len(a)
     v = np.maximum(b.var(axis=0, ddof=1), variance_floor[1]) / len(b)
     error = np.sqrt(u + v)
@@ -74,12 +74,12 @@ def welch(
 def holm(p_values: npt.ArrayLike, level: float) -> npt.NDArray[np.bool_]:
     """Which of many hypotheses to reject, with a probability of at most `level` to reject any that is true.
 
-    However the tests depend on each other (Holm, Scandinavian Journal of Statistics 6, 1979).
+    Valid for any dependence between the tests (Holm, Scandinavian Journal of Statistics 6, 1979).
 
     Parameters
     ----------
     p_values : (k,) float
-        Each test's own.
+        Uncorrected p-value of each test.
     level : float
     """
     p = np.asarray(p_values, np.float64)
@@ -91,7 +91,7 @@ def holm(p_values: npt.ArrayLike, level: float) -> npt.NDArray[np.bool_]:
 
 
 def has_outlier(batches: npt.ArrayLike, level: float) -> npt.NDArray[np.bool_]:
-    """Columns in which one batch lies so far from the others that they cannot be normal: Grubbs' test.
+    """Columns in which one batch is too far from the others for a normal distribution: Grubbs' test.
 
     (Grubbs, Annals of Mathematical Statistics 21, 1950.)
 
@@ -107,7 +107,7 @@ def has_outlier(batches: npt.ArrayLike, level: float) -> npt.NDArray[np.bool_]:
     deviation, spread = np.abs(rows - rows.mean(axis=0)).max(axis=0), rows.std(axis=0, ddof=1)
     square = np.divide(deviation, spread, out=np.zeros_like(spread), where=spread > 0.0) ** 2
     rest = (n - 1.0) ** 2 - n * square
-    # All of the spread is one batch's: t is infinite, but for rounding.
+    # The whole spread is due to one batch: t is infinite apart from rounding.
     t = np.sqrt(n * (n - 2.0) * square / np.maximum(rest, 1e-12))
     return np.asarray(n * p_value(t, np.full_like(t, n - 2.0)) < level, np.bool_)
 

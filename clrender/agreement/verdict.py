@@ -1,4 +1,4 @@
-"""Whether a difference between two integrators on a scene is expected, or a fault of one of them."""
+"""Decides whether a difference between two integrators on a scene is expected, or a fault."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool)
     Parameters
     ----------
     first, second : str
-        Names in `clrender.integrators.INTEGRATORS`.
+        Keys of `clrender.integrators.INTEGRATORS`.
     scene : Scene
     darker, brighter : bool
-        Somewhere the first is darker than the second; somewhere it is brighter.
+        Whether the first is somewhere darker than the second; whether it is somewhere brighter.
     """
     missing, others = _missing(first, second, scene), _missing(second, first, scene)
     reasons = [f"{name} has no {_listed(out)}" for name, out in ((first, missing), (second, others)) if out]
@@ -69,7 +69,7 @@ def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool)
 
 
 def light_kinds(scene: Scene) -> frozenset[str]:
-    """Which kinds of light that integrators omit this scene may have; when in doubt, a kind is included."""
+    """Kinds of light, among those that integrators omit, that this scene may have; in doubt, a kind is included."""
     shapes = [shape for _, shape in scene.all_shapes()]
     types = [scene.materials[shape.material].type if shape.material else "" for shape in shapes]
     diffuse = [
@@ -97,7 +97,7 @@ def _black(scene: Scene, material: str) -> bool:
 
 
 def _missing(name: str, other: str, scene: Scene) -> list[str]:
-    """Light of this scene that `name` omits and `other` does not; kinds not known here count as present."""
+    """Light of this scene that `name` omits and `other` does not; kinds that are unknown here count as present."""
     judged = {BETWEEN_DIFFUSE, CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE}
     has = light_kinds(scene)
     out = [kind for kind in INTEGRATORS[name].leaves_out if kind in has or kind not in judged]

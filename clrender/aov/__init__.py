@@ -1,4 +1,4 @@
-"""Layers beside an image: what each pixel sees first, of the same camera rays as the image."""
+"""Layers of an image (AOVs): data of the first hits of its camera rays."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
-"""Cryptomatte 1.2.0 (Friedman and Jones, Psyop): names as numbers, and how much of each pixel they cover.
+"""Cryptomatte 1.2.0 (Friedman and Jones, Psyop): ids of names, and their coverage of each pixel.
 
-A name's number is the MurmurHash3_x86_32 of its UTF-8 bytes, kept away from what is no ordinary float32 and stored as
-the float32 of the same bits. A pixel has six pairs of such a number and the share of the pixel that it covers, the
-largest share first.
+A name's id is the MurmurHash3_x86_32 of its UTF-8 bytes, changed so that it is a normal float32 and stored as the
+float32 of the same bits. A pixel has six pairs of an id and its coverage, the largest coverage first.
 """
 
 from __future__ import annotations
@@ -49,19 +48,19 @@ def _rotated(word: int, by: int) -> int:
 
 
 def name_id(name: str) -> int:
-    """The bits of the float32 that stands for a name: neither zero, denormal, infinite nor NaN.
+    """The id of a name, as bits of a float32 that is neither zero, denormal, infinite nor NaN.
 
-    Where all or none of the exponent's bits are set, its lowest is turned round, as the specification says.
+    If all or none of the exponent's bits are set, its lowest bit is flipped, as the specification says.
     """
     number = murmur3(name.encode("utf-8"))
     return number ^ (1 << 23) if number & _EXPONENT in (0, _EXPONENT) else number
 
 
 def matte_names(scene: Scene) -> dict[str, list[str | None]]:
-    """The names that what can be told apart has in each of `MATTES`, in the order of `assemble`; None: none.
+    """Names in each of `MATTES` of the objects that `assemble` distinguishes, in its order; None: no name.
 
-    A shape without a name is called by its type and its place in the list, such as ``mesh_3``. The shapes of an
-    instance are called what it is called, and have each its own material.
+    A shape without a name is named by its type and its index, such as ``mesh_3``. The shapes of an instance have its
+    name, but each its own material.
     """
     objects = [f"{shape.type}_{at}" if shape.name is None else shape.name for at, shape in enumerate(scene.shapes)]
     assembly = assemble(scene)
@@ -72,18 +71,18 @@ def matte_names(scene: Scene) -> dict[str, list[str | None]]:
 
 
 def matte_attributes(mattes: Mapping[str, Sequence[str | None]]) -> dict[str, str]:
-    """The texts in a file's header that say what its mattes mean.
+    """The Cryptomatte metadata for a file's header.
 
     Parameters
     ----------
     mattes : mapping of str to sequence of str or None
-        As of `matte_names`; of each layer that the file has.
+        As from `matte_names`, for each layer of the file.
 
     Returns
     -------
     dict of str to str
-        ``cryptomatte/<key>/name``, ``hash``, ``conversion`` and ``manifest``: JSON that gives each name its number in
-        eight hexadecimal digits. The key is the first seven of the layer's own name.
+        ``cryptomatte/<key>/name``, ``hash``, ``conversion`` and ``manifest``: JSON that maps each name to its id in
+        eight hexadecimal digits. The key is the first seven digits of the id of the layer's own name.
     """
     attributes: dict[str, str] = {}
     for layer, names in mattes.items():
@@ -103,22 +102,22 @@ def matte_attributes(mattes: Mapping[str, Sequence[str | None]]) -> dict[str, st
 def ranked(
     numbers: npt.NDArray[np.uint32], taken: npt.NDArray[np.uint32], ids: npt.NDArray[np.uint32]
 ) -> npt.NDArray[np.float32]:
-    """Which names cover pixels, and how much of each: counts of samples, so that no order of them matters.
+    """Ids and their coverage of pixels, by counting samples, so that their order does not matter.
 
     Parameters
     ----------
     numbers : (P, N) uint32
-        What the samples of each pixel hit, counted from 1; 0: nothing.
+        Objects that the samples of each pixel hit, counted from 1; 0: nothing.
     taken : (P,) uint32
-        Samples of each pixel, of which those that hit nothing are a part; the others in `numbers` are 0.
+        Number of samples of each pixel, including those that hit nothing; further entries of `numbers` are 0.
     ids : (K + 1,) uint32
-        `name_id` of each number; 0: no name.
+        `name_id` of each object; 0: no name.
 
     Returns
     -------
     (2 * RANKS, P) float32
-        Pairs of an id and its coverage, the count divided by `taken` and rounded once. The larger coverage comes
-        first, of equal ones the smaller id. Zeros where there are no more; what does not fit is left out.
+        Pairs of an id and its coverage, the count divided by `taken` and rounded once. Sorted by descending coverage,
+        then by ascending id. Missing pairs are zero; pairs beyond `RANKS` are omitted.
     """
     result = np.zeros((2 * RANKS, len(numbers)), np.float32)
     rows = max(1, _CHUNK // max(numbers.shape[1], 1))
@@ -137,7 +136,7 @@ def _rank(found: npt.NDArray[np.uint32], taken: npt.NDArray[np.uint32], result: 
     pixels, ids = places // found.shape[1], found.reshape(-1)[places]
     named = ids != 0
     pixels, ids, counts = pixels[named], ids[named], counts[named]
-    order = np.lexsort((-counts, pixels))  # stable: ids of equal counts stay in their order
+    order = np.lexsort((-counts, pixels))  # stable: ids of equal counts keep their order
     pixels, ids, counts = pixels[order], ids[order], counts[order]
     rank = np.arange(len(pixels)) - np.searchsorted(pixels, pixels)
     kept = rank < RANKS

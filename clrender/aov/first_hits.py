@@ -1,4 +1,4 @@
-"""Renders the layers: one pass over the image, by a pipeline of its own, for each thing that is asked of first hits."""
+"""Renders the layers: one pass over the image, with its own pipeline, for each quantity of first hits."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ __all__ = [
 _Array = npt.NDArray[np.float32]
 
 LAYER_SAMPLES: Final = 64
-"""A layer is a mean over the first samples of a pixel, no more than these: what is seen first has little noise."""
+"""Most samples of a pixel for the mean of a layer: first hits have little noise."""
 
 GUIDES: Final = ("albedo", "normal")
 GUIDE_SAMPLES: Final = 16
-"""What guides the denoiser, and how many samples of it are enough (`DECISIONS.md` 14)."""
+"""Number of samples that suffices for the denoiser's guides (`DECISIONS.md` 14)."""
 
 FIRST_HITS: Final = Pipeline("integrator/first_hit.cl", "integrator_first_hit", squares=False)
-"""How layers are made; its kernel takes what is asked for, and attributes of all primitives, as its last arguments."""
+"""Pipeline of layers; its kernel's last arguments are the requested quantity and attributes of all primitives."""
 
 LAYER_KINDS: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
@@ -72,15 +72,15 @@ LAYER_KINDS: Final[Mapping[str, int]] = {
 _COORDINATES: Final = ("uv", "tangent")
 _NUMBERS: Final = ("object", "material")
 _CHANNELS: Final[Mapping[str, int]] = {"depth": 1, "uv": 2}
-"""Where a layer has not three."""
+"""Number of channels of layers that do not have three."""
 
 _SAMPLES_BYTES: Final = 128 << 20
-"""Memory of the samples that are told apart for mattes at a time."""
+"""Memory for the individual samples of mattes at a time."""
 
 
 @dataclass
 class LayerKind:
-    """What the kernel is asked for, from launch to launch."""
+    """The quantity that the kernel computes, which changes between launches."""
 
     kind: int = 0
 
@@ -94,7 +94,7 @@ class LayerArguments:
     asked : LayerKind
         Read at each launch.
     coordinates : (P, 16) float32, optional
-        Attributes of all primitives, where `asked` may ask for what they hold.
+        Attributes of all primitives, if `asked` may need them.
     """
 
     def __init__(self, worker: DeviceWorker, asked: LayerKind, coordinates: _Array | None = None) -> None:
@@ -106,18 +106,18 @@ class LayerArguments:
         return [np.uint32(self._asked.kind), self._own or self._given]
 
     def take_rays(self) -> int:
-        """None are traced beforehand."""
+        """No rays are traced beforehand."""
         return 0
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         if self._own is not None:
             self._device.release(self._own)
 
 
 @dataclass
 class _Passes:
-    """The passes of one render over the image, a layer or a sample each."""
+    """The passes of one render, each over a layer or a sample."""
 
     pool: WorkerPool
     asked: LayerKind
@@ -132,7 +132,7 @@ class _Passes:
         self.tile = tile_side(largest_tile(settings.max_memory, settings.tile), settings.width, settings.height)
 
     def run(self, what: str, samples: int, receiver: Receiver, rows: tuple[int, int] | None = None) -> None:
-        """One kind of what is seen first, of the whole image or of some rows of tiles sample by sample."""
+        """Render one quantity of first hits, for the whole image, or for some rows of tiles sample by sample."""
         self.asked.kind = LAYER_KINDS[what]
         width, height = self.settings.width, self.settings.height
         plan = Plan(width, height, 0, samples, self.tile, rows is not None, rows, most_slots=self.most_slots)
@@ -142,7 +142,7 @@ class _Passes:
             self.notify(line)
 
     def mean(self, what: str, samples: int) -> tuple[_Array, npt.NDArray[np.bool_]]:
-        """The mean of each pixel, and where there is one. The film's sums are given back at once."""
+        """The mean of each pixel, and which pixels have one. The film's sums are freed immediately."""
         film = Film(self.settings.width, self.settings.height)
         self.run(what, samples, film)
         return film.develop(), film.counts > 0
@@ -159,47 +159,47 @@ def first_hits(
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
 ) -> dict[str, _Array]:
-    """Layers of what is seen first, the same bits however the work is cut.
+    """Layers of first hits, with the same bits however the work is divided.
 
     Parameters
     ----------
     devices : sequence of Device
     make : callable
-        Makes a worker of the scene and settings, given a device, ``pipeline`` and ``on_device``.
+        Makes a worker for the scene and settings, from a device, ``pipeline`` and ``on_device``.
     scene : Scene
     flat : FlatScene
-        Of the scene.
+        Arrays of the scene.
     settings : RenderSettings
-        Those of the image: the layers have its size, seed and camera samples.
+        Settings of the image: the layers have its size, seed and camera samples.
     names : iterable of str
-        Of `clrender.aov.AOVS`; those of `clrender.aov.OF_FILM` are passed over, for only the image knows them.
+        From `clrender.aov.AOVS`; those of `clrender.aov.OF_FILM` are skipped, as they come from the image's film.
     most_samples : int
-        Of the image's samples of a pixel, the first so many are looked at.
+        Largest number of samples of a pixel, which are the image's first ones.
     should_stop : callable, optional
-        Asked between launches; after a yes, samples are missing.
+        Called between launches; if it returns True, samples are missing.
     notify : callable, optional
-        Told, in a line, of devices that failed.
+        Called with a line about each device that failed.
 
     Returns
     -------
     dict of str to (H, W, C) float32
-        Each channel in one piece of memory.
-        ``albedo`` : reflectance, and radiance of what shines, 0 to 1, of the first surface that is neither mirror nor
+        Each channel is contiguous in memory.
+        ``albedo`` : reflectance, and radiance of emitters, 0 to 1, of the first surface that is neither mirror nor
         glass, times the colour of the mirrors on the way. ``emission`` : radiance, W/(sr m2), that the first surface
-        sends to the camera by itself. ``normal`` : shading normal on the side it is seen
-        from, world space; zero where nothing is hit. ``tangent`` : unit vector at right angles to it in which the first
-        texture coordinate grows, world space; zero where nothing is hit or there are no coordinates.
-        ``position`` : world space, metres; NaN where nothing is hit. ``uv`` : texture coordinates of the first set; NaN
-        where nothing is hit, 0 on meshes that have none. ``depth`` : from the camera's position, metres;
-        infinite where nothing is hit. ``object``, ``material`` : places in the scene's lists of shapes and of
-        materials, from 0, of what the pixel's first sample hits; -1 where that is nothing, or a shape without a
-        material. ``crypto_object``, ``crypto_material`` : `clrender.aov.cryptomatte.ranked` of the names of shapes and
-        materials. The others are means over samples, of depth, position and uv over those that hit something.
+        emits towards the camera. ``normal`` : shading normal on the visible side, world space; zero where nothing is
+        hit. ``tangent`` : unit vector perpendicular to it along which the first texture coordinate grows, world space;
+        zero where nothing is hit or there are no coordinates. ``position`` : world space, metres; NaN where nothing is
+        hit. ``uv`` : texture coordinates of the first set; NaN where nothing is hit, 0 on meshes without any.
+        ``depth`` : distance from the camera's position, metres; infinite where nothing is hit. ``object``,
+        ``material`` : indices in the scene's lists of shapes and of materials, from 0, of the first sample's hit; -1 if
+        it hits nothing, or a shape without a material. ``crypto_object``, ``crypto_material`` :
+        `clrender.aov.cryptomatte.ranked` of the names of shapes and materials. The others are means over samples;
+        those of depth, position and uv are over samples that hit something.
 
     Raises
     ------
     DeviceError, RenderError
-        When the devices fail.
+        If the devices fail.
     SceneError
         A mesh file cannot be read.
     """
@@ -234,7 +234,7 @@ def first_hits(
 
 
 def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:
-    """A mean as a layer."""
+    """Convert a mean to a layer."""
     if name in ("position", "uv"):
         mean[~hit] = np.nan
     elif name == "depth":
@@ -243,12 +243,12 @@ def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:
 
 
 def _planar(layer: _Array) -> _Array:
-    """The same (H, W, C), channel after channel in memory, as files want them."""
+    """The (H, W, C) layer with contiguous channels, as files need them."""
     return np.moveaxis(np.ascontiguousarray(np.moveaxis(layer, 2, 0), np.float32), 0, 2)
 
 
 def _seen(mean: _Array, hit: npt.NDArray[np.bool_], flat: FlatScene) -> npt.NDArray[np.int64]:
-    """What first samples hit, as of `FlatInstances.seen`, from 1; 0: nothing."""
+    """Objects that first samples hit, as numbered by `FlatInstances.seen`, from 1; 0: nothing."""
     primitive = mean[..., 0].astype(np.int64) + (mean[..., 1].astype(np.int64) << 16)
     number = np.zeros(hit.shape, np.int64)
     number[hit] = flat.instances.seen(primitive[hit], flat.arrays["primitive_shape"]) + 1
@@ -267,7 +267,7 @@ def _numbers(name: str, seen: npt.NDArray[np.int64], scene: Scene) -> _Array:
 
 
 def _mattes(names: Sequence[str], passes: _Passes, samples: int, scene: Scene, flat: FlatScene) -> dict[str, _Array]:
-    """Mattes of some rows of tiles after the other: all samples of a pixel are told apart until they are counted."""
+    """Mattes, computed for some rows of tiles at a time: samples are kept individually until they are counted."""
     width, height, tile = passes.settings.width, passes.settings.height, passes.tile
     ids = {name: _ids(each) for name, each in matte_names(scene).items()}
     planes = {name: np.zeros((2 * RANKS, height, width), np.float32) for name in names}
@@ -285,5 +285,5 @@ def _mattes(names: Sequence[str], passes: _Passes, samples: int, scene: Scene, f
 
 
 def _ids(names: Sequence[str | None]) -> npt.NDArray[np.uint32]:
-    """As `ranked` takes them: of nothing first, then of each shape."""
+    """Ids for `ranked`: first that of no hit, then those of the shapes."""
     return np.array([0, *(0 if name is None else name_id(name) for name in names)], np.uint32)

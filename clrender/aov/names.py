@@ -1,4 +1,4 @@
-"""The layers by name, and the channels that they are in a file."""
+"""The names of layers, and their channels in files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = [
 _Array = npt.NDArray[np.float32]
 
 RANKS: Final = 6
-"""Names that a matte tells apart in a pixel, those that cover most of it; two of them make a layer of a file."""
+"""Number of ids that a matte stores per pixel, by descending coverage; two of them form a layer of a file."""
 
 AOVS: Final[Mapping[str, str]] = {
     "albedo": "RGB",
@@ -44,28 +44,28 @@ AOVS: Final[Mapping[str, str]] = {
     "crypto_object": "RGBA",
     "crypto_material": "RGBA",
 }
-"""Every layer, and the letters of its channels; of mattes, those of each of their layers."""
+"""Every layer, and the letters of its channels; for mattes, those of each of their layers."""
 
 ERRORS: Final = frozenset(("stderr", "unconverged"))
-"""The layers that tell how far the image may be off."""
+"""The layers that estimate the image's error."""
 
 OF_FILM: Final = frozenset(("samples", *ERRORS))
-"""The layers that are not of what is seen first, but of the image's own film."""
+"""The layers that come from the image's own film instead of first hits."""
 
 MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
-"""The layers that are mattes, and what they are called in files."""
+"""The layers that are mattes, and their names in files."""
 
 _HALF: Final = ("albedo", "emission", "normal", "tangent")
-"""Colours and directions, which half precision is enough for."""
+"""Colours and directions, for which half precision suffices."""
 
 
 def check_aovs(names: Iterable[str]) -> tuple[str, ...]:
-    """The layers asked for, each once.
+    """The requested layers, without duplicates.
 
     Raises
     ------
     UsageError
-        When one is unknown.
+        If one is unknown.
     """
     wanted = tuple(dict.fromkeys(names))
     for name in wanted:
@@ -80,7 +80,7 @@ def exr_channels(layers: Mapping[str, _Array]) -> dict[str, _Array]:
     Parameters
     ----------
     layers : mapping of str to (H, W, C) float32
-        Channels that lie one after the other in memory, as those of `first_hits` do, are not copied.
+        Channels that are contiguous in memory, such as those of `first_hits`, are not copied.
 
     Returns
     -------
@@ -94,12 +94,12 @@ def exr_channels(layers: Mapping[str, _Array]) -> dict[str, _Array]:
 
 
 def exact_channels(layers: Iterable[str]) -> frozenset[str]:
-    """The channels of these layers that lose their meaning in half precision: distances, places and numbers."""
+    """The channels of these layers that half precision would ruin: distances, positions and ids."""
     return frozenset(name for layer in layers if layer not in _HALF for name in _channel_names(layer))
 
 
 def channel_count(layers: Iterable[str]) -> int:
-    """How many numbers a pixel has in all of these layers."""
+    """Number of channels of all these layers."""
     return sum(len(_channel_names(layer)) for layer in layers)
 
 

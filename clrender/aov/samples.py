@@ -1,4 +1,4 @@
-"""What each single sample of a pixel hits, kept until all samples of the pixel are there."""
+"""Hits of individual samples, stored until a pixel has all its samples."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ _NOTHING = 0
 
 
 class PrimitiveSamples:
-    """The primitives that the samples of some rows of tiles hit: what `clrender.scheduling.run` commits units to.
+    """The primitives that samples in some rows of tiles hit; `clrender.scheduling.run` commits units to it.
 
     Parameters
     ----------
     width, height : int
-        Of the image, pixels.
+        Size of the image, pixels.
     rows : (int, int)
-        The first row of tiles, and the first that is not part of it.
+        The first row of tiles, and the one after the last.
     samples : int
-        Of each pixel.
+        Samples of each pixel.
     tile : int
         Side of a tile.
 
     Attributes
     ----------
     top, bottom : int
-        The first row of pixels, and the first that is not part of it.
+        The first row of pixels, and the one after the last.
     numbers : (bottom - top, width, samples) uint32
-        Primitive + 1 of each sample; 0 where it hit nothing or was not taken.
+        Primitive + 1 of each sample; 0 if it hit nothing or was not taken.
     taken : (bottom - top, width) uint32
         Samples of each pixel.
     """
@@ -49,28 +49,28 @@ class PrimitiveSamples:
         self.taken = np.zeros((self.bottom - self.top, width), np.uint32)
 
     def commit(self, unit: Unit, result: UnitSums) -> int:
-        """Take in one sample of some tiles.
+        """Add one sample of some tiles.
 
         Parameters
         ----------
         unit : Unit
-            Of one sample.
+            A unit of one sample.
         result : UnitSums
-            Of `layout.FIRST_HIT_PRIMITIVE`: the primitive in two halves, exact in sums of one sample.
+            Sums for `layout.FIRST_HIT_PRIMITIVE`: the primitive in two halves, which are exact in sums of one sample.
 
         Returns
         -------
         int
-            Samples that came in.
+            Number of samples added.
 
         Raises
         ------
         RenderError
-            The unit has more samples than one.
+            The unit has more than one sample.
         """
         if unit.sample_count != 1:
             raise RenderError(f"a unit of {unit.sample_count} samples came where single samples are told apart.")
-        # A half is a whole number below 2^16 in quanta of 2^-64: the third of four words
+        # A half is an integer below 2^16 in quanta of 2^-64: the third of four words
         halves = result.sums[:, :2, 2]
         primitive = (halves[:, 0] | halves[:, 1] << np.uint32(16)) + np.uint32(1)
         number = np.where(result.counts > 0, primitive, np.uint32(_NOTHING))
@@ -89,7 +89,7 @@ class PrimitiveSamples:
         return int((unit.pixels(self._width, self._height) * result.done).sum())
 
     def told_apart(self, flat: FlatScene) -> npt.NDArray[np.uint32]:
-        """The same with what `FlatInstances.seen` tells apart in the place of primitives, which this overwrites.
+        """`numbers`, overwritten with the objects of `FlatInstances.seen` in place of primitives.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Benchmark: the same scenes for clrender and its peers, runs in turns, ratios."""
+"""Benchmark of clrender against other renderers: the same scenes, interleaved runs, and ratios."""
 
 from clrender.bench.measure import Run, measure, summary
 from clrender.bench.peers import PEERS, Peer, peer_from

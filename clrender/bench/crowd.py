@@ -14,18 +14,18 @@ __all__ = ["crowd_scene"]
 
 _ALONG: Final = 100
 _STEP: Final = 1.6
-"""Between neighbours, metres."""
+"""Distance between neighbours, metres."""
 
 
 def crowd_scene(folder: Path, frequency: int = 71) -> dict[str, Any]:
-    """The description of S7; its mesh and the places of its instances are written.
+    """Make the description of S7, and write its mesh and the transforms of its instances.
 
     Parameters
     ----------
     folder : Path
         Output folder.
     frequency : int
-        The mesh has 20 times its square of triangles.
+        The mesh has 20 `frequency`² triangles.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def crowd_scene(folder: Path, frequency: int = 71) -> dict[str, Any]:
 
 
 def _places(random: np.random.Generator) -> npt.NDArray[np.float64]:
-    """(n, 3, 4) maps: on a grid, a little beside it, turned about the upright, of many sizes and a little leaning."""
+    """(n, 3, 4) maps: on a jittered grid, rotated about the vertical, of various sizes and slightly tilted."""
     count = _ALONG * _ALONG
     row, column = np.divmod(np.arange(count), _ALONG)
     angle = random.uniform(0.0, 2.0 * np.pi, count)

@@ -1,4 +1,4 @@
-"""The benchmark's foliage, S6: a tree of twenty thousand leaves, squares cut out by a picture, under sun and sky."""
+"""The benchmark's foliage, S6: a tree of twenty thousand leaves, squares with an alpha texture, under sun and sky."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ __all__ = ["LEAVES", "foliage_scene"]
 
 LEAVES: Final = 20_000
 _SIDE: Final = 256
-"""Of the leaf's picture, texels."""
+"""Side of the leaf's texture, texels."""
 _SKY: Final = (1024, 2048)
-"""Rows and columns: of rows Mitsuba has one less from pole to pole, so that all is shifted a little."""
+"""Rows and columns. Mitsuba maps one row less from pole to pole, so that everything is slightly shifted."""
 _ACROSS: Final = 4
-"""Texels along the sun's edge: 0.7 degrees."""
+"""Side of the sun in texels: 0.7 degrees."""
 _CROWN: Final = ((0.0, 3.4, 0.0), (1.7, 1.5, 1.7))
-"""Centre and half axes of the ellipsoid that twigs end in, metres."""
+"""Centre and semi-axes of the ellipsoid in which twigs end, metres."""
 _TWIGS: Final = 400
 _BRANCHES: Final = 24
 _SUN: Final = (1.0, 0.9, 0.75)
 
 
 def foliage_scene(folder: Path) -> dict[str, Any]:
-    """The description of S6; its meshes and pictures are written.
+    """Make the description of S6, and write its meshes and images.
 
-    Texels are not interpolated: where colour and opacity of neighbours differ, renderers interpolate their product or
-    each of them. The sun is a part of the picture of the sky, so that both renderers are given the same light and may
-    sample it as they like.
+    Texels are not interpolated, because renderers differ in whether they interpolate colour and opacity separately or
+    their product. The sun is part of the environment map, so that all renderers have the same light and may sample it
+    in their own way.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def foliage_scene(folder: Path) -> dict[str, Any]:
 
 
 def _write_leaf(path: Path) -> None:
-    """A pointed oval, which fills a bit more than half of the square, with a stem and pale veins."""
+    """A pointed oval, which fills slightly more than half of the square, with a stem and pale veins."""
     at = (np.arange(_SIDE) + 0.5) / _SIDE
     across, up = at[None, :] - 0.5, 1.0 - at[:, None]
     along = np.clip((up - 0.1) / 0.88, 0.0, 1.0)
@@ -108,14 +108,14 @@ def _write_sky(path: Path) -> None:
     sky = (0.25 + 0.75 * (1.0 - height) ** 3) * (np.array((0.35, 0.6, 1.0)) * height**0.4 + 0.5 * (1.0 - height**0.4))
     sky += 0.8 * np.exp(-8.0 * (1.0 - direction @ sun))[..., None] * np.array(_SUN)
     sky = np.where(direction[..., 1:2] > 0.0, sky, (0.08, 0.09, 0.05))
-    # An irradiance of 5 on what faces it; the sky's is about 1.5
+    # An irradiance of 5 on surfaces that face it; the sky's is about 1.5
     texels = _ACROSS**2 * (np.pi / rows) ** 2 * np.sin(polar[row])
     sky[row : row + _ACROSS, column : column + _ACROSS] = 5.0 / texels * np.array(_SUN)
     write_image(path, sky.astype(np.float32))
 
 
 def _twigs(random: np.random.Generator) -> Points:
-    """Where twigs end: mostly near the surface of the crown."""
+    """Ends of twigs, mostly near the surface of the crown."""
     out = random.normal(size=(_TWIGS, 3))
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     center, half = (np.array(each) for each in _CROWN)
@@ -124,7 +124,7 @@ def _twigs(random: np.random.Generator) -> Points:
 
 
 def _leaves(random: np.random.Generator, twigs: Points) -> tuple[Points, Corners, Points]:
-    """Squares of 7 to 12 cm about the ends of twigs, their stems towards them, lying rather flat."""
+    """Squares of 7 to 12 cm around the ends of twigs, with stems towards these, nearly horizontal."""
     twig = random.integers(0, len(twigs), LEAVES)
     up = random.normal(size=(LEAVES, 3)) * (1.0, 0.5, 1.0) - (0.0, 0.3, 0.0)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
@@ -140,7 +140,7 @@ def _leaves(random: np.random.Generator, twigs: Points) -> tuple[Points, Corners
 
 
 def _wood(twigs: Points) -> tuple[Points, Corners]:
-    """A trunk, branches from it, and twigs from the nearest of their ends, all of them cones of six sides."""
+    """A trunk, branches from it, and twigs from the nearest branch ends, all as six-sided cones."""
     fork = np.array((0.0, 2.0, 0.0))
     ends = twigs[:_BRANCHES] * 0.6 + 0.4 * fork
     parts = [_cone(np.zeros(3), fork, 0.22, 0.14), _cone(fork, np.array((0.0, 4.4, 0.0)), 0.14, 0.02)]

@@ -1,4 +1,4 @@
-"""Runs in turns, so that other load on the machine affects all alike, and their medians."""
+"""Interleaved runs, so that other load on the machine affects all alike, and their medians."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Run:
     repeat : int
         Which turn, from 0.
     wall_seconds, cpu_seconds : float
-        Of the render, by all threads: without start, reading the scene and compiling. clrender's include building its
-        BVH and uploading the scene, peers' do not.
+        Times of the render, over all threads, without start, reading the scene and compiling. clrender's include
+        building its BVH and uploading the scene, peers' do not.
     paths : int
     details : dict
-        Reported by the renderer: version, set-up, BVH and compile seconds, rays, memory; and ``rel_mse`` where there is
+        Reported by the renderer: version, set-up, BVH and compile seconds, rays, memory; and ``rel_mse`` if there is
         a reference.
     """
 
@@ -64,7 +64,7 @@ class Run:
 
     @property
     def ray_rate(self) -> float | None:
-        """Million rays per second, likewise; None where they are not counted."""
+        """Million rays per second, likewise; None if they are not counted."""
         rays = self.details.get("rays")
         return None if rays is None else rays * _processors() / self.cpu_seconds / 1e6
 
@@ -116,21 +116,21 @@ def measure(
     Parameters
     ----------
     names : sequence of str
-        Of `SCENES`.
+        Keys of `SCENES`.
     peers : sequence of Peer
     task : Task
-        Size and samples, and whether errors are wanted.
+        Size and samples, and whether to measure errors.
     repeats : int
-        Turns; an uncounted one comes first, so that everything is compiled and cached.
+        Number of turns; a warm-up turn comes first, so that everything is compiled and cached.
     device : str, optional
-        clrender's.
+        Device of clrender.
     done : callable, optional
-        Receives every counted run as soon as it has ended.
+        Called with every counted run as soon as it has ended.
 
     Raises
     ------
     ClrenderError
-        When a scene cannot be rendered or a peer fails.
+        If a scene cannot be rendered or a peer fails.
     """
     runs = []
     for name in names:
@@ -144,7 +144,7 @@ def measure(
 def _measure_scene(
     folder: Path, name: str, peers: Sequence[Peer], task: Task, repeats: int, device: str | None
 ) -> Iterator[Run]:
-    """The runs of one scene that count."""
+    """The runs of one scene, without the warm-up."""
     paths, references = {}, {}
     for spheres in {True, *(peer.spheres for peer in peers)}:
         place = folder / ("spheres" if spheres else "triangles")
@@ -181,9 +181,9 @@ def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        ``scene, renderer, runs, mpaths_per_second, lowest, highest``; of peers ``ratio``, and with a reference
-        ``rel_mse``, ``efficiency``, and of peers ``efficiency_ratio``. What only finds hits has ``mrays_per_second``
-        in the place of paths, and its ``ratio`` is of rays.
+        ``scene, renderer, runs, mpaths_per_second, lowest, highest``; for peers ``ratio``; with a reference also
+        ``rel_mse``, ``efficiency``, and for peers ``efficiency_ratio``. Pure ray tracers have ``mrays_per_second``
+        instead of paths, and their ``ratio`` is of rays.
     """
     rows = []
     for scene, renderer in dict.fromkeys((run.scene, run.renderer) for run in runs):
@@ -251,7 +251,7 @@ def _own(path: Path, task: Task, device: str | None, image_path: Path) -> dict[s
 
 @functools.cache
 def _commit() -> str | None:
-    """The commit that runs, with a plus sign where files differ from it; None outside a checkout."""
+    """The current commit, with a plus sign if files differ from it; None outside a checkout."""
     root = Path(clrender.__file__).resolve().parent.parent
     try:
         told = [

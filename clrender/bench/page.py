@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["bench_page"]
 
 _BAR: Final = 0.36
-"""Height of a bar with its share of the rest, inches."""
+"""Height of a bar with its spacing, inches."""
 
 _PLOTS: Final = (
     ("mpaths_per_second", "million paths per second, scaled to an idle machine"),
@@ -31,9 +31,9 @@ def bench_page(rows: Sequence[dict[str, Any]], lines: Sequence[dict[str, Any]], 
     Parameters
     ----------
     rows : sequence of dict
-        As of `clrender.bench.summary`.
+        See `clrender.bench.summary`.
     lines : sequence of dict
-        The runs, as of `Run.line`.
+        The runs, as from `Run.line`.
     how : sequence of str
         Sentences on size, samples and turns.
     """

@@ -1,6 +1,7 @@
 """Rays per second of Embree alone, one ray at a time, with rays recorded from diffuse paths in a benchmark scene.
 
-Run by a Python that has embreex. Nothing is shaded while it is timed, so it bounds renderers. See peer_scene.py.
+Run by a Python that has embreex. There is no shading in the timed part, so it is an upper bound for renderers. See
+peer_scene.py.
 """
 
 from __future__ import annotations

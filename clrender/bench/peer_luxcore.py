@@ -92,7 +92,7 @@ def main() -> None:
     session.Stop()
     film = np.zeros(one.width * one.height * 3, np.float32)
     session.GetFilm().GetOutputFloat(pyluxcore.FilmOutputType.RGB, film, 0)
-    # LuxCore's film lies one row of pixels lower than others'; the row that enters is not compared.
+    # LuxCore's film is one row of pixels lower than others'; the additional row is not compared.
     image = np.roll(film.reshape(one.height, one.width, 3)[::-1], -1, 0)
     answer(one, image, wall, cpu, pyluxcore.Version(), setup, spp_taken=round(taken, 3))
     os._exit(0)

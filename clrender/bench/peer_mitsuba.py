@@ -25,7 +25,7 @@ def texture(value: Any, folder: Path) -> Any:
     """A constant colour, or a bitmap."""
     if isinstance(value, dict):
         raw = value.get("color_space") != "srgb"
-        # The first row lies at v = 0 there, and at v = 1 in clrender.
+        # The first row is at v = 0 there, and at v = 1 in clrender.
         upright = mitsuba.ScalarTransform4f().scale([1.0, -1.0, 1.0])
         between = {"linear": "bilinear", "nearest": "nearest"}[value.get("filter", "linear")]
         file = {"filename": str(folder / value["texture"]), "raw": raw, "filter_type": between}
@@ -82,13 +82,13 @@ def material(described: dict[str, Any], folder: Path) -> dict[str, Any]:
         one |= {"clearcoat_gloss": 1.0 - described.get("coat_roughness", 0.0)}
     elif kind == "mix":
         first, second = (material(part, folder) for part in described["materials"])
-        # The weight is that of the second, as in clrender. Each part has its two sides itself
+        # The weight is that of the second, as in clrender. Each part is two-sided itself
         return {"type": "blendbsdf", "weight": described["weight"], "first": first, "second": second}
     else:
         one = {"type": "diffuse", "reflectance": texture(described["reflectance"], folder)}
     if "normal_map" in described:
         bitmap = texture(described["normal_map"], folder)
-        # What clrender has not: a microsurface of the map's own (Schüssler et al. 2017).
+        # Unlike clrender: a microsurface for the normal map (Schüssler et al. 2017).
         one = {"type": "normalmap", "normalmap": bitmap, "nested": one, "use_shadowing_function": False}
     return {"type": "twosided", "one": one}
 
@@ -97,23 +97,23 @@ GOLD = ((0.21, 0.43, 1.38), (3.272, 2.455, 1.914))
 
 
 def index_of(described: dict[str, Any]) -> Any:
-    """Complex index of refraction of a metal, as clrender has it."""
+    """Complex index of refraction of a metal, as in clrender."""
     return GOLD if described.get("metal") == "Au" else (described["eta"], described["k"])
 
 
 def medium(described: dict[str, Any]) -> Any:
-    """Homogeneous, with Henyey and Greenstein's phase function."""
+    """A homogeneous medium with a Henyey-Greenstein phase function."""
     absorption, scattering = (np.broadcast_to(described.get(key, 0.0), 3) for key in ("absorption", "scattering"))
     extinction = absorption + scattering
     scale = max(float(extinction.max()), 1e-30)
     albedo = np.divide(scattering, extinction, out=np.zeros(3), where=extinction > 0.0)
-    # The colour of a volume is at most 1
+    # The albedo of a volume is at most 1
     made = {"albedo": color(albedo.tolist()), "sigma_t": color((extinction / scale).tolist()), "scale": scale}
     return mitsuba.load_dict({"type": "homogeneous", **made, "phase": {"type": "hg", "g": described.get("g", 0.0)}})
 
 
 def media_around(described: dict[str, Any], interior: str | None, media: dict[str, Any], fog: str | None) -> Any:
-    """Of a surface that light passes: what is behind it and before it."""
+    """Media behind and in front of a surface that transmits light."""
     if interior is None and (fog is None or described["type"] not in ("dielectric", "null") or described.get("thin")):
         return {}
     around = {} if interior is None else {"interior": media[interior]}
@@ -157,11 +157,11 @@ def light(described: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 SKY_NANOMETRES = 106.75
-"""What the model's radiance in RGB is divided by there, and not in clrender."""
+"""Mitsuba divides the sky model's RGB radiance by this, clrender does not."""
 
 
 def sky(described: dict[str, Any]) -> dict[str, Any]:
-    """The sky without sun or ground: of the sun's disc the two have different spectra. Upward is z there, y here."""
+    """The sky without sun or ground: the spectra of the sun's disc differ. Up is z there, y here."""
     if described["sun_scale"] != 0.0 or described["ground"]:
         raise ValueError("of a sun_sky only the sky has an equal in Mitsuba: give sun_scale = 0 and ground = false")
     made = {key: described[key] for key in ("sun_direction", "turbidity")}
@@ -172,10 +172,10 @@ def sky(described: dict[str, Any]) -> dict[str, Any]:
 
 
 def spot(described: dict[str, Any]) -> dict[str, Any]:
-    """With the smooth step in the cosine as a picture: by itself it falls off with the angle."""
+    """A spotlight with a texture of the smoothstep in the cosine, as Mitsuba's own falloff is in the angle."""
     half = described["cone_degrees"] / 2.0
     edge, blend, side = math.cos(math.radians(half)), described.get("blend", 0.15), 2048
-    # The picture lies across the axis and fills the square about the cone
+    # The texture is perpendicular to the axis and fills the square around the cone
     at = ((np.arange(side) + 0.5) / side * 2.0 - 1.0) * math.tan(math.radians(half))
     cosine = 1.0 / np.sqrt(1.0 + at[:, None] ** 2 + at[None, :] ** 2)
     t = np.clip((cosine - edge) / max(blend * (1.0 - edge), 1e-12), 0.0, 1.0)
@@ -199,7 +199,7 @@ def round_shape(described: dict[str, Any], folder: Path, around: dict[str, Any])
     center, radius = described["center"], described["radius"]
     if described["type"] == "sphere":
         if described["material"].get("anisotropy"):
-            # Its poles are on the z axis there, on y in clrender
+            # The poles are on the z axis there, on y in clrender
             upright = mitsuba.ScalarTransform4f().translate(center).rotate([1.0, 0.0, 0.0], -90.0).scale(radius)
             return {**made, "to_world": upright}
         return {**made, "center": center, "radius": radius}
@@ -210,7 +210,7 @@ def round_shape(described: dict[str, Any], folder: Path, around: dict[str, Any])
 
 
 def sensor(camera: dict[str, Any]) -> dict[str, Any]:
-    """Perspective, with or without a lens, or orthographic; what both renderers have."""
+    """A camera that both renderers support: perspective, with or without a lens, or orthographic."""
     transform = mitsuba.ScalarTransform4f().look_at(
         origin=camera["position"], target=camera["target"], up=camera.get("up", [0, 1, 0])
     )
@@ -234,7 +234,7 @@ def load(one: Job) -> Any:
     media = {name: medium(described) for name, described in described_media.items()}
     parts, round_shapes = parts_of(one)
     masked = any("opacity" in each for each in (*(p.material for p in parts), *(r["material"] for r in round_shapes)))
-    # The shadow rays of its `path` take masks for whole surfaces
+    # The shadow rays of its `path` treat alpha masks as opaque
     kind = one.variant.partition(":")[2] or ("volpath" if media or masked else "path")
     scene: dict[str, Any] = {
         "type": "scene",
@@ -259,13 +259,13 @@ def load(one: Job) -> Any:
             "type": "ply", "filename": str(part.file), "face_normals": part.normals is None,
             "bsdf": material(part.material, folder), **around,
         }  # fmt: skip
-    # Version 3.9.1 forgets merged meshes in the scene's bounding box, and shadow rays to a sky then end too early
+    # Version 3.9.1 omits merged meshes from the scene's bounding box, and shadow rays to a sky then end too early
     sky = any(described["type"] in ("environment", "sun_sky") for described in lights_of(one))
     return mitsuba.load_dict({**scene, **placed(one)}, optimize=not sky)
 
 
 def placed(one: Job) -> dict[str, Any]:
-    """Groups, and their instances."""
+    """Shape groups and their instances."""
     groups, instances = instances_of(one)
     scene: dict[str, Any] = {}
     for name, parts in groups.items():
@@ -292,7 +292,7 @@ def main() -> None:
     if not one.variant.startswith("scalar"):
         drjit.eval()
         drjit.sync_thread()
-    mitsuba.render(scene, spp=1, seed=one.seed + 1).numpy()  # compiled, and the tree built
+    mitsuba.render(scene, spp=1, seed=one.seed + 1).numpy()  # compile, and build the BVH
     setup = time.perf_counter() - begin
     image, wall, cpu = timed(lambda: mitsuba.render(scene, spp=one.spp, seed=one.seed).numpy())
     answer(one, image, wall, cpu, mitsuba.__version__, setup)

@@ -32,7 +32,7 @@ __all__ = [
 class Job:
     """One render: scene, size, samples per pixel, segments of a path, seed, output path.
 
-    `variant` is of the peer, with what else it has to know after a colon.
+    `variant` is the peer's, with further options after a colon.
     """
 
     variant: str
@@ -53,15 +53,15 @@ class Part:
     ----------
     name : str
     material : dict
-        As in the scene file; of a mixture the parts themselves stand in the place of their names.
+        As in the scene file; the names of a mixture's parts are replaced by the parts.
     emission : list of float or None
     vertices, faces : (V, 3) float32, (F, 3) int32
     normals : (V, 3) float32 or None
-        Of smooth meshes.
+        Vertex normals of smooth meshes.
     file : Path or None
-        A PLY file that holds the same.
+        A PLY file with the same mesh.
     coordinates : (V, 2) float32 or None
-        Of textures, for parallelograms: (0, 0) at the origin, (1, 1) opposite.
+        Texture coordinates of parallelograms: (0, 0) at the origin, (1, 1) opposite.
     interior : str or None
         Name of the medium behind it.
     """
@@ -91,19 +91,19 @@ def camera_of(one: Job) -> dict[str, Any]:
 
 
 def lights_of(one: Job) -> list[dict[str, Any]]:
-    """Lights that are no shapes, as in the scene file."""
+    """Lights that are not shapes, as in the scene file."""
     lights: list[dict[str, Any]] = json.loads(one.scene.read_text(encoding="utf-8")).get("lights", [])
     return lights
 
 
 def media_of(one: Job) -> tuple[dict[str, Any], str | None]:
-    """Media by name, and the name of the one that is wherever no other is."""
+    """Media by name, and the name of the fog, which fills the rest of space."""
     described = json.loads(one.scene.read_text(encoding="utf-8"))
     return described.get("media", {}), described.get("fog")
 
 
 def instances_of(one: Job) -> tuple[dict[str, list[Part]], list[tuple[str, Any]]]:
-    """Meshes of each group, and for each instance shape its group and its (n, 3, 4) maps."""
+    """Meshes of each group, and the group and (n, 3, 4) maps of each instance shape."""
     described = json.loads(one.scene.read_text(encoding="utf-8"))
     groups = {
         name: [
@@ -118,7 +118,7 @@ def instances_of(one: Job) -> tuple[dict[str, list[Part]], list[tuple[str, Any]]
 
 
 def refuse_rich(one: Job, name: str) -> None:
-    """End with a sentence when the scene holds more than Lambert, mirrors and smooth glass."""
+    """Exit with a message if the scene contains more than Lambert, mirrors and smooth glass."""
     if lights_of(one) or any(media_of(one)) or instances_of(one)[1]:
         sys.exit(f"{name} has no translation of this scene's materials here; compare it with mitsuba")
 
@@ -126,7 +126,7 @@ def refuse_rich(one: Job, name: str) -> None:
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
     """The scene's meshes, and its spheres and disks as in the scene file, with their materials resolved.
 
-    The material of what has none is of the type ``null``.
+    Shapes without a material get one of type ``null``.
     """
     described = json.loads(one.scene.read_text(encoding="utf-8"))
     materials: dict[str | None, Any] = {None: {"type": "null"}}
@@ -137,7 +137,7 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
         if shape["type"] in ("sphere", "disk"):
             spheres.append({**shape, "material": materials[shape.get("material")]})
         elif shape["type"] == "instance":
-            continue  # of `instances_of`
+            continue  # see `instances_of`
         elif shape["type"] == "mesh":
             file = one.scene.parent / shape["file"]
             parts.append(Part(f"mesh{number}", materials[shape["material"]], None, *_read_ply(file), file))
@@ -160,7 +160,7 @@ def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
 
 
 def _resolved(name: str, materials: dict[str, Any]) -> dict[str, Any]:
-    """A material; of a mixture with its parts in the place of their names."""
+    """A material; the names of a mixture's parts are replaced by the parts."""
     made: dict[str, Any] = materials[name]
     if made["type"] != "mix":
         return made
@@ -175,7 +175,7 @@ def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
 
 
 def answer(one: Job, image: Any, wall: float, cpu: float, version: str, setup: float, **more: Any) -> None:
-    """Save the image, (height, width, 3) with the top row first, and print the line that the bench reads."""
+    """Save the image, (height, width, 3) with the top row first, and print the line that the benchmark reads."""
     if image is not None:
         np.save(one.image, np.ascontiguousarray(image, np.float32))
         more["mean"] = [round(float(x), 6) for x in image.mean((0, 1))]

@@ -1,4 +1,4 @@
-"""Other renderers, each run by a Python of its own, which need not have clrender."""
+"""Other renderers, each run by its own Python interpreter, which need not have clrender."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["OWN", "PEERS", "SEGMENTS", "Peer", "Task", "peer_from"]
 
 OWN: Final = "clrender"
 SEGMENTS: Final = 14
-"""Segments of a path from the camera to a light: the depth at which renderers are compared, without roulette."""
+"""Segments of a path from the camera to a light: the depth limit of the comparison, without roulette."""
 _FOLDER: Final = Path(__file__).resolve().parent
 
 
@@ -29,7 +29,7 @@ class _Kind:
     spheres: bool = True
     """Whether it has analytic spheres."""
     no_opencl: bool = False
-    """Whether it fails where it finds OpenCL drivers."""
+    """Whether it fails in the presence of OpenCL drivers."""
 
 
 PEERS: Final[Mapping[str, _Kind]] = {
@@ -44,14 +44,14 @@ PEERS: Final[Mapping[str, _Kind]] = {
 }
 """Other renderers by name; ``embree`` only traces rays.
 
-Where surfaces have holes ``mitsuba`` is its `volpath`, whose shadow rays pass holes as clrender's do. The shadow rays
-of its `path`, ``mitsuba-path``, do not, so that light through holes is found by chance alone: faster, and noisier.
+For scenes with opacity masks, ``mitsuba`` is its `volpath`, whose shadow rays pass holes like clrender's. The shadow
+rays of its `path`, ``mitsuba-path``, do not, so that only BSDF sampling finds light through holes: faster, but noisier.
 """
 
 
 @dataclass(frozen=True)
 class Task:
-    """The render that all are given: pixels, samples, paths of `SEGMENTS`, no roulette, box filter."""
+    """The common render task: pixels, samples, paths of `SEGMENTS`, no roulette, box filter."""
 
     width: int
     height: int
@@ -59,9 +59,9 @@ class Task:
     errors: bool = False
     """Whether images are compared with a reference by clrender with 64 times the samples."""
     light_sampler: str = "auto"
-    """Of clrender; Mitsuba picks lights uniformly."""
+    """Light sampler of clrender; Mitsuba picks lights uniformly."""
     seed: int = 0
-    """Of the random numbers: another one in each turn."""
+    """Random seed, different in each turn."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Peer:
     name : str
         One of `PEERS`.
     python : str
-        The interpreter that has it.
+        The interpreter that has it installed.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Peer:
         return PEERS[self.name].spheres
 
     def run(self, scene: Path, task: Task, image: Path) -> dict[str, Any]:
-        """Render once, in a process of its own; gives ``wall_seconds``, ``cpu_seconds``, ``version`` and more.
+        """Render once, in a separate process; returns ``wall_seconds``, ``cpu_seconds``, ``version`` and more.
 
         Parameters
         ----------
@@ -93,12 +93,12 @@ class Peer:
             A file that `write_scene` wrote.
         task : Task
         image : Path
-            Where a (height, width, 3) float32 NumPy array of the image is put, unless the peer makes none.
+            Output path of the (height, width, 3) float32 NumPy array of the image, if the peer makes one.
 
         Raises
         ------
         RenderError
-            When the peer cannot be started or fails.
+            If the peer cannot be started or fails.
         """
         kind = PEERS[self.name]
         numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS, task.seed)]
@@ -128,7 +128,7 @@ def peer_from(text: str) -> Peer:
     Raises
     ------
     UsageError
-        When the name is unknown or no Python is given.
+        If the name is unknown or no Python is given.
     """
     name, _, python = text.partition("=")
     if name not in PEERS or not python:

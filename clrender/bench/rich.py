@@ -16,7 +16,7 @@ __all__ = ["rich_scene"]
 
 _MATERIALS: Final[dict[str, Any]] = {
     "gold": {"type": "conductor", "metal": "Au", "roughness": math.sqrt(0.2)},
-    # An index of the order of chromium's, which polished steel looks like; both renderers are given the same numbers.
+    # An index similar to chromium's, which looks like polished steel; both renderers get the same numbers.
     "steel": {"type": "conductor", "eta": [3.18, 3.18, 1.99], "k": [3.31, 3.33, 2.86], "roughness": math.sqrt(0.05)},
     "plastic": {
         "type": "principled",
@@ -39,19 +39,19 @@ _SIDE: Final = 2048
 
 
 def rich_scene(folder: Path, room: list[dict[str, Any]]) -> dict[str, Any]:
-    """The description of S5; its mesh and images are written.
+    """Make the description of S5, and write its mesh and images.
 
     Parameters
     ----------
     folder : Path
         Output folder.
     room : list of dict
-        Floor, ceiling, back, front, left and right wall, and lights. The front is left out: the sky shines in.
+        Floor, ceiling, back, front, left and right wall, and lights. The front is omitted, to let in the sky.
 
     Returns
     -------
     dict
-        As a scene file. Spheres are spheres: for renderers that have them.
+        As a scene file, for renderers that have analytic spheres.
     """
     floor, ceiling, back, _, *others = room
     write_ply(folder / "body.ply", *bumpy_body(_BODY_FREQUENCY))
@@ -77,7 +77,7 @@ def rich_scene(folder: Path, room: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _write_images(folder: Path) -> None:
-    """Two colour textures, a normal map, and a sky with a small sun: noise, so that every texel is another."""
+    """Two colour textures, a normal map, and a sky with a small sun: noise, so that all texels differ."""
     random = np.random.default_rng(5)
     for name in ("poster.png", "floor.png"):
         Image.fromarray(random.integers(40, 220, (_SIDE, _SIDE, 3), dtype=np.uint8)).save(

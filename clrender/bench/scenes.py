@@ -1,6 +1,6 @@
-"""The benchmark's scenes: a closed room with a mirror sphere, and in each one a different load.
+"""The benchmark's scenes: a closed room with a mirror sphere, and in each scene a different load.
 
-They are made anew by the same formulae everywhere, as scene files with meshes beside them that other programs read too.
+The same formulae generate them everywhere, as scene files and meshes that other programs can read, too.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:
     name : str
         One of `SCENES`.
     folder : Path
-        Output folder; has to exist.
+        Output folder; must exist.
     triangles : bool
-        Spheres as triangles in any scene, for renderers without analytic spheres.
+        Whether to write spheres as triangles, for renderers without analytic spheres.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:
     Raises
     ------
     UsageError
-        When there is no such scene.
+        If there is no such scene.
     """
     if name not in SCENES:
         raise UsageError(f"there is no benchmark scene {name!r}; choose one of {', '.join(SCENES)}")

@@ -1,4 +1,4 @@
-"""What the benchmark's scenes are built of: parallelograms, spheres of triangles, bumps, and meshes as PLY files."""
+"""Building blocks of the benchmark's scenes: parallelograms, triangulated spheres, bumps, and PLY files."""
 
 from __future__ import annotations
 

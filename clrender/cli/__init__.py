@@ -1,6 +1,6 @@
 """The command line: one click group whose commands are loaded only when they are called.
 
-Nothing heavy is imported here, so that `clrender --version` and `--help` answer at once.
+No slow modules are imported here, so that `clrender --version` and `--help` answer at once.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from clrender.limits import nearest
 __all__ = ["COMMANDS", "STARTED", "main"]
 
 STARTED: Final = time.perf_counter()
-"""When the command line began, on the clock of `time.perf_counter`."""
+"""Start time of the command line, by `time.perf_counter`."""
 
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
@@ -46,7 +46,7 @@ COMMANDS: Final[dict[str, str]] = {
     "bench": "Benchmark clrender, optionally against other renderers.",
     "completion": "Print a shell completion script.",
 }
-"""Name -> first line of its help; the command `NAME` is `NAME` in the module `clrender.cli.NAME`."""
+"""Name -> first line of the help; the command `NAME` is the function `NAME` in the module `clrender.cli.NAME`."""
 
 
 class _Commands(click.Group):
@@ -68,12 +68,12 @@ class _Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        # click's own would import every command as well.
+        # click's implementation would import every command as well.
         names = [CompletionItem(name, help=line) for name, line in COMMANDS.items() if name.startswith(incomplete)]
         return names + click.Command.shell_complete(self, ctx, incomplete)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        # click's own would import every command for its first line.
+        # click's implementation would import every command for its first line.
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
@@ -85,7 +85,7 @@ class _Commands(click.Group):
         standalone_mode: bool = True,
         **extra: Any,
     ) -> Any:
-        """Run, and end the process with the exit code that the error (or none) calls for."""
+        """Run the command line, and end the process with the exit code of the error, if any."""
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         try:
@@ -100,14 +100,14 @@ class _Commands(click.Group):
             ended = isinstance(error, Terminated) or isinstance(error.__cause__, Terminated)
             _fail("interrupted.", TERMINATED if ended else INTERRUPTED)
         except RuntimeError as error:
-            # What Python 3.11 makes of Ctrl-C while a class is being made
+            # Python 3.11 converts Ctrl-C during the creation of a class to this error
             if not isinstance(error.__cause__, KeyboardInterrupt):
                 raise
             _fail("interrupted.", TERMINATED if isinstance(error.__cause__, Terminated) else INTERRUPTED)
         except MemoryError:
             _fail("out of memory; render a smaller image or close other programs.", 1)
         except FileNotFoundError:
-            # Every name that does not begin with a slash depends on the working folder.
+            # Every path that does not begin with a slash depends on the working directory.
             if _has_working_folder():
                 raise
             _fail("the working folder has been deleted; change to one that exists", 2)
@@ -125,13 +125,13 @@ def _has_working_folder() -> bool:
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    # Some sentences come with a full stop, some without.
+    # Some messages end with a full stop, some do not.
     print(f"error: {message.rstrip('.')}", file=sys.stderr)
     sys.exit(code)
 
 
 def _sentence(error: click.ClickException) -> str:
-    """Message of a usage error, with where to read on."""
+    """Message of a usage error, with a pointer to the help."""
     message = error.format_message()
     context = error.ctx if isinstance(error, click.UsageError) else None
     where = context.command_path if context is not None else "clrender"

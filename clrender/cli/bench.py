@@ -1,4 +1,4 @@
-"""`clrender bench`: how fast clrender is here, and its peers beside it."""
+"""`clrender bench`: measures the speed of clrender and of other renderers on this machine."""
 
 from __future__ import annotations
 

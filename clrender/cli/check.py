@@ -1,4 +1,4 @@
-"""`clrender check`: says whether a scene is sound, and how large it is."""
+"""`clrender check`: validates a scene and prints its size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`clrender compare`: how far an image is from a reference, or whether integrators agree on a scene."""
+"""`clrender compare`: measures the error of an image against a reference, or tests whether integrators agree."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
 
 
 def _films(first: Path, second: Path) -> dict[str, Any]:
-    """The test of two films, or why there is none; nothing of other files."""
+    """Result of the test of two films, or the reason why there is none; empty for other files."""
     from clrender.image.files import FILM_ENDINGS
 
     if not {first.suffix.lower(), second.suffix.lower()} <= set(FILM_ENDINGS):
@@ -118,7 +118,7 @@ def _films(first: Path, second: Path) -> dict[str, Any]:
 
 
 def _verdict(found: dict[str, Any]) -> str:
-    """What the test of two films found, in a line."""
+    """Result of the test of two films, as one line of text."""
     if found["agree"]:
         return f"agree: no pixel of {found['pixels']} differs, nor does the mean, at the level {found['level']:g}"
     what = [f"{found['differing_pixels']} of {found['pixels']} pixels"] if found["differing_pixels"] else []
@@ -129,7 +129,7 @@ def _verdict(found: dict[str, Any]) -> str:
 
 
 def _lines(numbers: dict[str, Any]) -> list[tuple[str, str]]:
-    """Measures and their values, in words."""
+    """Names and values of the measures, as text."""
     means = [
         ("mean of A", " ".join(f"{value:.6g}" for value in numbers["mean"])),
         ("mean of B", " ".join(f"{value:.6g}" for value in numbers["reference_mean"])),

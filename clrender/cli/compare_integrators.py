@@ -1,4 +1,4 @@
-"""`clrender compare --integrators`: whether integrators agree on a scene, as a table, maps and numbers."""
+"""`clrender compare --integrators`: tests whether integrators agree on a scene; writes a table, maps and numbers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["compare_on_scene"]
 
 _NUMBERS: Final = "agreement.json"
 _FULL: Final = 6
-"""|z| of full colour in the maps: hardly any tile comes to it by chance."""
+"""|z| at full colour in the maps: hardly any tile reaches it by chance."""
 _COLUMNS: Final = ("ratio of means", "95 % interval", "tiles that differ", "largest z")
 
 
@@ -44,12 +44,12 @@ def compare_on_scene(
     allow_paths: Sequence[Path],
     **options: int | tuple[int, int] | None,
 ) -> None:
-    """Compare integrators on a scene; write and print what came out.
+    """Compare integrators on a scene; write and print the results.
 
     Raises
     ------
     ClrenderError
-        As `clrender.agreement.integrators.compare_integrators`, and where files cannot be written.
+        See `clrender.agreement.integrators.compare_integrators`; also when files cannot be written.
     """
     from clrender.agreement.integrators import check_integrators, compare_integrators
     from clrender.importers import load
@@ -88,7 +88,7 @@ def compare_on_scene(
 def _numbers(
     description: Scene, given: dict[str, Any], made: Sequence[Batches], pairs: Sequence[Pair]
 ) -> dict[str, Any]:
-    """Everything, JSON-able."""
+    """All results, as JSON values."""
     from clrender.agreement.batches import LEVEL
     from clrender.version import __version__
 
@@ -144,7 +144,7 @@ def _sentence(pair: Pair) -> str:
 
 
 def _table(numbers: dict[str, Any]) -> str:
-    """A line of numbers for every pair, and below it what to think of it."""
+    """A line of numbers for every pair, followed by their interpretation."""
     width = max(len(f"{pair['first']} / {pair['second']}") for pair in numbers["pairs"])
     spp = numbers["integrators"][0]["spp"]
     lines = [
@@ -169,7 +169,7 @@ def _table(numbers: dict[str, Any]) -> str:
 
 
 def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers: dict[str, Any]) -> None:
-    """Mean images, maps of z whose names say what their colours mean, and the numbers."""
+    """Write mean images, maps of z whose file names give the meaning of their colours, and the numbers."""
     from clrender.files import atomic_write
     from clrender.image.files import write_image
 
@@ -188,7 +188,7 @@ def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers
 def _map(
     scores: npt.NDArray[np.float64], height: int, width: int, side: int
 ) -> npt.NDArray[np.float64]:  # fmt: skip
-    """Blue where the first is darker, red where it is brighter, white where there is no telling; (height, width, 3)."""
+    """Map of z, (height, width, 3) float64: blue where the first is darker, red where brighter, white if unknown."""
     import numpy as np
 
     from clrender.drawing.pictures import diverging

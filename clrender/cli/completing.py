@@ -1,4 +1,4 @@
-"""What a shell completes in the place of a scene, a device, layers or files; none of it fails or prints."""
+"""Shell completion of scenes, devices, layers and files; these functions never fail or print."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _Items = list[CompletionItem]
 
 
 def complete_scenes(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> _Items:
-    """Names of built-in scenes; files where none begins so."""
+    """Complete names of built-in scenes, or files if no name matches."""
     from clrender.scene.load import builtin_names
 
-    # Not both: bash would be told to forget the names.
+    # Not both: with a file item, bash discards the names.
     return _beginning(builtin_names, incomplete) or complete_files(_ctx, _param, incomplete)
 
 
 def complete_files(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> _Items:
-    """Files."""
+    """Complete files."""
     return [CompletionItem(incomplete, type="file")]
 
 
 def complete_devices(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> _Items:
-    """What `--device` knows by word, and the indices of the devices that there are."""
+    """Complete the keywords of `--device`, and the indices of existing devices."""
 
     def names() -> dict[str, str]:
         from clrender.device import inventory
@@ -44,7 +44,7 @@ def complete_devices(_ctx: click.Context, _param: click.Parameter, incomplete: s
 
 
 def complete_layers(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> _Items:
-    """A list of layers with commas; the last of them is completed."""
+    """Complete the last item of a comma-separated list of layers."""
     from clrender.aov import AOVS
 
     before, comma, last = incomplete.rpartition(",")
@@ -55,14 +55,14 @@ def complete_layers(_ctx: click.Context, _param: click.Parameter, incomplete: st
 
 
 def complete_benchmarks(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> _Items:
-    """Scenes of `clrender bench`."""
+    """Complete scenes of `clrender bench`."""
     from clrender.bench import SCENES
 
     return _beginning(lambda: SCENES, incomplete)
 
 
 def _beginning(names: Callable[[], Mapping[str, str]], incomplete: str) -> _Items:
-    """Of names and what they mean, those that begin so; none where they cannot be told."""
+    """The names that begin with `incomplete`, with their descriptions; none if they cannot be determined."""
     with suppress(Exception):
         return [CompletionItem(name, help=words) for name, words in names().items() if name.startswith(incomplete)]
     return []

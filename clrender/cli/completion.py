@@ -1,4 +1,4 @@
-"""`clrender completion`: what a shell has to read to complete command lines of clrender."""
+"""`clrender completion`: prints the script with which a shell completes clrender's command lines."""
 
 from __future__ import annotations
 
@@ -31,6 +31,6 @@ def completion(ctx: click.Context, /, shell: str) -> None:
     assert made is not None
     try:
         click.echo(made(ctx.find_root().command, {}, "clrender", "_CLRENDER_COMPLETE").source())
-    except (OSError, RuntimeError) as error:  # bash is asked for its version
+    except (OSError, RuntimeError) as error:  # bash is run to get its version
         reason = str(error).rstrip(".") or type(error).__name__
         raise UsageError(f"{shell} cannot be set up: {reason}; install it, or choose another shell") from None

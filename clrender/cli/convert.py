@@ -1,4 +1,4 @@
-"""`clrender convert`: writes a scene of any format in our own, with its meshes and pictures beside it."""
+"""`clrender convert`: converts a scene of any format to clrender's, with its meshes and images beside it."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def convert(
 
 @contextmanager
 def _files_beside(export: Export, output: Path) -> Iterator[None]:
-    """Write all files; what was not there before vanishes again if that, or the block, fails."""
+    """Write all files; if this or the block fails, files and folders that are new are removed again."""
     made: list[Path] = []
     try:
         for name, write in export.files.items():

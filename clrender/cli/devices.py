@@ -1,4 +1,4 @@
-"""`clrender devices`: every OpenCL device and whether it computes rightly."""
+"""`clrender devices`: lists all OpenCL devices and whether they compute correctly."""
 
 from __future__ import annotations
 

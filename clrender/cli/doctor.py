@@ -1,4 +1,4 @@
-"""`clrender doctor`: what is wrong with OpenCL on this machine, and how to cure it."""
+"""`clrender doctor`: diagnoses problems of OpenCL on this machine, with their cures."""
 
 from __future__ import annotations
 

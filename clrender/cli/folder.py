@@ -1,4 +1,4 @@
-"""A folder for what a command makes."""
+"""Output folder of a command."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ __all__ = ["output_folder"]
 
 @contextmanager
 def output_folder(folder: Path, first: str) -> Iterator[None]:
-    """Make the folder; what fails before there is anything in it takes it away again.
+    """Create the folder; it is removed again if the block fails while it is empty.
 
     Parameters
     ----------
     folder : Path
     first : str
-        A file that will be written there, to see whether that can be done.
+        A file that will be written there, to check that it can be written.
 
     Raises
     ------
     UsageError
-        When the folder cannot be made, or the file not be written.
+        When the folder cannot be created, or the file cannot be written.
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file; name a folder.")

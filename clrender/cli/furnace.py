@@ -1,4 +1,4 @@
-"""`clrender furnace`: the physics of materials, as a table, a page and numbers."""
+"""`clrender furnace`: tests of the physics of materials, as a table, a page and numbers."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def furnace(
         found = [findings(each, len(measured)) for each in measured]
         numbers = [numbers_of(*each) for each in zip(measured, found, strict=True)]
         if output is not None:
-            interrupt.has_picture.set()  # writing takes a moment, and is not cut short
+            interrupt.has_picture.set()  # writing is short and should not be interrupted
             title = f"{chosen[0].info.title}; seed {seed}"
             _write(output, what.title, title, measured, found, numbers)
     click.echo(json.dumps(numbers, indent=2) if as_json else _text(measured, found, numbers))
@@ -109,7 +109,7 @@ def furnace(
 def _text(
     measured: Sequence[Measured], found: Sequence[Sequence[Finding]], numbers: Sequence[dict[str, Any]]
 ) -> str:  # fmt: skip
-    """A table, and below it what is found of each material."""
+    """A table, followed by the findings about each material."""
     from clrender.furnace import summary
 
     lines = _aligned(summary(numbers))

@@ -1,4 +1,4 @@
-"""Images that commands read: linear files, display files and films alike."""
+"""Reading of images for commands: linear files, display files and films."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["read_linear"]
 
 
 def read_linear(path: Path) -> tuple[npt.NDArray[np.float32], dict[str, Any] | None]:
-    """Linear image (H, W, 3) of a file and what the file says of its making, if anything.
+    """Read a linear image, (H, W, 3) float32, and its provenance, if the file has any.
 
     Raises
     ------
     UsageError
-        No such file, not a regular one, or not a readable image.
+        When the file does not exist, is no regular file, or is no readable image.
     """
     from clrender.film import Film
     from clrender.image.files import FILM_ENDINGS, read_image, read_provenance

@@ -22,25 +22,25 @@ TERMINATED = 143
 """Exit code of a program ended by SIGTERM."""
 
 _PATIENCE = 0.6
-"""Seconds to wait, before there is a picture to keep, for the program to notice that it should stop."""
+"""Seconds that the program has to notice a signal before there is an image to keep."""
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM came where nothing catches it."""
+    """SIGTERM was received in a block of `terminable`."""
 
 
 class Interrupt:
-    """Whether the user wants the work to stop.
+    """Whether the user has requested a stop.
 
     Attributes
     ----------
     has_picture : threading.Event
-        Set by whoever renders once there are samples worth keeping. Before that, a signal ends the program even
-        in the middle of a compilation.
+        Set by the renderer when there are samples worth keeping. Before that, a signal ends the program even in the
+        middle of a compilation.
     exit_code : int
-        Of a program that ends because of the first signal.
+        Exit code of a program that ends because of the first signal.
     last_words : LastWords
-        Said when a driver takes the whole process with it.
+        Printed if a driver kills the process.
     """
 
     def __init__(self) -> None:
@@ -54,12 +54,12 @@ class Interrupt:
         return self._wanted.is_set()
 
     def take(self, number: int) -> None:
-        """Take one signal, by its number; called outside the main thread."""
+        """Handle a signal, by its number; called outside the main thread."""
         if self._wanted.is_set():
             self._end("interrupted twice; nothing more was written")
         self.exit_code = TERMINATED if number == signal.SIGTERM else INTERRUPTED
         self._wanted.set()
-        # On a thread of its own: the second signal must not wait for the patience with the first.
+        # On a separate thread, so that the second signal is handled during the waiting time of the first.
         threading.Thread(target=self._watch, daemon=True).start()
 
     def _watch(self) -> None:
@@ -67,9 +67,9 @@ class Interrupt:
             self._end("interrupted before the first sample; nothing was written")
 
     def _end(self, message: str) -> None:
-        """Leave at once, whatever the main thread is doing."""
+        """Exit at once, whatever the main thread is doing."""
         remove_temporaries()
-        # Not imported here: the main thread may be in the middle of that.
+        # Not imported here: the main thread may be importing it right now.
         leave = getattr(sys.modules.get("clrender.device.compiled"), "leave", None)
         if leave is not None:
             leave()
@@ -81,7 +81,7 @@ class Interrupt:
 
 @contextmanager
 def terminable() -> Iterator[None]:
-    """Turn SIGTERM into `Terminated` while the block runs, so that what was begun is cleaned up; main thread only."""
+    """Convert SIGTERM to `Terminated` while the block runs, so that clean-up code runs; only in the main thread."""
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
         yield
@@ -99,11 +99,10 @@ def terminable() -> Iterator[None]:
 
 @contextmanager
 def interruptible() -> Iterator[Interrupt]:
-    """Turn SIGINT and SIGTERM into an `Interrupt` while the block runs; only in the main thread.
+    """Convert SIGINT and SIGTERM to an `Interrupt` while the block runs; only in the main thread.
 
-    Python runs its signal handlers in the main thread, between two of its instructions: not while that thread waits
-    for a device. The interpreter writes each signal's number to a socket as it comes, however, and another thread
-    reads it there.
+    Python runs its signal handlers in the main thread between two instructions, so not while that thread waits for a
+    device. But the interpreter writes each signal's number to a socket at once, where another thread reads it.
     """
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
@@ -123,7 +122,7 @@ def interruptible() -> Iterator[Interrupt]:
                 interrupt.take(data[0])
 
     def python_handler(_number: int, _frame: FrameType | None) -> None:
-        """Signals without a Python handler would not reach the socket."""
+        """Do nothing; only signals with a Python handler are written to the socket."""
 
     previous_descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
     previous = {s: signal.signal(s, python_handler) for s in caught}

@@ -1,4 +1,4 @@
-"""What is said when a process dies without being able to say anything: inside a driver, or killed."""
+"""A message for the case that the process dies without printing one: inside a driver, or killed."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ _SENTENCE: Final = (
     "image was written (`--resume` continues from a checkpoint); `clrender doctor` checks the drivers, `--device` "
     "selects another"
 )
-# `read` fails at the end of its input, which comes when whoever holds the other end is gone.
+# `read` fails at the end of its input, which comes when the process at the other end is gone.
 _WAIT: Final = 'trap "" INT TERM HUP; read -r word || printf "\\n%s\\n" "$0" >&2'
 
 
 class LastWords:
-    """A shell that waits for the end of this process and says a sentence, unless it was told before that all is well.
+    """A shell that waits for the end of this process and then prints a message, unless it was cancelled before.
 
-    A driver is native code: where it fails, no line of Python runs any more.
+    A driver is native code: if it crashes, no Python code runs any more.
     """
 
     def __init__(self) -> None:
         reader, self._writer = os.pipe()
         self._shell: subprocess.Popen[bytes] | None = None
         try:
-            # A session of its own: Ctrl-C at the terminal is not for it.
+            # In a separate session, so that Ctrl-C at the terminal does not reach it.
             command = ["/bin/sh", "-c", _WAIT, _SENTENCE]
             self._shell = subprocess.Popen(command, stdin=reader, stdout=subprocess.DEVNULL, start_new_session=True)
         except OSError:
-            pass  # no shell, no words
+            pass  # without a shell there is no message
         finally:
             os.close(reader)
 
     def cancel(self) -> None:
-        """All is well, or said already. May be called again, and by any thread."""
+        """Cancel the message. It may be called repeatedly, and by any thread."""
         shell, self._shell = self._shell, None
         if shell is not None:
             with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""`clrender merge`: films of one render become one film."""
+"""`clrender merge`: merges films of one render into one film."""
 
 from __future__ import annotations
 

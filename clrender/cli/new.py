@@ -1,4 +1,4 @@
-"""`clrender new`: a first scene."""
+"""`clrender new`: writes a first scene."""
 
 from __future__ import annotations
 

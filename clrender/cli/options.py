@@ -1,4 +1,4 @@
-"""Option types of the commands, and options that several share: settings of the table, sizes, folders to read from."""
+"""Option types of the commands, and options shared by several: settings of the table, sizes, folders to read from."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ TONE_MAPS: Final = ("linear", "sqrt", "srgb", "reinhard", "aces", "agx")
 
 
 class DomainType(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.3
-    """Option type: what a domain allows, with an error that says what that is."""
+    """Option type: values of a domain, with an error that says what is allowed."""
 
     def __init__(self, domain: Domain) -> None:
         self.name = domain.metavar
@@ -69,7 +69,7 @@ def number(
 
 
 def numbers(metavar: str, example: str, most: float = math.inf) -> Callable[[Any], tuple[float, ...]]:
-    """Option type: finite numbers with commas between them, as many as the letters of `metavar`."""
+    """Option type: finite numbers separated by commas, as many as the letters of `metavar`."""
     count = {2: "two", 3: "three"}[len(metavar.split(","))]
 
     def parsed(value: Any) -> tuple[float, ...]:
@@ -94,11 +94,11 @@ def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[
     Parameters
     ----------
     name : str
-        Of the setting, and of the argument; None where the option is not given.
+        Name of the setting and of the argument, which is None if the option is not given.
     default
-        Of this command, where it is not the scene's or the table's.
+        Default of this command, if it differs from the scene's or the table's.
     help : str
-        Where this command means something else.
+        Help text, if the option has a different meaning in this command.
     """
     setting = SETTINGS[name]
     assert setting.option is not None
@@ -114,7 +114,7 @@ def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[
 
 
 def setting_options(command: Any, without: Container[str] = ()) -> Any:
-    """Decorator: the options of all settings of the table, in its order, but for some."""
+    """Decorator: the options of all settings of the table, in its order, except some."""
     for setting in reversed(list(SETTINGS.values())):
         if setting.option is not None and setting.name not in without:
             command = setting_option(setting.name)(command)
@@ -146,7 +146,7 @@ def shard(value: Any) -> tuple[int, int]:
 
 
 class _ShutterType(DomainType):
-    """Option type: seconds, also as a fraction such as 1/125."""
+    """Option type: seconds, possibly as a fraction such as 1/125."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if (
@@ -159,7 +159,7 @@ class _ShutterType(DomainType):
 
 
 def tone_options(command: Any) -> Any:
-    """Decorator: the options of every command that makes display images."""
+    """Decorator: the options of every command that writes display images."""
     options = [
         click.option(
             "--tone-map",
@@ -198,7 +198,7 @@ def tone_options(command: Any) -> Any:
 
 
 class EnvironmentType(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.3
-    """Option type: a number, or else the name of a file."""
+    """Option type: a number or the name of a file."""
 
     name = "environment"
 
@@ -210,11 +210,11 @@ class EnvironmentType(click.ParamType):  # type: ignore[type-arg]  # not generic
 
 
 EXR_COMPRESSIONS: Final = ("none", "rle", "zips", "zip", "piz", "pxr24", "dwaa", "dwab")
-"""The names of `clrender.image.exr_write.COMPRESSIONS`, likewise."""
+"""The names of `clrender.image.exr_write.COMPRESSIONS`, without loading it."""
 
 
 def exr_options(command: Any) -> Any:
-    """Decorator: how an ``.exr`` holds its pixels."""
+    """Decorator: the options for the storage of pixels in an ``.exr``."""
     options = [
         click.option(
             "--exr-type",
@@ -240,11 +240,11 @@ def exr_options(command: Any) -> Any:
 
 
 PROGRESS_STYLES: Final = ("auto", "json")
-"""The names of `clrender.cli.progress.STYLES`, likewise."""
+"""The names of `clrender.cli.progress.STYLES`, without loading it."""
 
 
 def progress_options(command: Any) -> Any:
-    """Decorator: what a render says on stderr while it runs."""
+    """Decorator: the options for the progress of a render on stderr."""
     options = [
         click.option(
             "--progress",
@@ -264,7 +264,7 @@ def progress_options(command: Any) -> Any:
 
 
 def choice_options(command: Any) -> Any:
-    """Decorator: what a glTF file leaves open."""
+    """Decorator: the options for choices that a glTF file leaves open."""
     command = click.option("--variant", metavar="NAME", help="Material variant of a glTF file.")(command)
     return click.option(
         "--time-at",
@@ -275,7 +275,7 @@ def choice_options(command: Any) -> Any:
 
 
 def allow_path_option(command: Any) -> Any:
-    """Decorator: where a scene may read files from."""
+    """Decorator: the option for folders from which a scene may read files."""
     return click.option(
         "--allow-path",
         "allow_paths",
@@ -287,10 +287,10 @@ def allow_path_option(command: Any) -> Any:
 
 
 scene_argument = click.argument("scene", metavar="SCENE", shell_complete=complete_scenes)
-"""What is rendered."""
+"""The scene to render."""
 
 size_option = click.option("--size", type=size, metavar="WxH", help="Image size, pixels (800x800).")
-"""Its size."""
+"""The size of the image."""
 
 device_option = click.option(
     "-d",
@@ -302,7 +302,7 @@ device_option = click.option(
     help="auto, cpu, gpu, all, an index from `clrender devices` or part of a name; repeatable "
     "(CLRENDER_DEVICE, else auto).",
 )
-"""Where it is rendered."""
+"""The device that renders."""
 
 environment_option = click.option(
     "--environment",
@@ -311,4 +311,4 @@ environment_option = click.option(
     metavar="FILE",
     help="Environment map (lat-long .exr, .hdr or .png), or a number as constant radiance, for scenes without one.",
 )
-"""What is around it."""
+"""The environment of the scene."""

@@ -1,4 +1,4 @@
-"""Files that a command writes: each of its own, none of them a file that the command reads."""
+"""Checks of a command's output files: all must be distinct, and none may be an input file."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["check_distinct", "check_image_size", "scene_files"]
 
 
 def check_distinct(outputs: Sequence[Path], inputs: Iterable[Path]) -> None:
-    """Make sure that nothing is overwritten that the command reads, or has just written.
+    """Check that the command does not overwrite a file that it reads or has just written.
 
     Parameters
     ----------
     outputs, inputs : paths
-        Links and other spellings of a name count as the file they lead to.
+        Links and other spellings of a name count as the file that they refer to.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def check_distinct(outputs: Sequence[Path], inputs: Iterable[Path]) -> None:
 
 
 def check_image_size(outputs: Iterable[Path], width: int, height: int) -> None:
-    """Make sure that the format of every output can hold an image of so many pixels.
+    """Check that the format of every output supports an image of this size.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def check_image_size(outputs: Iterable[Path], width: int, height: int) -> None:
 
 
 def scene_files(name: str, scene: Scene) -> list[Path]:
-    """Every file that a scene, loaded by this name, was read from."""
+    """All files that a scene, loaded by this name, was read from."""
     from clrender.scene import Mesh
 
     files = [shape.file for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file is not None]
@@ -76,5 +76,5 @@ def _same_file(a: Path, b: Path) -> bool:
         return True
     try:
         return a.samefile(b)
-    except OSError:  # one does not exist
+    except OSError:  # one of them does not exist
         return False

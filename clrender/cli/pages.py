@@ -1,4 +1,4 @@
-"""Pages that commands write."""
+"""HTML pages that commands write."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["check_page", "write_page"]
 
 
 def check_page(path: Path) -> None:
-    """Make sure, before any work, that a page with plots can be made and written.
+    """Check, before any work, that a page with plots can be created and written.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def check_page(path: Path) -> None:
 
 
 def write_page(path: Path, page: str) -> None:
-    """Write a page, whole or not at all."""
+    """Write a page atomically."""
     from clrender.files import atomic_write
 
     with atomic_write(path) as file:

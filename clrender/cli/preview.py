@@ -1,4 +1,4 @@
-"""The picture of a render in the terminal, drawn again as samples come."""
+"""Preview of a render in the terminal, redrawn as samples are added."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ __all__ = ["Preview", "preview_here"]
 
 _APART: Final = 0.25
 _COST: Final = 0.05
-"""Share of the time that drawing may take."""
+"""Largest share of the time that drawing may take."""
 
 
 class Preview:
-    """A picture that stays in its place, with a line of progress below.
+    """An image at a fixed place, with a line of progress below it.
 
     Parameters
     ----------
     terminal : Terminal
     develop : callable
-        Makes (h, w, 3) uint8 for the screen from (h, w, 3) float32 radiance.
+        Converts (h, w, 3) float32 radiance to (h, w, 3) uint8 for display.
 
     Notes
     -----
-    Rows for the picture and the line below it are taken once, by line feeds. The cursor is always on that line; the
-    picture is drawn from `_above` rows higher. What is said goes in place of the line, and moves the picture up.
+    Rows for the image and the line below it are reserved once, by line feeds. The cursor is always on that line; the
+    image is drawn starting `_above` rows higher. A message replaces the line, and moves the image up.
     """
 
     def __init__(self, terminal: Terminal, develop: Callable[[npt.NDArray[np.float32]], npt.NDArray[np.uint8]]) -> None:
@@ -72,7 +72,7 @@ class Preview:
         self._line("")
 
     def _pixels(self) -> int:
-        """Of the longer side of what is drawn, at most: twice the screen's, which makes them smooth."""
+        """Most pixels of the longer side of the image to fetch: twice those of the screen, for antialiasing."""
         screen = _screen()
         return 2 * max(screen.columns * self._terminal.cell[0], screen.lines * self._terminal.cell[1])
 
@@ -85,15 +85,15 @@ class Preview:
         high = min(high, max(1, self._area[1] * self._terminal.cell[1] // unit * unit))
         picture = resized(self._develop(linear), wide, high)
         drawn = encode(picture, self._terminal.protocol, number=os.getpid(), colors=self._terminal.colors)
-        # Save the cursor, go to the place, draw, and return to the line whatever the picture did to the cursor.
+        # Save the cursor, move to the image's place, draw, and restore the cursor, wherever drawing has moved it.
         self._put(f"\x1b7\r\x1b[{self._above}A{drawn}\x1b8")
 
     def _unit(self) -> int:
-        """Rows of pixels that are drawn together: a part of six below the picture's place would make it scroll."""
+        """Rounding unit of the image height: a partial sixel band below the image would make it scroll."""
         return 6 if self._terminal.protocol == "sixel" else 1
 
     def _take_place(self, width: int, height: int) -> None:
-        """Rows for the picture, unless it has some that are still on the screen."""
+        """Reserve rows for the image, unless it has rows that are still on the screen."""
         from clrender.image.terminal import fit
 
         screen = _screen()
@@ -106,7 +106,7 @@ class Preview:
         self._put("\n" * self._above)
 
     def _line(self, text: str, cut: bool = True) -> None:
-        """Text in place of the line below the picture."""
+        """Replace the line below the image by a text."""
         self._put(f"\r\x1b[2K{text[: _screen().columns - 1] if cut else text}")
 
     @staticmethod
@@ -115,12 +115,12 @@ class Preview:
 
 
 def preview_here(tone_map: str, exposure: float) -> Preview | None:
-    """A preview at the terminal that stderr is; None, and a line that says why, where no picture can be shown.
+    """A preview on stderr's terminal. If it cannot show images: None, after a message that says why.
 
     Parameters
     ----------
     tone_map, exposure
-        Of display images, as of `clrender.image.tone_map.to_display`.
+        See `clrender.image.tone_map.to_display`.
     """
     terminal = ask() if sys.stderr.isatty() else None
     if terminal is None:
@@ -137,7 +137,7 @@ def preview_here(tone_map: str, exposure: float) -> Preview | None:
 
 
 def _screen() -> os.terminal_size:
-    """Columns and lines of the terminal that stderr is."""
+    """Columns and lines of stderr's terminal."""
     try:
         size = os.get_terminal_size(sys.stderr.fileno())
     except (OSError, ValueError):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["STYLES", "ProgressDisplay", "ProgressView", "duration", "quantity", "state"]
 
 _BAR_AFTER: Final = 0.3
-"""Seconds of rendering before the bar appears: a short render needs none, and its library takes time to load."""
+"""Seconds of rendering before the bar appears: a short render needs none, and the library loads slowly."""
 
 _BAR_APART: Final = 0.25
 _JSON_APART: Final = 0.25
@@ -27,19 +27,19 @@ _SETUP_WORDS: Final = "preparing: the first render on a device compiles its kern
 
 
 class ProgressView(Protocol):
-    """One way to show progress."""
+    """Interface of a display of progress."""
 
     def show(self, progress: Progress) -> None:
-        """A new state; called after each launch."""
+        """Show a new state; called after each launch."""
 
     def say(self, line: str) -> None:
-        """A line of text beside it."""
+        """Show a line of text in addition."""
 
     def finish(self, image: RenderedImage) -> None:
-        """The render has ended, with this image."""
+        """Show that the render has ended, with this image."""
 
     def close(self) -> None:
-        """Leave the screen as it should stay; also after a failure."""
+        """Leave the screen in its final state; also called after a failure."""
 
 
 class ProgressDisplay:
@@ -50,7 +50,7 @@ class ProgressDisplay:
     quiet : bool
         Show nothing.
     view : ProgressView, optional
-        How; by default a bar on a terminal and lines elsewhere.
+        The display; default: a bar on a terminal, and lines elsewhere.
     """
 
     def __init__(self, *, quiet: bool = False, view: ProgressView | None = None) -> None:
@@ -71,7 +71,7 @@ class ProgressDisplay:
             self._view.close()
 
     def __call__(self, progress: Progress) -> None:
-        """Show a new state; cheap enough for every launch."""
+        """Show a new state; fast enough to be called after every launch."""
         if self._view is not None:
             self._notice.cancel()
             self._view.show(progress)
@@ -88,7 +88,7 @@ class ProgressDisplay:
 
 
 class _Lines:
-    """Plain lines, at 2, 4, 8, … seconds, then once a minute."""
+    """Plain lines after 2, 4, 8, … seconds, then once a minute."""
 
     def __init__(self) -> None:
         self._next = _FIRST_LINE
@@ -109,7 +109,7 @@ class _Lines:
 
 
 class _Bar(_Lines):
-    """A bar that vanishes at the end."""
+    """A bar that is removed at the end."""
 
     def __init__(self) -> None:
         self._bar: Any = None
@@ -151,7 +151,7 @@ class _Bar(_Lines):
 
 
 class _Json(_Lines):
-    """A JSON object a line, for programs; docs/reference.md says what is in it."""
+    """One JSON object per line, for programs; docs/reference.md describes the keys."""
 
     def __init__(self) -> None:
         self._next = 0.0
@@ -190,7 +190,7 @@ STYLES: Final[dict[str, Callable[[], ProgressView]]] = {
 
 
 def state(progress: Progress) -> str:
-    """How far a render is, in words."""
+    """Progress of a render, as text."""
     left, error = progress.seconds_left, progress.relative_error
     parts = [
         f"{quantity(progress.samples_done)} of {quantity(progress.samples_total)} samples",

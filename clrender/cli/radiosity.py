@@ -1,4 +1,4 @@
-"""`clrender radiosity`: an animation in which a shape moves and the solution is updated, not solved again."""
+"""`clrender radiosity`: an animation of a moving shape, in which the solution is updated instead of solved again."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def radiosity(
 
 
 def _verdict(dynamic: DynamicRadiosity, seconds: list[float]) -> str:
-    """How the last frame compares with one solved from the start."""
+    """Comparison of the last frame with one that is solved from scratch."""
     import numpy as np
 
     updated = dynamic.reflected

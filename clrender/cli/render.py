@@ -1,4 +1,4 @@
-"""`clrender render`: a scene becomes image files."""
+"""`clrender render`: renders a scene to image files."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def render(
         if interrupt.wanted() and not image.film.samples:
             click.echo("error: interrupted before the first sample; nothing was written", err=True)
             sys.exit(interrupt.exit_code)
-        # The renderer counts from its call; the user from the command.
+        # The renderer's times start at its call; users expect them from the start of the command.
         for name in ("read_seconds", "load_seconds"):
             image.stats[name] = image.stats.get(name, 0.0) + read_seconds
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
@@ -172,7 +172,7 @@ def render(
 
 
 def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | None) -> None:
-    """Every output can be written, and there is one for all that is asked for."""
+    """Check that every output can be written, and that every requested result has an output."""
     from clrender.files import check_writable
     from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, check_output
 
@@ -198,7 +198,7 @@ def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | No
 
 
 def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
-    """Names in the list of --aov, and a file to hold them."""
+    """Parse the list of --aov, and check that an output can hold the layers."""
     if aov is None:
         return ()
     from clrender.aov import AOVS, check_aovs
@@ -212,7 +212,7 @@ def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
 
 
 def _check_exr(layers: Sequence[str], exr: Mapping[str, Any]) -> None:
-    """The file keeps what the layers need."""
+    """Check that the format of the `.exr` preserves the layers."""
     if layers:
         from clrender.image.exr_write import ExrFormat
         from clrender.rendered_image import check_mattes
@@ -221,7 +221,7 @@ def _check_exr(layers: Sequence[str], exr: Mapping[str, Any]) -> None:
 
 
 def _saving(checkpoint: Path | None, resume: bool) -> dict[str, Any]:
-    """Arguments of the renderer about a checkpoint, which can be written."""
+    """Arguments of the renderer for a checkpoint, after checking that it can be written."""
     if checkpoint is None:
         if resume:
             raise UsageError("--resume: there is no checkpoint to resume from; name it with --checkpoint FILE")
@@ -233,7 +233,7 @@ def _saving(checkpoint: Path | None, resume: bool) -> dict[str, Any]:
 
 
 def _on_cluster(address: str | None) -> dict[str, Any]:
-    """Arguments of the renderer about a cluster, which can be reached as far as one can tell without trying."""
+    """Arguments of the renderer for a cluster, after checking its address without connecting."""
     if address is None:
         return {}
     from clrender.cluster.address import check_address
@@ -246,7 +246,7 @@ def _on_cluster(address: str | None) -> dict[str, Any]:
 
 
 def _check_progress(progress: str, preview: bool, quiet: bool) -> None:
-    """One way of progress alone is asked for."""
+    """Check that at most one kind of progress display is requested."""
     if quiet and progress == "json":
         raise UsageError("--quiet and --progress json contradict each other; leave one out")
     if preview and (quiet or progress == "json"):
@@ -255,7 +255,7 @@ def _check_progress(progress: str, preview: bool, quiet: bool) -> None:
 
 
 def _view(job: RenderJob, progress: str, preview: bool, tone_map: str, exposure: float) -> ProgressView:
-    """How to show progress."""
+    """The display of progress."""
     if preview:
         from clrender.cli.preview import preview_here
         from clrender.exposure import photographic_stops
@@ -297,7 +297,7 @@ def _run(
 
 
 def _write(image: RenderedImage, outputs: Sequence[Path], how: Mapping[str, Any], stats: Path | None) -> None:
-    """Write everything that can be written, then complain about the rest."""
+    """Write all outputs; errors are raised only after all others have been tried."""
     from clrender.files import atomic_write
 
     numbers = image.stats
@@ -325,7 +325,7 @@ def _write(image: RenderedImage, outputs: Sequence[Path], how: Mapping[str, Any]
 
 
 def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
-    """What there is now, in one line."""
+    """Summary of the result in one line."""
     numbers = image.stats
     height, width = image.linear.shape[:2]
     wanted = numbers.get("sample_count", numbers["spp"])
@@ -351,14 +351,14 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
 
 
 def _convergence_words(numbers: Mapping[str, Any], pixels: int) -> str:
-    """How far a render that was to stop by its error has come."""
+    """Convergence of a render that stops by its error, as text."""
     left = numbers["unconverged_pixels"]
     words = f"{left} of {pixels} pixels ({left / pixels:.2%}) not within {numbers['error']:.3g} of their luminance"
     return f"{words} at {numbers['confidence']:.4g} confidence" + ("" if numbers["converged"] else ": NOT CONVERGED")
 
 
 def _device_names(numbers: Mapping[str, Any]) -> str:
-    """Who did it; of a cluster, how many of a kind."""
+    """Names of the devices; for a cluster, with the number of each kind."""
     names = [device["name"] for device in numbers["devices"]]
     if "cluster" in numbers:
         names = [name if count == 1 else f"{count} x {name}" for name, count in Counter(names).items()]

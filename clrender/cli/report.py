@@ -1,4 +1,4 @@
-"""`clrender report`: the founding report's table and figures, measured again here."""
+"""`clrender report`: measures the founding report's table and figures again on this machine."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: st
         except Stopped:
             click.echo("error: interrupted; nothing was written", err=True)
             sys.exit(interrupt.exit_code)
-        interrupt.has_picture.set()  # writing takes a moment, and is not cut short
+        interrupt.has_picture.set()  # writing is short and should not be interrupted
         write_files(folder, files)
     click.echo(f"{folder / 'report.html'}: {sum(map(len, files.values())) / 1e6:.1f} MB in {len(files)} files")
 
 
 def _check_folder(folder: Path) -> None:
-    """Make sure that there is an empty folder that can be written to, or that one can be made."""
+    """Check that the folder is empty and can be written to, or can be created."""
     from clrender.files import check_writable
 
     if not folder.exists():

@@ -1,4 +1,4 @@
-"""`clrender scenes`: the built-in scenes."""
+"""`clrender scenes`: lists the built-in scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`clrender schema`: the JSON Schema of the scene file, for editors and programs."""
+"""`clrender schema`: prints the JSON Schema of the scene file, for editors and programs."""
 
 from __future__ import annotations
 

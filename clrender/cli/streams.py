@@ -1,4 +1,4 @@
-"""Standard streams that may be closed, on a full disk, or read by nobody any more."""
+"""Safe standard streams, which may be closed, on a full disk, or without a reader."""
 
 from __future__ import annotations
 
@@ -23,34 +23,35 @@ class OutputError(ClrenderError):
 
 
 class ReaderLeft(Exception):
-    """Whoever read the output has seen enough: no error."""
+    """The reader of the output has closed the pipe; this is no error."""
 
 
 def guard_streams() -> None:
-    """Make the standard streams safe to write to; once, when the program starts.
+    """Make the standard streams safe to write to; called once, when the program starts.
 
-    A stream that was closed goes nowhere, and no file that is opened later can take its number. What cannot be written
-    to stdout raises `OutputError` or `ReaderLeft`; to stderr, it is dropped: a render goes on without its progress.
+    A closed stream is redirected to the null device, so that no file that is opened later gets its descriptor. Failed
+    writes to stdout raise `OutputError` or `ReaderLeft`. Failed writes to stderr are ignored: a render continues
+    without its progress.
     """
     for descriptor in (0, _STDOUT, _STDERR):
         try:
             os.fstat(descriptor)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the system gives the lowest free number: this one
+            os.open(os.devnull, os.O_RDWR)  # the system assigns the lowest free descriptor: this one
     sys.stdout = _Output(_STDOUT, sys.stdout)
     sys.stderr = _Messages(_STDERR, sys.stderr)
     if not sys.warnoptions:
-        # For developers; what users should know is said in errors and notices.
+        # Warnings are for developers; users get errors and notices.
         warnings.simplefilter("ignore")
 
 
 class _Guarded(io.TextIOWrapper):
-    """A stream in place of the one that Python opened."""
+    """A replacement for a stream that Python opened."""
 
     def __init__(self, descriptor: int, opened: Any) -> None:
         buffer = opened.buffer if opened is not None else open(descriptor, "wb", closefd=False)  # noqa: SIM115
         encoding = "utf-8" if opened is None or opened.encoding == "ascii" else opened.encoding
-        # Names of files need not be text: what cannot be encoded is written as an escape.
+        # File names may contain bytes that cannot be encoded: they are written as escapes.
         super().__init__(buffer, encoding, "backslashreplace", line_buffering=descriptor == _STDERR)
         self._descriptor = descriptor
 
@@ -68,7 +69,7 @@ class _Guarded(io.TextIOWrapper):
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        # What is still in the buffers goes nowhere, or Python would complain again at its end.
+        # Discard the rest of the buffers, or Python would report an error again at exit.
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._descriptor)
         os.close(nowhere)

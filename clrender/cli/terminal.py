@@ -1,4 +1,4 @@
-"""Ask a terminal whether it shows pictures, and how large its cells are."""
+"""Query a terminal for its image protocol and its cell size."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from typing import Final
 __all__ = ["Terminal", "ask"]
 
 _SECONDS: Final = 1.0
-"""To wait for an answer; every terminal but the simplest answers within some milliseconds, also from afar."""
+"""Seconds to wait for an answer; all but the simplest terminals answer within milliseconds, even remote ones."""
 
 _COLORS: Final = 128
-"""Of a sixel picture: twice as many take twice as long to write, and are hardly seen."""
+"""Colours of a sixel image: twice as many take twice as long to write, with little visible improvement."""
 
 _SMALL_CELL: Final = (6, 12)
-"""Where a cell's size is not known: too small leaves rows free below a picture, too large would write into it."""
+"""Default cell size: a too small one leaves free rows below an image, a too large one would overwrite the image."""
 
 _ITERM2: Final = ("iterm2", "wezterm", "mintty")
-"""Terminals, by the name that they give themselves, that know iTerm2's protocol."""
+"""Terminals with iTerm2's protocol, by the name that they report."""
 
 _QUERIES: Final = (
-    "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"  # kitty: would you show this pixel?
-    "\x1b[>q"  # XTVERSION: what is your name?
-    "\x1b[?1;1;0S"  # XTSMGRAPHICS: how many colours has a sixel picture?
-    "\x1b[16t"  # XTWINOPS: how large is a cell?
-    "\x1b[c"  # DA1: what can you do? All terminals answer, in the order of the questions.
+    "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"  # kitty: query for displaying one pixel
+    "\x1b[>q"  # XTVERSION: name of the terminal
+    "\x1b[?1;1;0S"  # XTSMGRAPHICS: number of colours of a sixel image
+    "\x1b[16t"  # XTWINOPS: size of a cell
+    "\x1b[c"  # DA1: capabilities. All terminals answer this, and answers come in the order of the queries.
 )
 _LAST: Final = re.compile(r"\x1b\[\?([\d;]*)c")
 
 
 @dataclass(frozen=True)
 class Terminal:
-    """A terminal that shows pictures.
+    """A terminal that can show images.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Terminal:
     cell : (int, int)
         Width and height of a cell, pixels.
     colors : int
-        Of a sixel picture.
+        Number of colours of a sixel image.
     """
 
     protocol: str
@@ -54,18 +54,18 @@ class Terminal:
 
 
 def ask(seconds: float = _SECONDS) -> Terminal | None:
-    """The terminal that this process runs at, if it says itself that it shows pictures.
+    """The terminal of this process, if it reports that it can show images.
 
-    Nothing is guessed from names in the environment: they are wrong within tmux, or on another machine. What is typed
-    while it is asked is lost.
+    Environment variables are not used, as they are wrong within tmux or on a remote machine. Keys typed during the
+    query are lost.
     """
-    if os.environ.get("TERM", "") in ("", "dumb", "linux"):  # they write questions down
+    if os.environ.get("TERM", "") in ("", "dumb", "linux"):  # they print queries as text
         return None
     answer, known = _answer(seconds)
     found = _LAST.search(answer)
     if found is None:
         return None
-    told = re.search(r"\x1b\[6;(\d+);(\d+)t", answer)  # xterm says nothing unless it is allowed to
+    told = re.search(r"\x1b\[6;(\d+);(\d+)t", answer)  # xterm does not answer unless configured to
     cell = (int(told[2]), int(told[1])) if told and int(told[1]) * int(told[2]) else known or _SMALL_CELL
     colors = re.search(r"\x1b\[\?1;0;(\d+)S", answer)
     most = min(_COLORS, int(colors[1])) if colors else _COLORS
@@ -78,9 +78,9 @@ def ask(seconds: float = _SECONDS) -> Terminal | None:
 
 
 def _answer(seconds: float) -> tuple[str, tuple[int, int] | None]:
-    """What the terminal says to the questions, and the size of a cell as the system knows it, if it does.
+    """The terminal's answers to the queries, and the cell size according to the system, if known.
 
-    Nothing where there is no terminal, or it belongs to another process.
+    The answer is empty if there is no terminal, or this process is in the background.
     """
     try:
         import termios
@@ -90,7 +90,7 @@ def _answer(seconds: float) -> tuple[str, tuple[int, int] | None]:
     except (ImportError, OSError):
         return "", None
     try:
-        if os.tcgetpgrp(terminal) != os.getpgrp():  # in the background: reading would stop this process
+        if os.tcgetpgrp(terminal) != os.getpgrp():  # in the background, where reading would stop this process
             return "", None
         before = termios.tcgetattr(terminal)
         try:
@@ -115,7 +115,7 @@ def _cell(terminal: int) -> tuple[int, int] | None:
 
 
 def _read(terminal: int, seconds: float) -> str:
-    """All up to the answer to the last question, or what came in time."""
+    """Read up to the answer to the last query, or until the time is over."""
     end, answer = time.monotonic() + seconds, ""
     while not _LAST.search(answer) and (left := end - time.monotonic()) > 0.0:
         if select.select([terminal], [], [], left)[0]:

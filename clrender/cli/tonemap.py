@@ -1,4 +1,4 @@
-"""`clrender tonemap`: a linear image becomes one for display."""
+"""`clrender tonemap`: converts a linear image to a display image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`clrender verify`: is an image what it says it is."""
+"""`clrender verify`: verifies that an image is the result of the render in its metadata."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _numbers(found: Verification) -> dict[str, object]:
 
 
 def _confidence(found: Verification) -> str:
-    """What can be said after nothing was found."""
+    """The conclusion if no difference was found, as text."""
     done = f"{found.checked} of {found.tiles} tiles rendered again ({found.samples} samples)"
     if found.checked == found.tiles:
         return f"{done}, identical bit for bit"

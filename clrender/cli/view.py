@@ -31,7 +31,7 @@ __all__ = ["view"]
 
 @dataclass(frozen=True)
 class _SceneFile:
-    """Where the scene comes from: what the command line named."""
+    """Source of the scene: the file or name from the command line."""
 
     name: str
     how: dict[str, Any]

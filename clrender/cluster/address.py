@@ -1,4 +1,4 @@
-"""Where a cluster is: `local:N`, or the address of a Dask scheduler. Without Dask, which takes long to load."""
+"""Cluster addresses: `local:N`, or the address of a Dask scheduler. Does not import Dask, which loads slowly."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _ADDRESS: Final = re.compile(r"(tcp|tls|ucx|ws|wss)://(\[[0-9a-fA-F:.]+\]|[^\s:/
 
 
 def local_workers(address: str) -> int | None:
-    """How many worker processes on this machine an address asks for; None: it is that of a scheduler.
+    """Number of worker processes on this machine that an address requests; None if it is a scheduler's address.
 
     Raises
     ------
     UsageError
-        It is no address of a cluster.
+        When it is no address of a cluster.
     """
     if address.startswith("local:"):
         count = address.removeprefix("local:")
@@ -37,7 +37,7 @@ def local_workers(address: str) -> int | None:
 
 
 def check_address(address: str) -> None:
-    """Make sure that it is an address of a cluster, and that what reaches one is installed.
+    """Check that an address is a cluster's, and that Dask is installed.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Calls of one worker's process, each with limits of time, and whether it is worth calling."""
+"""Connection to one worker's process: calls with time limits, and whether the worker can be called."""
 
 from __future__ import annotations
 
@@ -26,40 +26,40 @@ __all__ = ["Connection"]
 _Future = concurrent.futures.Future[Any]
 
 ANSWER_SECONDS: float = 15.0
-"""A worker whose process answers nothing for so long counts as lost until it answers again."""
+"""Time without an answer after which a worker's process counts as lost, until it answers again."""
 _ASK_SECONDS: Final = 1.0
-"""In a call that takes longer the worker is asked how far it is, and as often."""
+"""Interval at which a worker is asked for its state during a long call."""
 _STOP_SECONDS: Final = 0.8
-"""What a worker gets to send what it has when the render is to end: Ctrl-C is answered within a second."""
+"""Time for a worker to send its partial result when the render is stopped: Ctrl-C must take effect within a second."""
 _WAIT: Final = 0.2
-"""From one look at what else happens, while a call is out, to the next: a thousand threads must not keep this busy."""
+"""Polling interval during a call, long enough that a thousand threads do not load this process."""
 _ANEW_SECONDS: Final = 2.0
-"""Between two questions to a worker that owes an answer. Over a network that was cut, an old connection takes minutes
-to come back; each question may have a new one."""
+"""Interval between requests to a worker that has not answered. After a network failure an old connection takes minutes
+to recover, but each request may open a new one."""
 _MOST_QUESTIONS: Final = 8
 _FORGET_SECONDS: Final = 10.0
-"""After which an address that broke off is called again, if the scheduler still knows it."""
+"""Time after which an address whose connection broke is called again, if the scheduler still lists it."""
 
 
 class Connection:
-    """The connection with a worker: an actor in its process, once there is one.
+    """The connection to a worker: an actor in its process, once created.
 
     Parameters
     ----------
     client : distributed.Client
     spec : tuple or None
-        As of `RemoteRenderer`.
+        See `RemoteRenderer`.
     peers : callable
-        Gives the workers that the scheduler knows now.
+        Returns the workers that the scheduler currently knows.
     on_answer : callable
-        Told of each answer.
+        Called after each answer.
 
     Attributes
     ----------
     state : State
-        The last that is known.
+        The last known state.
     lost : int
-        How often the worker broke off, or did not answer.
+        Number of times that the connection broke or the worker did not answer.
     """
 
     def __init__(
@@ -74,29 +74,29 @@ class Connection:
         self.lost = 0
         self._peer: Peer | None = None
         self._actor: Any = None
-        self._holder: Any = None  # Dask's future of the actor, which lives as long as that
+        self._holder: Any = None  # Dask's future of the actor, which keeps it alive
         self._given_up = threading.Event()
         self._broken: tuple[str, float] | None = None
         self._questions: list[_Future] = []
         self._asked = 0.0
 
     def give_up(self) -> None:
-        """Nobody waits any more for what it is doing, unless that is a unit."""
+        """Stop waiting for any call in progress, except rendering."""
         self._given_up.set()
 
     def close(self) -> None:
-        """Dask drops the actor when nobody holds it here."""
+        """Release the actor; Dask deletes it when there are no more references here."""
         self._given_up.set()
         for question in self._questions:
             question.cancel()
         self._actor = self._holder = None
 
     def leads_to(self, peer: Peer) -> bool:
-        """Whether the actor is in this very process."""
+        """Whether the actor is in this peer's current process."""
         return self._actor is not None and self._peer is not None and self._peer.address == peer.address
 
     def is_open(self, peer: Peer) -> bool:
-        """Whether nothing speaks against calling: this process did not break off, and owes no answer."""
+        """Whether the peer can be called: its connection did not break, and it has no overdue answer."""
         if self._broken is not None and self._broken[0] == peer.address:
             return time.monotonic() - self._broken[1] > _FORGET_SECONDS
         if self._peer is None or self._peer.address != peer.address or not self._questions:
@@ -112,19 +112,19 @@ class Connection:
         return False
 
     def connect(self, peer: Peer) -> None:
-        """Have an actor in this worker's process.
+        """Create an actor in this worker's process, unless there is one.
 
         Raises
         ------
         DeviceFailure
-            It does not answer.
+            When the worker does not answer.
         RenderError
-            It cannot have one.
+            When the worker cannot create one.
         """
         if self.leads_to(peer):
             return
         self._questions, self._broken, self._actor, self._peer = [], None, None, peer
-        # By itself first: a class that a worker cannot load would end its process, which may not be ours alone
+        # Import the module first: a class that cannot be loaded would end the worker's process, which others may share
         loaded = self._submit(importlib.import_module, RemoteRenderer.__module__)
         if self._await(loaded) and loaded.status != "error":
             self._holder = self._submit(RemoteRenderer, self._spec, actor=True)
@@ -137,7 +137,7 @@ class Connection:
             )
 
     def _submit(self, function: Callable[..., Any], *arguments: Any, actor: bool = False) -> Any:
-        """Dask's future of a function's result on the worker, and nowhere else."""
+        """Run a function on this worker only; returns Dask's future of the result."""
         assert self._peer is not None
         try:
             return self._client.submit(
@@ -146,11 +146,11 @@ class Connection:
             )  # fmt: skip
         except (
             Exception
-        ):  # the client closes itself when it has lost the scheduler, with an error of each version's own
+        ):  # after losing the scheduler the client closes itself, with an error that depends on the version
             raise self._lose("cannot be reached any more") from None
 
     def _await(self, future: Any) -> bool:
-        """Wait for one of Dask's futures; gives whether it is done."""
+        """Wait for one of Dask's futures; returns whether it is done, False if given up."""
         begun = time.monotonic()
         while not future.done():
             if self._given_up.is_set():
@@ -161,27 +161,27 @@ class Connection:
         return True
 
     def _result(self, get: Callable[..., Any]) -> Any:
-        """What one of Dask's futures that is done came to."""
+        """Result of one of Dask's futures that is done."""
         try:
             return get(timeout=ANSWER_SECONDS)
         except (OSError, concurrent.futures.CancelledError, asyncio.CancelledError):
             raise self._lose("broke off") from None
-        except Exception as error:  # of whatever Python is there
+        except Exception as error:  # any exception of the remote Python
             raise RenderError(
                 f"{self._title} cannot take jobs ({type(error).__name__}: {_first_line(error)})"
             ) from None
 
     def call(self, method: str, *arguments: Any, should_stop: Callable[[], bool] | None = None) -> Any:
-        """What a method of the actor gives; None where nobody waits for that any more.
+        """Call a method of the actor and return its result; None if the call was given up.
 
-        With `should_stop` it is waited for until that says yes, and then a moment for what there is, if anything.
+        With `should_stop`, the call ends when that returns True; a partial result is then waited for briefly.
 
         Raises
         ------
         DeviceFailure
-            The worker broke off, or does not answer.
+            When the connection breaks, or the worker does not answer.
         ClrenderError
-            As its method raises.
+            Any that the method raises.
         """
         try:
             return self._call(method, arguments, should_stop)
@@ -192,7 +192,7 @@ class Connection:
 
     def _call(self, method: str, arguments: Sequence[Any], should_stop: Callable[[], bool] | None) -> Any:
         if self._actor is None:
-            if should_stop is None:  # it was given up while it was to be met
+            if should_stop is None:  # the call was given up while connecting
                 return None
             raise DeviceFailure(f"{self._title} is not connected")
         future = self._begin(method, *arguments)
@@ -227,7 +227,7 @@ class Connection:
         return self._peer.title
 
     def _moved(self) -> bool:
-        """Whether the worker was started anew."""
+        """Whether the worker was restarted at another address."""
         assert self._peer is not None
         now = self._peers().get(self._peer.key)
         return now is not None and now.address != self._peer.address
@@ -237,11 +237,11 @@ class Connection:
             answer = getattr(self._actor, method)(*arguments)
             loop: Any = self._client.loop
             return asyncio.run_coroutine_threadsafe(_awaited(answer), loop.asyncio_loop)
-        except RuntimeError:  # Dask knows already that the actor is lost, or has closed the client
+        except RuntimeError:  # Dask already knows that the actor is lost, or has closed the client
             raise self._lose("broke off") from None
 
     def _hear(self, future: _Future) -> Any:
-        """What came of a call."""
+        """Result of a call that is done; also updates the state."""
         try:
             answer = future.result()
         except (Exception, asyncio.CancelledError):
@@ -257,7 +257,7 @@ class Connection:
         return answer
 
     def _lose(self, how: str) -> DeviceFailure:
-        """The worker's process is gone, as far as one can see from here."""
+        """Record that the worker's process appears to be gone; returns the error to raise."""
         assert self._peer is not None
         self.lost += 1
         self._actor = self._holder = None

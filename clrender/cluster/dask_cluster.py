@@ -1,4 +1,4 @@
-"""An open cluster: a client of its scheduler, which of its workers are there, and a team of them for each job."""
+"""An open cluster: the client of its scheduler, its current workers, and a team of them for each job."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ __all__ = ["DaskCluster", "Peer", "open_cluster"]
 
 CONNECT_SECONDS: Final = 10.0
 PATIENCE: float = 30.0
-"""Seconds without any worker after which a render ends."""
+"""Seconds without any worker after which a render fails."""
 _LOOK_SECONDS: Final = 0.5
 _SPARE: Final = 16
-"""Workers that may join a render which has begun, beside as many as there were."""
+"""Number of additional workers that may join a running render."""
 _LIMITS: Final = TimeLimits(steady=1)
-"""A worker that has done a unit since it was lost counts as one that was never lost."""
+"""After one finished unit, earlier losses of a worker are forgotten."""
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A worker as the scheduler knows it.
+    """A worker as listed by the scheduler.
 
     Attributes
     ----------
     key : str
-        Stays the same when its nanny starts it anew.
+        Identifier that stays the same when its nanny restarts it.
     address : str
-        Of its process.
+        Address of its process.
     name, host : str
     """
 
@@ -54,7 +54,7 @@ class Peer:
 
     @property
     def title(self) -> str:
-        """For messages."""
+        """Name in messages."""
         return f"worker {self.name}" if self.host in self.name else f"worker {self.name} on {self.host}"
 
 
@@ -62,17 +62,17 @@ class Peer:
 def open_cluster(
     address: str, *, device: str | int | Sequence[str | int] | None = None, notify: Callable[[str], None] | None = None
 ) -> Iterator[DaskCluster]:
-    """Connect to a Dask cluster, or start one here, while the block runs.
+    """Connect to a Dask cluster, or start one on this machine, while the block runs.
 
     Parameters
     ----------
     address : str
-        Of a Dask scheduler, ``tcp://HOST:PORT`` or, with the certificates of Dask's configuration, ``tls://HOST:PORT``;
-        or ``local:N`` for N worker processes on this machine.
+        Address of a Dask scheduler, ``tcp://HOST:PORT`` or, with the certificates of Dask's configuration,
+        ``tls://HOST:PORT``; or ``local:N`` for N worker processes on this machine.
     device : str, int or sequence of them, optional
-        As of `Session`: which one each worker takes; by default what ``CLRENDER_DEVICE`` says there, or its best.
+        The device of each worker, see `Session`. Default: the worker's ``CLRENDER_DEVICE``, else its best device.
     notify : callable, optional
-        Told in a line of what there is to know.
+        Called with one line of text for each notice.
 
     Yields
     ------
@@ -82,9 +82,9 @@ def open_cluster(
     Raises
     ------
     UsageError
-        It is no address, or Dask is not installed.
+        When the address is invalid, or Dask is not installed.
     RenderError
-        Nobody answers there.
+        When no scheduler answers at the address.
     """
     check_address(address)
     count = local_workers(address)
@@ -107,7 +107,7 @@ def open_cluster(
         try:
             connect: Any = distributed.Client
             client = connect(where, timeout=CONNECT_SECONDS, direct_to_workers=True, name="clrender")
-        except Exception as error:  # Dask raises whatever its transports raise
+        except Exception as error:  # Dask passes on any exception of its transports
             reason = str(error).split("\n", maxsplit=1)[0].strip() or type(error).__name__
             raise RenderError(
                 f"{address}: no Dask scheduler answers there ({reason}); start one with `dask scheduler`, and workers "
@@ -120,7 +120,7 @@ def open_cluster(
 
 
 def _close(client: Any) -> None:
-    # A scheduler that is gone is waited for, in vain
+    # In a thread, because closing waits in vain for a scheduler that is gone
     closing = threading.Thread(target=_close_quietly, args=(client,), daemon=True)
     closing.start()
     closing.join(3.0)
@@ -132,18 +132,18 @@ def _close_quietly(client: Any) -> None:
 
 
 class DaskCluster:
-    """What `open_cluster` opens; a `clrender.scheduling.cluster.Cluster`.
+    """The cluster that `open_cluster` yields; a `clrender.scheduling.cluster.Cluster`.
 
     Parameters
     ----------
     address : str
-        As the user says it.
+        Address as given by the user.
     client : distributed.Client
     spec : tuple or None
-        Which device each worker takes.
+        The device of each worker.
     notify : callable
     spare : int
-        How many more workers than there are may join a render.
+        Number of additional workers that may join a running render.
     """
 
     def __init__(
@@ -172,17 +172,17 @@ class DaskCluster:
 
     @property
     def peers(self) -> Mapping[str, Peer]:
-        """Workers that the scheduler knows now, by their keys."""
+        """Workers that the scheduler currently knows, by their keys."""
         return self._peers
 
     @property
     def silent_seconds(self) -> float:
-        """For how long the scheduler has said nothing."""
+        """Seconds since the scheduler's last answer."""
         return time.monotonic() - self._heard
 
     @contextmanager
     def team(self, job: RenderJob, arrays_sha256: str, on_ready: Callable[[], None]) -> Iterator[DaskTeam]:
-        """As of `clrender.scheduling.cluster.Cluster.team`."""
+        """See `clrender.scheduling.cluster.Cluster.team`."""
         text, assets = job.to_json()
         payload = JobPayload(text, assets, arrays_sha256, job.settings.width, job.settings.height)
         team = DaskTeam(self, payload, on_ready, len(self._peers) + self._spare)
@@ -208,9 +208,9 @@ class DaskCluster:
 
 
 class DaskTeam:
-    """Workers of a cluster at a job's disposal; a `clrender.scheduling.cluster.Team`.
+    """Workers of a cluster for one job; a `clrender.scheduling.cluster.Team`.
 
-    Each has a proxy; those that stand for nobody yet are for workers that join later.
+    Each has a proxy; unassigned proxies are for workers that join later.
     """
 
     def __init__(self, cluster: DaskCluster, payload: JobPayload, on_ready: Callable[[], None], proxies: int) -> None:
@@ -226,36 +226,37 @@ class DaskTeam:
 
     @property
     def candidates(self) -> Sequence[Candidate]:
-        """One for each proxy."""
+        """One candidate for each proxy."""
         return [proxy.candidate for proxy in self._proxies]
 
     def active(self) -> None:
-        """A worker answered something."""
+        """Note that a worker has answered."""
         self._active = time.monotonic()
 
     def refuse(self, peer: Peer, why: str) -> None:
-        """A worker cannot do this job."""
+        """Note that a worker cannot do this job."""
         with self._lock:
             self._refused[peer.key] = why
 
     def newcomer(self) -> Peer | None:
-        """A worker that nobody has a proxy for yet."""
+        """A worker without a proxy, or None."""
         taken = {proxy.peer.key for proxy in self._proxies if proxy.peer is not None}
         return next((peer for key, peer in self.cluster.peers.items() if key not in taken), None)
 
     def assign_newcomer(self, proxy: WorkerProxy) -> None:
-        """Let a proxy stand for a worker that has none, if there is one."""
+        """Assign a proxy to a worker that has none, if there is one."""
         with self._lock:
             peer = self.newcomer()
             if peer is not None:
                 proxy.assign(peer)
 
     def check(self) -> None:
-        """Make sure that there is somebody to wait for.
+        """Check that there are workers that can be expected to answer.
 
         Raises
         ------
         RenderError
+            When all workers refused the job, or none has answered for `PATIENCE`.
         """
         peers, address = self.cluster.peers, self.cluster.address
         with self._lock:
@@ -270,11 +271,11 @@ class DaskTeam:
         raise RenderError(f"{address}: {there}, since {waited:.0f} s; start some with `dask worker`")
 
     def members(self) -> list[Member | None]:
-        """As of `clrender.scheduling.cluster.Team.members`."""
+        """See `clrender.scheduling.cluster.Team.members`."""
         return [proxy.member() for proxy in self._proxies]
 
     def stats(self) -> Mapping[str, Any]:
-        """Bytes that went there and came back."""
+        """Entries of the statistics: number of workers, bytes sent and received, and connection losses."""
         return {
             "cluster": {
                 "address": self.cluster.address,
@@ -287,6 +288,6 @@ class DaskTeam:
         }
 
     def release(self) -> None:
-        """Let the workers go."""
+        """Release the workers."""
         for proxy in self._proxies:
             proxy.release()

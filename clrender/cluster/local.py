@@ -1,4 +1,4 @@
-"""A cluster of processes on this machine, which nobody but this machine reaches: `local:N`."""
+"""`local:N`: a cluster of processes on this machine, reachable only from this machine."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ __all__ = ["local_cluster"]
 
 LOOPBACK: Final = "127.0.0.1"
 _THREADS: Final = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
-"""PoCL's number of threads: of older and of newer versions."""
+"""Variables for PoCL's number of threads, in older and newer versions."""
 _DASK: Final = {
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.tick.cycle": "10s",
     "distributed.admin.system-monitor.interval": "10s",
 }
-"""What Dask measures of its own processes takes three per cent of a core in each, and nobody looks at it."""
+"""Settings that reduce Dask's monitoring, which is not used and takes three per cent of a core per process."""
 _START_SECONDS: Final = 60.0
 _END_SECONDS: Final = 0.1
 
 
 @contextmanager
 def local_cluster(count: int) -> Iterator[str]:
-    """A scheduler in this process and so many workers, each with its share of the processor's cores.
+    """Start a scheduler in this process and `count` workers, each with its share of the processor's cores.
 
     Workers end by themselves when the scheduler is gone, however this process ends.
 
@@ -44,7 +44,7 @@ def local_cluster(count: int) -> Iterator[str]:
     Raises
     ------
     RenderError
-        The workers do not start.
+        When the workers do not start.
     """
     import dask
     from distributed import LocalCluster
@@ -53,7 +53,7 @@ def local_cluster(count: int) -> Iterator[str]:
     processes: list[subprocess.Popen[bytes]] = []
     with tempfile.TemporaryDirectory(prefix="clrender-cluster-", ignore_cleanup_errors=True) as folder:
         with dask.config.set(_DASK):
-            # Each of Dask's processes serves pages about itself, to the whole network unless told where
+            # Dask processes serve dashboards, by default to the whole network
             pages = {"dashboard": False, "dashboard_address": f"{LOOPBACK}:0"}
             scheduler = local(n_workers=0, protocol="tcp", host=LOOPBACK, scheduler_kwargs=pages)
         try:
@@ -67,7 +67,7 @@ def local_cluster(count: int) -> Iterator[str]:
 
 
 def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.Popen[bytes]:
-    """A worker with its nanny, which starts it anew when it dies. Ctrl-C at the terminal is not for them."""
+    """Start a worker with its nanny, which restarts it when it dies. They do not receive Ctrl-C from the terminal."""
     home = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
     threads = str(max(1, (os.cpu_count() or 1) // count))
@@ -82,13 +82,13 @@ def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.P
 
 
 def _variables() -> dict[str, str]:
-    """The same for Dask's processes."""
+    """Environment variables with these settings, for Dask's processes."""
     names = {name: f"DASK_{name}".upper().replace(".", "__").replace("-", "_") for name in _DASK}
     return {names[name]: str(value) for name, value in _DASK.items()}
 
 
 def _await_workers(scheduler: Any, processes: list[subprocess.Popen[bytes]], folder: Path) -> None:
-    """Wait until all are there."""
+    """Wait until all workers are connected."""
     end = time.monotonic() + _START_SECONDS
     while len(scheduler.scheduler_info["workers"]) < len(processes):
         ended = next((number for number, each in enumerate(processes) if each.poll() is not None), None)
@@ -102,7 +102,7 @@ def _await_workers(scheduler: Any, processes: list[subprocess.Popen[bytes]], fol
 
 
 def _end(processes: list[subprocess.Popen[bytes]]) -> None:
-    """They end because the scheduler is gone, which takes some seconds; nobody need wait for that."""
+    """Wait briefly for the processes, which end some seconds after the scheduler is gone, then kill the rest."""
     end = time.monotonic() + _END_SECONDS
     for process in processes:
         with suppress(subprocess.TimeoutExpired):

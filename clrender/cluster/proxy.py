@@ -1,4 +1,4 @@
-"""One worker of a cluster as scheduling sees it: what it is sent, and what it does."""
+"""Proxy of one worker of a cluster for the scheduler: sends jobs and units, and receives results."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ __all__ = ["JobPayload", "WorkerProxy"]
 
 @dataclass(frozen=True)
 class JobPayload:
-    """A job on its way to workers.
+    """A job in serialized form, for workers.
 
     Attributes
     ----------
     text, assets
-        Of `RenderJob.to_json`.
+        Results of `RenderJob.to_json`.
     arrays_sha256 : str
-        Hash of the arrays that its scene is here.
+        Hash of the scene's arrays on this machine.
     width, height : int
     """
 
@@ -42,7 +42,7 @@ class JobPayload:
 
 
 class WorkerProxy:
-    """What stands for one worker of the cluster here, or for one that may join.
+    """Local proxy of one worker of the cluster, or of one that may join.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ class WorkerProxy:
     ----------
     candidate : Candidate
     peer : Peer or None
-        Whom it stands for.
+        The worker that it is assigned to.
     described : Described or None
-        Once it was set up.
+        Description of the worker's device, after its set-up.
     sent_bytes, received_bytes : int
-        Assets and job; sums of units.
+        Bytes of assets and job; bytes of sums of units.
     lost : int
-        How often it broke off, or did not answer.
+        Number of times that the connection broke or the worker did not answer.
     """
 
     def __init__(self, team: DaskTeam, payload: JobPayload, on_ready: Callable[[], None]) -> None:
@@ -88,12 +88,12 @@ class WorkerProxy:
         return self._connection.lost
 
     def assign(self, peer: Peer) -> None:
-        """Stand for this worker from now on."""
+        """Assign the proxy to a worker."""
         self.peer = peer
         self.candidate.name = peer.title
 
     def member(self) -> Member | None:
-        """What the statistics say of the worker; None where none was ever set up."""
+        """The worker's entry in the statistics; None if it was never set up."""
         it = self.described
         if it is None:
             return None
@@ -101,13 +101,13 @@ class WorkerProxy:
         return Member(it.device, it.driver, it.type, *seconds, it.device_bytes, f"{self.candidate.name} ({it.host})")
 
     def release(self) -> None:
-        """Let the worker go."""
+        """Release the worker."""
         self._connection.close()
 
-    # What scheduling calls, in the worker's own thread
+    # Called by the scheduler, in the worker's own thread
 
     def _present(self) -> bool:
-        """Whether the scheduler knows it, and nothing says that it would not answer."""
+        """Whether Dask's scheduler lists the worker, and it can be called."""
         if self.peer is None:
             self._team.assign_newcomer(self)
         peer = None if self.peer is None else self._team.cluster.peers.get(self.peer.key)
@@ -139,7 +139,7 @@ class WorkerProxy:
         return self
 
     def _prove(self) -> bool:
-        # It is waited for: what is half done proves nothing
+        # Never stopped early: a partial probe proves nothing
         return bool(self._connection.call("prove", should_stop=lambda: False))
 
     def _restart(self) -> None:
@@ -149,7 +149,7 @@ class WorkerProxy:
     def render(
         self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
     ) -> UnitSums:
-        """As of `clrender.scheduling.worker.Worker.render`; samples are told of when the unit is done."""
+        """See `clrender.scheduling.worker.Worker.render`; `on_slice` is called only once, when the unit is done."""
         result = self._connection.call("render", unit, should_stop=should_stop)
         if not isinstance(result, UnitSums):
             return UnitSums.nothing(unit)

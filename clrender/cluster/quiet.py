@@ -1,4 +1,4 @@
-"""Keeps what Dask logs away from the user, who is told in sentences instead."""
+"""Silences the log of Dask; users get clrender's own messages instead."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SILENT: Final = logging.CRITICAL + 1
 
 @contextmanager
 def quiet_logs() -> Iterator[None]:
-    """Log nothing of Dask, and of what it is built on, while the block runs."""
+    """Disable the logs of Dask and of the libraries that it uses, while the block runs."""
     names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in _LOGGERS]
     loggers = [logging.getLogger(name) for name in {*names, *_LOGGERS}]
     before = [(logger, logger.level) for logger in loggers]

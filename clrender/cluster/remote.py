@@ -1,7 +1,7 @@
-"""What runs inside of a Dask worker: one job on its device, held by an actor from unit to unit.
+"""The part that runs inside a Dask worker: an actor that holds one job on the worker's device.
 
-An actor is an object in the worker's process whose methods a client calls: directly, without the scheduler, and never
-a second time by Dask itself. Those that are coroutines are answered while another one computes.
+An actor is an object in the worker's process whose methods a client calls directly, without the scheduler. Dask never
+repeats such a call by itself. Coroutine methods are answered even while another method computes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from clrender.session import Session
 __all__ = ["Answer", "Described", "RemoteRenderer", "State"]
 
 _MOST_ASSET_BYTES: Final = 2 << 30
-"""Assets that stay beside the scenes made of them, for the next job with the same ones."""
+"""Most bytes of assets that are kept for the next job."""
 
 _Spec = tuple[str | int, ...] | None
 _Method = TypeVar("_Method", bound=Callable[..., Any])
@@ -34,7 +34,7 @@ _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class Described:
-    """A worker's device, once it is set up; attributes as of `clrender.scheduling.cluster.Member`."""
+    """A worker's device after its set-up; for the attributes see `clrender.scheduling.cluster.Member`."""
 
     device: str
     driver: str
@@ -49,15 +49,15 @@ class Described:
 
 @dataclass(frozen=True)
 class State:
-    """How far a worker is: any change of it is a sign of life.
+    """State of a worker: any change of it is a sign of life.
 
     Attributes
     ----------
     calls : int
     compiling : bool
-        As of `clrender.device.Device.pulse`.
+        See `clrender.device.Device.pulse`.
     busy_seconds : float
-        In launches.
+        Time in launches.
     """
 
     calls: int = 0
@@ -67,14 +67,14 @@ class State:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a unit came to, and how far the worker is with it."""
+    """Result of a unit, and the state of the worker after it."""
 
     value: UnitSums
     state: State
 
 
 def answered(method: _Method) -> _Method:
-    """Give an error as an answer: nothing but the sentence travels, and Dask reports no traceback."""
+    """Return errors as answers, so that only the message is transferred and Dask reports no traceback."""
 
     @functools.wraps(method)
     def wrapped(*arguments: Any) -> Any:
@@ -94,7 +94,7 @@ def answered(method: _Method) -> _Method:
 
 
 class _Kept:
-    """What stays in the worker's process from one job to the next: a session, and assets by hash."""
+    """State kept in the worker's process between jobs: a session, and assets by hash."""
 
     def __init__(self) -> None:
         self.assets: dict[str, bytes] = {}
@@ -102,7 +102,7 @@ class _Kept:
         self._lock = threading.Lock()
 
     def take_session(self, spec: _Spec) -> Session:
-        """The session of the last job, if it is for the same device and nobody uses it; else a new one."""
+        """The session of the last job if it is for the same device and not in use, else a new one."""
         with self._lock:
             kept, self._session = self._session, None
         if kept is not None and kept[0] == spec:
@@ -112,14 +112,14 @@ class _Kept:
         return Session(None if spec is None else list(spec))
 
     def keep_session(self, spec: _Spec, session: Session) -> None:
-        """For the next job."""
+        """Keep a session for the next job."""
         with self._lock:
             before, self._session = self._session, (spec, session)
         if before is not None:
             before[1].close()
 
     def keep_assets(self, hashes: Sequence[str]) -> None:
-        """Drop all other assets, and these where they are too large."""
+        """Drop all other assets, and these too if they are too large."""
         with self._lock:
             kept = {name: self.assets[name] for name in hashes if name in self.assets}
             self.assets = kept if sum(map(len, kept.values())) <= _MOST_ASSET_BYTES else {}
@@ -134,7 +134,7 @@ class RemoteRenderer:
     Parameters
     ----------
     spec : tuple of str or int, or None
-        The device, as of `Session`.
+        The device; see `Session`.
     """
 
     def __init__(self, spec: _Spec = None) -> None:
@@ -152,7 +152,7 @@ class RemoteRenderer:
             _KEPT.keep_session(self._spec, self._session)
 
     async def state(self) -> State:
-        """How far it is."""
+        """State of the worker."""
         return self._state()
 
     def _state(self) -> State:
@@ -160,15 +160,15 @@ class RemoteRenderer:
         return State(calls, compiling, self._worker.busy_seconds if self._worker is not None else 0.0)
 
     async def stop(self) -> None:
-        """Units end from now on with what they have."""
+        """Stop units in progress, which then return partial results."""
         self._stopped = True
 
     async def lacks(self, hashes: Sequence[str]) -> list[str]:
-        """Which assets are not here."""
+        """Hashes of the assets that are missing here."""
         return [name for name in hashes if name not in _KEPT.assets]
 
     async def take(self, assets: Mapping[str, bytes]) -> None:
-        """Assets by their hashes."""
+        """Receive assets, by hash."""
         _KEPT.assets.update({name: bytes(data) for name, data in assets.items()})
 
     @answered
@@ -178,14 +178,14 @@ class RemoteRenderer:
         Parameters
         ----------
         text : str
-            Of `RenderJob.to_json`.
+            Text of `RenderJob.to_json`.
         hashes : sequence of str
-            Of its assets, which are all here.
+            Hashes of its assets, all of which are present.
         arrays_sha256 : str
-            As of `clrender.scheduling.cluster.Cluster.team`.
+            See `clrender.scheduling.cluster.Cluster.team`.
         """
         if self._prepared is not None and self._prepared[0] == text:
-            # It was lost only from sight, or its device was set up anew
+            # Only the connection was lost, or the device is set up again
             self._worker = self._set_up()
             return self._prepared[1]
         self._release()
@@ -221,7 +221,7 @@ class RemoteRenderer:
 
     @answered
     def render(self, unit: Unit) -> Answer:
-        """The samples of a unit, or those until `stop`."""
+        """Render the samples of a unit, or those until `stop`."""
         if self._worker is None:
             raise DeviceFailure("it is not set up")
         return Answer(self._worker.render(unit, None, lambda: self._stopped), self._state())
@@ -234,7 +234,7 @@ class RemoteRenderer:
 
     @answered
     def restart(self) -> None:
-        """Forget what is on a device that failed."""
+        """Release everything on a device that failed."""
         if self._team is not None and (restart := self._candidate().restart) is not None:
             self._worker = None
             restart()

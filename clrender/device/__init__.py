@@ -1,4 +1,4 @@
-"""OpenCL devices: found, probed, chosen, and driven."""
+"""OpenCL devices: discovery, probing, selection and access."""
 
 from __future__ import annotations
 

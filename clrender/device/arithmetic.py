@@ -1,7 +1,7 @@
-"""Check a device's single operations against exact ones, so that a wrong image has a reason with a name.
+"""Check a device's arithmetic operations against exact results, to explain wrong images.
 
-Equal bits on every driver rest on ``+ - * / sqrt fma floor`` and conversions being what IEEE 754 says, on scalars and
-on vectors alike.
+Bit-identical images require that ``+ - * / sqrt fma floor`` and conversions conform to IEEE 754, on scalars and
+vectors.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _Words = npt.NDArray[np.uint32]
 OPERATIONS: Final = ("+", "-", "*", "/", "sqrt", "fma", "floor", "int to float", "uint to float", "float to int")
 COUNT: Final = 512
 _NAN: Final = 0x7FC00000
-# Zeros, denormals, neighbours of one, halves, ends of the integers and of the range.
+# Zeros, denormals, neighbours of one, halves, limits of the integers and of the range.
 _SPECIAL: Final = (
     0x00000000, 0x80000000, 0x00000001, 0x807FFFFF, 0x00400000, 0x00800000, 0x3F800000, 0xBF800000, 0x3F7FFFFF,
     0x3F800001, 0x3F000000, 0xBF000000, 0x3FC00000, 0x40490FDB, 0x4B000000, 0x4B7FFFFF, 0xCB000001, 0x4EFFFFFF,
@@ -36,7 +36,7 @@ def inputs() -> _Words:
     Returns
     -------
     (COUNT, 3) uint32
-        Special values in pairs first, then every magnitude at random; no NaN.
+        First pairs of special values, then random values of all magnitudes; no NaN.
     """
     words = np.empty(COUNT * 3, np.uint64)
     state = 1
@@ -44,7 +44,7 @@ def inputs() -> _Words:
         state = (state * 6364136223846793005 + 1442695040888963407) % 2**64
         words[index] = state >> 32
     table = words.astype(np.uint32).reshape(COUNT, 3)
-    # Half of the rows within a few powers of two of one, where rounding shows most often.
+    # Half of the rows have magnitudes near one, where rounding differs most often.
     near = table[COUNT // 2 :]
     near[...] = (near & np.uint32(0x81FFFFFF)) | np.uint32(0x3E000000)
     table[: len(_SPECIAL), 0] = _SPECIAL
@@ -88,13 +88,13 @@ def reference(table: _Words) -> _Words:
 
 
 def _fma(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
-    """a * b + c rounded once."""
+    """a * b + c, rounded once."""
     if not (np.isfinite(a) and np.isfinite(b) and np.isfinite(c)):
         return np.float32(float(a * b + c))
     exact = Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c))
     if exact == 0:
         return np.float32(float(a * b + c)) if a * b == 0 else np.float32(0.0)
-    # Round to odd in double precision, then to nearest: exact, because double has more than twice the digits.
+    # Round to odd in double precision, then to nearest: exact, as double has more than twice the precision.
     try:
         double = float(exact)
     except OverflowError:
@@ -105,7 +105,7 @@ def _fma(a: np.float32, b: np.float32, c: np.float32) -> np.float32:
 
 
 def check(device: Device) -> list[str]:
-    """Operations of `device` that are not exact, each in a few words with an example; empty when all are.
+    """Descriptions, with an example, of the operations of `device` that are not exact; empty if all are exact.
 
     Raises
     ------

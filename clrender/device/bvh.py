@@ -1,8 +1,8 @@
-"""Has the device build the tree that its rays walk: order, merge, collapse.
+"""Builds the BVH on the device: ordering, merging, collapsing.
 
-The kernels are in ``kernels/geometry/build_*.cl``; this file only says which of them runs when, and how large their
-buffers are. The result is the same bits on every device, whatever order its work-items run in. Another tree over the
-same primitives would find the same hits, but for roundings of their distances: none is before its leaf's box begins.
+The kernels are in ``kernels/geometry/build_*.cl``; this module launches them and allocates their buffers. The result is
+bit-identical on every device, whatever the order of work-items. Another BVH over the same primitives would give the
+same hits, except for rounding of their distances: no hit is nearer than the entry into its leaf's box.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ ANALYTIC_BLOCK_WORDS: Final = 72
 MERGE_CHUNK: Final = 64
 COST_ROOTS: Final = 7
 STACK: Final = 96
-"""Entries a traversal has room for unless the host asks for more."""
+"""Default capacity of the traversal stack, in entries."""
 _SORT_BITS: Final = 63
-# A reference tells so many blocks of eight columns apart.
+# Most blocks of eight columns that a reference can address.
 _MOST_BLOCKS: Final = 1 << 24
-# Whoever reads eight columns from a block's last one, in its last row, reads beyond it.
+# Padding, as reading eight columns from the last column of a block's last row reads beyond the block.
 _BEYOND: Final = 8
-# Beside a unit's number: what it is.
+# Bits of a unit's entry that hold its type, beside its number.
 _FLAGS: Final = np.uint32(5 << 29)
 
 UNIT_NUMBER: Final = ~_FLAGS
-"""Of a unit, the number of its first triangle."""
+"""Mask of a unit's entry for the number of its first triangle."""
 
 Numbers: TypeAlias = "npt.NDArray[np.uint32]"
 
@@ -64,7 +64,7 @@ _Arguments: TypeAlias = "list[Argument]"
 
 @dataclass(frozen=True)
 class SourceArrays:
-    """The host's arrays on the device, as the builder reads them."""
+    """The scene's arrays on the device, as the builder reads them."""
 
     vertices: Buffer
     triangles: Buffer
@@ -77,14 +77,15 @@ class SourceArrays:
 
 @dataclass(frozen=True)
 class InstanceBoxes:
-    """Instances that a tree leads to.
+    """Instances that are leaves of a BVH.
 
     Attributes
     ----------
     numbers : (N,) uint32
-        Rows of ``instance_rows``, halved.
+        Indices of their rows in ``instance_rows``, halved.
     boxes : (N, 6) float32
-        Lowest and highest coordinates of each, with all rounding of a ray's way into it.
+        Minimum and maximum of each bounding box, enlarged by the rounding error of transforming a ray into the
+        instance.
     """
 
     numbers: Numbers
@@ -93,15 +94,15 @@ class InstanceBoxes:
 
 @dataclass(frozen=True)
 class Bvh:
-    """The finished tree.
+    """A finished BVH.
 
     Attributes
     ----------
     nodes, triangle_packs, analytic_packs : Buffer
-        Laid out as ``kernels/geometry/bvh.h`` says; node 0 is the root.
+        In the layout of ``kernels/geometry/bvh.h``; node 0 is the root.
     node_count, triangle_block_count, analytic_block_count : int
     levels : int
-        Of nodes, which bounds the traversal's stack: seven entries a level.
+        Levels of nodes. They bound the traversal stack: seven entries per level.
     """
 
     nodes: Buffer
@@ -119,35 +120,35 @@ class Bvh:
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Nodes, and blocks of either kind of packs."""
+        """Number of nodes, and of blocks of each kind of packs."""
         return self.node_count, self.triangle_block_count, self.analytic_block_count
 
     @property
     def nbytes(self) -> int:
-        """Size of nodes and packs."""
+        """Size of nodes and packs, bytes."""
         return sum(buffer.nbytes for buffer in self.buffers)
 
     def release(self, device: Device) -> None:
-        """Give the device's memory back."""
+        """Release the device memory."""
         for buffer in self.buffers:
             device.release(buffer)
 
     @property
     def stack_entries(self) -> int:
-        """Entries a traversal may have to keep at once."""
+        """Capacity that a traversal stack needs, in entries."""
         return 7 * self.levels + 1
 
 
 def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | None = None) -> Bvh:
-    """Build the tree over a scene's triangles, spheres and disks.
+    """Build the BVH over a scene's triangles, spheres and disks.
 
     Parameters
     ----------
     device : Device
     source : SourceArrays
-        At most 2**24 blocks of packs in the tree: some hundred million triangles.
+        The BVH may have at most 2**24 blocks of packs: about a hundred million triangles.
     among : (triangle_count + analytic_count,) bool, optional
-        Primitives that the tree is over, all or none of a shape's; they keep their numbers.
+        Primitives to include, all or none of each shape; they keep their numbers.
 
     Returns
     -------
@@ -167,7 +168,7 @@ def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | N
 
 
 def triangle_units(device: Device, source: SourceArrays) -> Numbers:
-    """What stands in a tree for triangles: one for each, or for two that are a parallelogram.
+    """The units of triangles in a BVH: one for each triangle, or for two that form a parallelogram.
 
     Parameters
     ----------
@@ -177,7 +178,8 @@ def triangle_units(device: Device, source: SourceArrays) -> Numbers:
     Returns
     -------
     (U,) uint32
-        The numbers of the first triangle of each, in order, with flags as of ``kernels/geometry/build.h`` above them.
+        The number of each unit's first triangle, ascending, with flags of ``kernels/geometry/build.h`` in the high
+        bits.
     """
     count = source.triangle_count
     if count == 0:
@@ -202,16 +204,16 @@ def build_over(
     round_ones: Numbers,
     instances: InstanceBoxes | None = None,
 ) -> Bvh:
-    """Build the tree over some of a scene's primitives, which keep their numbers, and over instances.
+    """Build a BVH over some of a scene's primitives, which keep their numbers, and over instances.
 
     Parameters
     ----------
     device : Device
     source : SourceArrays
     units : (U,) uint32
-        Of those that `triangle_units` gave.
+        A subset of the result of `triangle_units`.
     round_ones : (R,) uint32
-        Spheres and disks, counted from the first of them.
+        Spheres and disks, numbered from 0.
     instances : InstanceBoxes, optional
 
     Returns
@@ -231,20 +233,21 @@ def build_over(
 
 
 def joined(device: Device, trees: Sequence[Bvh]) -> tuple[Bvh, list[int]]:
-    """Several trees in one set of arrays.
+    """Concatenate several BVHs in one set of arrays.
 
     Parameters
     ----------
     device : Device
     trees : sequence of Bvh
-        They are given up. The levels of the first, which leads to instances, and of the deepest of the others add up.
+        They are consumed. The first one has instances as leaves. Its levels and those of the deepest of the others add
+        up.
 
     Returns
     -------
     tree : Bvh
-        The first, with the others behind it.
+        The first one, followed by the others.
     roots : list of int
-        Number of each one's first node.
+        Index of the first node of each.
 
     Raises
     ------
@@ -294,12 +297,12 @@ class _BinaryTree:
 
     @property
     def arguments(self) -> _Arguments:
-        """As the kernels that collapse it take it."""
+        """Arguments for the kernels that collapse it."""
         return [self.boxes, self.members, self.children, self.costs, _u(self.root)]
 
 
 class _Builder:
-    """One build: its programs, and the buffers it has to give back."""
+    """State of one build: its programs, and the buffers to release."""
 
     def __init__(
         self,
@@ -324,7 +327,7 @@ class _Builder:
         self.unit_count = self._triangle_units + self._round_count + self._instance_count
 
     def _uploaded(self, array: npt.NDArray[np.generic]) -> Buffer:
-        """An array that may be empty, as no buffer is."""
+        """Upload an array; an empty one gives a buffer with a placeholder, as OpenCL has no empty buffers."""
         return self.device.upload(array if len(array) else np.zeros(1, np.uint32))
 
     def _release_units(self) -> None:
@@ -339,7 +342,7 @@ class _Builder:
         return Bvh(upload(node), *packs, 1, 0, 0, 1)
 
     def order(self) -> tuple[Buffer, Buffer]:
-        """Units in Morton order, and their boxes in their own."""
+        """Indices of the units in Morton order, and the boxes of the units in their original order."""
         source, count = self.source, self.unit_count
         boxes = self.device.empty(24 * count)
         self._each(
@@ -375,7 +378,7 @@ class _Builder:
         return values, boxes
 
     def merge(self, order: Buffer, boxes: Buffer) -> _BinaryTree:
-        """The binary tree over the ordered units; consumes `boxes`."""
+        """Build the binary BVH over the ordered units; consumes `boxes`."""
         device, count = self.device, self.unit_count
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
         costs, clusters = device.empty(4 * COST_ROOTS * 2 * count), device.empty(4 * count)
@@ -404,7 +407,7 @@ class _Builder:
         return _BinaryTree(node_boxes, members, children, costs, next_node - 1)
 
     def collapse(self, order: Buffer, tree: _BinaryTree) -> Bvh:
-        """The wide tree; consumes the binary one."""
+        """Collapse the binary BVH, which is consumed, to the wide BVH."""
         device = self.device
         nodes, *blocks = self._sizes(tree)
         if max(blocks) > _MOST_BLOCKS:
@@ -435,7 +438,7 @@ class _Builder:
         return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], levels)
 
     def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:
-        """The packs, column by column; only now is there memory for them."""
+        """Build the packs, column by column, after the memory of the binary BVH is released."""
         source, words = self.source, (TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS)
         none = np.zeros(_BEYOND, np.float32)
         triangles, others = (
@@ -461,7 +464,7 @@ class _Builder:
         return triangles, others
 
     def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
-        """How many nodes and blocks there will be: a pass over the levels that writes only the next level's tasks."""
+        """Count nodes and blocks in advance, by a pass over the levels that writes only the next level's tasks."""
         device = self.device
         made = [0, 0, 0]
         tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1

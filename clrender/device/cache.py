@@ -1,7 +1,7 @@
-"""What is kept between runs: atomic to write, harmless to lose, and read only where no other user can write.
+"""The cache between runs: written atomically, harmless to lose, and used only in folders that no other user can write.
 
-A compiled kernel is machine code that runs in this process, so where it lies is a question of trust: a checksum shows
-damage, not who wrote it.
+A compiled kernel is machine code that runs in this process, so its folder must be trusted: a checksum detects damage,
+but not tampering.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ __all__ = [
 ]
 
 ROOM_BYTES: Final = 64 << 20
-"""Free space that a folder must have: PoCL writes what it compiles there, and ends the process where it cannot."""
+"""Free space that a folder must have: PoCL writes its compiled code there, and aborts the process if it cannot."""
 
 _TEMPORARY_PLACES: Final = ("/tmp", "/var/tmp", "/dev/shm")
 
 
 def cache_folder() -> Path | None:
-    """Folder of what is kept between runs.
+    """The cache folder.
 
-    ``$XDG_CACHE_HOME/clrender`` or ``~/.cache/clrender``; else, where that cannot be written, has no room or could be
-    written by others, a folder in a temporary place. None where there is no such folder either.
+    It is ``$XDG_CACHE_HOME/clrender`` or ``~/.cache/clrender``. If that cannot be written, has too little space or
+    could be written by others, it is a folder in a temporary place. None if there is no such folder either.
     """
     return next((folder for folder in _candidates() if _usable(folder)), None)
 
 
 def no_cache_reason() -> str:
-    """Why the first choice of `cache_folder` is not used, in a few words; empty where it is."""
+    """A short reason why the first choice of `cache_folder` is not used; empty if it is used."""
     folder = next(iter(_candidates()), Path("/"))
     if _usable(folder):
         return ""
@@ -65,17 +65,17 @@ def no_cache_reason() -> str:
 
 
 def _candidates() -> list[Path]:
-    # Relative paths are invalid there by the XDG specification, and would change with the working folder.
+    # Relative paths are invalid by the XDG specification, and would depend on the working directory.
     base = os.environ.get("XDG_CACHE_HOME", "")
     folders = [Path(base) / "clrender"] if Path(base).is_absolute() else []
     if not folders:
-        with contextlib.suppress(RuntimeError):  # no HOME, and a user the system does not know
+        with contextlib.suppress(RuntimeError):  # no HOME, and an unknown user
             folders = [Path.home() / ".cache" / "clrender"]
     return folders + [place / f"clrender-cache-{os.geteuid()}" for place in _temporary_places()]
 
 
 def _temporary_places() -> list[Path]:
-    """Not `tempfile.gettempdir`, which ends at the working folder."""
+    """Folders for temporary files. Not `tempfile.gettempdir`, which falls back to the working directory."""
     named = (os.environ.get("TMPDIR", ""), *_TEMPORARY_PLACES)
     return [Path(name) for name in dict.fromkeys(named) if Path(name).is_absolute() and Path(name).is_dir()]
 
@@ -92,16 +92,16 @@ def _usable(folder: Path) -> bool:
 
 
 def is_private(folder: Path) -> bool:
-    """Whether nobody but this user and root can put anything into a folder, or another in its place.
+    """Whether only this user and root can write to a folder or replace it.
 
-    It has to be a real folder of this user that no other may write. Those above it belong to them or to root, and
-    are not writable by others unless they are sticky, as ``/tmp`` is.
+    It must be a real folder of this user that no other user may write. Its parents must belong to this user or to root,
+    and must not be writable by others unless they are sticky, like ``/tmp``.
     """
     try:
         own = folder.lstat()
         if not stat.S_ISDIR(own.st_mode) or own.st_uid != os.geteuid() or own.st_mode & 0o022:
             return False
-        # Both ways: a link on it could be replaced where it lies.
+        # Parents of both the path and its target: a link in the path could be replaced.
         above = [parent.stat() for parent in (*folder.parents, *folder.resolve(strict=True).parents)]
     except OSError:
         return False
@@ -112,7 +112,7 @@ def is_private(folder: Path) -> bool:
 
 def _has_room(folder: Path) -> bool:
     free = os.statvfs(folder)
-    nodes = free.f_favail > 1000 or free.f_files == 0  # some file systems count none
+    nodes = free.f_favail > 1000 or free.f_files == 0  # some file systems do not count inodes
     return free.f_bavail * free.f_frsize >= ROOM_BYTES and nodes
 
 
@@ -121,12 +121,12 @@ _temporary: Final[set[Path]] = set()
 
 @contextlib.contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A private folder for as long as the block runs. What a killed process left goes when the next is made.
+    """Create a private folder that exists while the block runs. Leftovers of killed processes are removed first.
 
     Raises
     ------
     OSError
-        When there is no place for it.
+        When it cannot be created.
     """
     folder = _make_temporary()
     try:
@@ -137,7 +137,7 @@ def temporary_folder() -> Iterator[Path]:
 
 @functools.cache
 def process_folder() -> Path | None:
-    """A private folder with room that goes when the process ends; None where there is no place for it."""
+    """A private folder with enough space that is removed when the process ends; None if it cannot be created."""
     try:
         folder = _make_temporary()
     except OSError:
@@ -147,7 +147,7 @@ def process_folder() -> Path | None:
 
 
 def remove_temporary_folders() -> None:
-    """Remove all folders of this process, which is about to end without its exit handlers."""
+    """Remove all temporary folders of this process, before it ends without its exit handlers."""
     for folder in list(_temporary):
         _remove(folder)
 
@@ -172,7 +172,7 @@ def _make_temporary() -> Path:
 
 
 def _sweep(place: Path, prefix: str) -> None:
-    """Remove folders of processes of this user and machine that are no more."""
+    """Remove folders of ended processes of this user and machine."""
     for entry in place.glob(f"{prefix}*"):
         match = re.fullmatch(r"(\d+)-\w+", entry.name.removeprefix(prefix))
         with contextlib.suppress(OSError):
@@ -181,7 +181,7 @@ def _sweep(place: Path, prefix: str) -> None:
 
 
 def alive(pid: int) -> bool:
-    """Whether there is a process of that number on this machine."""
+    """Whether a process with this id exists on this machine."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -192,7 +192,7 @@ def alive(pid: int) -> bool:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write beside `path`, then rename: nobody ever sees half a file. On a full disk the entry is lost, no more."""
+    """Write a temporary file and rename it, so that no partial file is visible. A full disk only loses the entry."""
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -204,14 +204,14 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 
 def write_json(name: str, value: Any) -> None:
-    """Keep `value` as JSON under a name relative to the cache folder."""
+    """Store `value` as JSON under a name relative to the cache folder."""
     folder = cache_folder()
     if folder is not None:
         write_atomically(folder / name, json.dumps(value, indent=1).encode())
 
 
 def read_json(name: str) -> Any:
-    """Value kept under a name, or None when there is none or it cannot be read."""
+    """The value stored under a name, or None if there is none or it cannot be read."""
     folder = cache_folder()
     if folder is None:
         return None

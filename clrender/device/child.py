@@ -1,7 +1,7 @@
-"""What runs in a process of its own, because a driver may crash or hang it: list devices, or probe one.
+"""Child process that lists devices or probes one, because a driver may crash or hang it.
 
-``python -m clrender.device.child REQUEST`` with REQUEST in JSON; the answer is the last line of stdout that begins with
-`MARK`, so that what drivers print does no harm.
+It is started as ``python -m clrender.device.child REQUEST`` with REQUEST in JSON. The answer is the last line of stdout
+that begins with `MARK`, so that output of drivers is ignored.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["end_with_the_parent", "main"]
 
 
 def main(argument: str) -> None:
-    """Do what the request says and print the answer."""
+    """Execute the request and print the answer."""
     request = json.loads(argument)
     if request.get("lifeline"):
         threading.Thread(target=end_with_the_parent, daemon=True).start()
@@ -35,7 +35,7 @@ def main(argument: str) -> None:
 
 
 def _be_the_first_to_die() -> None:
-    """Give a compiler that explodes half of the memory at most, and let the system end it before anything else."""
+    """Limit this process to half of the memory and make it the first to be killed, in case a compiler runs away."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_DATA, (memory // 2, memory // 2))
@@ -44,7 +44,7 @@ def _be_the_first_to_die() -> None:
 
 
 def end_with_the_parent() -> None:
-    """Wait for the end of stdin, which comes when the parent is gone, however it ended; then end all this started."""
+    """Wait for the end of stdin, which comes when the parent ends in any way; then kill this process group."""
     while os.read(0, 1):
         pass
     if os.getsid(0) == os.getpid():
@@ -106,7 +106,7 @@ def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
         device.keep_binaries()
         return answer
     except ClrenderError as error:
-        # Whatever a compiler refuses is a DeviceError, whatever fails in a launch a RenderError.
+        # A rejection by the compiler is a DeviceError, a failure of a launch a RenderError.
         return {"stage": stage, "refused": isinstance(error, DeviceError), "error": str(error)}
 
 
@@ -115,7 +115,7 @@ def _handles(platform: Any) -> list[Any]:
 
     try:
         return list(platform.get_devices())
-    except cl.Error:  # DEVICE_NOT_FOUND: a platform without a device is no fault of the program
+    except cl.Error:  # DEVICE_NOT_FOUND: a platform without a device is no error
         return []
 
 

@@ -1,4 +1,4 @@
-"""What drivers' compilers made, kept by hash, and how a process that dies by a damaged entry is the last to do so."""
+"""Cache of compiled programs, by hash; entries that may have crashed a process are removed."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ __all__ = [
 
 _MAGIC: Final = b"clrender-binary-1\n"
 _MOST_BYTES: Final = 1 << 30
-"""A compiler folder larger than this is begun anew: what every version of kernels and drivers leaves there adds up."""
+"""Size above which the compiler folder is emptied: programs of old versions of kernels and drivers accumulate."""
 _CLOCK_SECONDS: Final = 2.0
-"""File systems round times, and a server's clock may be another."""
+"""Tolerance for file times: file systems round them, and a server's clock may differ."""
 
 
 def compiler_folder() -> Path | None:
-    """Folder of all that drivers' compilers made, without what a process that died may have damaged.
+    """Folder of the output of drivers' compilers, after removing entries that a crashed process may have damaged.
 
-    One of this process alone where there is no cache folder; None where there is no room for it anywhere.
+    If there is no cache folder, it is a folder of this process only; None if there is no space for it anywhere.
     """
     base = _base()
     if base is None:
@@ -66,9 +66,9 @@ def _generation(base: Path) -> int:
 
 
 def renew_compiler_folder() -> None:
-    """Begin an empty compiler folder, which the next process to start uses.
+    """Create an empty compiler folder, which the next processes to start will use.
 
-    The one before stays for the processes that still run with it; what is older goes.
+    The previous one is kept for the processes that still use it; older ones are removed.
     """
     base = _base()
     if base is None:
@@ -81,17 +81,17 @@ def renew_compiler_folder() -> None:
 
 
 def limit_compiler_folder() -> None:
-    """Renew the compiler folder where it has grown large."""
+    """Renew the compiler folder if it is too large."""
     size, folder = 0, compiler_folder()
     for path in folder.rglob("*") if folder is not None else ():
-        with contextlib.suppress(OSError):  # another process may take it away
+        with contextlib.suppress(OSError):  # another process may remove it
             size += path.stat().st_size if path.is_file() else 0
     if size > _MOST_BYTES:
         renew_compiler_folder()
 
 
 def store_binary(key: str, binary: bytes) -> None:
-    """Keep a built program with a checksum."""
+    """Store a built program with a checksum."""
     folder = compiler_folder()
     if folder is not None:
         data = _MAGIC + hashlib.sha256(binary).digest() + binary
@@ -99,7 +99,7 @@ def store_binary(key: str, binary: bytes) -> None:
 
 
 def load_binary(key: str) -> bytes | None:
-    """Built program kept under `key`, or None when there is none or its checksum does not hold."""
+    """The built program stored under `key`, or None if there is none or its checksum is wrong."""
     folder = compiler_folder()
     if folder is None:
         return None
@@ -117,17 +117,17 @@ def load_binary(key: str) -> bytes | None:
 
 
 def leave() -> None:
-    """Tidy up for a process that somebody interrupts, and that ends at once and without its exit handlers."""
+    """Clean up for an interrupted process that ends at once, without its exit handlers."""
     Sentinel.interrupt_all()
     cache.remove_temporary_folders()
 
 
 class Sentinel:
-    """A file that exists while a device's driver compiles or first runs kernels; every device has its own.
+    """A file that exists while a device's driver compiles or first runs kernels; each device has its own.
 
-    It names the programs in question. Left by a process that died, it says that what that process wrote or loaded may
-    be damaged or kill whoever loads it: just that is removed, the rest stays. A process that was interrupted on
-    purpose loaded nothing that harms, so only what it may have left unfinished goes.
+    It lists the programs concerned. If a process crashes and leaves it, the entries that the process wrote or loaded
+    may be damaged or crash any process that loads them; only these are removed. A process that was interrupted on
+    purpose did not crash from a loaded entry, so only entries that it may have written partially are removed.
     """
 
     _serial = itertools.count()
@@ -142,17 +142,17 @@ class Sentinel:
         self._generation = ""
 
     def put(self, key: str) -> None:
-        """Put the file there for the program kept under `key` too, beside those it names already."""
+        """Create the file, or add the program stored under `key` to it."""
         if key in self._keys:
             return
         if self._path is None:
             base, folder = _base(), compiler_folder()
             if base is None or folder is None:
-                return  # nothing is kept, so nothing can be damaged
+                return  # nothing is cached, so nothing can be damaged
             self._path = base / "busy" / f"{platform.node()}.{self._pid}.{self._number}"
             self._since, self._generation = time.time(), folder.name
             self._up.add(self)
-            atexit.register(self.take)  # whoever gets as far as that was not killed by a driver
+            atexit.register(self.take)  # a process that reaches its exit handlers was not killed by a driver
         self._keys.append(key)
         with _locked(self._path.parents[1]):
             self._write(interrupted=False)
@@ -163,8 +163,8 @@ class Sentinel:
             cache.write_atomically(self._path, json.dumps({**record, "interrupted": interrupted}).encode())
 
     def take(self) -> None:
-        """Take the file away: the programs ran."""
-        if self._path is None or os.getpid() != self._pid:  # a fork's end is not ours
+        """Remove the file, as the programs ran."""
+        if self._path is None or os.getpid() != self._pid:  # a forked child must not remove it
             return
         with contextlib.suppress(OSError):
             self._path.unlink()
@@ -174,13 +174,13 @@ class Sentinel:
 
     @classmethod
     def interrupt_all(cls) -> None:
-        """Say in every file of this process that it ends because somebody wants it to, now."""
+        """Note in every file of this process that it was interrupted on purpose."""
         for sentinel in list(cls._up):
             sentinel._write(interrupted=True)
 
     @staticmethod
     def drop(pid: int) -> None:
-        """Take away the files of a process whose end is known and judged."""
+        """Remove the files of a process whose end has already been evaluated."""
         base = _base()
         for entry in _entries(base / "busy") if base is not None else ():
             if entry.name.startswith(f"{platform.node()}.{pid}."):
@@ -189,10 +189,10 @@ class Sentinel:
 
     @classmethod
     def collect(cls, base: Path) -> None:
-        """Remove what processes of this machine that died with their sentinels up may have damaged.
+        """Remove entries that processes of this machine, which died and left their files, may have damaged.
 
-        Not while another process compiles: what is new could be its own, and it waits until that one is done. Nor may
-        one begin meanwhile: to put its file there it waits for the lock.
+        It does nothing while another process compiles, as new entries could belong to that process; a later call then
+        does the work. No other process can start meanwhile, as it needs the lock to create its file.
         """
         if _entries(base / "busy"):
             with _locked(base):
@@ -200,13 +200,13 @@ class Sentinel:
 
     @classmethod
     def _collect(cls, base: Path) -> None:
-        own = {sentinel._path for sentinel in list(cls._up)}  # other devices' threads put theirs up meanwhile
+        own = {sentinel._path for sentinel in list(cls._up)}  # threads of other devices may create files meanwhile
         dead = []
         for entry in _entries(base / "busy"):
             node, pid = _owner(entry)
             if node != platform.node():
                 continue
-            # A number comes again: in a container every process may have the same.
+            # Process ids are reused: in a container every process may have the same id.
             if cache.alive(pid) and (pid != os.getpid() or entry in own):
                 return
             dead.append(entry)
@@ -218,7 +218,7 @@ class Sentinel:
 
 @contextmanager
 def _locked(base: Path) -> Iterator[None]:
-    """Have the compiled programs of all generations to oneself, where the file system knows locks."""
+    """Hold an exclusive lock on the programs of all generations, if the file system supports locks."""
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):
             base.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -234,7 +234,7 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _owner(entry: Path) -> tuple[str, int]:
-    """Machine and process of a sentinel's file; a machine without a name where it is none."""
+    """Machine and process id of a sentinel's file; an empty machine name if it is no such file."""
     node, _, numbers = entry.name.rpartition(".")
     node, _, pid = node.rpartition(".")
     return (node, int(pid)) if pid.isdigit() and numbers.isdigit() else ("", 0)
@@ -251,7 +251,7 @@ def _record(entry: Path) -> dict[str, Any]:
 
 
 def _purge(base: Path, record: dict[str, Any]) -> None:
-    """Remove what a process may have damaged; all, where that is not known."""
+    """Remove the entries that a process may have damaged; all, if the record cannot be read."""
     if not record:
         renew_compiler_folder()
         return
@@ -265,7 +265,7 @@ def _purge(base: Path, record: dict[str, Any]) -> None:
 
 
 def _pocl_entries(folder: Path) -> Iterator[Path]:
-    """Programs in PoCL's cache lie in folders of folders; beside them lie files it was writing."""
+    """Folders of programs in PoCL's cache, at its second level; unfinished files at the first level are removed."""
     for entry in _entries(folder):
         if entry.is_dir():
             yield from _entries(entry)
@@ -275,10 +275,10 @@ def _pocl_entries(folder: Path) -> Iterator[Path]:
 
 
 def _newest(entry: Path, loaded: bool) -> float:
-    """When a program of PoCL's cache was last written or, with `loaded`, loaded, in seconds since 1970."""
+    """Time when a program of PoCL's cache was last written or, with `loaded`, also loaded; seconds since 1970."""
     newest = 0.0
     for path in entry.rglob("*"):
-        if loaded or path.name != "last_accessed":  # PoCL touches that one
+        if loaded or path.name != "last_accessed":  # PoCL touches that file on loading
             with contextlib.suppress(OSError):
                 newest = max(newest, path.lstat().st_mtime)
     return newest

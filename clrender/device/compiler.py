@@ -1,4 +1,4 @@
-"""Build a program with a driver's compiler, or take the binary kept from an earlier run."""
+"""Build a program with a driver's compiler, or load the binary cached by an earlier run."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ __all__ = ["build", "first_errors", "program_key", "store"]
 
 
 def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str, source: Source) -> cl.Program:
-    """Program of `source` for one device.
+    """Build, or load from the cache, the program of `source` for one device.
 
     Parameters
     ----------
     context, handle : pyopencl.Context, pyopencl.Device
     info : DeviceInfo
     options : str
-        For the driver's compiler.
+        Options for the driver's compiler.
     source : Source
 
     Raises
     ------
     DeviceError
-        When the compiler refuses; the message holds its first errors.
+        When the compiler rejects the program; the message has its first errors.
     """
     import pyopencl as cl
 
@@ -43,7 +43,7 @@ def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str
         try:
             return _built(_program(context, [handle], [binary]), options, handle)
         except cl.Error:
-            pass  # made by another version than it says; the source is always right
+            pass  # made by a different driver version than it says; fall back to the source
     program = _program(context, source.text)
     try:
         program = _built(program, options, handle)
@@ -51,17 +51,17 @@ def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str
         log = str(program.get_build_info(handle, cl.program_build_info.LOG) or "")
         reason = first_errors(log) or str(error)
         raise DeviceError(f"{info.title} cannot build {source.entry}: {reason}; see `clrender doctor`") from error
-    # PoCL compiles every kernel once more when asked for a binary; the probe does that, not a render.
+    # PoCL compiles every kernel again when asked for a binary, so only the probe does that, not a render.
     if "pocl" not in info.version.lower():
         store(info, options, source, program)
     return program
 
 
 def _program(context: cl.Context, *parts: Any) -> Any:
-    """pyopencl's plain program object where this version has it, else the public one.
+    """pyopencl's internal program object if this version has it, else the public one.
 
-    The public one adds an include folder of pyopencl's to the options, which drivers split differently where its path
-    has a blank.
+    The public one adds an include folder of pyopencl to the options. Drivers parse it differently if its path has a
+    space.
     """
     import pyopencl as cl
 
@@ -69,7 +69,7 @@ def _program(context: cl.Context, *parts: Any) -> Any:
 
 
 def _plain_program() -> Any:
-    """A class that is no part of pyopencl's interface, and may go with any version."""
+    """A class that is not part of pyopencl's public interface, and may disappear in any version."""
     import pyopencl as cl
 
     plain = getattr(getattr(cl, "_cl", None), "_Program", None)
@@ -83,19 +83,19 @@ def _built(program: Any, options: str, handle: cl.Device) -> cl.Program:
         program._build(options.encode(), [handle])
         return cl.Program(program)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what compilers say of a program that they build is of no use to users
+        warnings.simplefilter("ignore")  # compiler output for successful builds is of no use to users
         program.build(options, [handle])
     return program
 
 
 def store(info: DeviceInfo, options: str, source: Source, program: cl.Program) -> None:
-    """Keep the binary of a built program, so that a later process need not compile it.
+    """Cache the binary of a built program, so that later processes need not compile it.
 
     Parameters
     ----------
     info : DeviceInfo
     options : str
-        That it was built with.
+        Compiler options that it was built with.
     source : Source
     program : pyopencl.Program
     """
@@ -103,7 +103,7 @@ def store(info: DeviceInfo, options: str, source: Source, program: cl.Program) -
 
     key = program_key(info, options, source)
     if "oclgrind" in info.version.lower() or load_binary(key) is not None:
-        return  # an interpreter has nothing to keep
+        return  # an interpreter has no binary
     with contextlib.suppress(cl.Error):
         binaries: Any = program.get_info(cl.program_info.BINARIES)
         if binaries and binaries[0]:
@@ -111,7 +111,7 @@ def store(info: DeviceInfo, options: str, source: Source, program: cl.Program) -
 
 
 def program_key(info: DeviceInfo, options: str, source: Source) -> str:
-    """Name under which a built program is kept: a hash of all that decides what the compiler makes."""
+    """Cache key of a built program: a hash of everything that determines the compiler's output."""
     facts = [info.platform, info.version, info.name, info.driver, info.library, options, source.sha256, *settings()]
     return hashlib.sha256("\0".join(facts).encode()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""One OpenCL device: context, queue, programs, buffers, launches. It knows nothing of rendering."""
+"""One OpenCL device: context, queue, programs, buffers, launches. It is independent of rendering."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ __all__ = ["Argument", "Buffer", "Device", "Program", "Reading", "leave_lost_dev
 _T = TypeVar("_T")
 _ROUNDED: Final = "-cl-fp32-correctly-rounded-divide-sqrt"
 _CORRECTED: Final = "-D CORRECT_DIVIDE=1"
-"""Of a GPU that does not round divisions and roots by itself: ``kernels/core/quotient.h`` does."""
+"""Option for GPUs whose divisions and roots are not correctly rounded: ``kernels/core/quotient.h`` corrects them."""
 _CPU_GROUP: Final = 16
 _GPU_GROUP: Final = 64
-"""Work-items of a group where nothing else decides: on a GPU at least so many, in whole warps."""
+"""Least default number of work-items in a group on a GPU, rounded up to whole warps."""
 _WORTH_SHARING: Final = 1 << 20
-"""Bytes from which on it matters that nothing is copied."""
+"""Size, bytes, from which avoiding a copy is worthwhile."""
 BUSY: Final = (
     "the device is rendering; a callback of that render cannot use it: open it again, or wait for the render to end"
 )
 _KEPT: Final[list[Any]] = []
-"""What belongs to devices that are lost: to forget it would be to ask their drivers to release it."""
+"""Objects of lost devices, kept alive because their destructors would call the driver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,18 +54,18 @@ class Buffer:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A copy from a device on its way into `array`, which nobody may use until `Device.end_read`."""
+    """A copy in progress from a device to `array`, which must not be used until `Device.end_read`."""
 
     array: npt.NDArray[Any]
     event: Any
 
 
 Argument: TypeAlias = "Buffer | np.generic | npt.NDArray[Any]"
-"""What a kernel takes: a buffer, a number, or an array passed by value, as a vector or a structure."""
+"""A kernel argument: a buffer, a number, or an array passed by value, as a vector or a struct."""
 
 
 class Program:
-    """A built program; kernels are made once and kept."""
+    """A built program; its kernel objects are created once and kept."""
 
     def __init__(self, source: Source, handle: cl.Program | None) -> None:
         self.source = source
@@ -89,24 +89,24 @@ class Device:
         Largest single buffer.
     max_work_group : int
     fixes_groups : bool
-        Whether kernels that follow paths are compiled for a number of work-items in a group.
+        Whether path tracing kernels are compiled for a fixed work-group size.
     compile_seconds : float
-        Spent in the driver's compiler so far, first launches of a kernel included.
+        Time spent in the driver's compiler so far, including the first launches of kernels.
     allocated_bytes : int
-        Most memory held in buffers at one time.
+        Peak memory of all buffers.
     memory_limit : int or None
         Bytes that all its buffers together may take.
     launches, builds : int
-        How often a kernel was launched and a program built.
+        Number of kernel launches and of program builds.
     turn : Turn
-        Of the threads that share the device; whoever renders has it.
+        Lock of the threads that share the device; a render holds it.
     lost : bool
-        A call never came back. Whatever else is asked of the driver may not come back either, so nothing is.
+        Whether a driver call did not return. Further calls might not return either, so none is made.
 
     Raises
     ------
     DeviceError
-        When the driver cannot make a context or a queue.
+        When the driver cannot create a context or a queue.
     """
 
     def __init__(self, info: DeviceInfo, handle: cl.Device) -> None:
@@ -127,14 +127,14 @@ class Device:
             raise DeviceError(
                 f"{info.title} lists itself but cannot be opened ({error}); see `clrender doctor`"
             ) from error
-        # Any option that lets the compiler round differently would cost the equal bits on all drivers.
-        # -w: some drivers write warnings to stderr, which is the user's.
-        # Processors divide and take roots as IEEE 754 says, also where their driver does not promise it (rusticl).
+        # Options that change the rounding would make results differ between drivers.
+        # -w: some drivers write warnings to the user's stderr.
+        # CPUs round divisions and roots correctly, even if their driver does not promise it (rusticl).
         self.options = " ".join(
             ["-cl-std=CL1.2 -w", _ROUNDED if rounded else "" if self.is_cpu else _CORRECTED]
         ).strip()
         if "oclgrind" in info.platform.lower():
-            self.options += " -cl-opt-disable"  # the interpreter does not know all that its own optimiser writes
+            self.options += " -cl-opt-disable"  # the interpreter does not support all of its optimizer's output
         self.compile_seconds = 0.0
         self.allocated_bytes = 0
         self.memory_limit: int | None = None
@@ -155,31 +155,31 @@ class Device:
         return context, self._cl.CommandQueue(context, self._handle, properties=profiling)
 
     def reopen(self) -> None:
-        """Give up context, programs and buffers, and begin with a new context: the old one may be beyond help.
+        """Discard context, programs and buffers, and create a new context, as the old one may be unusable.
 
         Raises
         ------
         DeviceFailure
-            When the driver cannot make another.
+            When the driver cannot create another.
         """
         self._programs.clear()
         self.release_but(())
         self._context, self._queue = self._call("open", "opening it again", self._opened)
 
     def lose(self) -> None:
-        """Ask the driver for nothing more: one of its calls did not come back. The next ones would not, either."""
+        """Mark the device as lost after a driver call did not return; the driver is not called again."""
         self.lost = True
         _KEPT.append(self)
 
     def pulse(self) -> tuple[int, bool]:
-        """How many calls of the driver began or ended so far, and whether its compiler is at work.
+        """Number of driver calls begun or ended so far, and whether the compiler is running.
 
-        Any thread may ask: who sees that nothing changes knows that a call does not come back.
+        Any thread may read it. If it does not change, a call has not returned.
         """
         return self._calls, self._compiling
 
     def program(self, entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
-        """Build a kernel file, or take the build of an earlier call.
+        """Build a kernel file, or return the program of an earlier call.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Device:
         RenderError
             When a source file is missing.
         DeviceError
-            When the driver's compiler refuses the program; the message holds its first errors.
+            When the driver's compiler rejects the program; the message has its first errors.
         """
         key = (str(entry), tuple(sorted((name, str(value)) for name, value in (defines or {}).items())))
         if key not in self._programs:
@@ -217,26 +217,26 @@ class Device:
         return Program(source, handle)
 
     def upload(self, array: npt.NDArray[Any]) -> Buffer:
-        """Buffer on the device that holds a copy of `array`.
+        """Create a buffer with a copy of `array`.
 
         Raises
         ------
         RenderError
-            When the device has not the memory.
+            When the device lacks the memory.
         """
         buffer = self.empty(array.nbytes)
         self.write(buffer, array)
         return buffer
 
     def share(self, array: npt.NDArray[Any]) -> Buffer:
-        """Buffer that holds `array`, for reading; a CPU's driver may use the host's memory itself, without a copy.
+        """Create a read-only buffer with `array`; a CPU's driver may use the host memory directly, without a copy.
 
-        The array must not change as long as the buffer is used.
+        The array must not change while the buffer is in use.
 
         Raises
         ------
         RenderError
-            As `empty`.
+            See `empty`.
         """
         if not self.is_cpu or array.nbytes < _WORTH_SHARING or "oclgrind" in self.info.platform.lower():
             return self.upload(array)
@@ -250,20 +250,20 @@ class Device:
         return self._held(handle, array.nbytes)
 
     def empty(self, nbytes: int) -> Buffer:
-        """Buffer of `nbytes` bytes, contents undefined.
+        """Create a buffer of `nbytes` bytes with undefined contents.
 
         Raises
         ------
         RenderError
-            When it is larger than the device allows, or the device has not the memory.
+            When it is larger than the device allows, or the device lacks the memory.
         """
         self._check_size(nbytes)
-        size = max(nbytes, 16)  # OpenCL knows no empty buffer
+        size = max(nbytes, 16)  # OpenCL has no empty buffers
         return self._held(self._call("allocate", f"a buffer of {_mib(size)}", lambda: self._create(size)), size)
 
     @property
     def free_bytes(self) -> float:
-        """What buffers may still take within the limit that was set; infinite without one."""
+        """Bytes that buffers may still take within the memory limit; infinite without a limit."""
         return math.inf if self.memory_limit is None else max(0, self.memory_limit - self._held_bytes)
 
     def _check_size(self, nbytes: int) -> None:
@@ -289,7 +289,7 @@ class Device:
     def _create(self, size: int) -> cl.Buffer:
         handle = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, size)
         if self.is_cpu and size >= LARGE_BYTES:
-            # A CPU's buffers are this process's memory
+            # Buffers of a CPU device are memory of this process
             flags, dtype = self._cl.map_flags.WRITE, np.dtype(np.uint8)
             memory, _ = self._cl.enqueue_map_buffer(self._queue, handle, flags, 0, (size,), dtype)
             prefer_large_pages(memory.ctypes.data, size)
@@ -297,9 +297,9 @@ class Device:
         return handle
 
     def release(self, buffer: Buffer) -> None:
-        """Give the memory of a buffer back; the buffer must not be used again.
+        """Release a buffer, which must not be used again.
 
-        What the driver says to that is of no use to anybody: of a device that failed, it may be an error.
+        Errors of the driver are ignored: they are expected from a device that failed.
         """
         self._buffers.discard(buffer)
         self._held_bytes -= buffer.nbytes
@@ -311,11 +311,11 @@ class Device:
 
     @property
     def buffers(self) -> frozenset[Buffer]:
-        """Those that are not released yet."""
+        """The buffers that are not released yet."""
         return frozenset(self._buffers)
 
     def release_but(self, kept: Collection[Buffer]) -> None:
-        """Release every buffer that is not among these: what an error left behind."""
+        """Release all buffers except `kept`, to clean up after an error."""
         for buffer in self.buffers - set(kept):
             self.release(buffer)
 
@@ -327,7 +327,7 @@ class Device:
         local_size: int,
         args: Sequence[Argument],
     ) -> None:
-        """Put a one-dimensional launch into the queue, after all that is there already.
+        """Enqueue a one-dimensional launch.
 
         Parameters
         ----------
@@ -335,14 +335,14 @@ class Device:
         kernel : str
             Name of the entry point.
         global_size, local_size : int
-            Work-items in all, a multiple of those in one work-group.
+            Total number of work-items, a multiple of the second; number of work-items in a group.
         args : sequence
-            Buffers, NumPy scalars, or arrays of one structure passed by value.
+            Buffers, NumPy scalars, or arrays of one struct passed by value.
 
         Raises
         ------
         RenderError
-            When the driver refuses; the message names kernel and sizes.
+            When the driver returns an error; the message names kernel and sizes.
         """
         what = f"kernel {kernel} of {program.source.entry} with {global_size} work-items in groups of {local_size}"
 
@@ -367,7 +367,7 @@ class Device:
         self.launches += 1
 
     def _first_launch(self, program: Program, enqueue: Callable[[], cl.Event]) -> None:
-        """Launch and wait. Drivers compile for a local size when they first need it: all but running is compiling."""
+        """Launch and wait. Drivers compile for a work-group size at its first use, which counts as compile time."""
         self._sentinel.put(program_key(self.info, self.options, program.source))
         self._queue.finish()
         begin = time.perf_counter()
@@ -379,7 +379,7 @@ class Device:
 
     @property
     def group(self) -> int:
-        """Work-items of a group where nothing else decides: on a GPU whole warps, of which none has idle lanes.
+        """Default number of work-items in a group: on a GPU whole warps, so that no lane is idle.
 
         Raises
         ------
@@ -387,7 +387,7 @@ class Device:
             When the driver fails.
         """
         if not self._group:
-            # Of a small kernel that every render needs anyway: OpenCL 1.2 knows no such number of a device
+            # Queried for a small kernel that every render needs: OpenCL 1.2 has no such property of a device
             program = self.program("film/accumulate.cl", {"LANES": 1})
             kind = self._cl.kernel_work_group_info.PREFERRED_WORK_GROUP_SIZE_MULTIPLE
             kernel = self._call("build", "kernel film_clear", lambda: self._cl.Kernel(program.handle, "film_clear"))
@@ -399,9 +399,9 @@ class Device:
         self.launch(program, kernel, -(-count // self.group) * self.group, self.group, args)
 
     def keep_binaries(self) -> None:
-        """Keep every program built so far for later processes, where that was not done at once.
+        """Cache the binaries of all programs built so far, if this was not done at build time.
 
-        PoCL takes as long as it took to compile, so only the probe asks for it.
+        For PoCL this takes as long as compiling, so only the probe calls it.
         """
         for program in self._programs.values():
             if program.handle is not None:
@@ -413,7 +413,7 @@ class Device:
         Raises
         ------
         RenderError
-            When the copy or work before it fails.
+            When the copy or earlier work in the queue fails.
         """
         if array.nbytes:
             self._call(
@@ -424,12 +424,12 @@ class Device:
             self._sentinel.take()
 
     def begin_read(self, buffer: Buffer, array: npt.NDArray[Any]) -> Reading:
-        """Put a copy of the start of `buffer` into all of `array` (C-contiguous) into the queue, and start the queue.
+        """Enqueue a copy of the start of `buffer` into all of `array` (C-contiguous), and flush the queue.
 
         Raises
         ------
         RenderError
-            When the driver refuses.
+            When the driver returns an error.
         """
 
         def enqueue() -> cl.Event:
@@ -440,12 +440,12 @@ class Device:
         return Reading(array, self._call("read", f"a read of {_mib(array.nbytes)}", enqueue))
 
     def end_read(self, reading: Reading) -> None:
-        """Wait until a copy is there; what came into the queue later may go on meanwhile.
+        """Wait until a copy is complete; later work in the queue may continue meanwhile.
 
         Raises
         ------
         RenderError
-            When the copy or work before it fails.
+            When the copy or earlier work in the queue fails.
         """
         self._call("read", f"a read of {_mib(reading.array.nbytes)}", reading.event.wait)
         self._sentinel.take()
@@ -456,7 +456,7 @@ class Device:
         Raises
         ------
         RenderError
-            When the copy or work before it fails.
+            When the copy or earlier work in the queue fails.
         """
         if array.nbytes:
             self._call(
@@ -466,7 +466,7 @@ class Device:
             )
 
     def finish(self) -> None:
-        """Wait until all that was put into the queue is done.
+        """Wait until all work in the queue is done.
 
         Raises
         ------
@@ -477,7 +477,7 @@ class Device:
         self._sentinel.take()
 
     def close(self) -> None:
-        """Give programs, queue and context back; the device must not be used again."""
+        """Release programs, queue and context; the device must not be used again."""
         if self.lost:
             _KEPT.extend((self._programs, self._queue, self._context))
             self._programs = {}
@@ -485,7 +485,7 @@ class Device:
         del self._queue, self._context
 
     def _call(self, kind: str, what: str, function: Callable[[], _T]) -> _T:
-        """The one way to the driver for all that may fail there.
+        """Make a driver call that may fail; all such calls go through here.
 
         Parameters
         ----------
@@ -505,13 +505,13 @@ class Device:
 
 
 def whole_warps(multiple: int, most: int) -> int:
-    """Work-items of a group: of the multiples of a warp the first from 64 on, but no more than the device takes."""
+    """Work-group size: the smallest multiple of a warp that is at least 64, limited to the device's maximum."""
     warp = max(multiple, 1)
     return max(1, min(-(-_GPU_GROUP // warp) * warp, most // warp * warp or most))
 
 
 def leave_lost_devices(code: int) -> None:
-    """End the process, where a device was lost, without its driver's exit handlers: these might wait for ever."""
+    """End the process without exit handlers if a device was lost, as those of its driver might never return."""
     if _KEPT:
         leave()
         sys.stdout.flush()

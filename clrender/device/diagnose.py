@@ -1,4 +1,4 @@
-"""Say, for each thing that is wrong with OpenCL on a machine, its cause and its exact cure."""
+"""Diagnose problems of OpenCL on a machine, each with its cause and exact cure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ INSTALL_ANY: Final = (
     "sudo apt-get install pocl-opencl-icd (Debian, Ubuntu), or pip install pocl-binary-distribution, "
     "or pip install intel-opencl-rt intel-cmplr-lib-rt (650 MB, Intel's licence)"
 )
-# Part of a library's name -> what brings it.
+# Part of a library's name -> the package that provides it.
 _PACKAGES: Final = (
     ("pocl", "sudo apt-get install --reinstall pocl-opencl-icd"),
     ("mesaopencl", "sudo apt-get install --reinstall mesa-opencl-icd"),
@@ -33,7 +33,7 @@ _PACKAGES: Final = (
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, or worth knowing.
+    """A problem, or a fact worth knowing.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Finding:
         Driver, platform or device.
     cause, cure : str
     harmless : bool
-        Whether it can be left as it is.
+        Whether it can be ignored.
     """
 
     subject: str
@@ -56,7 +56,7 @@ def diagnose(reports: Sequence[DriverReport]) -> list[Finding]:
     Parameters
     ----------
     reports : sequence of DriverReport
-        Whose devices have verdicts.
+        Reports whose devices have verdicts.
     """
     found = [finding for report in reports for finding in diagnose_driver(report)]
     found += [f for report in reports for info in report.devices for f in diagnose_device(info, report.driver)]
@@ -156,7 +156,7 @@ def _wrong_result(info: DeviceInfo) -> str:
 
 
 def diagnose_machine(reports: Sequence[DriverReport]) -> list[Finding]:
-    """Findings about hardware that no driver serves, and about there being no driver."""
+    """Findings about hardware without a driver, and about a machine without any driver."""
     found: list[Finding] = []
     libraries = " ".join(report.driver.library for report in reports)
     devices = [info for report in reports for info in report.devices]

@@ -1,9 +1,8 @@
-"""Find the OpenCL drivers of this machine and of the Python environment, and load those that are wanted.
+"""Find the OpenCL drivers of this machine and of the Python environment, and load selected ones.
 
-A driver is what an `.icd` file names, or a GPU's library by the name that its vendor gives it. The OpenCL loader would
-load all of them, once in the life of a process; here each is loaded by itself when it is first wanted, by the
-extension that loaders use (cl_khr_icd). So a driver that crashes harms only who asks for it, and a second one can be
-loaded later.
+A driver is a library named by an `.icd` file, or a GPU vendor's library under its usual name. The OpenCL loader would
+load all of them, once per process. Here each is loaded separately at its first use, by the extension that loaders use
+(cl_khr_icd). So a driver that crashes affects only processes that use it, and further drivers can be loaded later.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ __all__ = ["Driver", "driver_variables", "drivers", "fingerprint", "load_platfor
 SYSTEM_FOLDER: Final = Path("/etc/OpenCL/vendors")
 # Set before any driver loads, unless the user has set them.
 _DEFAULTS: Final = {
-    "RUSTICL_ENABLE": "llvmpipe",  # without it rusticl is a platform with no device
-    "CL_CONFIG_CPU_VECTORIZER_MODE": "1",  # Intel's vectoriser miscompiles: measured, a path tracer lost its paths
+    "RUSTICL_ENABLE": "llvmpipe",  # without it rusticl offers no device
+    "CL_CONFIG_CPU_VECTORIZER_MODE": "1",  # Intel's vectorizer miscompiles: a path tracer was seen to lose paths
 }
 # Variables that change which devices a driver lists or what it computes.
 _STEERING: Final = (
@@ -70,11 +69,11 @@ _STEERING_NAMES: Final = (
     "NEOReadDebugKeys",
     "OverrideDefaultFP64Settings",
 )
-# Where things lie: which drivers there are is asked anew each time, and a driver's path is known by itself.
+# Locations of drivers: these need no fingerprint, as the list of drivers is read each time.
 _PLACES: Final = ("OCL_ICD_VENDORS", "OCL_ICD_FILENAMES")
-# Where compilers keep what they made, which does not change what they make.
+# Cache folders of compilers, which do not affect their output.
 _CACHES: Final = ("POCL_CACHE_DIR", "MESA_SHADER_CACHE_DIR")
-# What makes the OpenCL loader load no driver by itself, whichever loader it is.
+# Variables that keep any OpenCL loader from loading drivers by itself.
 _NO_DRIVERS: Final = {"OCL_ICD_VENDORS": os.devnull, "OCL_ICD_FILENAMES": ""}
 
 
@@ -85,15 +84,15 @@ class Driver:
     Attributes
     ----------
     library : str
-        Shared library, as the loader is told; empty: whatever the loader finds by itself.
+        Shared library, as passed to the loader; empty: any that the loader finds by itself.
     origin : str
-        The `.icd` file that names it, or how else it was found.
+        The `.icd` file that names it, or another description of its origin.
     path : str
-        Where the library lies, or empty when it was not found.
+        Path of the library; empty if it was not found.
     preload : tuple of str
         Libraries to load before it.
     fault : str
-        Why it cannot be loaded, where that is plain without trying.
+        Reason why it cannot be loaded, if known without trying.
     """
 
     library: str
@@ -104,10 +103,10 @@ class Driver:
 
 
 def drivers() -> list[Driver]:
-    """Every driver that an `.icd` file names, of the system or of the Python environment, in a stable order.
+    """All drivers named by an `.icd` file, of the system or of the Python environment, in a stable order.
 
-    After them those of GPUs that no such file names, by their libraries' names. ``OCL_ICD_VENDORS``, when set, is the
-    only place looked at. Nothing is loaded.
+    They are followed by GPU drivers without such a file, found by their libraries' names. If ``OCL_ICD_VENDORS`` is
+    set, only that place is searched. Nothing is loaded.
     """
     if "oclgrind" in os.environ.get("LD_PRELOAD", "") or platform.system() != "Linux":
         return [Driver("", "the OpenCL loader of the system")]
@@ -136,14 +135,14 @@ def _icd_files(folder: Path) -> list[Path]:
 
 
 def _prefixes() -> list[Path]:
-    """Roots that wheels install data files below."""
+    """Prefixes below which wheels install data files."""
     roots = [sys.prefix, os.environ.get("CONDA_PREFIX", ""), site.getuserbase()]
     return [Path(root) for root in dict.fromkeys(roots) if root]
 
 
 def _wheel_folders() -> list[Path]:
     folders = [prefix / "etc" / "OpenCL" / "vendors" for prefix in _prefixes()]
-    # The PoCL wheel lies inside pyopencl's own folder, later ones in their own.
+    # Older PoCL wheels install into pyopencl's folder, later ones into their own.
     for entry in sys.path:
         if entry.endswith(("site-packages", "dist-packages")):
             folders += [Path(entry) / package / ".libs" for package in ("pyopencl", "pocl_binary_distribution")]
@@ -151,7 +150,7 @@ def _wheel_folders() -> list[Path]:
 
 
 def _read(icd: Path) -> Iterator[Driver]:
-    """What an `.icd` file names. A wheel's may hold a placeholder or a bare name: its library lies near by then."""
+    """Drivers named by an `.icd` file. A wheel's file may hold a placeholder or a bare name of a library nearby."""
     try:
         library = icd.read_text(errors="replace").strip().splitlines()[0].strip()
     except (OSError, IndexError):
@@ -164,7 +163,7 @@ def _read(icd: Path) -> Iterator[Driver]:
         places += [icd.parent / name, *(prefix / "lib" / name for prefix in _prefixes() if icd.is_relative_to(prefix))]
     path = next((str(place) for place in places if place.is_file()), "")
     if in_wheel and not path:
-        return  # Intel's wheel also names an emulator it does not bring: nobody asked for it
+        return  # Intel's wheel also names an emulator that it does not contain
     preload = vendor_libraries.companions(path) if path else ()
     fault = f"it names {library}, which does not exist" if "/" in library and not path else ""
     found_by_name = bool(path) and "/" not in library and not vendor_libraries.linker_looks_in(Path(path))
@@ -172,11 +171,11 @@ def _read(icd: Path) -> Iterator[Driver]:
 
 
 def driver_variables() -> dict[str, str]:
-    """Variables that drivers need and the user has not set, with their values."""
+    """Environment variables that drivers need and the user has not set, with their values."""
     wanted = dict(_DEFAULTS)
     folder = _pocl_folder()
     if folder is not None:
-        # PoCL's kernels among ours: then an entry that kills whoever loads it is found and removed with the rest.
+        # PoCL's cache inside ours, so that entries that crash processes are found and removed like others.
         wanted["POCL_CACHE_DIR"] = str(folder)
     return {name: value for name, value in wanted.items() if name not in os.environ}
 
@@ -194,11 +193,11 @@ def _pocl_folder() -> Path | None:
 
 _loading = threading.Lock()
 _loaded: Final[dict[str, list[Any]]] = {}
-"""A driver's library -> its platforms, for as long as this process lives: drivers cannot be unloaded."""
+"""A driver's library -> its platforms, for the life of the process, as drivers cannot be unloaded."""
 
 
 def load_platforms(wanted: Sequence[Driver]) -> list[Any]:
-    """Load drivers and give their platforms; one that is loaded already gives its platforms again.
+    """Load drivers and return their platforms; those of drivers already loaded are returned again.
 
     Parameters
     ----------
@@ -230,7 +229,7 @@ def load_platforms(wanted: Sequence[Driver]) -> list[Any]:
 
 
 def _pyopencl() -> Any:
-    """The module, without its own cache: that would keep programs once more, and fail where it cannot write."""
+    """The pyopencl module with its own cache disabled, which would store programs twice and fail if it cannot write."""
     with _variables({"PYOPENCL_NO_CACHE": "1"}):
         try:
             import pyopencl
@@ -240,7 +239,7 @@ def _pyopencl() -> Any:
                 f"pyopencl cannot be imported ({error}); install it with `pip install pyopencl`"
             ) from error
         except OSError as error:
-            # Only where a program imported it before, with its cache on.
+            # Happens only if the program imported it before, with its cache enabled.
             raise DeviceError(
                 f"pyopencl cannot write its own cache ({error}); set PYOPENCL_NO_CACHE=1 before it is imported"
             ) from error
@@ -248,7 +247,7 @@ def _pyopencl() -> Any:
 
 
 def _load(cl: Any, driver: Driver) -> list[Any]:
-    """Platforms of a driver that is not loaded yet; their devices are asked for, so that it reads its variables now."""
+    """Load a driver and return its platforms. Devices are queried too, so that it reads its variables now."""
     variables = driver_variables()
     if "pocl" in driver.library.lower() and not {"POCL_CACHE_DIR"} & (variables.keys() | os.environ.keys()):
         raise DeviceError(
@@ -256,7 +255,7 @@ def _load(cl: Any, driver: Driver) -> list[Any]:
             "make room in the home folder or in /tmp, or set TMPDIR to a folder that has it"
         )
     if "intelocl" in driver.library:
-        # Nobody knows when this driver reads it for the last time, and without it results are wrong.
+        # It is unknown when the driver reads these for the last time, and without them results are wrong.
         os.environ.update({name: value for name, value in variables.items() if name.startswith("CL_CONFIG_")})
     try:
         if not driver.library:
@@ -279,19 +278,19 @@ def _load(cl: Any, driver: Driver) -> list[Any]:
 
 def _device_counts(cl: Any, platforms: Sequence[Any]) -> None:
     for platform_ in platforms:
-        with contextlib.suppress(cl.Error):  # a platform without a device is no fault of the program
+        with contextlib.suppress(cl.Error):  # a platform without a device is no error
             platform_.get_devices()
 
 
 def _platform_pointers(library: str) -> list[int]:
-    """What a driver gives to OpenCL loaders: its ``cl_platform_id``, as numbers (the extension cl_khr_icd).
+    """The ``cl_platform_id`` pointers that a driver gives to OpenCL loaders (extension cl_khr_icd), as integers.
 
     Raises
     ------
     OSError
         When the library cannot be loaded.
     DeviceError
-        When it is no OpenCL driver or offers no platform.
+        When it is not an OpenCL driver or offers no platform.
     """
     loaded = ctypes.CDLL(library)
     try:
@@ -318,7 +317,7 @@ def _platform_pointers(library: str) -> list[int]:
 
 @contextlib.contextmanager
 def _variables(changes: Mapping[str, str]) -> Iterator[None]:
-    """Set environment variables while a driver or the loader reads them; what the user set is there again after it."""
+    """Set environment variables while a driver or the loader reads them; the user's values are restored afterwards."""
     before = {name: os.environ.get(name) for name in changes}
     os.environ.update(changes)
     try:
@@ -332,7 +331,7 @@ def _variables(changes: Mapping[str, str]) -> Iterator[None]:
 
 
 def fingerprint(driver: Driver) -> str:
-    """Hash that changes when a driver, the machine, or a variable that steers drivers changes."""
+    """Hash that changes with the driver, the machine, and the variables that configure drivers."""
     facts = [driver.library, driver.path, platform.node(), platform.machine(), sys.prefix, str(os.cpu_count())]
     if driver.path:
         status = Path(driver.path).stat()
@@ -344,7 +343,7 @@ def fingerprint(driver: Driver) -> str:
 
 
 def settings() -> list[str]:
-    """Variables that steer drivers, with their values, ours where the user has set none; not where things lie."""
+    """Variables that configure drivers, with the user's values or our defaults; without locations."""
     own = {name: os.environ[name] for name in os.environ if name.startswith(_STEERING) or name in _STEERING_NAMES}
     told = {**_DEFAULTS, **own}
     return [f"{name}={told[name]}" for name in sorted(told) if name not in (*_PLACES, *_CACHES)]

@@ -1,4 +1,4 @@
-"""A device without OpenCL, for tests of the host: kernels are Python functions, and it fails when told to."""
+"""A device without OpenCL, for host tests: kernels are Python functions, and failures can be injected."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from clrender.turn import Turn
 __all__ = ["FakeDevice", "FakeKernel"]
 
 FakeKernel = Callable[[int, int, Sequence[Any]], None]
-"""Takes global size, local size and arguments; a buffer comes as its bytes, a writable (n,) uint8 array."""
+"""Called with global size, local size and arguments; a buffer is passed as a writable (n,) uint8 array."""
 
 
 class FakeDevice(Device):
-    """Stands for a device where no OpenCL is.
+    """A substitute for a device on machines without OpenCL.
 
     Parameters
     ----------
     kernels : mapping, optional
-        What a kernel of that name does; one not named does nothing.
+        Functions by kernel name; a kernel without one does nothing.
     name : str
     fail_from : int, optional
-        Launches succeed before this one, counted from 0; it and all later ones fail, as on a device that died.
+        Index of the first launch that fails; all later ones fail too, as on a device that died.
     fail_build : bool
         Whether every build fails.
     seconds : float
-        How long a launch takes.
+        Duration of a launch.
     memory_bytes : int
-        Allocations beyond it fail.
+        Memory of the device; allocations beyond it fail.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class FakeDevice(Device):
         self._programs: dict[Any, Program] = {}
 
     def program(self, entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
-        """A program of that name; no file is read."""
+        """Return a program with this name; no file is read."""
         from clrender.device.source import Source
 
         if self.fail_build:
@@ -86,7 +86,7 @@ class FakeDevice(Device):
         return self._programs[key]
 
     def empty(self, nbytes: int) -> Buffer:
-        """Buffer of ordinary memory, filled with a pattern that nobody should rely on."""
+        """Create a buffer in host memory, filled with a pattern, as contents are undefined."""
         self._check_size(nbytes)
         if self._held_bytes + nbytes > self.max_allocation_bytes:
             raise RenderError(f"{self.info.title} has no {nbytes} bytes left")
@@ -110,7 +110,7 @@ class FakeDevice(Device):
         local_size: int,
         args: Sequence[Buffer | np.generic | npt.NDArray[Any]],
     ) -> None:
-        """Call the function that stands for the kernel, or fail."""
+        """Call the kernel's function, or fail."""
         number = self.launches
         self.launches += 1
         if self.fail_from is not None and number >= self.fail_from:
@@ -127,20 +127,20 @@ class FakeDevice(Device):
         array.reshape(-1).view(np.uint8)[...] = buffer.handle[: array.nbytes]
 
     def begin_read(self, buffer: Buffer, array: npt.NDArray[Any]) -> Reading:
-        """Read at once: launches are done when they return."""
+        """Read at once, as launches are synchronous."""
         self.read(buffer, array)
         return Reading(array, None)
 
     def end_read(self, reading: Reading) -> None:
-        """Do nothing more."""
+        """Do nothing, as the copy is already complete."""
 
     def write(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Copy `array` to the start of `buffer`."""
         buffer.handle[: array.nbytes] = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
 
     def close(self) -> None:
-        """Forget the programs."""
+        """Discard the programs."""
         self._programs.clear()
 
     def finish(self) -> None:
-        """Do nothing: launches are done when they return."""
+        """Do nothing, as launches are synchronous."""

@@ -1,4 +1,4 @@
-"""A device that fails when and how it is told to, for tests: every call of the driver passes through here."""
+"""Fault injection for tests: a device whose driver calls fail when and how they are told to."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["CALLS", "Fault", "FaultyDevice", "Lie"]
 _T = TypeVar("_T")
 
 CALLS: Final = ("build", "allocate", "write", "launch", "read", "finish")
-"""Kinds of calls of a driver."""
+"""Kinds of driver calls."""
 
 _SAYS: Final = {
     "build": "clBuildProgram failed: OUT_OF_HOST_MEMORY",
@@ -33,21 +33,21 @@ _SAYS: Final = {
 
 @dataclass
 class Fault:
-    """Which calls fail.
+    """A fault: which driver calls fail, and how.
 
     Attributes
     ----------
     call : str
         One of `CALLS`.
     after : int
-        So many of its kind succeed before.
+        Number of calls of this kind that succeed before.
     how : str
         ``error``: the driver returns an error; ``hang``: it does not return until `released`, and then fails;
         ``gone``: this call and all others after it fail.
     times : int
-        How many calls in a row fail; later ones succeed.
+        Number of consecutive calls that fail; later ones succeed.
     met : int
-        How many did fail.
+        Number of calls that failed so far.
     released : threading.Event
         Lets calls that hang return.
     """
@@ -61,7 +61,7 @@ class Fault:
     _seen: int = 0
 
     def meets(self, kind: str) -> bool:
-        """Count a call, and say whether it fails."""
+        """Count a call, and return whether it fails."""
         if self.how == "gone" and self.met:
             self.met += 1
             return True
@@ -75,20 +75,21 @@ class Fault:
 
 @dataclass
 class Lie:
-    """Which results are wrong, without a word from the driver.
+    """Silent errors: which results are wrong without an error of the driver.
 
     Attributes
     ----------
     share : float
-        Of the units, those with wrong sums.
+        Fraction of the units with wrong sums.
     blocks : float
-        Of the blocks of such a unit, those with a wrong pixel; one at least.
+        Fraction of the blocks of such a unit that have a wrong pixel; at least one block.
     constant : bool
-        Every time the same error, as of a wrong program; else another one each time, as of a broken part.
+        Whether the error is always the same, like that of a miscompiled program, or varies, like that of broken
+        hardware.
     after : int
-        So many reads of sums are right before.
+        Number of reads of sums that are correct before.
     told : int
-        How many reads came back wrong.
+        Number of wrong reads so far.
     """
 
     share: float = 1.0
@@ -103,7 +104,7 @@ class Lie:
         self._random = random.Random(self.seed)
 
     def change(self, array: npt.NDArray[Any]) -> None:
-        """Make sums, (slots, 3, 4) uint32, wrong; leave anything else as it is."""
+        """Corrupt sums, (slots, 3, 4) uint32; leave other arrays unchanged."""
         if array.ndim != 3 or array.shape[1:] != (3, 4):
             return
         self._seen += 1
@@ -120,14 +121,14 @@ class Lie:
 
 
 class FaultyDevice(Device):
-    """A real device, seen through faults. It shares the other's context, but none of its programs and buffers.
+    """A real device with injected faults. It shares the real one's context, but not its programs and buffers.
 
     Parameters
     ----------
     device : Device
     *faults : Fault or Lie
     name : str, optional
-        What messages call it.
+        Name in messages.
     """
 
     def __init__(self, device: Device, *faults: Fault | Lie, name: str = "") -> None:
@@ -149,7 +150,7 @@ class FaultyDevice(Device):
         raise self._cl.RuntimeError(_SAYS.get(kind, "INVALID_CONTEXT"))
 
     def read(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
-        """As of the real one, but for the lies."""
+        """Read as from the real device, and then apply the silent errors."""
         super().read(buffer, array)
         for lie in self.lies:
             lie.change(array)

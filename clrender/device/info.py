@@ -1,4 +1,4 @@
-"""What identifies a device, to people and to caches, whether it is open or not."""
+"""Identification of a device, open or not, for messages and caches."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ __all__ = ["DeviceInfo"]
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """What identifies a device to people and to caches.
+    """Identification of a device, for messages and caches.
 
     Attributes
     ----------
     index : int
-        Place in `clrender devices`.
+        Index in `clrender devices`.
     name, platform, driver : str
-        As the driver gives them; `driver` is its version.
+        As reported by the driver; `driver` is its version.
     type : str
         ``cpu``, ``gpu`` or ``accelerator``.
     compute_units : int
@@ -25,13 +25,13 @@ class DeviceInfo:
     probe : str
         ``ok``, ``cannot-build``, ``wrong-result``, ``crashed``, ``timeout``, or ``unknown`` before the probe ran.
     detail : str
-        What the probe saw when it is not ``ok``.
+        Result of the probe if it is not ``ok``.
     library : str
-        The driver's shared library as its ICD file names it; empty when the loader found the device by itself.
+        The driver's shared library as its ICD file names it; empty if the loader found the device by itself.
     ordinal : int
-        Place among the devices of the same library.
+        Index among the devices of the same library.
     version : str
-        Version of the platform, which names the compiler inside.
+        Version of the platform, which names its compiler.
     """
 
     index: int
@@ -53,7 +53,7 @@ class DeviceInfo:
         return f"{self.name} ({self.platform} {self.driver})"
 
     def public(self) -> dict[str, Any]:
-        """The keys that `clrender devices --json` promises."""
+        """The documented keys of `clrender devices --json`."""
         keys = ("index", "name", "platform", "driver", "type", "compute_units", "memory_bytes", "probe")
         values = asdict(self)
         return {key: values[key] for key in keys}

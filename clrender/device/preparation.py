@@ -1,4 +1,4 @@
-"""What is computed before the first sample: by an integrator for a render, and for its kernels on each device."""
+"""Precomputation before the first sample: by an integrator for a render, and for its kernels on each device."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ __all__ = ["DevicePreparation", "Prepared", "Request"]
 
 
 class DevicePreparation(Protocol):
-    """What a pipeline's kernels take beside the scene, on one device."""
+    """Additional data for a pipeline's kernels on one device."""
 
     def arguments(self, sample: int) -> Sequence[Argument]:
-        """What the kernel takes after its own parameters, for this sample of the pixels (and any after it, unless the
-        pipeline goes sample by sample). The queue is empty on return."""
+        """Arguments for the kernel after its own, for this sample of the pixels (and later ones, unless the pipeline
+        renders sample by sample). The queue is empty on return."""
 
     def take_rays(self) -> int:
-        """Rays traced for that since this was last asked."""
+        """Number of rays traced for this since the last call."""
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device memory."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What an integrator may ask about before it renders.
+    """Input of an integrator's preparation.
 
     Attributes
     ----------
     scene : Scene
     flat : FlatScene
-        Of the scene.
+        The flattened scene.
     settings : RenderSettings
     pipeline : Pipeline
-        The integrator's.
+        The integrator's pipeline.
     devices : sequence of Device
     launch : LaunchConfig
     notify : callable
-        Told, in a line, what the user may want to know.
+        Called with one line of text for the user.
     should_stop : callable
     """
 
@@ -63,15 +63,15 @@ class Request:
 
 @dataclass(frozen=True)
 class Prepared:
-    """What an integrator renders with.
+    """Result of an integrator's preparation.
 
     Attributes
     ----------
     flat : FlatScene
-        The request's, or another in its place.
+        The request's flattened scene, or a replacement.
     pipeline : Pipeline
     on_device : callable, optional
-        Makes what the pipeline needs on a device, given the worker there.
+        Called with the worker of a device; creates the pipeline's data there.
     """
 
     flat: FlatScene

@@ -1,8 +1,7 @@
-"""Know every device and whether it computes rightly, without letting a bad driver harm this process.
+"""List devices and test whether they compute correctly, without exposing this process to bad drivers.
 
-Each driver is listed, and each device probed, in a process of its own with a time limit. What came out is kept per
-driver version and kernel hash, so that a warm start asks nobody; but not what says more about the memory or time there
-was than about the driver.
+Each driver is listed, and each device probed, in a child process with a time limit. Results are cached by driver
+version and kernel hash, so that later starts need no probe. Failures for lack of memory or time are not cached.
 """
 
 from __future__ import annotations
@@ -48,16 +47,16 @@ __all__ = [
 ]
 
 MARK: Final = "@clrender "
-"""Begins the line in which a child process answers, among whatever drivers print."""
+"""Prefix of the line with a child process's answer, among the output of drivers."""
 
 LIST_SECONDS: Final = 60.0
 PROBE_SECONDS: Final = 240.0
-"""For one probe, unless ``CLRENDER_PROBE_SECONDS`` says otherwise. Interpreters and layered drivers are slow."""
+"""Default time limit of a probe (see ``CLRENDER_PROBE_SECONDS``). Interpreters and layered drivers are slow."""
 EXPECTED_FILE: Final = Path(__file__).with_name("expected_probe.txt")
 _PACKAGE: Final = Path(__file__).resolve().parents[2]
-# Platforms that have no device on most machines. Any other driver without one is asked again each time.
+# Platforms without a device on most machines. Any other driver without a device is queried again each time.
 _OFTEN_EMPTY: Final = ("Clover",)
-# In what a child said: it lacked memory, room or time, or somebody ended it.
+# Parts of a child's output that mean that it lacked memory, disk space or time, or was killed.
 _SCARCE: Final = (
     "sigkill",
     "sigterm",
@@ -83,16 +82,16 @@ _SCARCE: Final = (
 
 @dataclass(frozen=True)
 class Answer:
-    """What a child process came to: its answer, or why there is none.
+    """Outcome of a child process: its answer, or the reason why there is none.
 
     Attributes
     ----------
     value : dict or None
-        What it answered.
+        Its answer.
     failure : str
-        ``crashed`` or ``timeout`` when it did not.
+        ``crashed`` or ``timeout`` if there is no answer.
     detail : str
-        Signal or exit status and the end of what it printed.
+        Signal or exit status, and the end of its output.
     """
 
     value: dict[str, Any] | None
@@ -108,7 +107,7 @@ class DriverReport:
     ----------
     driver : Driver
     fault : str
-        Why it offers nothing, or empty.
+        Reason why it offers nothing, or empty.
     platforms : tuple of (name, version, number of devices)
     devices : tuple of DeviceInfo
     """
@@ -120,15 +119,15 @@ class DriverReport:
 
 
 def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None = None) -> Answer:
-    """Run a child to its end or to the time limit, and take its answer.
+    """Run a child process to its end or to the time limit, and return its answer.
 
     Parameters
     ----------
     command : sequence of str
     seconds : float
-        After which it and all it started are killed.
+        Time limit, after which it and its descendants are killed.
     changes : dict, optional
-        Environment variables that differ from ours.
+        Environment variables that differ from this process.
     """
     with _running(command, changes) as answer:
         return answer(seconds)
@@ -136,13 +135,13 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
 
 @contextlib.contextmanager
 def _running(command: Sequence[str], changes: dict[str, str] | None = None) -> Iterator[Callable[[float], Answer]]:
-    """Start a child, give what waits for its answer, and at the end kill it and all it started."""
+    """Start a child, yield a function that waits for its answer, and at the end kill it and its descendants."""
     env = {**os.environ, **driver_variables(), **(changes or {})}
     if env.get("OCL_ICD_VENDORS"):
         env["OCL_ICD_VENDORS"] = str(Path(env["OCL_ICD_VENDORS"]).resolve())
-    # The child reads the one end, and finds it closed when this process is gone, however it ended.
+    # The child reads one end of the pipe, which is closed when this process ends in any way.
     lifeline, ours = os.pipe()
-    # A folder of ours as working directory: `-m` must not import what happens to lie where the user is.
+    # Our own folder as working directory, so that `-m` does not import modules from the user's.
     with (
         os.fdopen(ours, "wb"),
         os.fdopen(lifeline, "rb") as stdin,
@@ -163,7 +162,7 @@ def _running(command: Sequence[str], changes: dict[str, str] | None = None) -> I
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             if process.returncode is not None:
-                compiled.Sentinel.drop(process.pid)  # what it stands for is judged by its answer
+                compiled.Sentinel.drop(process.pid)  # its programs are judged by the child's answer
 
 
 def _answer(process: subprocess.Popen[bytes], errors: IO[bytes], seconds: float) -> Answer:
@@ -182,7 +181,7 @@ def _answer(process: subprocess.Popen[bytes], errors: IO[bytes], seconds: float)
 
 
 def _scratch_file() -> IO[bytes]:
-    """A nameless file, in memory where no disk has room for one."""
+    """An anonymous temporary file, in memory if no disk has space."""
     try:
         return tempfile.TemporaryFile()
     except OSError:
@@ -195,18 +194,18 @@ def ask_child(request: dict[str, Any], seconds: float, changes: dict[str, str] |
 
 
 def child_command(request: dict[str, Any]) -> list[str]:
-    """How the module `child` is started with a request; it ends when this process does."""
+    """Command line to start the module `child` with a request; the child ends with this process."""
     argument = json.dumps({**request, "lifeline": True})
     return [sys.executable, "-m", "clrender.device.child", argument]
 
 
 def survey(*, refresh: bool = False) -> list[DriverReport]:
-    """Every driver with its platforms and devices; devices carry the verdict kept for them, or ``unknown``.
+    """All drivers with their platforms and devices; devices have their cached verdict, or ``unknown``.
 
     Parameters
     ----------
     refresh : bool
-        Ask the drivers again instead of taking what was kept.
+        Query the drivers again instead of using the cache.
     """
     reports: list[DriverReport] = []
     index = 0
@@ -230,7 +229,7 @@ def survey(*, refresh: bool = False) -> list[DriverReport]:
 
 
 def _listings(refresh: bool) -> list[tuple[Driver, dict[str, Any]]]:
-    """Every driver with its platforms; those that nothing is known of are asked side by side."""
+    """All drivers with their platforms; those that are not in the cache are queried in parallel."""
     found = drivers()
     kept = {driver: _kept_listing(driver, refresh) for driver in found}
     with contextlib.ExitStack() as children:
@@ -250,7 +249,7 @@ def _kept_listing(driver: Driver, refresh: bool) -> dict[str, Any] | None:
 
 
 def _listing(driver: Driver, answer: Answer) -> dict[str, Any]:
-    """What a driver answered; kept for later where it says something about the driver."""
+    """The listing in a driver's answer; it is cached unless the failure may be temporary."""
     if answer.value is None:
         return {"platforms": [], "fault": f"listing its devices failed ({answer.failure}: {answer.detail})"}
     telling = any(each["devices"] or each["name"] in _OFTEN_EMPTY for each in answer.value["platforms"])
@@ -264,7 +263,7 @@ def _listing_name(driver: Driver) -> str:
 
 
 def _limited() -> bool:
-    """Whether this process may use less than the machine has: what a driver fails at then, it may do otherwise."""
+    """Whether this process has resource limits, which may be the cause of a driver's failure."""
     kinds = (resource.RLIMIT_AS, resource.RLIMIT_DATA, resource.RLIMIT_CPU, resource.RLIMIT_FSIZE)
     if any(resource.getrlimit(kind)[0] != resource.RLIM_INFINITY for kind in kinds):
         return True
@@ -273,12 +272,12 @@ def _limited() -> bool:
 
 
 def examine(notify: Callable[[str], None] | None = None) -> list[DriverReport]:
-    """Ask every driver and probe every device anew, whatever was kept.
+    """Query all drivers and probe all devices again, ignoring the cache.
 
     Parameters
     ----------
     notify : callable, optional
-        Told in one line when a probe begins.
+        Called with one line of text when a probe begins.
     """
     return [
         replace(report, devices=tuple(probe(info, again=True, notify=notify) for info in report.devices))
@@ -287,28 +286,28 @@ def examine(notify: Callable[[str], None] | None = None) -> list[DriverReport]:
 
 
 def inventory(*, refresh: bool = False) -> list[DeviceInfo]:
-    """Every device of every driver; verdicts as kept, ``unknown`` where there is none."""
+    """All devices of all drivers, with cached verdicts, or ``unknown`` if there is none."""
     return [info for report in survey(refresh=refresh) for info in report.devices]
 
 
 def devices(notify: Callable[[str], None] | None = None) -> list[dict[str, Any]]:
-    """What `clrender devices --json` prints: every device, probed if it was not yet.
+    """The output of `clrender devices --json`: all devices, probed if necessary.
 
     Parameters
     ----------
     notify : callable, optional
-        Told in one line when a probe begins, since the first may take a minute.
+        Called with one line of text when a probe begins, since the first may take a minute.
 
     Returns
     -------
     list of dict
-        Keys as of `clrender devices`; JSON-able.
+        Keys of `clrender devices`; JSON values.
     """
     return [probe(info, notify=notify).public() for info in inventory(refresh=True)]
 
 
 def expected_hash() -> str:
-    """Hash of the probe's tile that every device has to reach.
+    """Expected hash of the probe's tile.
 
     Raises
     ------
@@ -342,15 +341,15 @@ def _with_verdict(info: DeviceInfo, driver: Driver) -> DeviceInfo:
 
 
 def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None] | None = None) -> DeviceInfo:
-    """The device with a verdict: the one kept, or that of a probe made now.
+    """Return the device with a verdict: the cached one, or that of a new probe.
 
     Parameters
     ----------
     info : DeviceInfo
     again : bool
-        Probe even when a verdict is kept.
+        Probe even if there is a cached verdict.
     notify : callable, optional
-        Told in one line when a probe begins.
+        Called with one line of text when a probe begins.
     """
     if info.probe != "unknown" and not again:
         return info
@@ -361,19 +360,19 @@ def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None
     verdict, detail = judge(ask_child(request, _probe_seconds()), expected_hash())
     if verdict == "crashed" and not _scarce(detail):
         verdict, detail = _without_cache(request, verdict, detail)
-    compiled.limit_compiler_folder()  # here because few processes probe
+    compiled.limit_compiler_folder()  # done here because few processes probe
     if verdict == "ok" or not (verdict == "timeout" or _scarce(detail) or _limited()):
         cache.write_json(_verdict_name(info, driver), {"probe": verdict, "detail": detail, "device": info.title})
     return replace(info, probe=verdict, detail=detail)
 
 
 def _scarce(detail: str) -> bool:
-    """Whether a child failed for want of memory, room or time: another may succeed."""
+    """Whether a child failed for lack of memory, disk space or time, so that a retry may succeed."""
     return any(mark in detail.lower() for mark in _SCARCE)
 
 
 def _without_cache(request: dict[str, Any], verdict: str, detail: str) -> tuple[str, str]:
-    """Probe again with an empty cache: a driver also crashes on an entry of its own that went bad."""
+    """Probe again with an empty cache, as a damaged entry of the driver's own cache may have caused the crash."""
     try:
         with cache.temporary_folder() as empty:
             changes = {"XDG_CACHE_HOME": str(empty), "POCL_CACHE_DIR": str(empty / "pocl")}
@@ -395,12 +394,12 @@ def _probe_seconds() -> float:
 
 
 def passes_probe(device: Device) -> bool:
-    """Whether an open device, in this process, computes the probe's tile right.
+    """Whether an open device of this process renders the probe's tile correctly.
 
     Raises
     ------
     RenderError, DeviceError
-        When it fails at that, or the installation lacks the tile's hash.
+        When rendering fails, or the installation lacks the tile's hash.
     """
     from clrender.device.worker import probe_hash
 
@@ -408,7 +407,7 @@ def passes_probe(device: Device) -> bool:
 
 
 def judge(answer: Answer, expected: str) -> tuple[str, str]:
-    """Verdict on a probe's answer, and the reason where it is not ``ok``."""
+    """Verdict on a probe's answer, and the reason if it is not ``ok``."""
     value = answer.value
     if value is None:
         return answer.failure, answer.detail

@@ -1,4 +1,4 @@
-"""Sorting and prefix sums on a device: stable, and of integers, so that every device gives the same order."""
+"""Stable integer sorting and prefix sums on a device; every device gives the same order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["CHUNK", "launch_each", "scan", "sort"]
 
 CHUNK: Final = 1024
-"""Elements that a work-item goes through: ``BUILD_CHUNK`` of ``kernels/geometry/build.h``; a test compares them."""
+"""Elements per work-item: ``BUILD_CHUNK`` of ``kernels/geometry/build.h``; a test compares them."""
 _ENTRY: Final = "geometry/build_order.cl"
 
 
@@ -37,7 +37,7 @@ def scan(device: Device, numbers: Buffer, count: int) -> int:
     Returns
     -------
     int
-        The sum of all.
+        Sum of all elements.
     """
     program, chunks = device.program(_ENTRY, {"LANES": 1}), -(-count // CHUNK)
     sums = device.empty(4 * chunks)
@@ -54,7 +54,7 @@ def scan(device: Device, numbers: Buffer, count: int) -> int:
 
 
 def sort(device: Device, keys: Buffer, values: Buffer, count: int, bits: int) -> tuple[Buffer, Buffer]:
-    """Stable radix sort of values by their keys, eight bits a pass. The buffers given are used up.
+    """Stable radix sort of values by their keys, eight bits per pass. The given buffers are consumed.
 
     Parameters
     ----------

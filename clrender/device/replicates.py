@@ -1,4 +1,4 @@
-"""Squares of a unit's replicates on a device: what the film needs to know how far its means may be off."""
+"""Sums of squared replicates of a unit on a device, from which the film computes standard errors."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _Words = npt.NDArray[np.uint32]
 
 
 class ReplicateSums:
-    """The squares of one unit after the other (``kernels/film/accumulate.cl``, `film_accumulate_replicates`).
+    """Squared replicates of one unit at a time (``kernels/film/accumulate.cl``, `film_accumulate_replicates`).
 
     Parameters
     ----------
     device : Device
     scratch : Scratch
-        Where the buffers are kept.
+        Holds the buffers.
     replicate_spp : int
-        Samples of a replicate.
+        Samples per replicate.
     """
 
     def __init__(self, device: Device, scratch: Scratch, replicate_spp: int) -> None:
@@ -36,12 +36,12 @@ class ReplicateSums:
         self._device, self._scratch = device, scratch
 
     def begin(self, slots: int, first_sample: int) -> list[Buffer | np.generic]:
-        """Buffers for a unit: the arguments of `film_clear_replicates`.
+        """Prepare the buffers for a unit; returns the arguments of `film_clear_replicates`.
 
         Raises
         ------
         RenderError
-            The unit begins within a replicate.
+            When the unit begins within a replicate.
         """
         if first_sample % self.replicate_spp:
             raise RenderError(f"a unit begins with sample {first_sample}, within a replicate of {self.replicate_spp}.")
@@ -56,17 +56,17 @@ class ReplicateSums:
         return [self._squares, self._start_sums, self._start_counts]
 
     def read(self, sums: _Words, counts: _Words, done: _Words) -> _Words:
-        """The squares of whole replicates; what was begun of another one is taken back.
+        """Read the squares of whole replicates; samples of an incomplete replicate are removed.
 
         Parameters
         ----------
         sums, counts, done
-            Of `clrender.film.unit.UnitSums`; changed in place, to what they were after the last whole replicate.
+            Fields of `clrender.film.unit.UnitSums`; reset in place to their state after the last whole replicate.
 
         Returns
         -------
         (slots, 3, 8) uint32
-            As of `clrender.film.unit.UnitSums`.
+            See `clrender.film.unit.UnitSums`.
         """
         slots = len(counts)
         squares = self._read(self._squares, (slots, 3, 8))

@@ -1,4 +1,4 @@
-"""Puts a flat scene on a device: rows for shading, the tree for rays, in the order that kernels take them."""
+"""Uploads a flat scene to a device: rows for shading and the BVH, in the order of the kernels' parameters."""
 
 from __future__ import annotations
 
@@ -29,38 +29,38 @@ _AS_THEY_ARE = (
     *("instance_rows", "instance_guides"),
     *("hole_rows", "attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
-"""Arrays of the host that the kernels read as such."""
+"""Host arrays that the kernels read unchanged."""
 _TREE = ("nodes", "triangle_packs", "analytic_packs")
 
 
 @cache
 def scene_array_names() -> tuple[str, ...]:
-    """Names in the list of ``kernels/scene.h``, in order: the first parameters of every kernel that renders."""
+    """Names in the list of ``kernels/scene.h``, in order: the first parameters of every rendering kernel."""
     text = (kernels_folder() / "scene.h").read_text(encoding="utf-8")
     block = text[text.index("#define SCENE_ARRAYS(X)") : text.index("#define SCENE_MEMBER_")]
     return tuple(re.findall(r"X\(\w+, (\w+)\)", block))
 
 
 def texel_pages(device: Device, texels: NDArray[np.uint8]) -> tuple[list[Buffer], int | None]:
-    """Texels on a device, in as few of four buffers as its largest allows.
+    """Upload texels, to as few of four buffers as the largest buffer size allows.
 
     Parameters
     ----------
     device : Device
     texels : (tiles, 64) uint8
-        Where a device can use them in the host's memory they stay there.
+        If the device can access host memory, they are not copied.
 
     Returns
     -------
     pages : list of four Buffer
-        The first again in the place of those that are not needed.
+        Unused ones are the first again.
     bits : int or None
-        Logarithm of the tiles of a page; None where one holds all.
+        Binary logarithm of the number of tiles per page; None if one page holds all.
 
     Raises
     ------
     RenderError
-        Four pages do not hold them, or the device has not the memory.
+        When they do not fit into four pages, or the device lacks the memory.
     """
     largest = min(device.max_allocation_bytes, LARGEST_PAGE) // texels.shape[1]
     if len(texels) <= largest:
@@ -77,24 +77,24 @@ def texel_pages(device: Device, texels: NDArray[np.uint8]) -> tuple[list[Buffer]
 
 
 _TREE_BYTES = 32
-"""A triangle takes at least so many in a tree: half of a column of a pack, where two share one."""
+"""Least number of bytes per triangle in a BVH: half of a column of a pack, which two triangles may share."""
 
 
 def check_room(device: Device, scene: FlatScene) -> None:
-    """Refuse a scene that a device has no room for, before anything of it is there.
+    """Refuse a scene that does not fit on a device, before anything is uploaded.
 
     Parameters
     ----------
     device : Device
     scene : FlatScene
-        What its trees take in the end is not known yet: a scene that passes may still be refused when they are built.
+        The size of its BVHs is not known yet, so a scene that passes may still be refused when they are built.
 
     Raises
     ------
     RenderError
-        One array is larger than the device's largest buffer, or the whole scene than its memory.
+        When an array is larger than the device's largest buffer, or the whole scene is larger than its memory.
     MemoryRefused
-        Or than is allowed.
+        When the scene exceeds the memory limit.
     """
     triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
     sizes = {name: array.nbytes for name, array in scene.arrays.items() if name != "texels"}
@@ -129,43 +129,43 @@ class SceneArrays:
     device : Device
     scene : FlatScene
     tree : bvh.Bvh, optional
-        Instead of one over all of the scene; it stays its owner's.
+        BVH to use instead of one over the whole scene; the caller still owns it.
 
     Attributes
     ----------
     buffers : dict of str to Buffer
-        By the names of ``kernels/scene.h``, but for ``settings``, which belongs to a render.
+        By the names of ``kernels/scene.h``, except ``settings``, which belongs to a render.
     tree : bvh.Bvh
-        Over all that is opaque.
+        BVH over all opaque primitives.
     masked_tree : bvh.Bvh or None
-        Over all that rays may pass by.
+        BVH over all masked primitives.
     instances : bool
-        Whether there are any.
+        Whether there are instances.
     holes : bool
-        Whether it is known of some where they have holes all over.
+        Whether there are rows with the transparent cells of masked triangles.
     materials : bool
         Whether some material has rows of its own, so that the kernels need all lobes.
     environment_map : bool
-        Whether the environment has a picture.
+        Whether the environment has an image.
     lamps : bool
-        Whether there are lights at a point that do not shine alike in all directions.
+        Whether there are anisotropic point lights (spot or IES).
     sun : bool
-        Whether there is one.
+        Whether there is a sun.
     interiors : bool
-        Whether paths keep account of the dielectrics that they are inside of.
+        Whether paths track the dielectrics and media that they are inside.
     textured : bool
-        Whether some shape has textures.
+        Whether any shape is textured.
     tangents : bool
-        Whether some triangle has tangents at its vertices.
+        Whether any triangle has vertex tangents.
     emission_textures : bool
-        Whether some shape shines as one.
+        Whether any shape has textured emission.
     page_bits : int or None
-        As of `texel_pages`.
+        See `texel_pages`.
 
     Raises
     ------
     RenderError
-        When the device has not the memory.
+        When the device lacks the memory.
     """
 
     def __init__(self, device: Device, scene: FlatScene, tree: bvh.Bvh | None = None) -> None:
@@ -197,7 +197,7 @@ class SceneArrays:
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
-            # Lanes without a hit read row 0, so there has to be one.
+            # Lanes without a hit read row 0, so it must exist.
             "primitive_rows": device.empty(64 * primitives) if primitives else device.upload(np.zeros(16, np.float32)),
             "normal_rows": device.empty(64 * (max(triangles, 1) if smooth else 1)),
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
@@ -230,17 +230,17 @@ class SceneArrays:
 
     @property
     def node_count(self) -> int:
-        """Of all trees."""
+        """Number of nodes of all BVHs."""
         return sum(tree.node_count for tree in self._trees)
 
     @property
     def tree_bytes(self) -> int:
-        """Size of all trees."""
+        """Size of all BVHs, bytes."""
         return sum(tree.nbytes for tree in self._trees)
 
     @property
     def stack_entries(self) -> int:
-        """Entries a traversal of either may have to keep at once."""
+        """Capacity that the traversal stack needs for either BVH, in entries."""
         return max(tree.stack_entries for tree in self._trees)
 
     @property
@@ -248,13 +248,13 @@ class SceneArrays:
         return [self.tree, self.masked_tree] if self.masked_tree else [self.tree]
 
     def look(self, camera: NDArray[np.void]) -> None:
-        """Take another camera, a (1,) `Camera`."""
+        """Replace the camera by another, a (1,) `Camera`."""
         self._device.write(self.buffers["camera"], camera)
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device memory."""
         lent = self.tree.buffers if self._lent else ()
-        for buffer in dict.fromkeys(self.buffers.values()):  # what is not needed is another one once more
+        for buffer in dict.fromkeys(self.buffers.values()):  # unused entries are duplicates of others
             if buffer not in lent:
                 self._device.release(buffer)
         self.buffers.clear()
@@ -263,9 +263,9 @@ class SceneArrays:
 def _trees(
     device: Device, source: bvh.SourceArrays, scene: FlatScene, instance_rows: Buffer
 ) -> tuple[bvh.Bvh, bvh.Bvh | None]:
-    """The tree over all that is opaque and that over what rays may pass by, if there is any.
+    """Build the BVH over opaque primitives, and the one over masked primitives if there are any.
 
-    Groups have trees of their own behind them, which the rows of instances then lead to.
+    The BVHs of groups are appended to them; the rows of instances refer to these.
     """
     masked, instances = _masked(scene), scene.instances
     units = bvh.triangle_units(device, source)
@@ -280,7 +280,7 @@ def _trees(
         def part(
             triangles: slice, analytic: slice, chosen: NDArray[np.bool_] = chosen
         ) -> tuple[bvh.Numbers, bvh.Numbers]:
-            """Units of a range of triangles and of a range of spheres and disks."""
+            """The chosen units of a range of triangles, and the chosen ones of a range of spheres and disks."""
             begin, end = np.searchsorted(firsts, [triangles.start, triangles.stop])
             some = units[begin:end]
             round_ones = np.arange(analytic.start, analytic.stop, dtype=np.uint32)
@@ -308,7 +308,7 @@ def _trees(
 
 
 def _masked(scene: FlatScene) -> NDArray[np.bool_] | None:
-    """Which primitives rays may pass by; None: none."""
+    """Mask of the primitives that rays may pass through; None if there are none."""
     if not scene.masked:
         return None
     count = scene.triangle_count + scene.analytic_count

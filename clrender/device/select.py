@@ -1,4 +1,4 @@
-"""Choose devices by what the user wrote, probe them where that was not done yet, and open them."""
+"""Select devices by the user's specification, probe them if necessary, and open them."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ Probe = Callable[[DeviceInfo], DeviceInfo]
 
 
 def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify | None = None) -> list[Device]:
-    """Open the devices that a `--device` specification means. Only their drivers are loaded into this process.
+    """Open the devices of a `--device` specification. Only their drivers are loaded into this process.
 
     Parameters
     ----------
     spec : str, int, sequence of them, or None
-        ``auto``, ``cpu``, ``gpu`` (the best of the kind), ``all`` (every one that is ok), an index of
-        `clrender devices`, or a part of a name (the best of those it fits). None: ``CLRENDER_DEVICE``, else ``auto``.
+        ``auto``, ``cpu``, ``gpu`` (the best of the kind), ``all`` (every device that is ok), an index of `clrender
+        devices`, or a part of a name (the best that matches). None: ``CLRENDER_DEVICE``, else ``auto``.
     notify : callable, optional
-        Told, one line each: which device was chosen, warnings, and when a probe begins.
+        Called with one line of text for the chosen device, for warnings, and when a probe begins.
 
     Returns
     -------
     list of Device
-        At least one, none twice.
+        At least one, without duplicates.
 
     Raises
     ------
     UsageError
-        When the specification fits no device there is.
+        When no device matches the specification.
     DeviceError
-        When none of those that fit can be used.
+        When no matching device can be used.
     """
     tell = notify or (lambda line: None)
     specs = _normalise(spec)
@@ -56,7 +56,7 @@ def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify |
         for line in _unusable(reports):
             tell(f"warning: {line}; see `clrender doctor`")
         try:
-            # Once each: no verdict is kept of a probe that ran out of time.
+            # Each probe only once: the verdict of a probe that timed out is not cached.
             chosen = choose(specs, known, cache(lambda info: probe(info, notify=tell)), tell)
         except UsageError as error:
             if not _from_environment(spec):
@@ -65,7 +65,7 @@ def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify |
         try:
             opened = open_devices(chosen, known)
         except DeviceError:
-            # What was kept about the drivers no longer holds; ask them once more.
+            # The cached listing is out of date; query the drivers once more.
             if refresh:
                 raise
             continue
@@ -76,11 +76,11 @@ def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify |
 
 
 def _unusable(reports: Sequence[DriverReport]) -> list[str]:
-    """Drivers that are installed and fail, so that nobody wonders where a device went."""
+    """Messages about installed drivers that fail, to explain missing devices."""
     lines = [
         f"{report.driver.library} cannot be used: {report.fault}"
         for report in reports
-        if report.fault and not report.driver.fault  # an .icd file without its library is of no concern to a render
+        if report.fault and not report.driver.fault  # an .icd file without its library is irrelevant to a render
     ]
     for report in reports:
         if any("portable computing" in name.lower() and not count for name, _, count in report.platforms):
@@ -97,7 +97,7 @@ def _nothing_found(reports: Sequence[DriverReport]) -> DeviceError:
 
 
 def _from_environment(spec: str | int | Sequence[str | int] | None) -> bool:
-    """Whether nobody said anything but, perhaps, ``CLRENDER_DEVICE``."""
+    """Whether there is no specification, except perhaps ``CLRENDER_DEVICE``."""
     return spec is None or (not isinstance(spec, int) and len(spec) == 0)
 
 
@@ -109,26 +109,26 @@ def _normalise(spec: str | int | Sequence[str | int] | None) -> list[str]:
 
 
 def choose(specs: Sequence[str], known: Sequence[DeviceInfo], probe_one: Probe, notify: Notify) -> list[DeviceInfo]:
-    """Devices that specifications mean, each once, in the order named.
+    """Devices that match specifications, without duplicates, in the order of the specifications.
 
     Parameters
     ----------
     specs : sequence of str
     known : sequence of DeviceInfo
     probe_one : callable
-        Gives a device its verdict.
+        Returns a device with its verdict.
     notify : callable
-        Told of devices used without an ``ok``.
+        Called with a warning for each device that is used although its verdict is not ``ok``.
 
     Raises
     ------
     UsageError, DeviceError
-        As `select`.
+        See `select`.
     """
     verdicts: dict[int, DeviceInfo] = {}
 
     def once(info: DeviceInfo) -> DeviceInfo:
-        """A verdict that is not kept would be asked for again, which may take minutes."""
+        """Probe a device only once, as a verdict that is not cached would take minutes again."""
         if info.index not in verdicts:
             verdicts[info.index] = probe_one(info)
         return verdicts[info.index]
@@ -173,7 +173,7 @@ def _none_ok(kind: str, candidates: Sequence[DeviceInfo], probe_one: Probe) -> D
 
 
 def _named(spec: str, ranked: Sequence[DeviceInfo]) -> list[DeviceInfo]:
-    """Devices that an index or a part of a name fits, best first."""
+    """Devices that match an index or a part of a name, best first."""
     listed = ", ".join(f"{info.index} = {info.title}" for info in sorted(ranked, key=lambda info: info.index))
     if re.fullmatch(r"[+-]?\d+", spec):
         by_index = [info for info in ranked if info.index == int(spec)]
@@ -195,24 +195,24 @@ def _names(info: DeviceInfo) -> tuple[str, ...]:
 
 
 def _rank(info: DeviceInfo) -> tuple[int, int, int, int, int]:
-    """Smaller is better: GPU before CPU, native drivers before layered ones, then size."""
+    """Sort key, smaller is better: GPUs before CPUs, native drivers before layered ones, then by size."""
     text = f"{info.platform} {info.name}".lower()
-    # Oclgrind says it is a GPU and is an interpreter.
+    # Oclgrind reports a GPU, but is an interpreter.
     kind = 3 if "oclgrind" in text else {"gpu": 0, "cpu": 1}.get(info.type, 2)
-    # llvmpipe was measured several times slower than PoCL on the same processor.
+    # llvmpipe was measured to be several times slower than PoCL on the same processor.
     driver = 2 if "llvmpipe" in text else 1 if "rusticl" in text or "clover" in text else 0
     native = 0 if "pocl" in info.version.lower() else 1
     return (kind, driver, native if kind else 0, -info.compute_units, info.index)
 
 
 def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo]) -> list[Device]:
-    """Open devices in this process, and load the drivers of these alone.
+    """Open devices in this process, and load only their drivers.
 
     Parameters
     ----------
     chosen : sequence of DeviceInfo
     known : sequence of DeviceInfo
-        All there are.
+        All devices of the inventory.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo]) -> l
 
 
 def spare_cores(chosen: Sequence[DeviceInfo], handles: Sequence[Any]) -> list[tuple[DeviceInfo, Any]]:
-    """Leave a core to the threads that feed GPUs: CPU devices beside one get one core less, where their driver can.
+    """Reserve a core for the threads that feed GPUs: CPU devices beside a GPU get one core less, if the driver can.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def spare_cores(chosen: Sequence[DeviceInfo], handles: Sequence[Any]) -> list[tu
     Returns
     -------
     list of (DeviceInfo, pyopencl.Device)
-        Of a CPU that was divided, the part with all cores but one.
+        A partitioned CPU is replaced by the sub-device with all cores except one.
     """
     import pyopencl as cl
 
@@ -249,7 +249,7 @@ def spare_cores(chosen: Sequence[DeviceInfo], handles: Sequence[Any]) -> list[tu
         if fed and info.type == "cpu" and left >= 1:
             by_counts = cl.device_partition_property.BY_COUNTS
             end = cl.device_partition_property.BY_COUNTS_LIST_END
-            with contextlib.suppress(cl.Error):  # a driver that cannot: the system's scheduler has to do
+            with contextlib.suppress(cl.Error):  # the driver cannot partition: leave it to the system's scheduler
                 (handle,) = handle.create_sub_devices([by_counts, left, end])
                 info = replace(info, compute_units=left)
         opened.append((info, handle))
@@ -257,7 +257,7 @@ def spare_cores(chosen: Sequence[DeviceInfo], handles: Sequence[Any]) -> list[tu
 
 
 def _handle(info: DeviceInfo, platforms: Sequence[Any], known: Sequence[DeviceInfo]) -> Any:
-    """The driver's object for a device: the n-th of those that look the same, as in the inventory."""
+    """The driver's object for a device: among identical devices, the one at the same position as in the inventory."""
     import pyopencl as cl
 
     def identity(each: DeviceInfo) -> tuple[str, str, str, str]:

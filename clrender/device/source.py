@@ -1,7 +1,7 @@
-"""Turn a kernel file and what it includes into one text, so that drivers never look for files themselves.
+"""Expand a kernel file and its includes to one text, so that drivers need not find files.
 
-Includes are quoted and relative to the kernels folder. `#line` marks keep compiler messages pointing at the file a
-person edits, folders with blanks in their name work on every driver, and the text is an honest cache key.
+Includes are quoted and relative to the kernels folder. With `#line` directives, compiler messages refer to the original
+files. Folders with spaces in their names work with every driver, and the text is a complete cache key.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class Source:
     Attributes
     ----------
     entry : str
-        Name for people, relative to the kernels folder.
+        Name relative to the kernels folder.
     text : str
-        Complete OpenCL C, no include left.
+        Complete OpenCL C without includes.
     sha256 : str
-        Of `text`.
+        Hash of `text`.
     """
 
     entry: str
@@ -45,16 +45,16 @@ class Source:
 
 
 def load_source(entry: str | Path, defines: Mapping[str, int | str] | None = None, root: Path | None = None) -> Source:
-    """Read a kernel file, expand it and put its definitions on top.
+    """Read a kernel file, expand it and prepend its definitions.
 
     Parameters
     ----------
     entry : str or Path
         Name below the kernels folder, or an absolute path.
     defines : mapping, optional
-        Macros set before the first line.
+        Macros defined before the first line.
     root : Path, optional
-        Folder that includes are relative to; the kernels folder when absent.
+        Folder that includes are relative to; default: the kernels folder.
 
     Raises
     ------
@@ -62,23 +62,23 @@ def load_source(entry: str | Path, defines: Mapping[str, int | str] | None = Non
         When a file is missing or cannot be read, or includes form a cycle.
     """
     macros = "".join(f"#define {name} {value}\n" for name, value in sorted((defines or {}).items()))
-    # For the whole program and not left to each file: contraction would cost the equal bits on all drivers.
+    # Set here for the whole program: contraction would make results differ between drivers.
     text = "#pragma OPENCL FP_CONTRACT OFF\n" + macros + expand(entry, root)
     return Source(str(entry), text, hashlib.sha256(text.encode()).hexdigest())
 
 
 def expand(entry: str | Path, root: Path | None = None) -> str:
-    """Text of a kernel file with every include replaced by what it names.
+    """Text of a kernel file with every include replaced by the file's contents.
 
-    A header behind an include guard that was already taken in unconditionally, or in the same branch of an `#if`,
-    leaves only a `#line` mark; any other is taken in again, as a preprocessor would.
+    A header with an include guard that was already included unconditionally, or in the same branch of an `#if`, is
+    replaced by a `#line` directive only. Any other is included again, as by a preprocessor.
 
     Parameters
     ----------
     entry : str or Path
         Name below `root`, or an absolute path.
     root : Path, optional
-        Folder that includes are relative to; the kernels folder when absent.
+        Folder that includes are relative to; default: the kernels folder.
 
     Raises
     ------
@@ -90,12 +90,12 @@ def expand(entry: str | Path, root: Path | None = None) -> str:
 
 
 def kernels_sha256(root: Path | None = None) -> str:
-    """Hash of every kernel file, names included: what a verdict about a driver holds for.
+    """Hash of all kernel files, including their names; the cache key of verdicts about drivers.
 
     Parameters
     ----------
     root : Path, optional
-        Folder of the kernels; when absent the installed ones, which are read once.
+        Folder of the kernels; default: the installed ones, which are read only once.
     """
     return _hash_of(root) if root else _hash_once(kernels_folder())
 
@@ -116,15 +116,15 @@ def _kernel_files(folder: Path) -> list[Path]:
 
 
 class _Expander:
-    """State of one expansion: which guarded headers are surely in force at the present line."""
+    """State of one expansion: the guarded headers that are certainly included at the current line."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        # One set per open conditional branch, outermost first. A header named in any of them is in force here.
+        # One set per open conditional branch, outermost first. A header in any of them is included here.
         self.branches: list[set[str]] = [set()]
 
     def file(self, name: str, chain: list[str]) -> list[str]:
-        """Text of one file, in pieces; `chain` holds "file:line" of the includes that led here."""
+        """Expand one file, in pieces; `chain` holds "file:line" of the enclosing includes."""
         guarded, pieces = _parsed(self._read(name, chain))
         if guarded:
             self.branches[-1].add(name)
@@ -140,7 +140,7 @@ class _Expander:
         return out
 
     def _follow(self, word: str, depth: int, guarded: bool) -> int:
-        """Keep the branches in step with `#if … #endif`; the guard itself always holds at first sight."""
+        """Update the branches for `#if … #endif`; an include guard's own condition is true at its first inclusion."""
         outermost = 1 if guarded else 0
         if word in ("if", "ifdef", "ifndef"):
             if depth >= outermost:
@@ -190,7 +190,7 @@ def _blank(match: re.Match[str]) -> str:
 
 
 class _Piece(NamedTuple):
-    """Text up to a directive that decides what is in force; an include's own line is left out."""
+    """Text up to a conditional or include directive; the line of an include is left out."""
 
     text: str
     number: int
@@ -198,11 +198,11 @@ class _Piece(NamedTuple):
     operand: str
 
 
-# Headers are in several programs, and reading a file is less than looking at each of its lines.
+# Cached because headers are in several programs, and parsing is slower than reading.
 @cache
 def _parsed(text: str) -> tuple[bool, tuple[_Piece, ...]]:
-    """Whether an include guard is around a whole file, and the file in pieces."""
-    # No kernel holds a string literal with a comment mark in it, so comments can be cut by pattern.
+    """Whether an include guard encloses the whole file, and the file in pieces."""
+    # No kernel has a string literal with a comment mark in it, so a pattern can remove comments.
     bare = _COMMENTS.sub(_blank, text).splitlines()
     found: list[tuple[str, str]] = []
     pieces: list[_Piece] = []

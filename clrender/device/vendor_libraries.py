@@ -1,7 +1,7 @@
-"""Find the drivers of GPUs by the names of their libraries, where no `.icd` file names them.
+"""Find GPU drivers without an `.icd` file by the names of their libraries.
 
-Containers of rented machines get the driver's libraries from the host, often in a folder of their own and without the
-`.icd` file that OpenCL loaders look for. Nothing is loaded here.
+Containers in the cloud get the driver's libraries from the host, often in a separate folder and without the `.icd` file
+that OpenCL loaders look for. Nothing is loaded here.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Final
 __all__ = ["LIBRARIES", "companions", "find", "linker_looks_in", "search"]
 
 LIBRARIES: Final = ("libnvidia-opencl.so.1", "libamdocl64.so", "libigdrcl.so")
-"""What the drivers of NVIDIA, AMD and Intel are called, wherever they lie."""
+"""File names of the drivers of NVIDIA, AMD and Intel."""
 
 _FOLDERS: Final = (
     "/usr/lib/x86_64-linux-gnu",
@@ -26,7 +26,7 @@ _FOLDERS: Final = (
     "/usr/local/lib",
     "/usr/lib/wsl/lib",
 )
-# The dynamic linker does not look there, unless its own settings say so.
+# The dynamic linker does not search these by default.
 _VENDOR_FOLDERS: Final = (
     "/usr/local/nvidia/lib64",
     "/usr/local/nvidia/lib",
@@ -37,7 +37,7 @@ _VENDOR_FOLDERS: Final = (
 )
 _LINKER_CACHE: Final = Path("/etc/ld.so.cache")
 
-# What a driver asks the dynamic linker for, which does not look beside it: in the order in which they need each other.
+# Dependencies of a driver that the dynamic linker does not find beside it, in the order of loading.
 _COMPANIONS: Final = (
     ("libintelocl", ("libtbb.so.12", "libintlc.so.5", "libirng.so", "libimf.so", "libsvml.so")),
     (
@@ -48,9 +48,10 @@ _COMPANIONS: Final = (
 
 
 def search(library: str) -> list[Path]:
-    """Where a library named without a folder may lie; not all of the places exist.
+    """Possible paths of a library given by its file name; not all of them exist.
 
-    LD_LIBRARY_PATH, the dynamic linker's cache, its usual folders, and those that drivers of GPUs are put into.
+    These are from LD_LIBRARY_PATH, the dynamic linker's cache, its default folders, and the usual folders of GPU
+    drivers.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ def linker_looks_in(path: Path) -> bool:
 
 
 def find(known: Sequence[str]) -> Iterator[Path]:
-    """Libraries of `LIBRARIES` that exist, each in the first place that has it, but for those that are known already.
+    """Existing libraries of `LIBRARIES`, each in the first place that has it, except those already known.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def find(known: Sequence[str]) -> Iterator[Path]:
 
 
 def _cached(library: str) -> list[Path]:
-    """Where the dynamic linker's cache says that a library is: paths in it end with a zero each."""
+    """Paths of a library in the dynamic linker's cache, where paths are null-terminated."""
     try:
         cache = _LINKER_CACHE.read_bytes()
     except OSError:
@@ -97,12 +98,12 @@ def _cached(library: str) -> list[Path]:
 
 
 def companions(path: str) -> tuple[str, ...]:
-    """Libraries beside a driver's that have to be loaded before it.
+    """Libraries beside a driver's library that must be loaded before it.
 
     Parameters
     ----------
     path : str
-        Of the driver's library.
+        Path of the driver's library.
     """
     folder, name = Path(path).parent, Path(path).name
     patterns = next((patterns for start, patterns in _COMPANIONS if name.startswith(start)), ())

@@ -1,4 +1,4 @@
-"""One render on one device: turns a unit of work into the sums of its samples, in launches short enough to stop."""
+"""Worker for one render on one device: renders units of work, in launches short enough to be stopped."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["DeviceWorker", "LaunchConfig", "most_lanes", "probe_hash"]
 
 SLICE_SECONDS: Final = 0.15
-"""What a launch should last: short enough for progress, Ctrl-C and drivers with a watchdog."""
+"""Target duration of a launch: short enough for progress, Ctrl-C and drivers with a watchdog."""
 
 _SHORT_SECONDS: Final = 0.005
 
@@ -41,39 +41,39 @@ _GPU_FILL: Final = 300_000
 _UNIT_THREADS: Final = 2048
 _SAMPLES_BYTES: Final = 96 << 20
 _STATS_BYTES: Final = 16
-"""Of a work-item."""
+"""Bytes of statistics per work-item."""
 _OF_SLICES: Final = ("samples", "records", "stats")
-"""Buffers of a slice."""
+"""Names of the buffers of a slice."""
 _MOST_SAMPLES_PER_PASS: Final = 16
 _SMALL_TREE: Final = 8
-"""With so few nodes, lanes' rays stay together: setting one out alone costs more than the rest of the tree."""
+"""Number of BVH nodes up to which packets are not split, as splitting costs more than traversing the BVH."""
 _NEAR_BYTES: Final = 3 << 19
-"""Of a tree that the processor has at hand: in a larger one, memory is asked for ahead."""
+"""Size of a BVH up to which it fits into the processor's cache; larger ones are prefetched."""
 
 _SHORT_LOOPS: Final = ("rusticl",)
-"""Platforms whose loops end after 65,535 rounds, whatever their condition says (llvmpipe, counting the rounds of all
-loops of a work-item): a work-item then gets one sample, and one that is not delivered all the same is not finite."""
+"""Platforms that end loops after 65,535 iterations (llvmpipe, which counts the iterations of all loops of a work-item).
+A work-item then gets only one sample; if even that is not written, it counts as not finite."""
 
 _NO_PREFETCH: Final = ("oclgrind",)
-"""Platforms that do not know the instruction which asks for memory ahead: an interpreter."""
+"""Platforms without a prefetch instruction: an interpreter."""
 
 
 @dataclass(frozen=True)
 class LaunchConfig:
-    """How work is cut for a device. None of it changes a bit of the image.
+    """How work is divided into launches. None of these changes a bit of the image.
 
     Attributes
     ----------
     lanes : int or None
-        Paths a work-item carries side by side: 1, 4, 8 or 16; None: by the kind of device.
+        Paths per work-item, in SIMD fashion: 1, 4, 8 or 16; None: by the kind of device.
     work_group : int or None
         Work-items in a group.
     samples_per_pass : int or None
-        Samples of a pixel in one launch; None: adapted as the render goes.
+        Samples per pixel in one launch; None: adapted during the render.
     traversal : str or None
         ``packet`` (the default) or ``single``.
     slice_seconds : float
-        What a launch should last. A render stops after two of them at most.
+        Target duration of a launch. A render stops after at most two launches.
     """
 
     lanes: int | None = None
@@ -85,18 +85,18 @@ class LaunchConfig:
 
 @dataclass(frozen=True)
 class _Slice:
-    """A launch on its way.
+    """A launch in progress.
 
     Attributes
     ----------
     part : Unit
-        What it does.
+        Part of the unit that it renders.
     reading : Reading
-        Of its statistics, (work-items, 4) uint32.
+        Reading of its statistics, (work-items, 4) uint32.
     rays : int
-        That were traced to prepare it.
+        Rays that were traced to prepare it.
     begin : float
-        When it was put into the queue.
+        Time when it was enqueued.
     """
 
     part: Unit
@@ -106,9 +106,9 @@ class _Slice:
 
 
 class Scratch:
-    """Buffers of a device that are kept from launch to launch, and from worker to worker.
+    """Buffers of a device that are reused by successive launches and workers.
 
-    Fresh memory costs more than rendering into it.
+    Allocating new memory costs more than rendering into it.
     """
 
     def __init__(self, device: Device) -> None:
@@ -116,27 +116,27 @@ class Scratch:
         self._kept: dict[str, Buffer] = {}
 
     def buffer(self, name: str, nbytes: int) -> Buffer:
-        """The buffer of that name, of `nbytes` bytes at least, contents undefined."""
+        """The buffer with this name, of at least `nbytes` bytes, with undefined contents."""
         kept = self._kept.get(name)
         if kept is None or kept.nbytes < nbytes:
             if kept is not None:
-                self._device.finish()  # a launch on its way may use it
+                self._device.finish()  # a launch in progress may use it
                 self._device.release(self._kept.pop(name))
             kept = self._kept[name] = self._device.empty(nbytes)
         return kept
 
     def held(self, *names: str) -> int:
-        """Bytes of the buffers of these names."""
+        """Bytes of the buffers with these names."""
         return sum(self._kept[name].nbytes for name in names if name in self._kept)
 
     def give_back(self, *names: str) -> None:
-        """Give the memory of the buffers of these names back."""
+        """Release the buffers with these names."""
         for name in names:
             if (kept := self._kept.pop(name, None)) is not None:
                 self._device.release(kept)
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release all buffers."""
         while self._kept:
             self._device.release(self._kept.popitem()[1])
 
@@ -149,31 +149,31 @@ class DeviceWorker:
     device : Device
     scene : FlatScene
     settings : (1,) `Settings`
-        What depends on the scene is filled in here.
+        Fields that depend on the scene are filled in here.
     pipeline : Pipeline
     launch : LaunchConfig
     prepare : callable, optional
-        Makes what the pipeline needs beside the scene, given this worker.
+        Called with this worker; creates the pipeline's additional data.
     tree : Bvh, optional
-        Over a part of the scene, where the pipeline's kernels know of the rest; it stays its owner's.
+        BVH over a part of the scene, for pipelines whose kernels handle the rest; the caller still owns it.
     arrays : SceneArrays, optional
-        The scene as it is on the device already; it stays its owner's.
+        The scene if it is already on the device; the caller still owns it.
     scratch : Scratch, optional
-        Likewise.
+        Buffers to reuse; the caller still owns them.
 
     Attributes
     ----------
     lanes : int
-        Paths a work-item carries side by side.
+        Paths per work-item, in SIMD fashion.
     build_seconds : float
-        Upload and tree.
+        Time of the upload and the BVH build.
     busy_seconds : float
-        In launches, waiting for them included.
+        Time in launches, including waiting for them.
 
     Raises
     ------
     RenderError, DeviceError
-        When the device has not the memory, or its driver fails. Nothing stays on the device then.
+        When the device lacks the memory, or its driver fails. Everything is then released from the device.
     """
 
     def __init__(
@@ -214,7 +214,7 @@ class DeviceWorker:
             self.build_seconds = time.perf_counter() - begin
             self.lanes = launch.lanes or _lanes(device)
             self._parts = self.lanes >= 4 and self._arrays.node_count > _SMALL_TREE
-            # One packet has nobody to take turns with where rays part, and to sort paths with by their materials.
+            # A single packet has no others to alternate with where rays diverge, or to sort paths by material with.
             several = self._parts or (self.lanes >= 4 and self._arrays.materials)
             self._packets = pipeline.packets if several else 1
             group = launch.work_group or _work_group(device, self.lanes, self._packets)
@@ -240,11 +240,11 @@ class DeviceWorker:
             undone.pop_all()
 
     def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
-        """A kernel file that reads the scene, built for this scene and launch, with `more` macros."""
+        """Build a kernel file that reads the scene, for this scene and launch configuration, with `more` macros."""
         return self.device.program(entry, {**self._defined, **(more or {})})
 
     def padded(self, items: int) -> int:
-        """So many work-items make whole groups."""
+        """Round a number of work-items up to whole groups."""
         return -(-items // self._group) * self._group
 
     def launch(self, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
@@ -252,7 +252,7 @@ class DeviceWorker:
         self.device.launch(program, kernel, items, self._group, [*self.scene_arguments, *arguments])
 
     def launch_over(self, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
-        """The same over so many things, one in every lane."""
+        """Launch a kernel over `count` elements, one per lane; the scene's arguments come first."""
         self.launch(program, kernel, self.padded(-(-count // self.lanes)), arguments)
 
     def _defines(self, launch: LaunchConfig) -> dict[str, int | str]:
@@ -262,7 +262,7 @@ class DeviceWorker:
         if launch.traversal == "single":
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
-            defines["PACKET_PARTS"] = 0  # one lane has nobody to part from: the same program, and compiled only once
+            defines["PACKET_PARTS"] = 0  # not for single lanes: their program is the same, and compiled only once
         if self._arrays.materials:
             defines["MATERIALS"] = 1
         if self._arrays.environment_map:
@@ -324,9 +324,9 @@ class DeviceWorker:
         ----------
         unit : Unit
         on_slice : callable, optional
-            Told after each slice how many samples and rays it had.
+            Called after each slice with its numbers of samples and rays.
         should_stop : callable, optional
-            Asked between slices; when it says yes, what is done so far is returned.
+            Called between slices. If it returns True, the result so far is returned.
 
         Returns
         -------
@@ -349,7 +349,7 @@ class DeviceWorker:
         flying: deque[_Slice] = deque()
 
         def land() -> None:
-            """Wait for the slice that was launched first."""
+            """Wait for the oldest slice in progress, and count its samples and rays."""
             each = flying.popleft()
             rays, shadow_rays, deepest = self._landed(each)
             first = each.part.first_slot - unit.first_slot
@@ -373,7 +373,7 @@ class DeviceWorker:
         return UnitSums(*read, done, rays, shadow_rays, deepest, squares)
 
     def _parts_of(self, unit: Unit) -> Iterator[Unit]:
-        """A unit in slices, each sized by what is known of the device when its turn comes."""
+        """Divide a unit into slices, each sized by the device's speed as known when it is launched."""
         finished = 0
         while finished < unit.sample_count:
             passes = self._passes(unit.slot_count, unit.sample_count - finished)
@@ -385,7 +385,7 @@ class DeviceWorker:
             finished += passes
 
     def _most_flying(self) -> int:
-        """Slices that may be on their way while the next is sized: the device need not wait for the host then."""
+        """Slices that may be in progress when the next is launched, so that the device need not wait for the host."""
         return 0 if self._rate == 0.0 or self._pipeline.sample_by_sample or self._short_loops else 1
 
     def _read(self, sums: Buffer, counts: Buffer, slots: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
@@ -395,7 +395,7 @@ class DeviceWorker:
         return result
 
     def _launched(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> _Slice:
-        """One launch, and its samples added up, put into the queue."""
+        """Enqueue the launches of a slice and the accumulation of its samples."""
         device = self.device
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
@@ -427,33 +427,33 @@ class DeviceWorker:
         return _Slice(part, device.begin_read(stats, np.empty((items, 4), np.uint32)), rays, begin)
 
     def _landed(self, part: _Slice) -> tuple[int, int, int]:
-        """Wait for a slice; gives its rays of all kinds, its shadow rays and its deepest path."""
+        """Wait for a slice; returns its rays of all kinds, its shadow rays and its deepest path."""
         self.device.end_read(part.reading)
         now = time.perf_counter()
-        # The queue does one after the other: it began when the one before it was done
+        # The queue is in-order: the slice began when the one before it was done
         seconds = now - max(part.begin, self._done_at)
         self._done_at = now
         self.busy_seconds += seconds
         rate = part.part.slot_count * part.part.sample_count / max(seconds, 1e-4)
-        # A launch that was over at once, such as a spot check's, does not say that the device is slow
+        # A very short launch, such as a spot check, does not show that the device is slow
         self._rate = rate if seconds > _SHORT_SECONDS else max(rate, self._rate)
         rays, shadow_rays, deepest = (part.reading.array[:, column] for column in range(3))
         shadows = int(shadow_rays.sum(dtype=np.uint64))
         return part.rays + int(rays.sum(dtype=np.uint64)) + shadows, shadows, int(deepest.max())
 
     def _prepared(self, sample: int) -> tuple[list[Argument], int]:
-        """What the pipeline's kernel takes beside its own, and the rays that took."""
+        """Additional arguments for the pipeline's kernel, and the number of rays traced to prepare them."""
         if self._preparation is None:
             return [], 0
         if self.device.memory_limit is not None and self._pipeline.sample_by_sample:
-            self._scratch.give_back(*_OF_SLICES)  # preparing may need their memory
+            self._scratch.give_back(*_OF_SLICES)  # the preparation may need their memory
         begin = time.perf_counter()
         arguments = list(self._preparation.arguments(sample))
         self.busy_seconds += time.perf_counter() - begin
         return arguments, self._preparation.take_rays()
 
     def _passes(self, slots: int, left: int) -> int:
-        """Samples of a pixel in the next launches."""
+        """Samples per pixel in the next launches."""
         if self._pipeline.sample_by_sample or self._short_loops:
             return 1
         if self._per_pass is not None:
@@ -465,16 +465,16 @@ class DeviceWorker:
         )
 
     def _slice_slots(self, left: int, passes: int) -> int:
-        """Slots of the next launch, from the speed of the last; the first is small, to find the speed."""
+        """Slots of the next launch, by the measured speed; the first launch is small, to measure it."""
         wanted = self._rate * self._slice_seconds / passes if self._rate else 4096
         room = self._room() // ((12 + self._pipeline.record_bytes) * passes + _STATS_BYTES)
         return min(left, max(256, int(min(wanted, room)) // 16 * 16))
 
     def _room(self) -> int:
-        """Bytes for what a slice leaves in memory."""
+        """Bytes available for the buffers of a slice."""
         if self.device.memory_limit is None:
             return min(_SAMPLES_BYTES, self.device.max_allocation_bytes)
-        # One half is for them, the other for the sums of the unit that comes next, which may be larger
+        # One half is for the slice, the other for the sums of the next unit, which may be larger
         free = self.device.free_bytes + self._scratch.held(*_OF_SLICES, "sums", "counts")
         return int(min(_SAMPLES_BYTES, self.device.max_allocation_bytes, free * 15 / 32))
 
@@ -482,45 +482,45 @@ class DeviceWorker:
         self.device.launch_each(program, kernel, count, arguments)
 
     def release(self) -> None:
-        """Give back what the worker made on the device."""
+        """Release everything that the worker allocated on the device."""
         self._owned.close()
 
 
 def _fill(device: Device) -> int:
-    """Slots of a launch from which on it is better made of more samples: enough for every core to have some.
+    """Slots of a launch that fully occupy the device; above it, more samples per pixel are better than more slots.
 
-    A GPU hides waiting for memory behind other threads, of which it holds two thousand on each compute unit.
+    A GPU hides memory latency with many threads: two thousand on each compute unit.
     """
     return 4096 if device.is_cpu else max(_GPU_FILL, _UNIT_THREADS * device.info.compute_units)
 
 
 def most_lanes(device: Device) -> int:
-    """How many paths a work-item can carry side by side there.
+    """Largest number of paths per work-item on a device.
 
-    Of more than one, rusticl's compiler makes no program: not in minutes, and with sixteen it takes 20 GB and more. Its
-    llvmpipe puts neighbouring work-items into a vector's lanes by itself, as a GPU does.
+    With more than one, rusticl's compiler does not finish within minutes, and with sixteen it takes more than 20 GB.
+    Its llvmpipe maps neighbouring work-items to vector lanes by itself, like a GPU.
     """
     return 1 if "rusticl" in device.info.platform.lower() else _CPU_LANES
 
 
 def _lanes(device: Device) -> int:
-    """Paths a work-item carries side by side unless the user says otherwise."""
+    """Default number of paths per work-item."""
     return most_lanes(device) if device.is_cpu else 1
 
 
 def _work_group(device: Device, lanes: int, packets: int) -> int:
-    """Work-items in a group unless the user says otherwise."""
+    """Default number of work-items in a group."""
     if not device.is_cpu:
         return device.group
-    # llvmpipe wants work-items for lanes of its own: with sixteen it is six times faster than with one. Packets count
-    # as work-items do: a group is what a core takes at a time, and at a launch's end others wait for it.
+    # llvmpipe maps work-items to its own lanes: with sixteen it is six times faster than with one. Packets count like
+    # work-items: a core takes one group at a time, and at the end of a launch the others wait for it.
     return max(1, _CPU_WORK_GROUP // packets) if lanes > 1 else _LONE_WORK_GROUP
 
 
 def probe_hash(device: Device) -> str:
-    """SHA-256 of a small tile of a fixed scene, rendered with the real kernels as the device would render any.
+    """SHA-256 of a small tile of a fixed scene, rendered with the real kernels and the device's default configuration.
 
-    The scene is the built-in room: triangles, spheres, every material, area lights, indirect light to any depth.
+    The scene is the built-in room: triangles, spheres, every material, area lights, indirect light of any depth.
 
     Parameters
     ----------
@@ -529,7 +529,7 @@ def probe_hash(device: Device) -> str:
     Returns
     -------
     str
-        Hexadecimal. The same on every device that computes right.
+        Hexadecimal digits; the same on every device that computes correctly.
 
     Raises
     ------

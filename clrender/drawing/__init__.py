@@ -1,3 +1,3 @@
-"""What pages that clrender writes have in common: style, tables and plots."""
+"""Common parts of the pages that clrender writes: style, tables and plots."""
 
 __all__: list[str] = []

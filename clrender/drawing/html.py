@@ -1,4 +1,4 @@
-"""Pages as one HTML file each, which needs no other: style, tables, paragraphs."""
+"""Self-contained HTML pages: style, tables, paragraphs."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ $body
 
 
 def html_document(heading: str, parts: Sequence[str]) -> str:
-    """A page.
+    """An HTML page.
 
     Parameters
     ----------
@@ -92,15 +92,15 @@ def paragraphs(texts: Sequence[str]) -> list[str]:
 
 
 def html_table(table: Table, kind: str, row_classes: Sequence[str]) -> str:
-    """A table that scrolls where the page is narrow.
+    """A table that scrolls on narrow pages.
 
     Parameters
     ----------
     table : Table
     kind : str
-        Class of the table: ``prose`` where cells hold sentences.
+        Class of the table: ``prose`` if cells contain sentences.
     row_classes : sequence of str
-        Class of each row; of rows beyond its end, none.
+        Class of each row; further rows have none.
     """
 
     def cells(row: Sequence[str], tag: str) -> str:

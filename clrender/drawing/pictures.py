@@ -1,4 +1,4 @@
-"""Pictures in pages: made small enough, coloured, and put inside the page."""
+"""Images for pages: downsampling, colour maps, and embedding."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _Pixels = npt.NDArray[np.uint8]
 
 
 def shrunk(image: npt.NDArray[Any], most: int) -> npt.NDArray[Any]:
-    """An image of at most so many pixels a side, averaged down by a whole number; what is left over is cut off.
+    """Downsample an image by an integer factor to at most `most` pixels per side; the remainder is cut off.
 
     Parameters
     ----------
     image : (H, W, ...) floats
-        Linear, so that means are those of light.
+        Linear, so that averages are physically correct.
     most : int
     """
     factor = -(-max(image.shape[:2]) // most)
@@ -34,14 +34,14 @@ def shrunk(image: npt.NDArray[Any], most: int) -> npt.NDArray[Any]:
 
 
 def diverging(values: npt.ArrayLike) -> _Pixels:
-    """Colours of numbers: blue at -1 and below, white at 0, red at 1 and above; (..., 3) uint8."""
+    """Diverging colour map: blue at -1 and below, white at 0, red at 1 and above; (..., 3) uint8."""
     z = np.clip(np.asarray(values, np.float64), -1.0, 1.0)
     colors = np.stack([1.0 - np.maximum(-z, 0.0), 1.0 - np.abs(z), 1.0 - np.maximum(z, 0.0)], axis=-1)
     return np.asarray(np.round(255.0 * colors), np.uint8)
 
 
 def data_uri(pixels: _Pixels, *, lossless: bool = False) -> str:
-    """A picture, (H, W, 3) uint8, as a data URI, for inclusion in a page."""
+    """An image, (H, W, 3) uint8, as a data URI."""
     if not lossless:
         return "data:image/jpeg;base64," + base64.b64encode(jpeg(pixels, 88)).decode()
     from PIL import Image
@@ -52,7 +52,7 @@ def data_uri(pixels: _Pixels, *, lossless: bool = False) -> str:
 
 
 def jpeg(pixels: _Pixels, quality: int) -> bytes:
-    """A picture as a JPEG file."""
+    """An image as a JPEG file."""
     from PIL import Image
 
     data = io.BytesIO()
@@ -74,12 +74,12 @@ def figure_of(inside: str, caption: str) -> str:
 
 
 def slider(first: _Pixels, second: _Pixels, names: tuple[str, str]) -> str:
-    """Two pictures of one size above each other, with a border between them that is moved, also by the arrow keys.
+    """Two images of equal size on top of each other, with a divider that can be moved, also with the arrow keys.
 
     Parameters
     ----------
     first, second : (H, W, 3) uint8
-        To the left and to the right of the border.
+        Shown to the left and to the right of the divider.
     names : (str, str)
     """
     height, width, _ = first.shape

@@ -1,4 +1,4 @@
-"""Matplotlib figures as SVG in one style, light and dark: text stays text, and the same figure is the same bytes."""
+"""Matplotlib figures as SVG in one style, light and dark: text stays text, and output is reproducible."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _DARK: Final = {
     PAPER: "#16181c", INK: "#e4e4e4", EDGE: "#999999", RULE: "#3a3d42", BLUE: "#6db3f2", ORANGE: "#f0945a",
     GREY: "#aaaaaa",
 }  # fmt: skip
-"""Colours on a dark background; others stay as they are."""
+"""Replacement colours on a dark background; other colours are unchanged."""
 
 _STYLE: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],  # Matplotlib brings it along: text is laid out alike on every machine
+    "font.sans-serif": ["DejaVu Sans"],  # included in Matplotlib: text has the same layout on every machine
     "font.size": 10.0,
     "figure.facecolor": PAPER,
     "axes.facecolor": PAPER,
@@ -58,14 +58,14 @@ _STYLE: Final[dict[Any, Any]] = {
 
 
 def require_matplotlib() -> None:
-    """Make sure that Matplotlib is there, before anything is rendered.
+    """Check that Matplotlib is installed, before anything is rendered.
 
     Raises
     ------
     UsageError
-        With what to install.
+        The message says what to install.
     """
-    # Its notes on its font cache are nothing to a reader of the report.
+    # Notes on its font cache do not concern a reader of the report.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         for module in ("matplotlib", "matplotlib.figure"):
@@ -76,18 +76,18 @@ def require_matplotlib() -> None:
 
 
 def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figure], None]) -> str:
-    """Draw a figure as one SVG element, which stands alone or in HTML.
+    """Draw a figure as one SVG element, standalone or for HTML.
 
     Parameters
     ----------
     name : str
-        Figures of one page need different ones: the names of their clip paths follow from it.
+        Must be unique within a page: the ids of clip paths are derived from it.
     title : str
-        For those who cannot see it.
+        Title for screen readers.
     size : (float, float)
-        Width and height in inches, each of 72 units of the SVG.
+        Width and height in inches of 72 SVG units.
     paint : callable
-        Adds axes and what is in them to an empty figure.
+        Adds axes and their contents to an empty figure.
     """
     require_matplotlib()
     from matplotlib import rc_context
@@ -103,7 +103,7 @@ def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figu
     svg = svg[svg.index("<svg") :]
     view = re.search(r'viewBox="[^"]*"', svg)
     assert view is not None
-    # No size of its own, so that the page decides; its namespaces; its title for screen readers.
+    # No fixed size, so that the page decides; the namespaces; the title for screen readers.
     opening = (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" {view.group()} role="img" '
         f'aria-label="{escape(title)}"><title>{escape(title)}</title>{_colours()}'
@@ -118,7 +118,7 @@ def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figu
 
 
 def _colours() -> str:
-    """A style sheet of the colours that are others on a dark background."""
+    """A style sheet with the colours that differ on a dark background."""
     light = ";".join(f"--c{place}:{colour}" for place, colour in enumerate(_DARK))
     dark = ";".join(f"--c{place}:{colour}" for place, colour in enumerate(_DARK.values()))
     return f"<style>svg{{{light}}}@media (prefers-color-scheme:dark){{svg{{{dark}}}}}</style>"

@@ -1,4 +1,4 @@
-"""Scenes written in our own format, with everything that they name beside them."""
+"""Exports scenes in clrender's own format, together with all files that they name."""
 
 from __future__ import annotations
 

@@ -18,11 +18,11 @@ _CORNERS: Final = (
     ("corner_colors", "colors", 9),
     ("corner_tangents", "tangents", 12),
 )
-"""Lists of faces, the arrays that they are, and numbers of each triangle."""
+"""Face lists, their arrays, and how many numbers each triangle has."""
 
 
 def write_ply(file: IO[bytes], mesh: MeshData) -> None:
-    """Write a mesh: positions and normals in the width that they have, all else as lists of the faces.
+    """Write a mesh: positions and normals in their own precision, all else as face lists.
 
     Parameters
     ----------

@@ -29,19 +29,19 @@ _Write: TypeAlias = Callable[[IO[bytes]], None]
 _TILT: Final = re.compile(r"\s*TILT\s*=(.*)", re.IGNORECASE)
 _HASHED: Final = re.compile(r"-[0-9a-f]{8}\Z")
 _ROW: Final = re.compile(r"\[\n((?:[ \t]*[-+.\w]+,\n)+)[ \t]*\]")
-"""A list of numbers, each on a line of its own, in TOML; no text has a line break there."""
+"""A TOML list of numbers with one number per line; strings contain no line breaks there."""
 
 
 @dataclass
 class Export:
-    """A scene that needs no file but those written with it.
+    """A self-contained scene and its files.
 
     Attributes
     ----------
     description : dict
-        As a scene file says it.
+        In the form of a scene file.
     files : dict of str to callable
-        Names beside the scene file, with ``/``; each writes its content into a binary file.
+        By path relative to the scene file, with ``/``; each writes its content to a binary file.
     """
 
     description: dict[str, Any]
@@ -49,17 +49,17 @@ class Export:
     _digests: dict[str, str] = field(default_factory=dict)
 
     def add(self, folder: str, stem: str, ending: str, digest: str, write: _Write) -> str:
-        """The name of a file for some content.
+        """Add a file; returns its name.
 
         Parameters
         ----------
         folder : str
         stem : str
-            From which its name is made: letters, digits, ``-`` and ``_`` of it.
+            Its letters, digits, ``-`` and ``_`` become part of the name.
         ending : str
         digest : str
-            Hash of the content, in hexadecimal: a part of the name, so that another content has another name, and a
-            scene file written before keeps what it names.
+            Hash of the content, in hexadecimal: part of the name, so that different contents have different names, and
+            the files of scenes exported earlier are kept.
         write : callable
         """
         plain = _HASHED.sub("", re.sub(r"[^A-Za-z0-9_-]+", "-", stem).strip("-").lower()[:60]) or "file"
@@ -71,7 +71,7 @@ class Export:
 
 
 def exported(scene: Scene, folder: str) -> Export:
-    """A scene, and its meshes, pictures and lamps as files of a folder.
+    """A scene, with its meshes, images and IES profiles as files in a folder.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def exported(scene: Scene, folder: str) -> Export:
     Returns
     -------
     Export
-        Scenes read from it have the same hash. Encoded pictures are copied as they are.
+        Scenes read from it have the same hash. Encoded images are copied unchanged.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def exported(scene: Scene, folder: str) -> Export:
     named = [(at, texture.texture) for at, texture in scene.texture_files()]
     around = scene.environment
     if around is not None and around.file is not None and Path(around.file).suffix.lower() not in ENDINGS:
-        # A picture that a reader has made, which no file can be: its name has no ending of one
+        # An image that an importer made, which cannot be a file name: it has no image extension
         picture = scene.environment_picture()
         assert picture is not None
         write = partial(_write_radiance, pixels=picture.pixels)
@@ -135,12 +135,12 @@ def scene_text(description: dict[str, Any], ending: str, title: str) -> bytes:
     ending : str
         ``.toml`` or ``.json``.
     title : str
-        One line that says what it is, where the format has comments.
+        One line of description, written if the format has comments.
 
     Raises
     ------
     SceneError
-        It is larger than what is read.
+        It exceeds the size limit of scene files.
     """
     if ending == ".json":
         text = json.dumps(description, indent=1, ensure_ascii=False) + "\n"
@@ -159,7 +159,7 @@ def _in_a_row(found: re.Match[str]) -> str:
 
 
 def _copied(export: Export, scene: Scene, folder: str, name: str, where: str) -> str:
-    """A picture, as it is."""
+    """Copy an image unchanged."""
     digest = hashlib.sha256()
     with scene.opened(name, where) as (file, ending):
         while block := file.read(2**20):
@@ -173,7 +173,7 @@ def _copied(export: Export, scene: Scene, folder: str, name: str, where: str) ->
 
 
 def _lamp(scene: Scene, name: str, where: str) -> bytes:
-    """An IES file; if it names a file of tilt factors, with those in it."""
+    """An IES file, with the tilt factors included if it names a file of them."""
     with scene.opened(name, where) as (file, _):
         data = file.read()
     lines = data.decode("latin-1").replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n").split("\n")

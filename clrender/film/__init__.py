@@ -1,4 +1,4 @@
-"""Film: exact sums of samples, which samples they hold, and the file that keeps them."""
+"""Film: exact sums of samples, the ledger of the samples they contain, and the film file format."""
 
 from __future__ import annotations
 

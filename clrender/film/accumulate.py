@@ -1,7 +1,7 @@
-"""Adds 128-bit sums to those of pixels, many rows at a time: what merging a unit into a film costs is spent here.
+"""Adds 128-bit sums to those of pixels, many rows at a time. Most of the cost of merging a unit into a film is here.
 
-A unit's slots go through tiles block of 4 x 4 pixels by block, the rows of a film through the image. Four pixels beside
-each other are neighbours in both, so tiles are turned into rows by copying runs of four.
+A unit stores pixels tile by tile, in blocks of 4 x 4 pixels; a film stores them row by row. Runs of four horizontal
+pixels are contiguous in both, so tiles are converted to rows by copying runs of four.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Sums = npt.NDArray[np.uint64]
 Counts = npt.NDArray[np.uint32]
 
 _COUNT_LIMIT: Final = 1 << (126 - QUANTUM_BITS - SAMPLE_LIMIT_BITS)
-"""Samples a pixel may hold before its sum has to be watched: fewer cannot pass 2^126 quanta."""
+"""Samples of a pixel up to which its sum needs no overflow check: it cannot exceed 2^126 quanta."""
 
 _CHUNK: Final = 1 << 13
-"""Pixels added at a time: they stay in the cache from one step of the addition to the next."""
+"""Pixels added at a time, few enough to stay in the cache between the steps of the addition."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Rows:
     Attributes
     ----------
     top, left : int
-        Its first pixel.
+        Position of its first pixel.
     sums : (height, width, 3, 2) uint64
         Low word first.
     counts : (height, width) uint32
@@ -54,7 +54,7 @@ class Rows:
 def rows_of(
     unit: Unit, sums: Sums, counts: Counts, width: int, height: int, squares: Sums | None = None
 ) -> Iterator[Rows]:
-    """What a unit came to, as rectangles of pixels of an image.
+    """Split the result of a unit into rectangles of pixels of an image.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def rows_of(
     sums : (slot_count, 3, 2) uint64
     counts : (slot_count,) uint32
     width, height : int
-        Of the image, pixels.
+        Size of the image, pixels.
     squares : (slot_count, 3, 4) uint64, optional
     """
     area, across, along = unit.tile * unit.tile, -(-width // unit.tile), unit.tile // BLOCK
@@ -70,7 +70,7 @@ def rows_of(
     slots = -(-(offset + unit.slot_count) // area) * area
 
     def in_runs(values: npt.NDArray[Any]) -> npt.NDArray[np.void]:
-        """A block is 4 rows of 4 pixels; such a run is moved as one item."""
+        """View values as runs: a block is 4 rows of 4 pixels, and each row is moved as one item."""
         whole = np.ascontiguousarray(_within(values, offset, slots))
         bytes_of_run = BLOCK * whole.nbytes // slots
         return whole.reshape(-1).view(f"V{bytes_of_run}").reshape(-1, along, along, BLOCK)
@@ -101,12 +101,12 @@ def rows_of(
 
 
 def _in_rows(runs: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
-    """Runs of pixels of (tile, block row, block, row of the block), one pixel row of all tiles after the other."""
+    """Reorder runs of pixels from (tile, block row, block, row of the block) to pixel rows across all tiles."""
     return np.ascontiguousarray(runs.transpose(1, 3, 0, 2)).reshape(-1)
 
 
 def _within(part: npt.NDArray[Any], offset: int, slots: int) -> npt.NDArray[Any]:
-    """So many slots, of which those from `offset` on are given and the others 0."""
+    """Pad the given slots with zeros to `slots` slots, starting at `offset`."""
     if slots == len(part):
         return part
     whole = np.zeros((slots, *part.shape[1:]), part.dtype)
@@ -115,7 +115,7 @@ def _within(part: npt.NDArray[Any], offset: int, slots: int) -> npt.NDArray[Any]
 
 
 def add(total: Sums, total_counts: Counts, sums: Sums, counts: Counts) -> None:
-    """Add sums and counts of pixels to others, in place.
+    """Add sums and counts of pixels to totals, in place.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def add(total: Sums, total_counts: Counts, sums: Sums, counts: Counts) -> None:
     Raises
     ------
     RenderError
-        A sum or a count is beyond what a film holds.
+        When a sum or a count exceeds the range of a film.
     """
     step = max(1, _CHUNK // max(1, total.shape[1]))
     for first in range(0, len(total), step):
@@ -136,7 +136,7 @@ def add(total: Sums, total_counts: Counts, sums: Sums, counts: Counts) -> None:
 
 def _add(total: Sums, total_counts: Counts, sums: Sums, counts: Counts) -> None:
     total += sums
-    # The low words wrapped where their sum is less than what was added
+    # The low words overflowed where their sum is less than what was added
     total[..., 1] += total[..., 0] < sums[..., 0]
     total_counts += counts
     if np.any(total_counts < counts):

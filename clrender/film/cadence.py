@@ -1,4 +1,4 @@
-"""How often a render saves itself: every few seconds, but for no more than a small share of its time."""
+"""Interval between saves of a render: every few seconds, limited to a small share of the render time."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from typing import Final
 __all__ = ["Cadence", "processors"]
 
 EVERY_SECONDS: Final = 5.0
-"""From the beginning of one save to that of the next. A unit lasts about a second, and what is lost with a process is
-what came in since the last save that ended had begun: with a unit and the save itself less than ten seconds."""
+"""Seconds between the starts of two saves. If the process dies, everything since the start of the last complete save is
+lost. With the unit in progress, about a second, and the save itself, that is less than ten seconds."""
 
 SHARE: Final = 0.02
-"""Of the render's time that saving may take."""
+"""Largest share of the render time that saving may take."""
 
 
 class Cadence:
-    """When to save next: every few seconds, and less often where saving takes more than its share.
+    """Schedule of saves: every few seconds, or less often if saving takes more than its share.
 
     Parameters
     ----------
     now : float
-        Seconds, on any clock, when the render begins.
+        Time at the start of the render, seconds on any clock.
 
     Attributes
     ----------
     interval : float
-        Seconds from the beginning of one save to that of the next.
+        Seconds between the starts of two saves.
     """
 
     def __init__(self, now: float) -> None:
@@ -34,18 +34,18 @@ class Cadence:
         self._next = now + self.interval
 
     def due(self, now: float) -> bool:
-        """Whether it is time."""
+        """Whether a save is due."""
         return now >= self._next
 
     def saved(self, began: float, cost: float) -> None:
-        """A save that began at a moment has cost the render so many seconds, whether it succeeded or not."""
+        """Record the start of a save and its cost to the render, seconds, whether it succeeded or not."""
         self.interval = max(EVERY_SECONDS, cost / SHARE)
         self._next = began + self.interval
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Number of processors that this process may use."""
     try:
         return max(1, len(os.sched_getaffinity(0)))
-    except AttributeError:  # a system that does not tell
+    except AttributeError:  # the system does not report it
         return os.cpu_count() or 1

@@ -1,7 +1,8 @@
-"""A film saved again and again while it is rendered, so that no more is lost with the process than some seconds.
+"""Checkpoints: a film is saved repeatedly during a render, so that a crash loses only a few seconds of work.
 
-A thread writes a copy of the film: the render waits only while it is made. The file is replaced by renaming, so that
-it is whole at every moment. A disk that is full or gone is told of and tried again; the render goes on.
+A thread writes a copy of the film; the render waits only while the copy is made. The file is replaced by renaming, so
+it is complete at all times. If the disk is full or missing, the user is warned, saving is retried and the render
+continues.
 """
 
 from __future__ import annotations
@@ -28,18 +29,18 @@ __all__ = ["Checkpoint", "check_checkpoint"]
 
 
 def check_checkpoint(path: Path, resume: bool) -> None:
-    """Make sure that a render may save itself there.
+    """Check that a render may save its checkpoint to a path.
 
     Parameters
     ----------
     path : Path
     resume : bool
-        Whether it goes on from what the file holds.
+        Whether the render continues from the file.
 
     Raises
     ------
     UsageError
-        It has the ending of an image. There is a file, and it is not to be resumed; or none can be written.
+        When the path has the suffix of an image, the file exists but `resume` is False, or it cannot be written.
     """
     _check_ending(path)
     if not resume and path.exists():
@@ -57,7 +58,7 @@ def _check_ending(path: Path) -> None:
 
 @dataclass
 class _Save:
-    """A save on its way, or done."""
+    """A save in progress, or done."""
 
     began: float
     changes: int = 0
@@ -75,23 +76,23 @@ class Checkpoint:
     ----------
     path : path
     resume : bool
-        Go on from what the file holds, where there is one.
+        Continue from the file, if it exists.
     notify : callable
-        Told, in a line, when saving fails, when it works again, and where there is nothing to go on from. Like all else
-        it is called in the caller's thread.
+        Called with one line of text when saving fails, when it works again, or when there is no file to resume. Like
+        everything else it is called in the caller's thread.
     clock : callable, optional
-        Seconds.
+        Clock in seconds.
 
     Attributes
     ----------
     resumed : mapping
-        What came from the file: ``samples`` over all pixels, those left out included, and what it says of them,
-        ``rays``, ``shadow_rays`` and ``max_depth``.
+        Counts from the file: ``samples`` over all pixels, including those left out, ``rays``, ``shadow_rays`` and
+        ``max_depth``.
 
     Raises
     ------
     UsageError
-        The file has the ending of an image, may not be written or is no film, or another process has it.
+        When the file has the suffix of an image, cannot be written, is no film, or is in use by another process.
     """
 
     def __init__(
@@ -113,8 +114,8 @@ class Checkpoint:
         self._saving: threading.Thread | None = None
         self._save: _Save | None = None
         self._running = False
-        self._saved_changes = 0  # of the film, as it is in the file
-        self._held = 0  # samples there
+        self._saved_changes = 0  # `changes` of the film in the file
+        self._held = 0  # samples in the file
         self._failing = False
         self._writes = self._failures = 0
         self._seconds = self._cost = 0.0
@@ -124,9 +125,9 @@ class Checkpoint:
         check_writable(self.path)
         self._lock.take()
         try:
-            # What another render has just begun to write counts, too: so only now
+            # Checked only under the lock, as another render may just have created the file
             check_checkpoint(self.path, self._resume)
-            if self._lock.works:  # nobody else writes it: a killed process has left it
+            if self._lock.works:  # no other process writes it: it was left by a killed one
                 with suppress(OSError):
                     self._part.unlink()
             if self.path.exists():
@@ -150,25 +151,25 @@ class Checkpoint:
 
     @property
     def loaded(self) -> bool:
-        """Whether there is a film to go on from, which is in memory then."""
+        """Whether a film to resume has been loaded."""
         return self._film is not None
 
     def begin(self, request: Mapping[str, Any], samples: range, about: Mapping[str, Any]) -> RunningFilm:
-        """The film to go on with.
+        """Begin the render: return the resumed film, or a new one.
 
         Parameters
         ----------
         request : mapping
-            Of the render.
+            Request of the render.
         samples : range
-            Of each pixel, that it is to have in the end.
+            Samples that each pixel should have at the end.
         about : mapping
-            JSON-able: what the file says of the render.
+            Statistics of the render for the file, as JSON values.
 
         Raises
         ------
         UsageError
-            The file's film is of another request, or has other samples.
+            When the film in the file is of another request, or has samples outside the range.
         """
         film = self._film
         if film is None:
@@ -195,7 +196,7 @@ class Checkpoint:
         return film
 
     def tick(self) -> None:
-        """Save, if it is time and something has come in; called often, by the thread that commits."""
+        """Save if a save is due and the film has changed; called often, by the thread that commits."""
         if self._film is None or not self._running:
             return
         if self._saving is not None:
@@ -208,7 +209,7 @@ class Checkpoint:
             self._saving.start()
 
     def finish(self) -> None:
-        """Save what is not saved yet, and wait for it. Nothing may be committed after that."""
+        """Save what is not saved yet, and wait for it. Nothing may be committed afterwards."""
         if self._saving is not None:
             self._saving.join()
             self._account()
@@ -221,7 +222,7 @@ class Checkpoint:
             self._account(last=True)
 
     def stats(self) -> dict[str, Any]:
-        """Of ``--stats``: what was resumed, how often the film was saved, and what that took."""
+        """Entries of ``--stats``: the resumed samples, the number of saves and their cost."""
         return {
             "resumed_samples": self.resumed["samples"],
             "checkpoint_writes": self._writes,
@@ -244,7 +245,7 @@ class Checkpoint:
             self._save = _Save(began, error=f"{self.path}: there is no memory for a copy of the film")
 
     def _write(self, film: RunningFilm, began: float, cpu: float) -> None:
-        """Write a film, and note how that went, counted from a moment and from this thread's processor time then."""
+        """Write a film and record the outcome; `began` and `cpu` are clock and thread time at the start, seconds."""
         account = film.account()
         save = _Save(began, film.changes, account["samples"])
         try:
@@ -253,17 +254,17 @@ class Checkpoint:
             save.error = str(error).rstrip(".")
         except MemoryError:
             save.error = f"{self.path}: there is no memory to write it"
-        # Workers go on all the while; what they lack is the processor that this thread works on, not the time it waits
+        # Workers continue meanwhile: the cost to them is this thread's processor time, not the time that it waits
         save.cost = (time.thread_time() - cpu) / processors()
         save.elapsed = self._clock() - began
         self._save = save
 
     def _account(self, last: bool = False) -> None:
-        """Take note of a save that has ended, and say what the user should know."""
+        """Take in the outcome of a save that has ended, and notify the user."""
         save, self._save, self._saving = self._save, None, None
-        if save is None:  # its thread died of something that nobody foresaw
+        if save is None:  # its thread died of an unexpected exception
             save = _Save(self._clock(), error=f"{self.path}: cannot be written")
-        if save.broken:  # what is saved stays as it is
+        if save.broken:  # the saved file is kept
             self._running = False
             return
         self._cadence.saved(save.began, save.cost)
@@ -289,7 +290,7 @@ class Checkpoint:
 
 
 def _fresh_copy(film: RunningFilm) -> RunningFilm:
-    """A film to copy to, whose memory is really there: nobody waits for that while the copy is made."""
+    """An empty film to copy to, with its memory pages already allocated, so that copying is fast."""
     copy = RunningFilm(film.width, film.height, film.request)
     copy.counts.fill(0)
     for band in (*copy.bands(), *copy.square_bands()):

@@ -1,8 +1,9 @@
-"""When a render is good enough: confidence intervals of its pixels, looked at a few times that are fixed beforehand.
+"""Error criterion: confidence intervals of the pixels are tested at a few sample counts that are fixed in advance.
 
-Looking after every sample and stopping at the first good look would pick moments at which the error is underestimated.
-Looks are therefore few, and each gets its share of the error probability (Bonferroni): the intervals of a pixel hold at
-all looks together with the probability that was asked for. Shares do not depend on the most samples that are asked for.
+Testing after every sample and stopping at the first success would favour moments at which the error is underestimated.
+So there are few tests, and each gets its share of the error probability (Bonferroni correction): a pixel's intervals
+are valid at all tests simultaneously with the requested probability. The shares do not depend on the requested maximum
+of samples.
 """
 
 from __future__ import annotations
@@ -24,15 +25,15 @@ from clrender.student import critical_value
 __all__ = ["Convergence", "interval_of_mean", "judge", "level", "looks"]
 
 _FLOOR_SHARE: Final = 0.1
-"""Of the image's mean luminance: below it a pixel's error is not asked to fall with the pixel."""
+"""Default floor, relative to the image's mean luminance: for darker pixels the tolerance no longer decreases."""
 
 _Floats = npt.NDArray[np.float64]
 
 
 def looks(settings: RenderSettings) -> Iterator[int]:
-    """Samples of each pixel at which its error is looked at: 16 replicates, then always twice as many, and at the end.
+    """Sample counts per pixel at which the error is tested: 16 replicates, repeatedly doubled, and the maximum.
 
-    They do not depend on the most samples, but for the last: more may be asked for later.
+    Except for the last, they do not depend on the maximum, as more samples may be requested later.
     """
     samples = FIRST_LOOK * (settings.replicate_spp or 1)
     while samples < settings.spp:
@@ -42,27 +43,27 @@ def looks(settings: RenderSettings) -> Iterator[int]:
 
 
 def level(settings: RenderSettings) -> float:
-    """Error probability of the intervals at each look: that of all, over as many looks as there can be."""
+    """Error probability of the intervals at each test: the total divided by the largest possible number of tests."""
     most: int = SETTINGS["spp"].schema()["maximum"]
     return (1.0 - settings.confidence) / len(list(looks(dataclasses.replace(settings, spp=most))))
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """What a look found.
+    """Result of a test of the error criterion.
 
     Attributes
     ----------
     errors : (height, width, 3) float64
         Standard errors of the pixels' means, radiance; NaN where unknown.
     intervals : (height, width) float64
-        Half of the confidence interval of each pixel's luminance.
+        Half-width of the confidence interval of each pixel's luminance.
     tolerances : (height, width) float64
-        What they may be.
+        Largest allowed half-widths.
     unconverged : (height, width) bool
-        Pixels that are not within it.
+        Pixels that exceed their tolerance.
     wanted : float
-        Share of the pixels that has to be.
+        Required share of the pixels within their tolerance.
     """
 
     errors: _Floats
@@ -73,62 +74,61 @@ class Convergence:
 
     @property
     def share(self) -> float:
-        """Of the pixels, those within the tolerance."""
+        """Share of the pixels within their tolerance."""
         return 1.0 - float(np.count_nonzero(self.unconverged)) / self.unconverged.size
 
     @property
     def reached(self) -> bool:
-        """Whether these are enough."""
+        """Whether this share is large enough."""
         return bool(np.count_nonzero(~self.unconverged) >= self.wanted * self.unconverged.size)
 
 
 def judge(film: Film, settings: RenderSettings) -> Convergence:
-    """Compare the error of each pixel with what `RenderSettings.error` allows.
+    """Compare the error of each pixel with the limit `RenderSettings.error`.
 
-    It follows from the exact contents of the film alone, so that it is the same wherever they came from.
+    The result depends only on the exact contents of the film, so it is the same on every machine.
 
     Parameters
     ----------
     film : Film
-        With replicates.
+        A film with replicates.
     settings : RenderSettings
-        With an error.
+        Settings with `error`.
 
     Raises
     ------
     UsageError
-        The film has no replicates.
+        When the film has no replicates.
     """
     assert settings.error is not None
     errors = standard_error(film)
     mean = film.mean().astype(np.float64)
     luminance = _luminance(mean)
-    # What is rounded here could be off in its last digit on another machine
+    # Rounded, because the mean could differ in its last digit on another machine
     floor = settings.error_floor or _FLOOR_SHARE * float(f"{luminance.mean():.6g}")
     scale = np.maximum(np.abs(luminance), floor)
     tolerances = settings.error * scale
     counts, inverse = np.unique(replicate_counts(film), return_inverse=True)
     quantiles = np.round(critical_value(level(settings), np.maximum(counts - 1.0, 1.0)), 6)
-    # Channels of one pixel may depend on each other in any way: the error of their sum is at most that of all in step
+    # Channels of a pixel may be correlated: the error of their sum is at most that for full correlation
     own, quantile = _luminance(errors), quantiles[inverse.reshape(luminance.shape)]
     intervals = quantile * pooled(own, scale)
-    # Where nothing differs so far, nothing may have been found so far: neighbours tell
+    # A variance of zero may mean that no light was found yet, so such pixels are judged by their neighbours
     unconverged = ~(intervals <= tolerances) | ((own == 0.0) & _around(~(quantile * own <= tolerances)))
     return Convergence(errors, intervals, tolerances, unconverged, settings.share)
 
 
 def interval_of_mean(settings: RenderSettings, replicates: int, error: _Floats) -> _Floats:
-    """Half of the confidence interval of the mean over the image, at the look at which a render ends.
+    """Half-width of the confidence interval of the mean over the image, at the test at which a render ends.
 
-    Of the level that pixels have, too: whoever ends a render by what is seen in it tends to do so where errors look
-    small.
+    It has the same level as the intervals of pixels, because a stopping rule tends to stop when errors look small.
 
     Parameters
     ----------
     settings : RenderSettings
-        With an error.
+        Settings with `error`.
     replicates : int
-        The fewest of a pixel; their number less one is taken for the degrees of freedom, which are more.
+        Smallest number of replicates of any pixel. This number minus one is a lower bound of the degrees of freedom.
     error : (3,) float64
         Standard error of the mean.
 
@@ -146,7 +146,7 @@ def _luminance(channels: _Floats) -> _Floats:
 
 
 def _around(marked: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Which pixels have a marked one among their eight neighbours, or are marked."""
+    """Dilate a mask: pixels that are marked or have a marked pixel among their eight neighbours."""
     height, width = marked.shape
     padded = np.pad(marked, 1)
     around = np.zeros_like(marked)

@@ -1,7 +1,7 @@
-"""The `.film` file: exact sums on disk, so that a film can be kept, resumed and merged without losing a bit.
+"""The `.film` file format: exact sums, so that a film can be stored, resumed and merged without loss.
 
 It is an uncompressed NumPy archive (`.npz`) of members, which `numpy.load` reads too: `header` (JSON text
-as bytes), `ledger` (blocks,) uint32, the number of each block's set of samples in the header's table, `counts` (H, W)
+as bytes), `ledger` (blocks,) uint32, the index of each block's set of samples in the header's table, `counts` (H, W)
 uint32 and `sums` (H, W, 3, 2) uint64, low word first, in quanta of 2^-64; with replicates `squares` (H, W, 3, 4)
 uint64, lowest word first, in quanta of 2^-128, too.
 """
@@ -59,28 +59,28 @@ def write_film(
     squares: Sequence[npt.NDArray[np.uint64]] = (),
     beside: str | None = None,
 ) -> None:
-    """Write a film, all of it or nothing.
+    """Write a film file atomically.
 
     Parameters
     ----------
     path : Path
-        Where to; an existing file is replaced.
+        Output file; an existing file is replaced.
     header : mapping
-        JSON-able: width, height, request, ledger, provenance.
+        Width, height, request, ledger and provenance, as JSON values.
     blocks : (blocks,) uint32
-        The ledger's.
+        Indices of the ledger.
     counts : (H, W) uint32
     bands : sequence of (rows, W, 3, 2) uint64
         Sums, top first.
     squares : sequence of (rows, W, 3, 4) uint64
-        Likewise, of replicates; empty without them.
+        Sums of squared replicates, top first; empty without replicates.
     beside : str, optional
-        As of `clrender.files.atomic_write`.
+        See `clrender.files.atomic_write`.
 
     Raises
     ------
     RenderError
-        The file cannot be written.
+        When the file cannot be written.
     """
     text = json.dumps({"format": FORMAT, **header}, sort_keys=True).encode()
     with (
@@ -96,7 +96,7 @@ def write_film(
 
 
 class FilmReader:
-    """An open film file. What is not as it should be becomes one sentence.
+    """An open film file. Each fault in the file raises an error of one sentence.
 
     Parameters
     ----------
@@ -105,13 +105,13 @@ class FilmReader:
     Attributes
     ----------
     header : dict
-        Checked for its keys, and against the size of the file: what it asks for takes no more memory than the file
-        is large.
+        The header, with checked keys and checked against the file size: it cannot request more memory than the file has
+        bytes.
 
     Raises
     ------
     UsageError
-        No such file, or not a whole film; from within the block, too.
+        When the file does not exist or is no complete film; also raised from within the block.
     """
 
     def __init__(self, path: Path) -> None:
@@ -131,12 +131,12 @@ class FilmReader:
         self._open.__exit__(*details)
 
     def require(self, holds: bool, fault: str) -> None:
-        """Refuse the file, by this fault, unless something holds."""
+        """Refuse the file with this fault unless a condition holds."""
         if not holds:
             raise ValueError(fault)
 
     def ledger(self) -> Ledger:
-        """Which samples the film holds."""
+        """The ledger of the samples that the film holds."""
         width, height = self.header["width"], self.header["height"]
         blocks = np.empty(blocks_across(width) * blocks_across(height), np.uint32)
         self._fill("ledger", blocks.shape, np.dtype("<u4"), [blocks])
@@ -148,7 +148,7 @@ class FilmReader:
         bands: Sequence[npt.NDArray[np.uint64]],
         squares: Sequence[npt.NDArray[np.uint64]] = (),
     ) -> None:
-        """Fill `counts` (H, W), `bands` (rows, W, 3, 2) and `squares` (rows, W, 3, 4), if there are some, in place."""
+        """Fill `counts` (H, W), `bands` (rows, W, 3, 2) and any `squares` (rows, W, 3, 4) in place."""
         self._fill("counts", counts.shape, np.dtype("<u4"), [counts])
         self._fill("sums", (*counts.shape, 3, 2), np.dtype("<u8"), bands)
         if squares:
@@ -159,7 +159,7 @@ class FilmReader:
             _expect(member, shape, kind)
             for array in arrays:
                 _fill(member, array)
-            self.require(member.read(1) == b"", f"{name} go on too long")  # and the archive checks the whole member
+            self.require(member.read(1) == b"", f"{name} go on too long")  # at the end, zipfile verifies the CRC
 
     def _checked_header(self) -> dict[str, Any]:
         header = json.loads(_read_member(self._archive, "header", None, np.dtype(np.uint8)).tobytes())
@@ -195,7 +195,7 @@ def _write_member(
     archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], parts: Sequence[npt.NDArray[Any]]
 ) -> None:
     kind = parts[0].dtype.newbyteorder("<")
-    # A fixed date: equal films are equal files.
+    # A fixed date, so that equal films give identical files.
     info = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
     with archive.open(info, "w", force_zip64=True) as member:
         description = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False, "shape": shape}
@@ -207,7 +207,7 @@ def _write_member(
 
 
 def _stored(archive: zipfile.ZipFile, name: str) -> zipfile.ZipInfo:
-    """Member `name`, which must be uncompressed: a small file can then not ask for much memory."""
+    """Find member `name`, which must be uncompressed, so that a small file cannot request much memory."""
     info = archive.getinfo(f"{name}.npy")
     if info.compress_type != zipfile.ZIP_STORED or info.file_size != info.compress_size:
         raise ValueError(f"{name} are compressed")
@@ -226,7 +226,7 @@ def _read_member(
 
 
 def _expect(member: IO[bytes], shape: tuple[int, ...] | None, kind: np.dtype[Any]) -> tuple[int, ...]:
-    """Read the array header of a member and insist on what follows it."""
+    """Read and check the array header of a member."""
     if np.lib.format.read_magic(member) != (1, 0):
         raise ValueError("an array is not of NumPy's format 1.0")
     found, fortran, found_kind = np.lib.format.read_array_header_1_0(member)

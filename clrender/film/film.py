@@ -1,7 +1,7 @@
-"""Film: adds up the samples of every pixel exactly, so that the picture never depends on the order of the work.
+"""Film: adds up the samples of every pixel exactly, so that the image never depends on the order of the work.
 
-A channel of a sample is an integer number of quanta of 2^-64, and a pixel's sum is a 128-bit two's complement
-integer. Integer addition is associative: any grouping, order, resumption or merge gives the same bits.
+A channel of a sample is an integer number of quanta of 2^-64, and a pixel's sum is a 128-bit two's complement integer.
+Integer addition is associative, so any grouping, order, resumption or merge gives the same bits.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from clrender.memory import film_bytes
 __all__ = ["Film"]
 
 _BAND_BYTES: Final = 64 << 20
-"""Bands are larger than any size malloc keeps for itself, so that a released one returns to the system."""
+"""Size of a band, above the threshold up to which malloc keeps freed memory, so that it returns to the system."""
 
 _CHUNK: Final = 1 << 16
-"""Pixels developed at a time: their temporaries stay in the cache."""
+"""Pixels developed at a time, few enough that their temporaries stay in the cache."""
 
 _Film = TypeVar("_Film", bound="Film")
 
@@ -43,23 +43,23 @@ class Film:
     width, height : int
         Pixels.
     request : mapping, optional
-        What makes the image what it is, JSON-able (hashes of scene and kernels, seed, integrator, …). Films of
-        different requests refuse to merge. With `replicate_spp` in it, the film holds squares of replicates, too.
+        Everything that determines the image, as JSON values (hashes of scene and kernels, seed, integrator, …). Films
+        of different requests cannot be merged. If it has `replicate_spp`, the film also holds squares of replicates.
 
     Attributes
     ----------
     counts : (height, width) uint32
         Samples accepted so far.
     ledger : Ledger
-        Which samples of which pixels were taken, accepted or not.
+        The samples of each pixel that were taken, accepted or not.
     provenance : dict
-        What the film file said about its making; empty for a film not loaded from a file.
+        Statistics from the film file; empty for a film that was not loaded from a file.
     replicate_spp : int or None
-        Samples of a replicate; None: the samples of a pixel are one sequence, and nothing is known of errors.
+        Samples per replicate. None: the samples of a pixel are one sequence, and errors are unknown.
 
     Notes
     -----
-    A pixel takes 52 bytes, 148 with replicates, in bands of rows that `develop` releases one by one. `commit`,
+    A pixel takes 52 bytes (148 with replicates), in bands of rows that `develop` releases one by one. `commit`,
     `snapshot`, `merge` and `save` may be called from several threads at once.
     """
 
@@ -74,12 +74,12 @@ class Film:
         self.replicate_spp: int | None = self.request.get("replicate_spp")
         self.counts: Counts = np.zeros((height, width), np.uint32)
         self.band_rows = max(1, min(height, _BAND_BYTES // (48 * width)))
-        # A band is (rows, width, channel, low/high word); zero pages cost nothing until they are written.
+        # A band is (rows, width, channel, low/high word); zero pages take no memory until they are written.
         self._bands: list[Sums | None] = [
             np.zeros((min(self.band_rows, height - top), width, 3, 2), np.uint64)
             for top in range(0, height, self.band_rows)
         ]
-        # The same with four words, in quanta of 2^-128
+        # Likewise with four words, in quanta of 2^-128
         self._squares: list[Sums] = [
             np.zeros((min(self.band_rows, height - top), width, 3, 4), np.uint64)
             for top in range(0, height if self.replicate_spp else 0, self.band_rows)
@@ -87,8 +87,8 @@ class Film:
         for band in self._bands:
             if band is not None and band.nbytes >= LARGE_BYTES:
                 prefer_large_pages(band.ctypes.data, band.nbytes)
-        self._whole = threading.RLock()  # the sums and the ledger agree while nobody else holds it
-        self._pixels = threading.Lock()  # a pixel's sums and its count agree, likewise
+        self._whole = threading.RLock()  # guards the consistency of the sums with the ledger
+        self._pixels = threading.Lock()  # guards the consistency of a pixel's sums with its count
 
     @property
     def samples(self) -> int:
@@ -97,12 +97,12 @@ class Film:
 
     @property
     def pixel_bytes(self) -> int:
-        """Memory of a pixel."""
+        """Memory per pixel, bytes."""
         return film_bytes(self.replicate_spp is not None)
 
     @property
     def developed(self) -> bool:
-        """Whether `develop` has released the sums; such a film can be neither added to, saved nor merged."""
+        """Whether `develop` has released the sums. Such a film cannot be added to, saved or merged."""
         return any(band is None for band in self._bands)
 
     def bands(self) -> list[Sums]:
@@ -118,9 +118,9 @@ class Film:
         return [band for band in self._bands if band is not None]
 
     def square_bands(self) -> list[Sums]:
-        """Sums of the squares of replicates' sums, as `bands`: (rows, width, 3, 4) uint64, in quanta of 2^-128.
+        """Sums of the squared sums of replicates, like `bands`: (rows, width, 3, 4) uint64, in quanta of 2^-128.
 
-        Empty without replicates.
+        It is empty without replicates.
 
         Raises
         ------
@@ -131,28 +131,29 @@ class Film:
         return list(self._squares)
 
     def commit(self, unit: Unit, result: UnitSums, part: Film | None = None) -> int:
-        """Add what was done of a unit, and record it: the only way into a film.
+        """Add the result of a unit to the sums and the ledger; samples enter a film only this way, or by `merge`.
 
         Parameters
         ----------
         unit : Unit
         result : UnitSums
-            Of the unit, whole or stopped half-way.
+            Result of the unit, complete or stopped early.
         part : Film, optional
-            One of this size and request, of some of this film's samples, which gets them too: at little more cost.
+            A film of this size and request that holds some of this film's samples. The result is added to it too, at
+            little extra cost.
 
         Returns
         -------
         int
-            Samples that came in, over all pixels of the image, accepted or not.
+            Number of added samples, over all pixels of the image, accepted or not.
 
         Raises
         ------
         UsageError
-            The film holds some of these samples already. It is then unchanged.
+            When the film already holds some of these samples. It is then unchanged.
         RenderError
-            The sums are not of such a unit; the film is then unchanged. Or a sum is beyond the film's range, which
-            ends the render.
+            When the result does not fit the unit; the film is then unchanged. Also when a sum exceeds the film's range,
+            which ends the render.
         """
         slots = unit.slot_count
         if result.sums.shape != (slots, 3, 4) or result.counts.shape != (slots,) or 16 * len(result.done) != slots:
@@ -182,13 +183,13 @@ class Film:
         return int((unit.pixels(self.width, self.height) * result.done).sum())
 
     def mean(self) -> npt.NDArray[np.float32]:
-        """Mean of the samples of each pixel; the film stays as it is.
+        """Mean of the samples of each pixel; the film is not changed.
 
         Returns
         -------
         (height, width, 3) float32
-            Radiance; 0 where there is no sample. The exact sum is rounded to float64, divided by the count
-            in float64 and rounded to float32, each to nearest.
+            Radiance; 0 for pixels without samples. The exact sum is rounded to float64, divided by the count in float64
+            and rounded to float32, each to nearest.
 
         Raises
         ------
@@ -199,12 +200,12 @@ class Film:
             return self._mean(self.bands(), release=False)
 
     def mean_of(self, rows: slice, columns: slice) -> npt.NDArray[np.float32]:
-        """The same of a rectangle of pixels: (h, w, 3) float32.
+        """Mean of the samples for a rectangle of pixels: (h, w, 3) float32.
 
         Parameters
         ----------
         rows, columns : slice
-            From a first row or column to one that is not included, within the image.
+            Half-open ranges within the image.
 
         Returns
         -------
@@ -216,18 +217,17 @@ class Film:
         return _mean_of(sums, self.counts[rows, columns])
 
     def develop(self) -> npt.NDArray[np.float32]:
-        """Same picture as `mean`, (height, width, 3) float32, giving back the memory of the sums on the way.
+        """Same image as `mean`, (height, width, 3) float32, while releasing the memory of the sums.
 
-        The counts stay.
+        The counts are kept.
         """
         with self._whole:
             return self._mean(self.bands(), release=True)
 
     def snapshot(self, most: int = 512) -> npt.NDArray[np.float32]:
-        """A smaller picture of what is there now, for whoever watches a render.
+        """A smaller image of the current contents, for display during a render.
 
-        It reads every n-th pixel of every n-th row alone, and keeps nobody who commits waiting for longer than it
-        takes to copy those.
+        It reads only every n-th pixel of every n-th row. Commits are blocked only while these are copied.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class Film:
         Returns
         -------
         (h, w, 3) float32
-            As `mean` of these pixels.
+            The `mean` of these pixels.
 
         Raises
         ------
@@ -255,18 +255,18 @@ class Film:
         return _mean_of(np.concatenate(sums), np.concatenate(counts))
 
     def merge(self, other: Film, ours: str = "one film", theirs: str = "another") -> None:
-        """Add another film of the same request, of samples that are not in this one.
+        """Add another film of the same request, whose samples are not in this one.
 
         Parameters
         ----------
         other : Film
         ours, theirs : str
-            What messages call the two.
+            Names of the two films in messages.
 
         Raises
         ------
         UsageError
-            Another size or request, or samples that both hold. This film is then unchanged.
+            When the size or the request differs, or both films hold a sample. This film is then unchanged.
         """
         if (self.width, self.height) != (other.width, other.height):
             raise UsageError(
@@ -298,7 +298,7 @@ class Film:
                         add_words(self._squares[index], other._squares[index])
 
     def take_out(self, other: Film) -> None:
-        """Subtract a film of this size whose samples are all in this one: exactly as if they had never come in.
+        """Subtract a film of this size whose samples are all in this one, exactly as if they had never been added.
 
         Parameters
         ----------
@@ -307,7 +307,7 @@ class Film:
         Raises
         ------
         UsageError
-            Some of its samples are not here. This film is then unchanged.
+            When some of its samples are not in this film. This film is then unchanged.
         RenderError
             After `develop`.
         """
@@ -324,10 +324,9 @@ class Film:
                         subtract_words(self._squares[index], other._squares[index])
 
     def copy_to(self, other: Film) -> None:
-        """Make another film of this size hold what this one holds at this moment.
+        """Copy the current contents to another film of this size.
 
-        Whoever commits waits for as long as the copy takes; `other`, which nobody else may use meanwhile, keeps its
-        memory.
+        Commits are blocked during the copy. The memory of `other` is reused; no other thread may use it meanwhile.
 
         Parameters
         ----------
@@ -341,16 +340,16 @@ class Film:
                 np.copyto(copy, band)
 
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None, *, beside: str | None = None) -> None:
-        """Write the film to a `.film` file, all of it or nothing.
+        """Write the film to a `.film` file atomically.
 
         Parameters
         ----------
         path : path
-            Where to; an existing film is replaced.
+            Output file; an existing film is replaced.
         provenance : mapping, optional
-            JSON-able; by default what the film was loaded with.
+            JSON values; default: the provenance that the film was loaded with.
         beside : str, optional
-            As of `clrender.files.atomic_write`.
+            See `clrender.files.atomic_write`.
 
         Raises
         ------
@@ -370,7 +369,7 @@ class Film:
 
     @classmethod
     def load(cls: type[_Film], path: str | Path) -> _Film:
-        """Film from a `.film` file.
+        """Read a film from a `.film` file.
 
         Parameters
         ----------
@@ -383,7 +382,7 @@ class Film:
         Raises
         ------
         UsageError
-            No such file, or it is not a whole film.
+            When the file does not exist or is no complete film.
         """
         with FilmReader(Path(path)) as reader:
             film = cls(reader.header["width"], reader.header["height"], reader.header["request"])
@@ -395,7 +394,7 @@ class Film:
         return film
 
     def _agrees(self) -> bool:
-        """Whether no pixel holds more samples than its block has had."""
+        """Whether no pixel has more accepted samples than the ledger has for its block."""
         taken = self.ledger.taken().reshape(-(-self.height // 4), -1)
         for row in range(0, self.height, 4):
             most = np.repeat(taken[row // 4], 4)[: self.width]
@@ -440,7 +439,7 @@ class Film:
 
 
 def _words(halves: npt.NDArray[np.uint32]) -> Sums:
-    """Words of 64 bits from those of 32, the lowest first."""
+    """Combine 32-bit words to 64-bit words, least significant first."""
     words: Sums = np.ascontiguousarray(halves, "<u4").view("<u8").astype(np.uint64, copy=False)
     return words
 

@@ -1,4 +1,4 @@
-"""Fixed point: how a float32 sample becomes an exact integer, and how a sum of them becomes a number again."""
+"""Fixed-point arithmetic: conversion of float32 samples to exact integers, and of their sums to float64."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ SAMPLE_LIMIT_BITS: Final = 43
 
 
 def fixed_point(values: npt.ArrayLike) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.bool_]]:
-    """Sample channels as the film adds them: the reference that kernels are compared with.
+    """Convert sample channels to fixed point as the film adds them; the reference for the kernels.
 
     Parameters
     ----------
     values : (...) float32
-        Anything, finite or not.
+        Any values, finite or not.
 
     Returns
     -------
     words : (..., 4) uint32
-        128-bit two's complement number of quanta of 2^-64, least significant word first. What is smaller than
-        a quantum is cut off towards zero. Zero where not accepted.
+        128-bit two's complement number of quanta of 2^-64, least significant word first, truncated towards zero. Zero
+        where not accepted.
     accepted : (...) bool
         Finite and below 2^43 in magnitude.
     """
@@ -37,8 +37,8 @@ def fixed_point(values: npt.ArrayLike) -> tuple[npt.NDArray[np.uint32], npt.NDAr
     exponent = (bits >> np.uint64(23)) & np.uint64(0xFF)
     accepted = exponent < 127 + SAMPLE_LIMIT_BITS
     fraction = (bits & np.uint64(0x7FFFFF)) | np.where(exponent > 0, np.uint64(1 << 23), np.uint64(0))
-    # value = fraction 2^(exponent - 150), so quanta = fraction << (exponent - 150 + 64). NumPy's shifts by 64
-    # bits or more give 0, which is what each half wants.
+    # value = fraction 2^(exponent - 150), so quanta = fraction << (exponent - 150 + 64). NumPy's shifts by 64 bits or
+    # more give 0, as each half needs.
     shift = np.where(accepted, np.maximum(exponent, 1), 0).astype(np.int64) - (150 - QUANTUM_BITS)
     left = np.maximum(shift, 0).astype(np.uint64)
     low = (fraction << left) >> np.maximum(-shift, 0).astype(np.uint64)
@@ -59,7 +59,7 @@ def fixed_point(values: npt.ArrayLike) -> tuple[npt.NDArray[np.uint32], npt.NDAr
 
 
 def to_float64(sums: npt.NDArray[np.uint64]) -> npt.NDArray[np.float64]:
-    """Exact sums as numbers, rounded to nearest, ties to even.
+    """Convert exact sums to float64, rounded to nearest, ties to even.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def to_float64(sums: npt.NDArray[np.uint64]) -> npt.NDArray[np.float64]:
     negative = high >> np.uint64(63) == 1
     high = np.where(negative, ~high + (low == 0).astype(np.uint64), high)
     low = np.where(negative, ~low + np.uint64(1), low)
-    # Bring the leading bit to the top of one word and let the last bit stand for all that is cut off: the
-    # conversion of that word to float64 then rounds as the whole number would. frexp may say one bit too many
-    # (it sees a rounded number), which costs one of the ten spare bits. Shifts by 64 give 0.
+    # Shift the leading bit to the top of one word and use the last bit as the sticky bit of all bits cut off: the
+    # conversion of that word to float64 then rounds like the whole number. frexp may return one bit too many (its
+    # argument is rounded), which costs one of the ten spare bits. Shifts by 64 give 0.
     used = np.frexp(high.astype(np.float64))[1].clip(0, 64).astype(np.uint64)
     shift = np.uint64(64) - used
     top = (high << shift) | (low >> used)
@@ -86,7 +86,7 @@ def to_float64(sums: npt.NDArray[np.uint64]) -> npt.NDArray[np.float64]:
 
 
 def add_words(total: npt.NDArray[np.uint64], words: npt.NDArray[np.uint64]) -> None:
-    """Add numbers of several words, (..., n) uint64, the lowest first, to others in place, modulo 2^(64 n)."""
+    """Add multi-word integers, (..., n) uint64, least significant word first, to totals in place, modulo 2^(64 n)."""
     carry: npt.NDArray[np.bool_] | None = None
     for k in range(total.shape[-1]):
         word, more = total[..., k], words[..., k]

@@ -1,4 +1,4 @@
-"""The ledger of a film: which samples of which blocks of pixels its sums hold, so that none is counted twice."""
+"""The ledger of a film: the samples of each block of pixels in its sums, so that none is counted twice."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from clrender.film.unit import BLOCK, blocks_across
 __all__ = ["Ledger", "Ranges"]
 
 Ranges: TypeAlias = tuple[tuple[int, int], ...]
-"""A set of sample numbers: disjoint ranges (start, stop), ascending, stop not included, none touching the next."""
+"""A set of sample indices: half-open ranges (start, stop), ascending, neither overlapping nor adjacent."""
 
 _LOW: Final = (1 << 32) - 1
-"""Of a pair of numbers in one, the second."""
+"""Mask of the second of two numbers packed into one."""
 
 _MOST_SETS: Final = 4096
-"""Sets kept before those that no block has any more are dropped."""
+"""Number of sets above which unused ones are dropped."""
 
 
 class Ledger:
-    """Which samples each 4 x 4 block of an image's pixels has had.
+    """The samples that each 4 x 4 block of an image's pixels has had.
 
-    It speaks of samples and blocks only: how the work was cut into tiles and units, and who did it, leaves no trace.
-    Most blocks have had the same samples, so each holds the number of its set of samples in a table of distinct sets.
+    It records only samples and blocks, independently of the division of the work into tiles and units and of the
+    workers. Most blocks have had the same samples, so each holds the index of its set of samples in a table of distinct
+    sets.
 
     Parameters
     ----------
     width, height : int
-        Of the image, pixels.
+        Size of the image, pixels.
     """
 
     def __init__(self, width: int, height: int) -> None:
@@ -53,17 +54,17 @@ class Ledger:
 
     @property
     def samples(self) -> int:
-        """Samples taken, over all pixels of the image."""
+        """Number of samples taken, over all pixels of the image."""
         return int((self.pixels_of_blocks() * self.taken()).sum())
 
     def taken(self) -> npt.NDArray[np.int64]:
-        """How many samples each block has had: (blocks,) int64, row by row."""
+        """Number of samples that each block has had: (blocks,) int64, row by row."""
         sizes = np.array([sum(stop - start for start, stop in each) for each in self._sets], np.int64)
         counts: npt.NDArray[np.int64] = sizes[self._blocks]
         return counts
 
     def pixels_of_blocks(self) -> npt.NDArray[np.int64]:
-        """Pixels of each block that lie in the image: (blocks,) int64, row by row."""
+        """Number of pixels of each block inside the image: (blocks,) int64, row by row."""
         rows = np.minimum(BLOCK, self.height - BLOCK * np.arange(blocks_across(self.height)))
         columns = np.minimum(BLOCK, self.width - BLOCK * np.arange(blocks_across(self.width)))
         pixels: npt.NDArray[np.int64] = (rows[:, None] * columns).reshape(-1)
@@ -74,17 +75,17 @@ class Ledger:
         return self._sets[int(self._blocks[row // BLOCK * blocks_across(self.width) + column // BLOCK])]
 
     def holds(self, start: int, stop: int) -> bool:
-        """Whether every block has had exactly the samples from `start` to `stop`, not included."""
+        """Whether every block has had exactly the samples from `start` to `stop`, excluding `stop`."""
         wanted: Ranges = ((start, stop),) if stop > start else ()
         return all(self._sets[number] == wanted for number in np.unique(self._blocks))
 
     def divides(self, whole: int) -> bool:
-        """Whether every block has had whole runs of so many samples, counted from 0 on."""
+        """Whether every block has had only whole groups of `whole` samples, counted from 0."""
         held = [self._sets[number] for number in np.unique(self._blocks)]
         return all(bound % whole == 0 for ranges in held for pair in ranges for bound in pair)
 
     def sets_of(self, blocks: npt.NDArray[np.integer[Any]]) -> tuple[list[Ranges], npt.NDArray[np.uint32]]:
-        """The distinct sets of samples, and which of them each of some blocks has.
+        """The distinct sets of samples of some blocks, and the index of each block's set.
 
         Parameters
         ----------
@@ -99,22 +100,22 @@ class Ledger:
         return list(self._sets), self._blocks[blocks]
 
     def lacking(self, start: int, stop: int) -> Ledger:
-        """What each block lacks of the samples from `start` to `stop`, not included."""
+        """The samples from `start` to `stop`, excluding `stop`, that each block lacks."""
         wanted: Ranges = ((start, stop),) if start < stop else ()
         return self._with_sets([_without(wanted, each) for each in self._sets])
 
     def restricted(self, blocks: npt.NDArray[np.bool_]) -> Ledger:
-        """The same for some blocks, (blocks,) bool, and nothing for the others."""
+        """A copy restricted to some blocks, (blocks,) bool, with no samples for the others."""
         part = self._with_sets([*self._sets, ()])
         part._blocks[~blocks] = part._numbers[()]
         return part
 
     def copy(self) -> Ledger:
-        """The same ledger, apart from this one."""
+        """An independent copy."""
         return self._with_sets(self._sets)
 
     def _with_sets(self, sets: Sequence[Ranges]) -> Ledger:
-        """A ledger whose blocks have other sets in the place of those of the table."""
+        """A ledger in which the sets of the table are replaced by others."""
         other = Ledger(self.width, self.height)
         other._blocks[:] = other._keep(sets)[self._blocks]
         return other
@@ -125,53 +126,53 @@ class Ledger:
         Parameters
         ----------
         blocks : (n,) integers
-            Each at most once; negative ones are outside the image and passed over.
+            Indices of blocks, without duplicates; negative ones are outside the image and ignored.
         start : int
-            The first sample of each.
+            First sample of each block.
         counts : (n,) integers
-            How many of each.
+            Number of samples of each block.
 
         Raises
         ------
         UsageError
-            A block has had one of these samples already. The ledger is then unchanged.
+            When a block has already had one of these samples. The ledger is then unchanged.
         """
         wanted = (blocks >= 0) & (counts > 0)
         blocks, counts = blocks[wanted], counts[wanted]
-        # Every distinct pair of the set that a block has and the range that comes is united once
+        # The union is computed once for each distinct pair of a block's set and its new range
         pairs, inverse = _distinct(self._blocks[blocks].astype(np.int64) << 32 | counts.astype(np.int64))
         united = [_united(self._sets[pair >> 32], ((start, start + (pair & _LOW)),)) for pair in pairs]
         self._blocks[blocks] = self._keep(united)[inverse]
 
     def unite(self, other: Ledger) -> None:
-        """Add what another ledger of an image of this size holds.
+        """Add the samples of another ledger of the same size.
 
         Raises
         ------
         UsageError
-            A block has had one of these samples already. The ledger is then unchanged.
+            When a block has already had one of these samples. The ledger is then unchanged.
         """
         pairs, inverse = self._beside(other)
         self._blocks[:] = self._keep(_united(ours, theirs) for ours, theirs in pairs)[inverse]
 
     def take_out(self, other: Ledger) -> None:
-        """Remove what another ledger of an image of this size holds.
+        """Remove the samples of another ledger of the same size.
 
         Raises
         ------
         UsageError
-            Some of it is not held here. The ledger is then unchanged.
+            When some of them are not in this ledger. The ledger is then unchanged.
         """
         pairs, inverse = self._beside(other)
         self._blocks[:] = self._keep(_taken_out(ours, theirs) for ours, theirs in pairs)[inverse]
 
     def _beside(self, other: Ledger) -> tuple[list[tuple[Ranges, Ranges]], npt.NDArray[np.intp]]:
-        """The distinct pairs of a block's set here and there, and which of them each block has."""
+        """The distinct pairs of a block's sets in the two ledgers, and the index of each block's pair."""
         pairs, inverse = _distinct(self._blocks.astype(np.int64) << 32 | other._blocks.astype(np.int64))
         return [(self._sets[pair >> 32], other._sets[pair & _LOW]) for pair in pairs], inverse
 
     def _keep(self, sets: Iterable[Ranges]) -> npt.NDArray[np.uint32]:
-        """Numbers of these sets, in the table from now on."""
+        """Add sets to the table; returns their indices."""
         numbers = []
         for each in sets:
             if each not in self._numbers:
@@ -183,9 +184,9 @@ class Ledger:
         return np.array(numbers, np.uint32)
 
     def _compact(self, more: Sequence[int] = ()) -> npt.NDArray[np.uint32]:
-        """Drop the sets that no block has, but for `more`, whose new numbers are returned.
+        """Drop the sets that no block uses, except `more`, whose new indices are returned.
 
-        Those that are left are numbered in the order in which blocks first have them: equal ledgers look the same.
+        The remaining sets are numbered in the order of their first use by blocks, so that equal ledgers are identical.
         """
         used, first = np.unique(np.append(self._blocks, np.array(more, np.uint32)), return_index=True)
         used = used[np.argsort(first)]
@@ -198,18 +199,18 @@ class Ledger:
         return kept
 
     def to_file(self) -> tuple[dict[str, Any], npt.NDArray[np.uint32]]:
-        """JSON-able table of sets and the (blocks,) uint32 numbers in it, the same for equal ledgers."""
+        """Table of sets, as JSON values, and (blocks,) uint32 indices into it; identical for equal ledgers."""
         self._compact()
         return {"block": BLOCK, "sets": [[list(pair) for pair in each] for each in self._sets]}, self._blocks
 
     @classmethod
     def from_file(cls, width: int, height: int, table: Mapping[str, Any], blocks: npt.NDArray[np.uint32]) -> Ledger:
-        """The ledger that `to_file` described.
+        """Create a ledger from the result of `to_file`.
 
         Raises
         ------
         ValueError, TypeError, KeyError
-            The description is not one.
+            When the data are invalid.
         """
         ledger = cls(width, height)
         if table["block"] != BLOCK or len(blocks) != len(ledger._blocks):
@@ -223,19 +224,19 @@ class Ledger:
 
 
 def _distinct(keys: npt.NDArray[np.int64]) -> tuple[list[int], npt.NDArray[np.intp]]:
-    """The distinct ones of some keys, and which of them each is. Neighbours mostly are alike, so runs are sorted."""
+    """The distinct keys, and the index of each key. Neighbours are mostly equal, so only runs are sorted."""
     starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1])[: len(keys)])
     distinct, numbers = np.unique(keys[starts], return_inverse=True)
     return distinct.tolist(), np.repeat(numbers, np.diff(np.append(starts, len(keys))))
 
 
 def _united(ours: Ranges, theirs: Ranges) -> Ranges:
-    """Both sets of samples together.
+    """Union of two disjoint sets of samples.
 
     Raises
     ------
     UsageError
-        A sample is in both.
+        When a sample is in both.
     """
     merged: list[tuple[int, int]] = []
     for start, stop in sorted((*ours, *theirs)):
@@ -250,7 +251,7 @@ def _united(ours: Ranges, theirs: Ranges) -> Ranges:
 
 
 def _without(ours: Ranges, theirs: Ranges) -> Ranges:
-    """Our set of samples without theirs; those of theirs that are not ours are passed over."""
+    """Difference of two sets of samples; samples of `theirs` that are not in `ours` are ignored."""
     left: list[tuple[int, int]] = []
     for start, stop in ours:
         for low, high in theirs:
@@ -263,12 +264,12 @@ def _without(ours: Ranges, theirs: Ranges) -> Ranges:
 
 
 def _taken_out(ours: Ranges, theirs: Ranges) -> Ranges:
-    """Our set of samples without theirs.
+    """Difference of two sets of samples, the second a subset of the first.
 
     Raises
     ------
     UsageError
-        Not all of theirs are ours.
+        When it is no subset.
     """
     for start, stop in _without(theirs, ours):
         raise UsageError(f"samples {start} to {stop - 1} of some pixels are not held; they cannot be taken out.")

@@ -1,4 +1,4 @@
-"""A lock beside a file that only one process may write, which ends with its process, however that ends."""
+"""A lock file for a file that only one process may write; the lock ends with its process, however that ends."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from clrender.errors import UsageError
 
 try:
     import fcntl
-except ImportError:  # a system without
+except ImportError:  # not on this system
     fcntl = None  # type: ignore[assignment]
 
 __all__ = ["FileLock"]
 
 _HELD: Final = (errno.EWOULDBLOCK, errno.EACCES, errno.EAGAIN)
 _UNKNOWN: Final = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
-"""What file systems say that know no locks."""
+"""Errors of file systems without locks."""
 
 
 class FileLock:
-    """The right to write a file, for one at a time.
+    """Exclusive right to write a file.
 
-    It is `flock(2)` on a file of its own, ``PATH.lock``, since `PATH` itself is replaced by renaming. The system takes
-    it back when the process ends, so that a lock file that is left behind by a kill locks nothing; whoever ends well
-    removes it.
+    It is a `flock(2)` on a separate file, ``PATH.lock``, since `PATH` itself is replaced by renaming. The system
+    releases the lock when the process ends, so a lock file left by a killed process locks nothing. `release` removes
+    the file.
 
     Parameters
     ----------
     path : Path
-        The file that is written; links and other spellings of its name have the same lock.
+        The file to write; links and other spellings of its name share the lock.
     problem : str
-        What the message says when another process has it: goes on from the file's name.
+        Message if another process holds the lock; it follows the file's name.
 
     Attributes
     ----------
     works : bool
-        Whether this system and folder know locks. Where not, nobody is kept out.
+        Whether the system and the folder support locks. If not, the lock has no effect.
     """
 
     def __init__(self, path: Path, problem: str) -> None:
@@ -51,12 +51,12 @@ class FileLock:
         self.works = fcntl is not None
 
     def take(self) -> None:
-        """Take the lock, without waiting.
+        """Acquire the lock without waiting.
 
         Raises
         ------
         UsageError
-            Another process, or another render of this one, has it; or the folder takes no files.
+            When another process, or another render of this process, holds it, or no file can be created in the folder.
         """
         if fcntl is None:
             return
@@ -67,15 +67,15 @@ class FileLock:
             raise UsageError(f"{self._path}: cannot be written ({error.strerror or error}); write elsewhere") from None
 
     def release(self) -> None:
-        """Give it back. A second call does nothing."""
+        """Release the lock. A second call does nothing."""
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             with suppress(OSError):
-                self._path.unlink()  # while it is locked: nobody else can have it yet
+                self._path.unlink()  # while it is still locked, so that no other process holds it
             os.close(descriptor)
 
     def _taken(self) -> bool:
-        """Open and lock the file; not, where whoever had it before has just removed it."""
+        """Open and lock the file; returns False if its previous owner has just removed it."""
         descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -96,7 +96,7 @@ class FileLock:
             os.close(descriptor)
             return False
         self._descriptor = descriptor
-        with suppress(OSError):  # a full disk; it is for messages alone
+        with suppress(OSError):  # for example a full disk; the contents serve only messages
             os.ftruncate(descriptor, 0)
             os.write(descriptor, f"{os.getpid()}\n".encode())
         return True

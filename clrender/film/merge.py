@@ -1,4 +1,4 @@
-"""Films of one render put together: each sample once, and one account of how they were made."""
+"""Merging of films of one render: each sample is counted once, and their provenance is combined."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _SAME: Final = (
 
 
 def merge_films(paths: Sequence[str | Path]) -> Film:
-    """The union of films of one request.
+    """Merge films of one request.
 
-    Two of them are in memory at a time.
+    Only two of them are in memory at a time.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def merge_films(paths: Sequence[str | Path]) -> Film:
     Returns
     -------
     Film
-        With the provenance of all.
+        The merged film with the combined provenance.
 
     Raises
     ------
     UsageError
-        A file is no whole film, belongs to another request, or holds samples that another one holds; the message names
+        When a file is no complete film, is of another request, or shares samples with another file; the message names
         both files.
     """
     if not paths:
@@ -64,7 +64,7 @@ def merge_films(paths: Sequence[str | Path]) -> Film:
 
 
 def _add(merged: Film, film: Film, names: Sequence[str], path: str) -> None:
-    """Merge one more film; where that fails, say with which of the earlier ones."""
+    """Merge one more film; if it fails, find the earlier film that conflicts."""
     try:
         merged.merge(film, names[0], path)
     except UsageError:
@@ -74,7 +74,7 @@ def _add(merged: Film, film: Film, names: Sequence[str], path: str) -> None:
 
 
 def _account(film: Film, accounts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """How the merged film was made, from how its parts were."""
+    """Provenance of the merged film, from those of its parts."""
     told = {name: accounts[0][name] for name in _SAME if name in accounts[0]}
     told |= {name: sum(_number(each, name) for each in accounts) for name in _SUMMED}
     taken = film.ledger.taken()
@@ -90,14 +90,14 @@ def _account(film: Film, accounts: Sequence[Mapping[str, Any]]) -> dict[str, Any
 
 
 def _number(account: Mapping[str, Any], name: str) -> float:
-    """A number that a film says of itself, 0 where it says none that makes sense: it is no part of the image."""
+    """A number of a film's provenance; 0 if missing or invalid, as it does not affect the image."""
     value = account.get(name, 0)
-    # Of a NaN neither comparison holds
+    # Both comparisons are false for NaN
     sound = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 <= value < 2**63
     return value if sound else 0
 
 
 def _list(account: Mapping[str, Any], name: str) -> list[Any]:
-    """Of what stands there, the tables."""
+    """The tables in a list of a film's provenance."""
     value = account.get(name)
     return [each for each in value if isinstance(each, Mapping)] if isinstance(value, list) else []

@@ -1,7 +1,7 @@
 """Standard errors of a film's means, from the exact sums of its replicates and of their squares.
 
-A replicate is a run of a pixel's samples with a scrambling of its own. Replicates are independent and alike, so the
-variance between them says how far their mean is off, however the samples within each of them depend on each other
+A replicate is a run of a pixel's samples with its own scrambling. Replicates are independent and identically
+distributed, so their variance estimates the error of their mean, even if the samples within each are correlated
 (Owen, "Monte Carlo variance of scrambled net quadrature", SIAM Journal on Numerical Analysis 34(5), 1997).
 """
 
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 _CHUNK: Final = 1 << 12
-"""Pixels looked at together: their temporaries, some hundred numbers of each, stay in the cache."""
+"""Pixels processed at a time: their temporaries, about a hundred numbers per pixel, stay in the cache."""
 _LIMB: Final = np.uint64(32)
 _LOW: Final = np.uint64(0xFFFFFFFF)
 
@@ -39,12 +39,12 @@ _Floats = npt.NDArray[np.float64]
 
 
 def replicate_counts(film: Film) -> npt.NDArray[np.int64]:
-    """Whole replicates of each pixel: (height, width) int64.
+    """Number of whole replicates of each pixel: (height, width) int64.
 
     Raises
     ------
     UsageError
-        The film has none.
+        When the film has no replicates.
     """
     if not film.replicate_spp:
         raise UsageError("the film has no replicates, so its errors cannot be estimated; render with --replicate-spp")
@@ -62,17 +62,17 @@ def standard_error(film: Film) -> _Floats:
     Parameters
     ----------
     film : Film
-        With replicates.
+        A film with replicates.
 
     Returns
     -------
     (height, width, 3) float64
-        Radiance; NaN where a pixel has fewer than two replicates, or no sample that counts.
+        Radiance; NaN for pixels with fewer than two replicates or without accepted samples.
 
     Raises
     ------
     UsageError
-        The film has no replicates, or the squares do not belong to the sums.
+        When the film has no replicates, or its squares are inconsistent with its sums.
     RenderError
         After `Film.develop`.
     """
@@ -80,13 +80,13 @@ def standard_error(film: Film) -> _Floats:
 
 
 def standard_error_of(film: Film, rows: slice) -> _Floats:
-    """The same of some rows alone: (n, width, 3) float64.
+    """Standard errors for some rows only: (n, width, 3) float64.
 
     Parameters
     ----------
     film : Film
     rows : slice
-        From a first row to one that is not included, within the image, maybe not every one.
+        Half-open range within the image, possibly with a step.
     """
     wanted = range(*rows.indices(film.height))
     replicates, bands, squares = replicate_counts(film), film.bands(), film.square_bands()
@@ -106,7 +106,7 @@ def standard_error_of(film: Film, rows: slice) -> _Floats:
 def _errors_of(
     sums: _Words, squares: _Words, replicates: npt.NDArray[np.int64], counts: npt.NDArray[np.uint32]
 ) -> _Floats:
-    """Standard errors of the means of some pixels: (n, 3), NaN where unknown."""
+    """Standard errors of the means of some pixels: (n, 3) float64, NaN where unknown."""
     spread = deviations(sums, squares, replicates)
     known = (replicates >= 2) & (counts > 0)
     divisor = np.where(known, replicates - 1.0, np.nan)[:, None]
@@ -115,20 +115,20 @@ def _errors_of(
 
 
 def relative_error(film: Film, most: int = 4096) -> float | None:
-    """Mean standard error of the pixels' luminance over their mean luminance, by some pixels of a grid.
+    """Mean standard error of the pixels' luminance over their mean luminance, from a grid of pixels.
 
-    Quick enough to be asked again and again during a render, where nobody commits meanwhile, as in `on_progress`.
+    It is fast enough to be called repeatedly during a render. There must be no commits meanwhile, as in `on_progress`.
 
     Parameters
     ----------
     film : Film
     most : int
-        Pixels looked at.
+        Most pixels to evaluate.
 
     Returns
     -------
     float or None
-        None where the film has no replicates, none of these pixels two of them yet, or no light was found.
+        None if the film has no replicates, none of these pixels has two of them yet, or no light was found.
     """
     if not film.replicate_spp:
         return None
@@ -145,7 +145,7 @@ def relative_error(film: Film, most: int = 4096) -> float | None:
     known = np.isfinite(errors[:, 0])
     mean = to_float64(sums).reshape(-1, 3)[known] / counts[known, None]
     luminance = float(np.sum(mean @ np.array(LUMINANCE)))
-    # Channels of a pixel may depend on each other in any way: the error of their sum is at most that of all in step
+    # Channels of a pixel may be correlated: the error of their sum is at most that for full correlation
     return float(np.sum(errors[known] @ np.array(LUMINANCE))) / luminance if luminance > 0.0 else None
 
 
@@ -155,10 +155,10 @@ def image_error(errors: _Floats, by_blocks: bool = False) -> _Floats:
     Parameters
     ----------
     errors : (height, width, 3) float64
-        Of pixels.
+        Standard errors of pixels.
     by_blocks : bool
-        Whether pixels of a block depend on each other, in whatever way; what is returned is then a bound. Otherwise
-        pixels are independent.
+        Whether pixels of a block may be correlated; the result is then an upper bound. Otherwise pixels are
+        independent.
 
     Returns
     -------
@@ -173,9 +173,10 @@ def image_error(errors: _Floats, by_blocks: bool = False) -> _Floats:
 
 
 def pooled(errors: _Floats, scale: _Floats) -> _Floats:
-    """Errors that are, beside the scale of their pixels, no smaller than those of the neighbourhood.
+    """Raise errors so that, relative to the pixel's scale, they are not smaller than in the neighbourhood.
 
-    Where light is found rarely, a pixel that lacks it by chance is dark and seems certain; a neighbour knows better.
+    If light is found rarely, a pixel that misses it by chance is dark with a small error estimate; its neighbours
+    correct that.
 
     Parameters
     ----------
@@ -187,7 +188,7 @@ def pooled(errors: _Floats, scale: _Floats) -> _Floats:
     Returns
     -------
     like errors
-        The larger of a pixel's error and the root mean square over 3 x 3 pixels, each in proportion to its scale.
+        The larger of a pixel's error and the root mean square over 3 x 3 pixels, each relative to its scale.
     """
     known = scale > 0.0
     relative = np.divide(errors, scale, out=np.where(errors > 0.0, np.inf, errors), where=known)
@@ -204,7 +205,7 @@ def pooled(errors: _Floats, scale: _Floats) -> _Floats:
 def deviations(sums: _Words, squares: _Words, replicates: npt.NDArray[np.int64]) -> _Floats:
     """R Σx² − (Σx)² of R replicates: R times the sum of the squared deviations from their mean.
 
-    Computed in integers, so that nothing is lost where replicates hardly differ, and rounded once.
+    It is computed in integers, to avoid cancellation if replicates hardly differ, and rounded once.
 
     Parameters
     ----------
@@ -222,7 +223,7 @@ def deviations(sums: _Words, squares: _Words, replicates: npt.NDArray[np.int64])
     Raises
     ------
     UsageError
-        The difference is negative, which that of no numbers is.
+        When the difference is negative, which is impossible for valid sums.
     """
     number = _limbs(_magnitude(sums))
     square = _product(number, number)
@@ -243,7 +244,7 @@ def deviations(sums: _Words, squares: _Words, replicates: npt.NDArray[np.int64])
 
 
 def _magnitude(sums: _Words) -> _Words:
-    """Absolute values of numbers of two words."""
+    """Absolute values of two-word integers."""
     low, high = sums[..., 0], sums[..., 1]
     negative = high >> np.uint64(63) == 1
     high = np.where(negative, ~high + (low == 0).astype(np.uint64), high)
@@ -251,12 +252,12 @@ def _magnitude(sums: _Words) -> _Words:
 
 
 def _limbs(words: _Words) -> _Words:
-    """Words of 64 bits as twice as many of 32, in uint64, the lowest first."""
+    """Split 64-bit words into 32-bit limbs, stored in uint64, least significant first."""
     return np.stack([words & _LOW, words >> _LIMB], axis=-1).reshape(*words.shape[:-1], -1)
 
 
 def _product(a: _Words, b: _Words) -> _Words:
-    """Product of numbers of limbs (..., m) and (..., n): (..., m + n) limbs."""
+    """Product of integers given as limbs, (..., m) and (..., n): (..., m + n) limbs."""
     m, n = a.shape[-1], b.shape[-1]
     shape = (*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), m + n)
     product = np.zeros(shape, np.uint64)

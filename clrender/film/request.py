@@ -1,4 +1,4 @@
-"""What makes one image another than a second one, in words."""
+"""Differences between the requests of two images, as text."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _ARRAYS: Final = "the arrays made of the scene are others, as of another version
 
 
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, str]:
-    """In what two requests differ.
+    """Differences between two requests.
 
     Parameters
     ----------
     there, here : mapping
-        `clrender.film.Film.request`; that of a file, and another one.
+        `clrender.film.Film.request` of a file, and of another film.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, 
 
 
 def options_for(request: Mapping[str, Any], keys: Mapping[str, Any]) -> str:
-    """Options of the command line that give settings of a request, as far as there are some."""
+    """Command-line options for those settings of a request that have an option."""
     words = []
     if {"width", "height"} & set(keys):
         words.append(f"--size {request.get('width')}x{request.get('height')}")
@@ -55,6 +55,6 @@ def options_for(request: Mapping[str, Any], keys: Mapping[str, Any]) -> str:
 
 
 def _plain(request: Mapping[str, Any]) -> dict[str, Any]:
-    """As it is after a way through a file."""
+    """The request as it is after writing it to a file and reading it."""
     plain: dict[str, Any] = json.loads(json.dumps(request))
     return plain

@@ -1,4 +1,4 @@
-"""A film in the making, which knows whether it is whole, and counts rays as it counts samples."""
+"""A film in progress, which knows whether it is consistent, and counts rays in addition to samples."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ __all__ = ["RunningFilm"]
 
 
 class RunningFilm(Film):
-    """A film that may be copied at any moment of a render.
+    """A film that may be copied at any time during a render.
 
     Parameters
     ----------
     width, height, request
-        As of `Film`.
+        See `Film`.
 
     Attributes
     ----------
     changes : int
-        How often something came in.
+        Number of changes of its contents.
     rays, shadow_rays, max_depth : int
-        Of the samples in it, as far as those who brought them said.
+        Counts of its samples, as far as they were reported.
     """
 
     def __init__(self, width: int, height: int, request: Mapping[str, Any] | None = None) -> None:
@@ -35,21 +35,27 @@ class RunningFilm(Film):
         self.rays = self.shadow_rays = self.max_depth = 0
         self._intact = True
 
+    @property
+    def samples_taken(self) -> int:
+        """Samples taken so far, accepted or not, over all pixels of the image. Safe in any thread during a render."""
+        with self._whole:
+            return self.ledger.samples
+
     def take_up(self) -> dict[str, int]:
-        """Go on from what the film was loaded with: what its file says of its samples counts, and is returned."""
+        """Resume a loaded film: take over, and return, the counts in its file's provenance."""
         told = {name: self.provenance.get(name) for name in ("rays", "shadow_rays", "max_depth")}
         counts = {name: value if isinstance(value, int) and value >= 0 else 0 for name, value in told.items()}
         self.rays, self.shadow_rays, self.max_depth = counts.values()
         return {"samples": self.ledger.samples, **counts}
 
     def account(self) -> dict[str, Any]:
-        """What a file says of the samples so far."""
+        """Counts of the samples so far, for the provenance of a file."""
         samples = self.ledger.samples
         rays = {"rays": self.rays, "shadow_rays": self.shadow_rays, "max_depth": self.max_depth}
         return {"samples": samples, "nonfinite_samples": samples - self.samples, **rays}
 
     def commit(self, unit: Unit, result: UnitSums, part: Film | None = None) -> int:
-        """As of `Film.commit`."""
+        """See `Film.commit`."""
         with self._changing():
             samples = super().commit(unit, result, part)
             self.rays += result.rays
@@ -57,13 +63,18 @@ class RunningFilm(Film):
             self.max_depth = max(self.max_depth, result.deepest)
         return samples
 
+    def merge(self, other: Film, ours: str = "one film", theirs: str = "another") -> None:
+        """See `Film.merge`; the counts of rays stay."""
+        with self._changing():
+            super().merge(other, ours, theirs)
+
     def take_out(self, other: Film) -> None:
-        """As of `Film.take_out`; of rays it is not known whose they were."""
+        """See `Film.take_out`; the counts of rays are not reduced, as their origin is unknown."""
         with self._changing():
             super().take_out(other)
 
     def copy_if_whole(self, other: RunningFilm) -> bool:
-        """`Film.copy_to`, and the counts of rays; not, where an exception left a part of a unit in the film."""
+        """Copy the film and its counts of rays; returns False if an exception left a part of a unit in it."""
         with self._whole:
             if self._intact:
                 self.copy_to(other)
@@ -73,18 +84,18 @@ class RunningFilm(Film):
 
     @property
     def intact(self) -> bool:
-        """Whether no exception has left a part of a unit in it."""
+        """Whether no exception has left a part of a unit in the film."""
         with self._whole:
             return self._intact
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
-        """What changes the film; nobody copies meanwhile, nor after an exception."""
+        """Context of a change of the film: copies are blocked meanwhile, and refused after an exception."""
         with self._whole:
             self._intact = False
             try:
                 yield
-            except UsageError:  # the film was left as it was
+            except UsageError:  # the film is unchanged
                 self._intact = True
                 raise
             self.changes += 1

@@ -1,7 +1,7 @@
-"""What work is made of: blocks of pixels, tiles, units, and the sums that a unit comes to. Numbers only, no device.
+"""Units of work: blocks of pixels, tiles, units, and the sums of a unit. Only data, independent of devices.
 
-Pixels are numbered by slots. A tile is a square of pixels; its slots follow each other, block of 4 x 4 pixels by block,
-so sixteen neighbouring slots are always one block. Tiles are numbered row by row (``kernels/film/slot.h``).
+Pixels are numbered by slots. A tile is a square of pixels. Its slots are consecutive, in blocks of 4 x 4 pixels, so
+each aligned group of sixteen slots is one block. Tiles are numbered row by row (``kernels/film/slot.h``).
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ import numpy.typing as npt
 __all__ = ["BLOCK", "BLOCK_SLOTS", "Unit", "UnitSums", "blocks_across", "slot_count", "tile_side", "tile_slots"]
 
 BLOCK: Final = 4
-"""Side of the blocks of pixels that a tile is made of."""
+"""Side of the blocks of pixels in a tile."""
 
 BLOCK_SLOTS: Final = BLOCK * BLOCK
 
 LARGEST_TILE: Final = 1024
-"""A tile's sums take 52 bytes a pixel on the device and once more here, so a larger one would only cost memory."""
+"""Largest side of a tile: its sums take 52 bytes per pixel on the device and again on the host."""
 
 
 @dataclass(frozen=True)
 class Unit:
     """Samples [first_sample, first_sample + sample_count) of slots [first_slot, first_slot + slot_count).
 
-    It covers whole tiles of side `tile`, or whole blocks of one. Doing it twice gives the same bits, so a unit that was
-    lost is done again.
+    It covers whole tiles of side `tile`, or whole blocks of one tile. Rendering it twice gives the same bits, so a lost
+    unit is simply rendered again.
     """
 
     first_slot: int
@@ -44,13 +44,13 @@ class Unit:
         Returns
         -------
         (slot_count / BLOCK_SLOTS,) int64
-            Numbers in the image's grid of blocks, row by row, in the order of the unit's slots; -1 outside the image.
-            Shared: not writeable.
+            Indices in the image's grid of blocks, row by row, in the order of the unit's slots; -1 outside the image.
+            The array is shared and not writeable.
         """
         return _blocks(self, width, height)
 
     def pixels(self, width: int, height: int) -> npt.NDArray[np.int64]:
-        """How many pixels of each of its blocks lie in the image: (slot_count / BLOCK_SLOTS,) int64."""
+        """Number of pixels of each of its blocks inside the image: (slot_count / BLOCK_SLOTS,) int64."""
         blocks = self.blocks(width, height)
         row, column = np.divmod(blocks, blocks_across(width))
         pixels = np.minimum(BLOCK, width - column * BLOCK) * np.minimum(BLOCK, height - row * BLOCK)
@@ -60,7 +60,7 @@ class Unit:
 
 @lru_cache(maxsize=8)
 def _blocks(unit: Unit, width: int, height: int) -> npt.NDArray[np.int64]:
-    """`Unit.blocks`. Whoever does a unit, commits it and checks it asks for the same."""
+    """`Unit.blocks`, cached because rendering, committing and checking a unit all need it."""
     along = unit.tile // BLOCK
     number, block = np.divmod(
         np.arange(unit.first_slot // BLOCK_SLOTS, (unit.first_slot + unit.slot_count) // BLOCK_SLOTS),
@@ -77,7 +77,7 @@ def _blocks(unit: Unit, width: int, height: int) -> npt.NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class UnitSums:
-    """What a unit came to, whole or stopped half-way.
+    """Result of a unit, complete or stopped early.
 
     Attributes
     ----------
@@ -86,12 +86,12 @@ class UnitSums:
     counts : (slot_count,) uint32
         Accepted samples; slots outside the image have none.
     done : (slot_count / BLOCK_SLOTS,) uint32
-        Samples taken of each block, the unit's first ones: fewer than the unit's where it was stopped.
+        Number of samples taken of each block, starting at the unit's first; fewer than the unit's if it was stopped.
     rays, shadow_rays, deepest : int
-        Rays of all kinds, shadow rays, most scattering events of a path.
+        Rays of all kinds, shadow rays, largest number of scattering events of a path.
     squares : (slot_count, 3, 8) uint32 or None
-        Where samples come in replicates, of which `done` holds whole ones only: sums of the squares of the replicates'
-        sums, 256 bits in quanta of 2**-128, least significant word first.
+        With replicates: sums of the squared sums of the replicates, 256 bits in quanta of 2**-128, least significant
+        word first. `done` then counts whole replicates only.
     """
 
     sums: npt.NDArray[np.uint32]
@@ -104,24 +104,24 @@ class UnitSums:
 
     @classmethod
     def nothing(cls, unit: Unit) -> UnitSums:
-        """Of a unit that was stopped before a sample was taken."""
+        """Result of a unit that was stopped before any sample was taken."""
         slots = unit.slot_count
         sums, counts = np.zeros((slots, 3, 4), np.uint32), np.zeros(slots, np.uint32)
         return cls(sums, counts, np.zeros(slots // BLOCK_SLOTS, np.uint32), 0, 0, 0)
 
 
 def tile_side(tile: int, width: int, height: int) -> int:
-    """Side of a tile that is really used: a multiple of `BLOCK`, no larger than the image needs nor `LARGEST_TILE`."""
+    """Effective side of a tile: a multiple of `BLOCK`, not larger than the image needs or `LARGEST_TILE`."""
     return -(-min(tile, max(width, height), LARGEST_TILE) // BLOCK) * BLOCK
 
 
 def slot_count(width: int, height: int, tile: int) -> int:
-    """Slots of an image: those of all its tiles."""
+    """Number of slots of an image: those of all its tiles."""
     return -(-width // tile) * -(-height // tile) * tile * tile
 
 
 def blocks_across(width: int) -> int:
-    """Blocks in a row of the image's grid of blocks; those at its right and lower edge may reach beyond it."""
+    """Number of blocks in a row of the image's grid; blocks at the right and bottom edges may exceed the image."""
     return -(-width // BLOCK)
 
 

@@ -1,4 +1,4 @@
-"""The physics of materials, measured with the kernels that render: energy, reciprocity, sampling."""
+"""The physics of materials, measured with the rendering kernels: energy, reciprocity, sampling."""
 
 from clrender.furnace.findings import Finding, findings
 from clrender.furnace.measure import Measured, measure

@@ -1,8 +1,7 @@
-"""Energy in a white furnace: the share of uniform light that a material sends to the viewer, found in two ways.
+"""White furnace test: the fraction of uniform light that a material sends to the viewer, estimated in two ways.
 
-By sampling it is the mean weight of `bsdf_sample`. By evaluation it is ∫ f |cosθ| dω of `bsdf_eval`, over directions
-that are chosen here, so that the material's own density has no part in it. A wrong density or weight sets the two
-apart.
+By sampling, it is the mean weight of `bsdf_sample`. By evaluation, it is ∫ f |cosθ| dω of `bsdf_eval`, over directions
+chosen here, independent of the material's own density. A wrong density or weight makes the two differ.
 """
 
 from __future__ import annotations
@@ -24,27 +23,27 @@ __all__ = ["ANGLES", "COPIES", "Energy", "Tally", "measure_energy"]
 ANGLES: Final = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 75.0, 80.0, 85.0, 88.0, 89.0)
 """Degrees from the normal."""
 COPIES: Final = 16
-"""Independent estimates, whose spread gives the standard error: each is stratified within itself."""
+"""Number of independent, stratified estimates; their spread gives the standard error."""
 _PRECISE: Final = 4e-4
-"""Standard error at which an energy is measured well enough ..."""
+"""Standard error at which a measurement of energy is precise enough ..."""
 _MOST: Final = 4
-"""... or the squares of samples have sides so many times as long."""
+"""... unless the squares of samples have reached this many times their side length."""
 
 
 @dataclass
 class Tally:
-    """What is wrong with single samples.
+    """Counts of faults of individual samples.
 
     Attributes
     ----------
     samples : int
     nonfinite, negative : int
-        Samples with a weight, a value or a density that is no number or below 0.
+        Samples with a weight, a value or a density that is not finite, or is negative.
     unseen : int
-        Samples that carry light, of no delta, in a direction to which `bsdf_eval` gives a density of 0.
+        Non-delta samples that carry light in a direction for which `bsdf_eval` returns a density of 0.
     weight_off, pdf_off : list of float
-        One of each measurement: median over its samples of weight · pdf over f |cosθ|, and of the density of
-        `bsdf_sample` over that of `bsdf_eval`, less 1.
+        For each measurement, the median over its samples of weight · pdf / (f |cosθ|) - 1, and of the density of
+        `bsdf_sample` over that of `bsdf_eval`, minus 1.
     """
 
     samples: int = 0
@@ -55,9 +54,9 @@ class Tally:
     pdf_off: list[float] = field(default_factory=list)
 
     def count(self, samples: Samples) -> None:
-        """Count a set of samples in."""
+        """Add a set of samples."""
         shares = [*samples.weights.T, *samples.values.T, samples.pdf, samples.density]
-        # A sum with any of them in it is no number either; none of them is so large that finite ones overflow
+        # A sum that contains a non-finite one is not finite; finite ones are too small to overflow
         total = sum([*shares, *samples.directions.T])
         self.samples += len(samples.pdf)
         self.nonfinite += int(np.count_nonzero(~np.isfinite(total)))
@@ -76,9 +75,9 @@ class Tally:
 
 @dataclass(frozen=True)
 class Energy:
-    """Share of light sent to the viewer from one side of a surface, by angle and colour.
+    """Fraction of light sent to the viewer from one side of a surface, by angle and colour.
 
-    Light that comes through the surface counts as flux: radiance times the square of the relative index.
+    Transmitted light counts as flux: radiance times the square of the relative index.
 
     Attributes
     ----------
@@ -88,9 +87,9 @@ class Energy:
     sampled, sampled_error : (a, 3) float64
         Mean and its standard error.
     evaluated, evaluated_error : (a, 3) float64
-        The same by evaluation, without deltas.
+        Likewise by evaluation, without deltas.
     delta, through : (a, 3) float64
-        Parts of `sampled`: what deltas carry, and what comes through the surface.
+        Parts of `sampled`: of deltas, and of transmitted light.
     """
 
     below: bool
@@ -104,12 +103,12 @@ class Energy:
 
     @property
     def smooth(self) -> Floats:
-        """Part of `sampled` that no delta carries: what `evaluated` measures, too."""
+        """Non-delta part of `sampled`, comparable with `evaluated`."""
         return self.sampled - self.delta
 
     @property
     def transmits(self) -> bool:
-        """Whether any light comes through."""
+        """Whether any light is transmitted."""
         return bool((self.through > 0.0).any())
 
 
@@ -132,18 +131,18 @@ def measure_energy(
     surfaces : Surfaces
     name : str
     eta : float
-        Index behind the front side over the index before it.
+        Index behind the front side, relative to the index in front.
     rng : Generator
     tally : Tally
         Counts the samples.
     below : bool
-        From the back.
+        Whether to measure from the back.
     angles : sequence of float
         Degrees from the normal.
     side : int
-        Each of `COPIES` estimates takes its square of samples, and more where they are noisy.
+        Each of `COPIES` estimates takes side² samples, and more if they are noisy.
     evaluate : bool
-        Else by sampling only, and zero for what evaluation would give.
+        Whether to evaluate; else only sample, and set the evaluated results to zero.
     """
     relative = 1.0 / eta if below else eta
     rows = []
@@ -163,7 +162,7 @@ def measure_energy(
 def _sampled(
     surfaces: Surfaces, name: str, wo: Floats, relative: float, rng: np.random.Generator, tally: Tally, side: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Mean weight, its error, and the parts of deltas and of light that comes through; each (3,)."""
+    """Mean weight, its error, and the parts of deltas and of transmitted light; each (3,)."""
     samples = surfaces.sample(name, wo, jittered(rng, COPIES, side).reshape(2, -1))
     tally.count(samples)
     weights = np.where(np.isfinite(samples.weights), samples.weights, 0.0)
@@ -182,9 +181,9 @@ def _evaluated(
 ) -> Floats:
     """(COPIES, 3) estimates of ∫ f |cosθ| dω.
 
-    Directions are distributed around the normal of either side by their cosine, and around the directions of mirror
-    and refraction so that the logarithm of the angle is uniform, which finds lobes of any width. All count by the sum
-    of the densities (the balance heuristic: Veach and Guibas, SIGGRAPH 1995).
+    Directions are cosine-distributed around the normal of either side, and distributed around the directions of
+    reflection and refraction with a uniform logarithm of the angle, which finds lobes of any width. They are combined
+    with the balance heuristic (Veach and Guibas, SIGGRAPH 1995).
     """
     facing = np.array([0.0, 0.0, math.copysign(1.0, wo[2])])
     poles = [mirrored(wo), refracted(wo, relative)]
@@ -199,7 +198,7 @@ def _evaluated(
     wi = np.concatenate(parts, axis=1)
     density = np.abs(wi[..., 2]) / math.pi
     for pole in poles:
-        # Rounding takes some directions nearer to the pole than they were to be
+        # Rounding moves some directions closer to the pole than intended
         angle = np.maximum(polar(pole, wi)[0], NARROWEST)
         density += 1.0 / (2.0 * math.pi * span * angle * np.maximum(np.sin(angle), 1e-12))
     values, _ = surfaces.evaluate(name, wo, wi.reshape(-1, 3))

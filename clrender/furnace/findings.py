@@ -1,9 +1,9 @@
-"""What measurements say of a material, in sentences: what is wrong and by how much, and what holds.
+"""Findings on a material, in sentences: what is wrong and by how much, and what holds.
 
-A material that is right gets a fault with a chance of at most `ALARM`, shared among all materials of one run and the
-judgements on each: energy that is gained, energy that white loses, sampling against evaluation, and sampled directions
-against their density; each of these again among its angles and colours (Šidák). Rounding and the fits of albedos are
-allowed for beside noise.
+The probability of any false fault in a run is at most `ALARM`. It is divided among the run's materials and the tests of
+each: energy gained, energy lost in white, sampling against evaluation, and sampled directions against their density;
+and each test's share among its angles and colours (Šidák). Besides noise, rounding and the fits of albedos are
+tolerated.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from clrender.student import critical_value
 __all__ = ["ALARM", "ALLOWED", "RECIPROCAL", "Finding", "corrected", "findings"]
 
 ALARM: Final = 0.01
-"""Chance that a run reports any fault although all materials are right."""
+"""Probability that a run reports any fault although all materials are correct."""
 ALLOWED: Final = 1e-3
-"""Share of the light by which energies may be off, beside noise: fits of albedos are that good."""
+"""Tolerance of energies besides noise, as a fraction of the light: the accuracy of the fits of albedos."""
 RECIPROCAL: Final = 1e-4
 """Relative difference of f(a, b) and f(b, a) that rounding may cause."""
 _JUDGEMENTS: Final = 4
@@ -33,7 +33,7 @@ _COLORS: Final = ("red", "green", "blue")
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence on a material.
+    """A finding on a material.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Finding:
         ``absorbs keeps transmits deltas sampled reciprocal integration`` are not.
     fault : bool
     amount : float
-        How much: a share of the light, a relative difference, a p-value or a number of samples.
+        A fraction of the light, a relative difference, a p-value or a number of samples.
     sentence : str
         Without the material's name.
     """
@@ -54,18 +54,18 @@ class Finding:
 
 
 def corrected(level: float, count: int) -> float:
-    """Significance of each of `count` comparisons that together raise a false alarm with chance `level` (Šidák)."""
+    """Significance level of each of `count` comparisons with a joint probability `level` of a false alarm (Šidák)."""
     return -math.expm1(math.log1p(-level) / max(count, 1))
 
 
 def findings(measured: Measured, materials: int = 1) -> list[Finding]:
-    """All that can be said of a material, faults first.
+    """All findings on a material, faults first.
 
     Parameters
     ----------
     measured : Measured
     materials : int
-        How many are measured in one run.
+        Number of materials in the run.
     """
     level = corrected(corrected(ALARM, materials), _JUDGEMENTS)
     found = [
@@ -83,7 +83,7 @@ def findings(measured: Measured, materials: int = 1) -> list[Finding]:
 
 @dataclass(frozen=True)
 class _Place:
-    """An energy, and where it was measured."""
+    """An energy, and the angle and side of its measurement."""
 
     energy: Energy
     words: str
@@ -96,7 +96,7 @@ def _places(measured: Measured, white: bool) -> list[_Place]:
 
 
 def _worst(places: Sequence[_Place], level: float, sign: float) -> tuple[float, float, str] | None:
-    """Largest excess over 1 (or lack, with sign -1) that is no noise: how much, its error, where."""
+    """Largest significant excess over 1 (or deficit, with sign -1): amount, error, and place."""
     count = sum(each.energy.sampled.size for each in places)
     t = float(critical_value(corrected(level, count), np.array([COPIES - 1.0]))[0])
     worst = None
@@ -142,7 +142,7 @@ def _losses(measured: Measured, level: float) -> Iterator[Finding]:
 
 
 def _estimators(measured: Measured, level: float) -> Iterator[Finding]:
-    """Two estimates of the same integral."""
+    """Compare the two estimates of the same integral."""
     count = sum(each.sampled.size for each in measured.energies)
     t = float(critical_value(corrected(level, count), np.array([COPIES - 1.0]))[0])
     worst = None
@@ -237,7 +237,7 @@ def _samples(measured: Measured) -> Iterator[Finding]:
 
 
 def _absorbed(measured: Measured) -> Iterator[Finding]:
-    """What leaves less than in white is absorbed."""
+    """Report the absorption: the energy that is less than in white."""
     lost = np.array([1.0 - each.sampled for each in measured.energies])
     own = np.array([1.0 - each.sampled for each in measured.white])
     absorbed = lost - np.maximum(own, 0.0)

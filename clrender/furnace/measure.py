@@ -1,4 +1,4 @@
-"""Measures the materials of a scene: all that the report says of each of them."""
+"""Measures the materials of a scene, for the report."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _LOBE_STEPS: Final = 1440
 
 @dataclass(frozen=True)
 class Lobe:
-    """What an angle of incidence is scattered to, in the plane of incidence.
+    """Scattering of one angle of incidence, in the plane of incidence.
 
     Attributes
     ----------
     incident : float
         Degrees from the normal.
-    angles : (n,) float64, degrees from the normal, towards the direction of the mirror
+    angles : (n,) float64, degrees from the normal, towards the direction of specular reflection
     values : (n, 3) float64, f |cosθ| by colour, 1/sr, without deltas
     """
 
@@ -46,7 +46,7 @@ class Lobe:
 
 @dataclass(frozen=True)
 class RoughnessRow:
-    """A material with one roughness: as it is, and in white."""
+    """A material with one roughness: in its colour, and in white."""
 
     roughness: float
     energy: Energy
@@ -60,18 +60,18 @@ class Measured:
     Attributes
     ----------
     name, kind : str
-        Of the material and its type.
+        Name of the material, and of its type.
     keys : dict
         The material's table in a scene file, JSON-able.
     energies, white : tuple of Energy
-        Of the front, and of the back where light comes through; of the material as it is, and without its colour.
+        Energies of the front, and of the back if light is transmitted; as it is, and without its colour.
     tests : tuple of SamplingTest
     reciprocity : Reciprocity
     tally : Tally
     rows : tuple of RoughnessRow
     lobes : tuple of Lobe
     uv : (float, float), optional
-        Texture coordinates of the place; None: that of the furnace's choice.
+        Texture coordinates of the measured point; None: the furnace's default.
     """
 
     name: str
@@ -88,17 +88,17 @@ class Measured:
 
     @property
     def title(self) -> str:
-        """The name, and where there is a choice the place."""
+        """The name, and the texture coordinates, if given."""
         return place_title(self.name, self.uv)
 
     @property
     def transmits(self) -> bool:
-        """Whether light comes through."""
+        """Whether light is transmitted."""
         return self.energies[0].transmits
 
     @property
     def only_deltas(self) -> bool:
-        """Whether all light goes where only sampling finds it."""
+        """Whether all light is in delta distributions, which only sampling finds."""
         return all(not each.smooth.any() for each in self.energies)
 
 
@@ -118,13 +118,13 @@ def measure(
     subject : Subject
     device : Device
     seed : int
-        Of the random numbers; the measurements of a material depend on it and the material alone.
+        Seed of the random numbers; the measurements of a material depend only on it and the material.
     side : int
-        Each of 16 estimates of an energy takes its square of samples.
+        Each of 16 estimates of an energy takes side² samples.
     step : callable, optional
-        Told what is measured, a title, before each of its measurements; what it raises ends the work.
+        Called with a title before each measurement; an exception from it ends the work.
     faults : mapping, optional
-        As of `clrender.furnace.surfaces.Surfaces`.
+        See `clrender.furnace.surfaces.Surfaces`.
 
     Returns
     -------
@@ -133,9 +133,9 @@ def measure(
     Raises
     ------
     SceneError
-        When a material names a file that cannot be read.
+        If a material names a file that cannot be read.
     RenderError, DeviceError
-        When the driver fails.
+        If the driver fails.
     """
     with ExitStack() as owned:
         given = Surfaces(device, subject.scene, faults=faults, uvs=subject.uvs)
@@ -150,7 +150,7 @@ def measure(
 
 
 def place_title(name: str, uv: Uv | None) -> str:
-    """A material and the place in its textures, for people."""
+    """Title of a material and its texture coordinates."""
     return name if uv is None else f"{name} at {uv[0]}, {uv[1]}"
 
 
@@ -186,7 +186,7 @@ def _energy(
     surfaces: Surfaces, name: str, eta: float, rng: np.random.Generator, tally: Tally, side: int,
     tell: Callable[[], None], *, below: bool = False, evaluate: bool = True,
 ) -> Energy:  # fmt: skip
-    """Of one side; somebody is told first."""
+    """Energy of one side; calls `tell` first."""
     tell()
     return measure_energy(surfaces, name, eta, rng, tally, below=below, angles=ANGLES, side=side, evaluate=evaluate)
 

@@ -1,4 +1,4 @@
-"""Measurements of materials as numbers: JSON for programs, rows of text for people."""
+"""Measurements of materials as numbers: JSON for programs, a table for people."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _CAPTION: Final = (
 
 
 def as_json(measured: Measured, found: Sequence[Finding]) -> dict[str, Any]:
-    """Everything, JSON-able.
+    """All results, JSON-able.
 
     Parameters
     ----------
@@ -34,8 +34,8 @@ def as_json(measured: Measured, found: Sequence[Finding]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``material energy_max energy_min reciprocity_max chi2_p_min`` and much beside. Where no direction can be tested,
-        because all light is a delta's, ``chi2_tests`` is 0 and ``chi2_p_min`` 1.
+        ``material energy_max energy_min reciprocity_max chi2_p_min`` and more. If no direction can be tested, because
+        all light is in delta distributions, ``chi2_tests`` is 0 and ``chi2_p_min`` 1.
     """
     own, white = _energies(measured, white=False), _energies(measured, white=True)
     tested = [each for each in measured.tests if each.tested]
@@ -89,12 +89,12 @@ def as_json(measured: Measured, found: Sequence[Finding]) -> dict[str, Any]:
 
 
 def summary(numbers: Sequence[dict[str, Any]]) -> Table:
-    """A row of each material.
+    """A table with a row for each material.
 
     Parameters
     ----------
     numbers : sequence of dict
-        As of `as_json`.
+        See `as_json`.
     """
     rows = [
         [

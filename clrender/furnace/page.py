@@ -47,9 +47,9 @@ def furnace_page(
     Parameters
     ----------
     title : str
-        What the materials are of.
+        Source of the materials.
     measured, found, numbers
-        Of each material: its measurements, what is said of them, and both as of `clrender.furnace.numbers.as_json`.
+        For each material: its measurements, the findings on them, and `clrender.furnace.numbers.as_json` of both.
     how : sequence of str
         Sentences on device, seed and version.
     """

@@ -1,4 +1,4 @@
-"""Plots of a material: its energy against angle and over roughness, and its lobes."""
+"""Plots of a material: energy against angle and roughness, and lobes."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _ERRORS: Final = 3.0
 
 
 def energy_plot(measured: Measured, name: str) -> str:
-    """Share of light over the angle from the normal, as SVG.
+    """Fraction of light against the angle from the normal, as SVG.
 
     Parameters
     ----------
     measured : Measured
     name : str
-        Of this plot among those of its page.
+        Name of this plot, unique within its page.
     """
 
     def paint(figure: Figure) -> None:
@@ -63,14 +63,14 @@ def energy_plot(measured: Measured, name: str) -> str:
 
 
 def roughness_plot(measured: Measured, name: str) -> str:
-    """Share of light over roughness, at a few angles, as SVG.
+    """Fraction of light against roughness, at a few angles, as SVG.
 
     Parameters
     ----------
     measured : Measured
         With rows.
     name : str
-        Of this plot among those of its page.
+        Name of this plot, unique within its page.
     """
     roughness = [row.roughness for row in measured.rows]
 
@@ -96,9 +96,9 @@ def lobe_plot(measured: Measured, name: str) -> str:
     Parameters
     ----------
     measured : Measured
-        Of more than deltas.
+        Not only of deltas.
     name : str
-        Of this plot among those of its page.
+        Name of this plot, unique within its page.
     """
 
     def paint(figure: Figure) -> None:

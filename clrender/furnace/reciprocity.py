@@ -1,6 +1,6 @@
-"""Whether light may go either way: f(a, b) against f(b, a).
+"""Helmholtz reciprocity: f(a, b) against f(b, a).
 
-Where light crosses the surface, with the square of the relative index.
+For transmission, the square of the relative index is included.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 __all__ = ["Reciprocity", "measure_reciprocity"]
 
 _DARK: Final = 1e-6
-"""Values below it, in 1/sr, are the rounding of their lobe's tail."""
+"""Values below it, 1/sr, are rounding errors in the tail of a lobe."""
 _GRAZING: Final = 1e-3
-"""Cosine below which f is a quotient of roundings."""
+"""Cosine below which f is dominated by rounding."""
 _ROUNDINGS: Final = 4.0
-"""So many times what a rounding of both directions changes is rounding, too: near the critical angle it is percents."""
+"""Multiple of the effect of rounding both directions that is ignored: near the critical angle, this is percents."""
 
 
 @dataclass(frozen=True)
 class Reciprocity:
-    """How far f(a, b) and f(b, a) are apart, over the larger of both, beyond what rounding of a and b changes.
+    """Relative difference of f(a, b) and f(b, a), beyond the effect of rounding a and b.
 
     Attributes
     ----------
     largest : float
-        Of all pairs and colours.
+        Largest relative difference over all pairs and colours.
     compared : int
-        Pairs with light; 0: all of the material is a delta.
+        Number of pairs with light; 0: the material has only deltas.
     angles : (float, float)
         Degrees from the front's normal of the two directions that differ most.
     """
@@ -48,19 +48,19 @@ class Reciprocity:
 def measure_reciprocity(
     surfaces: Surfaces, name: str, eta: float, rng: np.random.Generator, transmits: bool, groups: int = 64
 ) -> Reciprocity:
-    """Compare random pairs of directions, many of them in the middle of narrow lobes.
+    """Compare random pairs of directions, many of them inside narrow lobes.
 
     Parameters
     ----------
     surfaces : Surfaces
     name : str
     eta : float
-        Index behind the front side over the index before it.
+        Index behind the front side, relative to the index in front.
     rng : Generator
     transmits : bool
-        Light comes through: pairs on the back and across the surface are compared as well.
+        Whether light is transmitted: then pairs on the back and across the surface are also compared.
     groups : int
-        Directions of the viewer on each side, each with 192 of light.
+        Number of view directions on each side, each with 192 light directions.
     """
     pairs = []
     for below in (False, True) if transmits else (False,):
@@ -72,11 +72,11 @@ def measure_reciprocity(
                 wi += [-wi[0], _near(refracted(wo, relative), rng)]
             pairs.append(np.broadcast_arrays(wo, np.concatenate(wi)))
     a, b = (np.concatenate([pair[which] for pair in pairs]) for which in (0, 1))
-    # As the kernels get them
+    # As the kernels receive them
     a, b = a.astype(np.float32).astype(np.float64), b.astype(np.float32).astype(np.float64)
     usable = np.minimum(np.abs(a[:, 2]), np.abs(b[:, 2])) > _GRAZING
     a, b = a[usable], b[usable]
-    # f carries radiance, which grows by the square of the index it enters (PBR 4ed, 9.5.2)
+    # f is for radiance, which scales with the square of the index it enters (PBR 4ed, 9.5.2)
     crosses = a[:, 2] * b[:, 2] < 0.0
     square = np.where(crosses, np.where(a[:, 2] > 0.0, eta, 1.0 / eta) ** 2, 1.0)[:, None]
     rounded = [_both(surfaces, name, *pair) for pair in ((a, b), *((_shaken(a, rng), _shaken(b, rng)) for _ in "12"))]
@@ -100,12 +100,12 @@ def _both(surfaces: Surfaces, name: str, a: Floats, b: Floats) -> tuple[Floats, 
 
 
 def _shaken(directions: Floats, rng: np.random.Generator) -> Floats:
-    """The same but for one or two units in the last place of single precision."""
+    """The directions, perturbed by one or two units in the last place of single precision."""
     return directions + rng.uniform(-(2.0**-23), 2.0**-23, directions.shape)
 
 
 def _anywhere(rng: np.random.Generator, count: int) -> Floats:
-    """Uniform on the front side."""
+    """Uniform directions on the front side."""
     vectors = rng.normal(size=(count, 3))
     vectors[:, 2] = np.abs(vectors[:, 2])
     unit: Floats = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -113,6 +113,6 @@ def _anywhere(rng: np.random.Generator, count: int) -> Floats:
 
 
 def _near(pole: Floats, rng: np.random.Generator, count: int = 128) -> Floats:
-    """Around a direction, at angles whose logarithm is uniform."""
+    """Directions around a pole, at angles whose logarithm is uniform."""
     angle = NARROWEST * np.exp(math.log(math.pi / NARROWEST) * rng.random(count))
     return around(pole, angle, 2.0 * math.pi * rng.random(count))

@@ -1,7 +1,7 @@
-"""Whether directions are sampled with the density that the material states: Pearson's test of their counts.
+"""Tests whether directions are sampled with the density that the material reports, by Pearson's chi-squared test.
 
-Cells are even in the turn around the direction of the mirror, or of refraction, and in the logarithm of the angle from
-it, so that narrow lobes are resolved. The density is integrated over each cell by the midpoint rule.
+Cells are uniform in the azimuth around the direction of reflection, or of refraction, and in the logarithm of the angle
+from it, which resolves narrow lobes. The density is integrated over each cell by the midpoint rule.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _SECTORS: Final = 12
 _SPAN: Final = math.log(math.pi / NARROWEST)
 _GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 _FINE: Final = (12, 24, 48, 96)
-"""Steps of the midpoint rule along each side of a cell: as many as it takes."""
+"""Steps of the midpoint rule along each side of a cell, refined until precise enough."""
 _QUADRATURE: Final = 0.05
-"""What errors of integration may add to the statistic, in its standard deviations."""
+"""Largest effect of integration errors on the statistic, in its standard deviations."""
 
 
 @dataclass(frozen=True)
 class SamplingTest:
-    """One angle.
+    """Result of the test at one angle.
 
     Attributes
     ----------
@@ -45,11 +45,11 @@ class SamplingTest:
         Seen from the back.
     fit : Fit
     integral : float
-        Of the density over all directions: 1, less the probability of deltas and of samples that carry no light.
+        Integral of the density over all directions: 1 minus the probability of deltas and of samples without light.
     delta_share : float
-        Share of samples that are deltas.
+        Fraction of samples that are deltas.
     integrated : bool
-        Whether the density could be integrated well enough; else `fit` says nothing.
+        Whether the density could be integrated precisely enough; else `fit` is meaningless.
     """
 
     angle: float
@@ -61,7 +61,7 @@ class SamplingTest:
 
     @property
     def tested(self) -> bool:
-        """Whether there was anything to test: more than deltas, and a density that could be integrated."""
+        """Whether the test is meaningful: there are not only deltas, and the density could be integrated."""
         return self.integrated and self.fit.freedom > 0
 
 
@@ -83,14 +83,14 @@ def measure_sampling(
     surfaces : Surfaces
     name : str
     eta : float
-        Index behind the front side over the index before it.
+        Index behind the front side, relative to the index in front.
     angle : float
         Degrees from the normal.
     rng : Generator
     tally : Tally
         Counts the samples.
     below : bool
-        From the back.
+        Whether to measure from the back.
     count : int
         Samples.
     """
@@ -99,7 +99,7 @@ def measure_sampling(
     samples = surfaces.sample(name, wo, rng.random((2, count)))
     tally.count(samples)
     chances, integrated = _chances(surfaces, name, wo, poles, count)
-    # Deltas, and samples that end the path in whatever direction, are the last cell: no density counts them
+    # Deltas, and samples that end the path, form the last cell: the density does not include them
     dense = (samples.density > 0.0) & (samples.pdf > 0.0) & ~samples.lost & np.isfinite(samples.directions).all(axis=1)
     cells = _cells(wo, poles, samples.directions[dense])
     counts = np.append(np.bincount(cells, minlength=len(chances)), count - np.count_nonzero(dense))
@@ -109,7 +109,7 @@ def measure_sampling(
 
 
 def _cells(wo: Floats, poles: tuple[Floats, Floats], directions: Floats) -> npt.NDArray[np.int64]:
-    """Number of the cell that each direction lies in."""
+    """Index of the cell that contains each direction."""
     crossing = directions[:, 2] * wo[2] < 0.0
     numbers = np.zeros(len(directions), np.int64)
     for across, pole in zip((False, True), poles, strict=True):
@@ -125,10 +125,10 @@ def _cells(wo: Floats, poles: tuple[Floats, Floats], directions: Floats) -> npt.
 def _chances(
     surfaces: Surfaces, name: str, wo: Floats, poles: tuple[Floats, Floats], count: int
 ) -> tuple[Floats, bool]:
-    """Probability of each cell, and whether integration is exact enough for so many samples.
+    """Probability of each cell, and whether integration is precise enough for this number of samples.
 
-    Halving the steps halves the error at least, so what that changes bounds the error that is left. Where the true
-    probabilities are p and those tested p + e, the statistic grows by count · Σ e²/p on average.
+    Halving the steps at least halves the error, so the change bounds the remaining error. If the true probabilities
+    are p and those tested p + e, the statistic grows by count · Σ e²/p on average.
     """
     allowed = _QUADRATURE * math.sqrt(2.0 * 2 * _RINGS * _SECTORS)
     before = None
@@ -147,7 +147,7 @@ def _chances(
 def _integrals(surfaces: Surfaces, name: str, wo: Floats, pole: Floats, across: bool, fine: int) -> Floats:
     """Integral of the density over the cells around one pole, on the pole's side of the surface."""
     rings, sectors = _RINGS * fine, _SECTORS * fine
-    # The steps of each column begin elsewhere, so that the density's edge at the horizon falls on none of all of them
+    # The steps of each column are offset, so that the density's edge at the horizon does not align with them
     begin = np.mod((np.arange(sectors) + 0.5) * _GOLDEN, 1.0)
     angle = NARROWEST * np.exp(_SPAN * (np.arange(rings)[:, None] + begin) / rings)
     turn = 2.0 * math.pi * (np.arange(sectors) + 0.5) / sectors

@@ -1,4 +1,4 @@
-"""Which materials are measured: a type by name, a table in TOML, or all of a scene; and what each would be in white."""
+"""Which materials are measured: a type by name, a table in TOML, or all of a scene; and their white versions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ else:
 __all__ = ["ROUGHNESSES", "Subject", "subjects_of", "whitened"]
 
 ROUGHNESSES: Final = (0.0, 0.04, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-"""Of a material that is given by the name of its type alone."""
+"""Roughnesses of a material that is given only by the name of its type."""
 _NEEDED: Final[Mapping[str, Mapping[str, Any]]] = {
     "lambert": {"reflectance": [1.0, 1.0, 1.0]},
     "oren_nayar": {"reflectance": [1.0, 1.0, 1.0]},
@@ -36,11 +36,11 @@ _NEEDED: Final[Mapping[str, Mapping[str, Any]]] = {
     "dielectric": {"ior": 1.5},
     "subsurface": {"albedo": 1.0, "radius": 0.01, "ior": 1.4},
 }
-"""What a type needs beside its name."""
+"""Required keys of types."""
 _COLORS: Final = ("reflectance", "base_color", "f0", "specular_color", "sheen_color")
-"""Keys of colours that absorb; white where they are one."""
+"""Keys of colours, which do not absorb if they are 1."""
 _WHITE_METAL: Final = {"eta": (1e-3,) * 3, "k": (1000.0,) * 3}
-"""It reflects all but 4e-9 of the light."""
+"""A metal that reflects all but 4e-9 of the light."""
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,100}\Z")
 
 
@@ -51,15 +51,15 @@ class Subject:
     Attributes
     ----------
     title : str
-        What they are of, for headings.
+        Source of the materials, for headings.
     scene : Scene
-        Holds them.
+        The scene that contains them.
     names : tuple of str
-        Those to measure, in the scene's order.
+        Names of those to measure, in the scene's order.
     swept : mapping of str to tuple of (float, str)
-        Of some of them: values of their roughness, and the name of the material with each of them.
+        For some of them: roughness values, and the name of the material with each of them.
     uvs : tuple of (float, float)
-        Texture coordinates at which those with textures are measured; none: at a place of the furnace's choice.
+        Texture coordinates at which textured materials are measured; empty: at the furnace's default.
     """
 
     title: str
@@ -70,18 +70,18 @@ class Subject:
 
     @property
     def places(self) -> tuple[tuple[str, Uv | None], ...]:
-        """What is measured: each material, where it has textures at each of the texture coordinates."""
+        """What is measured: each material, and if it is textured, at each of the texture coordinates."""
         return tuple((n, uv) for n in self.names for uv in (self.uvs if _is_textured(self.scene, n) else ()) or (None,))
 
     def eta(self, name: str) -> float:
-        """Index of refraction behind the front side over the index before it; 1 where a material has none."""
+        """Index of refraction behind the front side, relative to that in front; 1 if a material has none."""
         return _relative_index(self.scene, name, set())
 
 
 def subjects_of(
     text: str, names: Sequence[str] = (), allow_paths: Sequence[Path] = (), uvs: Sequence[Uv] = ()
 ) -> Subject:
-    """Make out what is meant.
+    """Determine the materials that a user's text means.
 
     Parameters
     ----------
@@ -89,18 +89,18 @@ def subjects_of(
         Name of a material type, an inline table such as ``{type = "conductor", metal = "Au"}``, a scene file or the
         name of a built-in scene.
     names : sequence of str
-        Of a scene: only these materials.
+        Restricts a scene to these materials.
     allow_paths : sequence of Path
-        As of `clrender.scene.load`.
+        See `clrender.scene.load`.
     uvs : sequence of (float, float)
-        As of `Subject`.
+        See `Subject`.
 
     Raises
     ------
     SceneError
-        When the table or the scene is wrong.
+        If the table or the scene is invalid.
     UsageError
-        When there is no such type or scene, or no such material in it, or none that has textures for `uvs`.
+        If there is no such type or scene, or no such material in it, or no textured one for `uvs`.
     """
     subject = replace(_subject(text, names, allow_paths), uvs=tuple(dict.fromkeys(uvs)))
     if uvs and not any(_is_textured(subject.scene, name) for name in subject.names):
@@ -134,12 +134,12 @@ def _subject(text: str, names: Sequence[str], allow_paths: Sequence[Path]) -> Su
 
 
 def whitened(scene: Scene) -> Scene:
-    """The same materials without a colour: what they lose of the light, they lose by something else."""
+    """The materials without absorbing colours: any remaining loss of light has another cause."""
     return scene.model_copy(update={"materials": {name: _white(each) for name, each in scene.materials.items()}})
 
 
 def _shown(material: Any, key: str) -> bool:
-    """Whether a material has this colour; black sheen is none."""
+    """Whether a material has this colour; black sheen does not count."""
     color = getattr(material, key, None)
     return color is not None and (key != "sheen_color" or any(color))
 
@@ -167,7 +167,7 @@ def _parsed(text: str) -> Any:
 
 
 def _of_table(table: Any, title: str, sweep: bool) -> Subject:
-    """One material; with `sweep` again with every roughness, where it has one."""
+    """One material; with `sweep` also with each roughness, if it has one."""
     kind = table.get("type") if isinstance(table, dict) else None
     name = kind if isinstance(kind, str) and kind in MATERIAL_TYPES else "material"
     rough = sweep and "roughness" in MATERIAL_TYPES[name].model_fields
@@ -187,7 +187,7 @@ def _no_names(names: Iterable[str], what: str) -> None:
 
 
 def _relative_index(scene: Scene, name: str, seen: set[str]) -> float:
-    """Of a material, or of the first one with an index among those that it is made of."""
+    """Relative index of a material, or of the first of its parts that has one."""
     material: Any = scene.materials[name]
     seen.add(name)
     index = getattr(material, "ior", None)

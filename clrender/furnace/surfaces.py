@@ -1,4 +1,4 @@
-"""The materials of a scene on a device, each on its triangle: directions sampled and evaluated by the kernels."""
+"""The materials of a scene on a device, each on a triangle: the kernels sample and evaluate directions."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ _ENTRY: Final = "material/furnace.cl"
 _PIPELINE: Final = Pipeline(_ENTRY, "furnace_sample")
 Uv: TypeAlias = tuple[float, float]
 _CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
-"""Texture coordinates of a triangle, if nothing else is said: half of a quad's."""
+"""Default texture coordinates of a triangle: half of a quad's."""
 _POINT: Final = (0.58, 0.31)
-"""Those of the point that is measured, which ``kernels/material/furnace.cl`` chooses."""
+"""Texture coordinates of the measured point, which ``kernels/material/furnace.cl`` defines."""
 _CHOICES: Final = 1 << 16
-"""Choices among mixed materials that are tried, to find out how often each is met."""
+"""Number of choices among mixed materials, to determine their frequencies."""
 _GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 _PADDING: Final = 16
-"""Directions are made a multiple of so many: the most lanes a work-item has."""
+"""Directions are padded to a multiple of this, the most lanes of a work-item."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What `bsdf_sample` chose, and what `bsdf_eval` says of it.
+    """Samples of `bsdf_sample`, and `bsdf_eval` of their directions.
 
     Attributes
     ----------
     directions : (n, 3) float64, unit vectors, the surface's frame
-    weights : (n, 3) float64, f |cosθ| / pdf by colour; zero where the path ends
-    pdf : (n,) float64, per steradian; 0 where the direction is a delta's
+    weights : (n, 3) float64, f |cosθ| / pdf by colour; zero if the path ends
+    pdf : (n,) float64, per steradian; 0 for a delta
     values : (n, 3) float64, f |cosθ| of `bsdf_eval`
     density : (n,) float64, pdf of `bsdf_eval`
     """
@@ -61,43 +61,43 @@ class Samples:
 
     @property
     def delta(self) -> npt.NDArray[np.bool_]:
-        """Where the direction is a delta's: no density, and light all the same."""
+        """Which samples are deltas: without density, but with light."""
         return np.asarray((self.pdf == 0.0) & (self.weights != 0.0).any(axis=1))
 
     @property
     def lost(self) -> npt.NDArray[np.bool_]:
-        """Where the path ends although light would come from there: a sample that could not be taken."""
+        """Which samples end the path although light would come from there: failed samples."""
         return np.asarray((self.weights == 0.0).all(axis=1) & (self.values > 0.0).any(axis=1))
 
 
 class Surfaces:
-    """Flat surfaces that face z, one of each material of a scene.
+    """Flat surfaces that face z, one for each material of a scene.
 
-    Where materials are mixed, each point of a surface shows one of them. Measured is what many points show together:
-    each sample meets another point, and an evaluation is the mean over all.
+    Each point of a mixed material has one of its parts. The measurement covers many points: each sample is at another
+    point, and an evaluation is the mean over all.
 
     Parameters
     ----------
     device : Device
     scene : Scene
-        Only its materials count.
+        Only its materials matter.
     cut : LaunchConfig, optional
     faults : mapping, optional
-        Macros of ``kernels/material/furnace.cl`` that falsify what materials say, for tests.
+        Macros of ``kernels/material/furnace.cl`` that falsify materials, for tests.
     uvs : sequence of (float, float)
-        Texture coordinates that surfaces can be measured at, beside those of a point chosen here.
+        Texture coordinates at which surfaces can be measured, besides the default ones.
 
     Attributes
     ----------
     names : tuple of str
-        Of the materials.
+        Names of the materials.
 
     Raises
     ------
     SceneError
-        When a material names a file that cannot be read.
+        If a material names a file that cannot be read.
     RenderError, DeviceError
-        When the driver fails.
+        If the driver fails.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Surfaces:
         self.names = tuple(scene.materials)
         places = [(name, uv) for uv in (None, *uvs) for name in self.names]
         side = math.isqrt(max(len(places) - 1, 0)) + 1
-        # Apart, so that the tree over them is an ordinary one
+        # Separated, so that the BVH over them is an ordinary one
         shapes = tuple(_triangle(float(i % side), float(i // side), *place) for i, place in enumerate(places))
         camera = Camera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
         flat = flatten(scene.model_copy(update={"camera": camera, "shapes": shapes, "lights": ()}), 8, 8)
@@ -126,18 +126,18 @@ class Surfaces:
         self._program = self._worker.program(_ENTRY, {"PACKETS": 1, **(faults or {})})
 
     def at(self, uv: Uv | None) -> Surfaces:
-        """The same surfaces, measured at these of the texture coordinates; released with this one."""
+        """The same surfaces, measured at these texture coordinates; released with this object."""
         other = copy.copy(self)
         other._uv = uv
         return other
 
     def sample(self, name: str, wo: Floats, numbers: Floats) -> Samples:
-        """Directions that light comes from, seen from `wo`.
+        """Sample directions of incidence for the view direction `wo`.
 
         Parameters
         ----------
         name : str
-            Of the material.
+            Name of the material.
         wo : (3,) float64
             Unit vector, towards the viewer; z below 0: on the back side.
         numbers : (2, n) float64
@@ -147,18 +147,18 @@ class Surfaces:
         bits = np.zeros((2, _padded(count)), np.uint32)
         bits[:, :count] = (numbers * 2.0**32).astype(np.uint64)
         four = np.append(wo, 0.0).astype(np.float32)
-        # Evenly, and in no step with strata of the samples
+        # Evenly, and not correlated with the strata of the samples
         choices = np.mod((np.arange(bits.shape[1]) + 0.5) * _GOLDEN, 1.0)
         out = self._run("furnace_sample", choices, bits, 11, [self._primitive[name, self._uv], four])[:, :count]
         return Samples(out[:3].T, out[3:6].T, out[6], out[7:10].T, out[10])
 
     def evaluate(self, name: str, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
-        """f |cosθ| and density of directions.
+        """Evaluate f |cosθ| and the density of directions.
 
         Parameters
         ----------
         name : str
-            Of the material.
+            Name of the material.
         wo : (3,) or (n, 3) float64
         wi : (n, 3) float64
 
@@ -180,7 +180,7 @@ class Surfaces:
         return out[:3].T, out[3]
 
     def parts(self, name: str) -> list[tuple[float, float]]:
-        """Shares of the materials that a mixture is made of, each with a choice that meets it; else one, all of it."""
+        """Fractions of a mixture's materials, each with a choice that selects it; one entry for other materials."""
         if name not in self._mixtures:
             return [(1.0, 0.5)]
         place = name, self._uv
@@ -200,7 +200,7 @@ class Surfaces:
     def _launch(
         self, kernel: str, given: Sequence[npt.NDArray[Any]], kind: type, outputs: int, arguments: list[Any]
     ) -> npt.NDArray[Any]:
-        """(outputs, n) results of that kind, of as many lanes as each row of what is given has numbers."""
+        """Results of a kernel, (outputs, n), of dtype `kind`, with as many lanes as a row of `given` has numbers."""
         device, count = self._device, given[0].shape[-1]
         buffers = [device.upload(each) for each in given]
         results = device.empty(4 * outputs * count)
@@ -214,12 +214,12 @@ class Surfaces:
         return out
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         self._worker.release()
 
 
 def _triangle(x: float, y: float, material: str, uv: Uv | None) -> Mesh:
-    """Half of a square, its texture coordinates moved so that the point that is measured has `uv`."""
+    """Half of a square, with texture coordinates shifted so that the measured point has `uv`."""
     u, v = (0.0, 0.0) if uv is None else (uv[0] - _POINT[0], uv[1] - _POINT[1])
     return Mesh(
         type="mesh",

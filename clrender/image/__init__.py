@@ -1,4 +1,4 @@
-"""Images: files, tone curves, comparison, denoising."""
+"""Images: files, tone mapping, comparison, denoising."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear RGB of other primaries as linear Rec. 709."""
+"""Conversion of linear RGB with other primaries to linear Rec. 709."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ REC_709: Final = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """CIE xy of red, green, blue and white (D65)."""
 _XYZ: Final = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 _SAME: Final = 1e-3
-"""Files round chromaticities to three digits or four."""
+"""Tolerance: files round chromaticities to three or four digits."""
 
 _BRADFORD: Final = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 """Cone responses of K. M. Lam, "Metamerism and Colour Constancy" (1985), as in ICC.1:2010, annex E."""
 
 
 def rec_709_matrix(chromaticities: Sequence[float]) -> npt.NDArray[np.float64] | None:
-    """Matrix that turns linear RGB of other primaries into linear Rec. 709.
+    """Matrix that converts linear RGB with other primaries to linear Rec. 709.
 
-    White stays white: another white point is adapted to D65 by Bradford's transform. Only where the primaries are those
-    of CIE XYZ itself the values are tristimulus values, and are taken as they are.
+    White stays white: the Bradford transform adapts another white point to D65. But if the primaries are those of CIE
+    XYZ itself, the values are tristimulus values, which are not adapted.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ def rec_709_matrix(chromaticities: Sequence[float]) -> npt.NDArray[np.float64] |
     Returns
     -------
     (3, 3) float64, or None
-        To multiply from the left; None where the primaries are Rec. 709's.
+        To multiply from the left; None if the primaries are Rec. 709's.
 
     Raises
     ------
     ValueError
-        Where they span no colour space.
+        If they do not span a colour space.
     """
     given = np.array(chromaticities, np.float64)
     if given.shape != (8,) or not np.isfinite(given).all():

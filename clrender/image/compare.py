@@ -1,4 +1,4 @@
-"""How far an image is from a reference: means, errors, and what a viewer would notice."""
+"""Comparison of an image with a reference: means, errors, and perceived difference."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ def compare_images(image: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, 
         ``difference_of_means`` : (mean(x) - mean(r)) / mean(r), signed; 0 when both are 0, None when only r is.
         ``rmse`` : sqrt(mean((x - r)²)). ``relmse`` : mean((x - r)² / (r² + 0.01)).
         ``mean_relative_difference`` : mean(|x - r| / (|r| + 0.01)). ``max_difference`` : max(|x - r|).
-        ``flip`` : mean LDR-FLIP of both, cut to 0..1. ``identical`` : whether every value is equal.
+        ``flip`` : mean LDR-FLIP of both, clamped to 0..1. ``identical`` : whether every value is equal.
         Means are over pixels and channels unless said otherwise.
 
     Raises
     ------
     UsageError
-        Not images, of two sizes, or with values that are not finite.
+        They are not images, differ in size, or have values that are not finite.
     """
     x, r = _finite(image, "the image"), _finite(reference, "the reference")
     if x.shape != r.shape:
@@ -71,13 +71,13 @@ def compare_images(image: npt.ArrayLike, reference: npt.ArrayLike) -> dict[str, 
 
 
 def _bands(image: _Array) -> Iterator[slice]:
-    """Rows of an image, as many at a time as keep what is computed of them small beside a large image."""
+    """Bands of rows, so that temporary arrays stay small compared with a large image."""
     step = max(1, _BAND // image.shape[1])
     return (slice(top, top + step) for top in range(0, len(image), step))
 
 
 def _sums(x: npt.NDArray[np.float64], r: npt.NDArray[np.float64]) -> dict[str, list[float]]:
-    """Sums over the pixels of a band, for each channel."""
+    """Sums over the pixels of a band, per channel."""
     difference = x - r
     terms = {
         "x": x,

@@ -1,4 +1,4 @@
-"""Takes the noise off an image with Open Image Denoise, guided by albedo and normal. An extra: `clrender[denoise]`."""
+"""Denoises an image with Open Image Denoise, guided by albedo and normal. An extra: `clrender[denoise]`."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _CURE: Final = "pip install 'clrender[denoise]'"
 
 
 class Denoiser:
-    """Open Image Denoise on the processor (Áfra, openimagedenoise.org; the `pyoidn` package has its library).
+    """Open Image Denoise on the CPU (Áfra, openimagedenoise.org; the `pyoidn` package contains its library).
 
-    Its output depends on the library's version and on the processor: it is no part of the promise of equal bits.
+    Its output depends on the library's version and on the CPU, so it is not reproducible bit by bit.
 
     Attributes
     ----------
     name : str
-        Library and version, as the loaded library says it.
+        Library and version, as reported by the loaded library.
 
     Raises
     ------
     UsageError
-        When the extra is not installed, or its library does not load here.
+        If the extra is not installed, or its library cannot be loaded.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class Denoiser:
             raise UsageError(f"denoising needs Open Image Denoise, which {reason}; {_CURE}") from None
         try:
             self._device: Any = self._library.Device()
-            # Its threads would otherwise be bound to cores that the renderer's threads use too.
+            # Its threads would otherwise be pinned to cores that the renderer's threads use too.
             self._device.set_bool("setAffinity", False)
             self._device.commit()
             problem = self._device.get_error()
@@ -55,7 +55,7 @@ class Denoiser:
     def __call__(self, linear: npt.ArrayLike, albedo: npt.ArrayLike, normal: npt.ArrayLike) -> _Image:
         """Denoise a linear image.
 
-        The guides are denoised first, each by itself, and then taken as clean: that keeps edges and textures best
+        The guides are first denoised separately, and then treated as noise-free: this preserves edges and textures best
         (documentation of Open Image Denoise 2, "Prefiltering").
 
         Parameters
@@ -74,14 +74,14 @@ class Denoiser:
         Raises
         ------
         RenderError
-            When the library fails.
+            If the library fails.
         """
         guides = {"albedo": _image(albedo), "normal": _image(normal)}
         clean = {name: self._run({name: guide}, {}) for name, guide in guides.items()}
         return self._run({"color": _image(linear), **clean}, {"hdr": True, "cleanAux": True})
 
     def _run(self, images: Mapping[str, _Image], options: Mapping[str, bool]) -> _Image:
-        """One filter, from these images to a new one."""
+        """Run one filter on these images; returns its output."""
         library = self._library
         output = np.zeros_like(next(iter(images.values())))
         run = library.Filter(self._device, library.OIDN_FILTER_TYPE_RT)
@@ -100,7 +100,7 @@ class Denoiser:
         return output
 
     def release(self) -> None:
-        """Give the library's memory back; it denoises no more."""
+        """Release the library's memory; the denoiser must not be used afterwards."""
         self._device.release()
 
 

@@ -1,4 +1,4 @@
-"""PNG and JPEG files: what a display shows, written from 8 bits a channel and read as linear light."""
+"""PNG and JPEG files: display images, written with 8 bits per channel and read as linear values."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ __all__ = [
 ]
 
 PIXEL_LIMIT: Final = 1 << 30
-"""Most pixels of an image that is read."""
+"""Largest number of pixels of an image that is read."""
 _DEFLATE_RATIO: Final = 1032
-"""Bytes that a byte of a deflated stream stands for, at most (RFC 1951: 258 bytes of two bits)."""
+"""Largest compression ratio of deflate (RFC 1951: 258 bytes from two bits)."""
 JPEG_SIDE_LIMIT: Final = 65500
-"""Most pixels along a side of a JPEG."""
+"""Largest width and height of a JPEG, pixels."""
 _JPEG_RATIO: Final = 1024
-"""Pixels that a byte of a JPEG stands for, at most: a block of 64 takes one bit."""
+"""Largest number of pixels per byte of a JPEG: a block of 64 takes one bit."""
 
 
 def check_size(width: int, height: int, most: int = PIXEL_LIMIT) -> None:
-    """Refuse what is no image, or of more than `most` pixels.
+    """Refuse empty images, and those of more than `most` pixels.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def check_size(width: int, height: int, most: int = PIXEL_LIMIT) -> None:
 
 
 def png_bytes(pixels: npt.NDArray[np.uint8], notes: Mapping[str, str]) -> bytes:
-    """PNG file of (H, W, 3) pixels, with texts in `iTXt` chunks."""
+    """PNG file of (H, W, 3) pixels, with the notes in `iTXt` chunks."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
@@ -70,7 +70,7 @@ def jpeg_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
     Raises
     ------
     UsageError
-        More pixels a side than the format holds.
+        Width or height exceeds the limit of the format.
     """
     from PIL import Image
 
@@ -83,13 +83,13 @@ def jpeg_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
 
 
 def png_note(file: IO[bytes], name: str) -> str | None:
-    """A text of a PNG, or None when it has none of that name."""
+    """A text of a PNG, or None if it has none of that name."""
     text = open_display(file).info.get(name)
     return None if text is None else str(text)
 
 
 def read_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32]:
-    """A PNG or JPEG, of 8 or 16 bits a channel, as (H, W, 3) linear values in 0..1.
+    """A PNG or JPEG, of 8 or 16 bits per channel, as (H, W, 3) linear values in 0..1.
 
     Raises
     ------
@@ -105,15 +105,15 @@ def read_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.flo
 
 
 def is_deep(picture: ImageFile) -> bool:
-    """Whether the file has 16 bits a channel: a raw mode such as `RGB;16B` is how Pillow names what is in it."""
+    """Whether the file has 16 bits per channel, by Pillow's raw mode such as `RGB;16B`."""
     return any(";16" in str(arguments) for _, _, _, arguments in picture.tile)
 
 
 def deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
-    """Pixels of a PNG with 16 bits a channel: (H, W, 1) of a grey one, else (H, W, 3 or 4).
+    """Pixels of a PNG with 16 bits per channel: (H, W, 1) if grey, else (H, W, 3 or 4).
 
-    Of colours Pillow gives the first byte of each channel. Told that the bytes come in the other order, it gives the
-    second.
+    For colours, Pillow returns only the first byte of each channel. Decoded again with the opposite byte order, it
+    returns the second.
     """
     modes = {str(tile.args) for tile in picture.tile}
     if modes == {"I;16B"}:
@@ -130,9 +130,9 @@ def deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
 
 
 def open_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> ImageFile:
-    """A PNG or JPEG, of which only the header is read, and whose size can be that of such a file.
+    """Open a PNG or JPEG, read only its header, and check that the file can contain an image of its size.
 
-    By Pillow's formats themselves: `PIL.Image.open` refuses what is larger than 179 million pixels.
+    Uses Pillow's format classes directly: `PIL.Image.open` refuses more than 179 million pixels.
     """
     from PIL.JpegImagePlugin import JpegImageFile
     from PIL.PngImagePlugin import PngImageFile

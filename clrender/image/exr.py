@@ -1,4 +1,4 @@
-"""Reads OpenEXR files by the OpenEXR library, which neither judges what it reads nor keeps quiet."""
+"""Reads OpenEXR files with the OpenEXR library; adds the checks that it lacks, and silences its output."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ __all__ = ["exr_attribute", "exr_size", "read_exr"]
 _Image = npt.NDArray[np.float32]
 _RATIOS: Final[Mapping[str, int]] = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1400, "PIZ": 512}
 _RATIO: Final = 1 << 15
-"""By how much the compressions can shrink an image at most: a smaller file cannot hold what its header promises."""
+"""Largest compression ratio: a smaller file cannot contain the image that its header declares."""
 _ROWS: Final = 256
 _redirecting = threading.Lock()
 
 
 def exr_attribute(file: IO[bytes], name: str) -> str | None:
-    """A text of the header, or None when it has none of that name."""
+    """A text of the header, or None if it has none of that name."""
     with _quiet():
         found = _openexr().File(file, header_only=True).header().get(name)
     return None if found is None else str(found)
 
 
 def exr_size(file: IO[bytes], most: int = PIXEL_LIMIT) -> tuple[int, int]:
-    """Width and height of what `read_exr` gives, by the header alone; `most` pixels at most.
+    """Width and height of the result of `read_exr`, from the header alone; `most` pixels at most.
 
     Raises
     ------
     ValueError, RuntimeError
-        The header is damaged, or promises more than such a file can hold.
+        The header is damaged, or declares more than the file can contain.
     """
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
@@ -53,10 +53,10 @@ def exr_size(file: IO[bytes], most: int = PIXEL_LIMIT) -> tuple[int, int]:
 
 
 def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:
-    """The image of a file: its display window, black where the file has no data, in linear Rec. 709.
+    """The image of a file: its display window, black outside the data window, in linear Rec. 709.
 
-    It has `most` pixels at most. Of a file of several parts the only one with colours counts. A luminance channel alone
-    is grey. Other primaries are converted, with their white adapted to D65 (`clrender.image.colorimetry`).
+    It has `most` pixels at most. In a file of several parts, only one may have colours. A luminance channel alone
+    becomes grey. Other primaries are converted, with their white adapted to D65 (`clrender.image.colorimetry`).
 
     Returns
     -------
@@ -65,7 +65,7 @@ def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:
     Raises
     ------
     ValueError, RuntimeError
-        The file is damaged, too large, or holds no such image.
+        The file is damaged, too large, or contains no such image.
     """
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
@@ -84,7 +84,7 @@ def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:
 
 
 def _colour_part(headers: list[dict[str, Any]]) -> tuple[int, tuple[str, str, str]]:
-    """Which part holds the image, and in which channels."""
+    """Index of the part with the image, and its channels."""
     names = [{channel.name: channel for channel in header["channels"]} for header in headers]
     for wanted in (("R", "G", "B"), ("Y", "Y", "Y")):
         found = [i for i, channels in enumerate(names) if set(wanted) <= set(channels)]
@@ -105,7 +105,7 @@ def _colour_part(headers: list[dict[str, Any]]) -> tuple[int, tuple[str, str, st
 
 
 def _check_sizes(headers: list[dict[str, Any]], size: int, most_pixels: int) -> None:
-    """Refuse windows that are too large, or larger than a file of that size can fill, before memory is taken."""
+    """Refuse windows that are too large, or too large for the file's size, before memory is allocated."""
     for header in headers:
         pixels = []
         for window in ("displayWindow", "dataWindow"):
@@ -145,19 +145,19 @@ def _displayed(planes: list[npt.NDArray[Any]], header: dict[str, Any]) -> _Image
 
 
 def _openexr() -> Any:
-    """The OpenEXR library, which has no types and is only loaded for `.exr` files."""
+    """The OpenEXR library, which has no type hints and is only loaded for `.exr` files."""
     return importlib.import_module("OpenEXR")
 
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Nobody sees what the library writes; what it writes to the error output is an error.
+    """Hide what the library prints, and raise an error if it writes to standard error.
 
-    Its C++ part writes to descriptor 2, and gives up on some damages with no more than that; its Python part prints.
-    Neither can be told not to.
+    Its C++ part writes to file descriptor 2, for some damaged files without any other error; its Python part prints.
+    Neither can be turned off.
     """
     with _redirecting, contextlib.redirect_stdout(io.StringIO()), tempfile.TemporaryFile() as heard:
-        if sys.stderr is None:  # the program has no error output, and its descriptor may be another file's
+        if sys.stderr is None:  # the program has no standard error, and file descriptor 2 may be another file
             yield
             return
         with contextlib.suppress(OSError, ValueError):

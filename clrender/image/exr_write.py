@@ -1,4 +1,4 @@
-"""Writes OpenEXR files: the image and its layers, in the precision and compression asked for, straight to the disk."""
+"""Writes OpenEXR files: an image and its layers, with the chosen precision and compression, directly to disk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COMPRESSIONS: Final[Mapping[str, bool]] = {
     "dwaa": True,
     "dwab": True,
 }
-"""Every compression, and whether it loses something."""
+"""Every compression, and whether it is lossy."""
 
 _TYPES: Final = ("float", "half")
 _TILES: Final = (16, 4096)
@@ -34,13 +34,13 @@ _ROWS: Final = 256
 
 @dataclass(frozen=True)
 class ExrFormat:
-    """How an OpenEXR file holds its pixels.
+    """Storage format of pixels in an OpenEXR file.
 
     Attributes
     ----------
     type : str
-        ``float``: 32 bits, nothing is lost; ``half``: 16 bits for colours and directions, as far as `write_exr` is not
-        told that a channel needs more. What is finite and beyond 65504 becomes 65504.
+        ``float``: 32 bits, lossless; ``half``: 16 bits, except for the exact channels of `write_exr`. Finite values
+        beyond 65504 become 65504.
     compression : str
         One of `COMPRESSIONS`.
     tile : int or None
@@ -49,7 +49,7 @@ class ExrFormat:
     Raises
     ------
     UsageError
-        A value that is none of these.
+        An invalid value.
     """
 
     type: str = "float"
@@ -67,7 +67,7 @@ class ExrFormat:
 
     @property
     def lossy(self) -> bool:
-        """Whether the compression loses something."""
+        """Whether the compression is lossy."""
         return COMPRESSIONS[self.compression]
 
 
@@ -81,7 +81,7 @@ def write_exr(
 ) -> None:
     """Write R, G and B, and more channels.
 
-    Beside `image` and `channels` it holds a few lines or tiles at a time, and of what becomes half precision a copy.
+    Besides `image` and `channels`, it needs memory for a few lines or tiles, and for copies in half precision.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ def write_exr(
     image : (H, W, 3) float32
         Linear Rec. 709.
     attributes : mapping of str to str
-        Kept in the header.
+        Stored in the header.
     channels : mapping of str to (H, W) float32
-        Contiguous: of others the library takes the wrong numbers.
+        Must be contiguous: otherwise the library writes wrong numbers.
     layout : ExrFormat, optional
     exact : set of str
-        Of `channels`, those that are 32-bit floats in every file.
+        Names of `channels` that are always 32-bit floats.
 
     Raises
     ------
@@ -120,13 +120,13 @@ def write_exr(
         name: half_of(plane) if half and name not in exact else np.ascontiguousarray(plane)
         for name, plane in held.items()
     }
-    # Into the open file and not to a name: then a disk that is full is an OSError.
+    # Write to the open file, not to a path: then a full disk raises OSError.
     with library.File(header, planes) as picture:
         picture.write(file)
 
 
 def half_of(plane: npt.NDArray[np.float32]) -> npt.NDArray[np.float16]:
-    """Rounded to nearest; only what is infinite before is so afterwards."""
+    """Rounded to nearest; finite values stay finite."""
     result = np.empty(plane.shape, np.float16)
     for first in range(0, len(plane), _ROWS):
         rows = plane[first : first + _ROWS]

@@ -1,4 +1,4 @@
-"""Images on disk: `.png .jpg` for display, `.exr .hdr .npy` linear, with provenance, and never half written."""
+"""Image files: `.png .jpg` for display, `.exr .hdr .npy` linear, with provenance, written atomically."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ DISPLAY_ENDINGS: Final = (".png", ".jpg", ".jpeg")
 LINEAR_ENDINGS: Final = (".exr", ".npy", ".hdr")
 FILM_ENDINGS: Final = (".film",)
 OUTPUT_ENDINGS: Final = (*DISPLAY_ENDINGS, *LINEAR_ENDINGS, *FILM_ENDINGS)
-"""What a render can be written to."""
+"""File extensions that a render can be written to."""
 
 _NOTE: Final = "clrender"
-"""Name under which provenance is kept."""
+"""Name under which provenance is stored."""
 _NPY_HEADER_LIMIT: Final = 10_000
 _Image = npt.NDArray[np.float32]
 
@@ -55,12 +55,12 @@ def image_sha256(linear: npt.ArrayLike) -> str:
 
 
 def check_output(path: str | Path, endings: Sequence[str] = OUTPUT_ENDINGS) -> None:
-    """Make sure, before any work is done, that an image can be written to `path`.
+    """Check, before any work is done, that an image can be written to `path`.
 
     Raises
     ------
     UsageError
-        An ending that is not one of `endings`, no such folder, or a place that cannot be written.
+        The extension is not one of `endings`, or the folder does not exist or is not writable.
     """
     path = Path(path)
     if path.suffix.lower() not in endings:
@@ -82,32 +82,32 @@ def write_image(
     exact: Set[str] = frozenset(),
     attributes: Mapping[str, str] | None = None,
 ) -> None:
-    """Write an image in the format that the ending of `path` names, all of it or nothing.
+    """Write an image atomically, in the format of the extension of `path`.
 
     Parameters
     ----------
     path : path
-        `.png .jpg .jpeg` are toned for display; `.exr .npy .hdr` keep the linear values (`.hdr` in 8-bit
+        `.png .jpg .jpeg` are tone-mapped for display; `.exr .npy .hdr` store linear values (`.hdr` with 8-bit
         mantissas, negative values as 0).
     linear : (H, W, 3) float32
         Radiance, linear Rec. 709.
     provenance : mapping, optional
-        JSON-able; kept in `.png` (iTXt chunk `clrender`) and `.exr` (string attribute `clrender`).
+        JSON-able; stored in `.png` (iTXt chunk `clrender`) and `.exr` (string attribute `clrender`).
     tone_map, exposure
-        Of display images; see `clrender.image.tone_map.to_display`.
+        For display images; see `clrender.image.tone_map.to_display`.
     channels : mapping of str to (H, W) float32, optional
-        More channels, kept in `.exr` beside R, G and B; the other formats have no room for them.
+        Additional channels of `.exr` files, beside R, G and B; other formats omit them.
     exr : ExrFormat, optional
-        How an `.exr` holds its pixels.
+        Storage format of `.exr` files.
     exact : set of str
-        Channels that are 32-bit floats in every `.exr`.
+        Channels that are always 32-bit floats in `.exr` files.
     attributes : mapping of str to str, optional
-        More texts for the header of an `.exr`.
+        Additional texts for the header of `.exr` files.
 
     Raises
     ------
     UsageError
-        Unknown ending or tone map, or an array that is no image.
+        Unknown extension or tone map, or an array that is not an image.
     RenderError
         The file cannot be written.
     """
@@ -127,7 +127,7 @@ def write_image(
         elif ending == ".npy":
             description = {"descr": "<f4", "fortran_order": False, "shape": image.shape}
             np.lib.format.write_array_header_1_0(file, description)
-            file.write(image.data)  # NumPy's own writer does not say why a disk refused
+            file.write(image.data)  # NumPy's own writer does not report why a disk refused
         elif ending == ".hdr":
             from clrender.image.radiance_hdr import write_hdr
 
@@ -142,18 +142,17 @@ def write_image(
 def read_image(path: str | Path) -> _Image:
     """Linear image from `.exr`, `.npy` or `.hdr`, or a display image as its sRGB-decoded values.
 
-    A file never takes more memory than the image that it can hold by its size and the limits of its format, and that
-    image is of at most 2^30 pixels, 12 bytes each.
+    Memory is limited by the image that the file's size and format allow, and by 2^30 pixels of 12 bytes each.
 
     Returns
     -------
     (H, W, 3) float32
-        Linear Rec. 709; for `.png .jpg` between 0 and 1, as a display would show them.
+        Linear Rec. 709; for `.png .jpg` between 0 and 1, as displayed.
 
     Raises
     ------
     UsageError
-        No such file, an unknown ending, or a file that is not what its ending says.
+        No such file, an unknown extension, or a file that is not of its extension's format.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -167,22 +166,22 @@ def read_image(path: str | Path) -> _Image:
 
 
 def read_open_image(file: IO[bytes], ending: str, problem: str, most: int = PIXEL_LIMIT) -> _Image:
-    """The same from a file that is open.
+    """Like `read_image`, from an open file.
 
     Parameters
     ----------
     file : binary file
     ending : str
-        What kind of file it is, one of `DISPLAY_ENDINGS` and `LINEAR_ENDINGS`.
+        Extension of its format, one of `DISPLAY_ENDINGS` and `LINEAR_ENDINGS`.
     problem : str
-        Start of the error message.
+        Prefix of error messages.
     most : int
-        Pixels; checked before memory is taken for them.
+        Largest number of pixels; checked before memory is allocated.
 
     Raises
     ------
     UsageError
-        It is not what the ending says, or too large.
+        It is not of that format, or too large.
     """
     with _whatever_a_library_trips_over(problem):
         return _READERS[ending](file, most)
@@ -190,7 +189,7 @@ def read_open_image(file: IO[bytes], ending: str, problem: str, most: int = PIXE
 
 
 def read_provenance(path: str | Path) -> dict[str, Any] | None:
-    """What a `.png` or `.exr` written by clrender says of its making; None when it says nothing.
+    """Provenance of a `.png` or `.exr` written by clrender; None if it has none.
 
     Raises
     ------
@@ -212,10 +211,10 @@ def read_provenance(path: str | Path) -> dict[str, Any] | None:
 
 @contextmanager
 def _whatever_a_library_trips_over(problem: str) -> Iterator[None]:
-    """One sentence for every exception: image libraries raise nearly all there are for damaged files."""
+    """Replace any exception by one sentence: for damaged files, image libraries raise almost any exception."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # they mend what they warn of
+            warnings.simplefilter("ignore")  # the libraries repair what they warn about
             yield
     except (ClrenderError, NameError):
         raise
@@ -232,7 +231,7 @@ def png_bytes(
     tone_map: str = "srgb",
     exposure: float = 0.0,
 ) -> bytes:
-    """PNG file of a linear image, toned for display; parameters as of `write_image`."""
+    """PNG file of a linear image, tone-mapped for display; for the parameters see `write_image`."""
     notes = {} if provenance is None else {_NOTE: json.dumps(provenance, sort_keys=True)}
     return display_png(to_display(_as_image(linear), tone_map, exposure), notes)
 

@@ -1,4 +1,4 @@
-"""FLIP: how different two pictures look to a viewer who flips between them.
+"""FLIP: the perceived difference of two images when a viewer flips between them.
 
 LDR-FLIP of P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström and M. D. Fairchild, "FLIP: A
 Difference Evaluator for Alternating Images", HPG 2020; section and equation numbers below are of that paper.
@@ -15,7 +15,7 @@ import numpy.typing as npt
 __all__ = ["PIXELS_PER_DEGREE", "flip_map"]
 
 PIXELS_PER_DEGREE: Final = 0.7 * (3840 / 0.7) * math.pi / 180
-"""Paper's default viewing condition: 0.7 m from a monitor 0.7 m and 3840 pixels wide."""
+"""The paper's default viewing condition: 0.7 m from a monitor 0.7 m and 3840 pixels wide."""
 
 _Array = npt.NDArray[np.float64]
 
@@ -46,9 +46,9 @@ def flip_map(test: npt.ArrayLike, reference: npt.ArrayLike, ppd: float = PIXELS_
     Parameters
     ----------
     test, reference : (H, W, 3) floats
-        *Linear* Rec. 709 of what a display shows, cut to 0..1. Swapping the two changes nothing.
+        *Linear* Rec. 709 as displayed, clamped to 0..1. The result is symmetric in the two.
     ppd : float
-        Pixels to a degree of the viewer's field.
+        Pixels per degree of the viewer's field of view.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def flip_map(test: npt.ArrayLike, reference: npt.ArrayLike, ppd: float = PIXELS_
         0 (the same) to 1.
     """
     x, r = np.asarray(test), np.asarray(reference)
-    # Bands of rows, each with as many more as the filters reach: what is computed stays small beside a large image.
+    # Bands of rows, padded by the filters' radius, keep temporary arrays small compared with a large image.
     halo = max(_color_radius(ppd), _feature_radius(ppd))
     height, width = x.shape[:2]
     step = max(4 * halo, _BAND // width)
@@ -72,7 +72,7 @@ def _flip(test: npt.NDArray[Any], reference: npt.NDArray[Any], ppd: float) -> _A
     # Colour (sec. 4.1): what the eye resolves, in a uniform space, as a distance for large differences.
     seen = [_hunt_lab(_filtered(image, ppd)) for image in images]
     color = _redistribute(_hyab(seen[0], seen[1]) ** _COLOR_EXPONENT)
-    # Features (sec. 4.2): edges and points in one picture and not in the other.
+    # Features (sec. 4.2): edges and points in one image and not in the other.
     found = [_features((image[..., 0] + 16.0) / 116.0, ppd) for image in images]
     feature = np.maximum(np.abs(found[0][0] - found[1][0]), np.abs(found[0][1] - found[1][1]))
     feature = (feature / math.sqrt(2.0)) ** _FEATURE_EXPONENT
@@ -117,24 +117,24 @@ def _redistribute(color: _Array) -> _Array:
 
 
 def _color_radius(ppd: float) -> int:
-    """Pixels that the filter of the contrast sensitivity reaches."""
+    """Radius of the contrast sensitivity filter, pixels."""
     return math.ceil(3.0 * math.sqrt(_WIDEST / (2.0 * math.pi**2)) * ppd)
 
 
 def _feature_radius(ppd: float) -> int:
-    """Pixels that the filters of features reach."""
+    """Radius of the feature filters, pixels."""
     return math.ceil(3.0 * 0.5 * _FEATURE_WIDTH * ppd)
 
 
 def _filtered(opponent: _Array, ppd: float) -> _Array:
-    """Picture after the contrast sensitivity of the eye (sec. 4.1.1), linear Rec. 709 in 0..1."""
+    """Image filtered by the eye's contrast sensitivity (sec. 4.1.1), linear Rec. 709 in 0..1."""
     radius = _color_radius(ppd)
     degrees = np.arange(-radius, radius + 1) / ppd
     channels = []
     for channel, terms in enumerate(_SENSITIVITY):
         total: _Array = np.zeros(opponent.shape[:2])
         weight = 0.0
-        # A sum of round Gaussians: each is separable, their weights add.
+        # A sum of isotropic Gaussians: each is separable, their weights add.
         for a, b in terms:
             row = np.exp(-(math.pi**2) * degrees**2 / b)
             scale = a * math.sqrt(math.pi / b)
@@ -162,7 +162,7 @@ def _features(lightness: _Array, ppd: float) -> tuple[_Array, _Array]:
 
 
 def _convolve(image: _Array, kernel: _Array, axis: int) -> _Array:
-    """Correlate (H, W) with an odd kernel along one axis; the border repeats outwards."""
+    """Correlate (H, W) with an odd kernel along one axis; the border is replicated."""
     radius = len(kernel) // 2
     padding = [(0, 0), (0, 0)]
     padding[axis] = (radius, radius)

@@ -1,4 +1,4 @@
-"""Pictures for textures: any kind of file, with the numbers as the file has them, a band of rows at a time."""
+"""Texture images: any file format, with the numbers as stored, read in bands of rows."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ __all__ = ["PICTURE_ENDINGS", "PICTURE_LIMIT", "Picture", "open_picture", "pictu
 
 PICTURE_ENDINGS: Final = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr")
 PICTURE_LIMIT: Final = 1 << 28
-"""Most pixels of a picture: 16384 x 16384."""
+"""Largest number of pixels of an image: 16384 x 16384."""
 _BAND: Final = 256
 _WEBP_RATIO: Final = 1 << 15
-"""Pixels that a byte of a WebP stands for, more than any sound one's."""
+"""Upper bound of the pixels per byte of a valid WebP."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture whose header has been read.
+    """An image whose header has been read.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Picture:
     coding : str
         ``unorm8`` or ``unorm16`` (0 to 1 in that many bits), ``half`` or ``float``.
     bands : callable
-        Gives its rows from top to bottom, some at a time: (h, width, channels) arrays of uint8, uint16 (also for
-        ``half``) or float32; all but the last have `_BAND` rows.
+        Yields its rows from top to bottom in bands: (h, width, channels) arrays of uint8, uint16 (also for ``half``) or
+        float32; all but the last have `_BAND` rows.
     """
 
     width: int
@@ -46,12 +46,12 @@ class Picture:
 
 
 def picture_room(file: IO[bytes], ending: str) -> tuple[int, int, int]:
-    """Width, height and most bytes of a texel of a picture, by its header alone.
+    """Width, height and an upper bound of the bytes per texel of an image, from its header alone.
 
     Parameters
     ----------
     file, ending
-        As of `open_picture`.
+        See `open_picture`.
 
     Raises
     ------
@@ -77,14 +77,14 @@ def _size_of_floats(file: IO[bytes], ending: str) -> tuple[int, int]:
 
 
 def open_picture(file: IO[bytes], ending: str) -> Picture:
-    """Read a picture's header, and of `.exr` and `.hdr` all of it.
+    """Read the header of an image; of an `.exr` or `.hdr` all of it.
 
     Parameters
     ----------
     file : binary file
-        Has to stay open until the bands are read.
+        Must stay open until the bands are read.
     ending : str
-        One of `PICTURE_ENDINGS`; of `.png`, `.jpg` and `.webp` the content decides.
+        One of `PICTURE_ENDINGS`; among `.png`, `.jpg` and `.webp` the content decides.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def open_picture(file: IO[bytes], ending: str) -> Picture:
         for top in range(0, height, _BAND):
             band = picture.crop((0, top, width, min(top + _BAND, height)))
             if not grey and band.mode not in ("RGB", "RGBA", "P", "LA", "PA", "L"):
-                band = band.convert("RGB")  # of CMYK and the like there is no way to RGBA
+                band = band.convert("RGB")  # CMYK and the like cannot be converted to RGBA directly
             pixels = np.asarray(band if band.mode == mode else band.convert(mode))
             yield pixels[..., None] if grey else pixels
 
@@ -135,7 +135,7 @@ def _check(width: int, height: int) -> None:
 
 
 def _open_webp(file: IO[bytes]) -> Any:
-    """A WebP; its decoder looks at nothing but the header until pixels are asked for."""
+    """Open a WebP; its decoder reads only the header until pixels are requested."""
     from PIL.WebPImagePlugin import WebPImageFile
 
     size = file.seek(0, os.SEEK_END)
@@ -147,7 +147,7 @@ def _open_webp(file: IO[bytes]) -> Any:
 
 
 def _of_floats(image: npt.NDArray[np.float32]) -> Picture:
-    """A picture of floats, in fewer bits where no number changes by that, in one channel where all three are equal."""
+    """An image of floats, in half precision if that is lossless, and as one channel if all three are equal."""
     height, width, _ = image.shape
     _check(width, height)
     grey = half = True
@@ -170,7 +170,7 @@ def _of_floats(image: npt.NDArray[np.float32]) -> Picture:
 
 
 def _padded(rows: npt.NDArray[Any], opaque: int) -> npt.NDArray[Any]:
-    """Rows with an alpha of 1 where they have colours and none."""
+    """Rows with an opaque alpha channel added, if they have colours without one."""
     if rows.shape[2] != 3:
         return rows
     whole = np.empty((*rows.shape[:2], 4), rows.dtype)

@@ -1,4 +1,4 @@
-"""Radiance `.hdr` pictures (RGBE): three 8-bit mantissas that share an exponent.
+"""Radiance `.hdr` images (RGBE): three 8-bit mantissas that share an exponent.
 
 Format: G. Ward, "Real Pixels", Graphics Gems II (1991), and "The RADIANCE Picture File Format" of the Radiance manual.
 """
@@ -21,14 +21,14 @@ _ROWS: Final = 64  # written at a time
 
 
 def write_hdr(file: IO[bytes], image: npt.NDArray[np.float32]) -> None:
-    """Write a picture, not run-length encoded.
+    """Write an image, not run-length encoded.
 
     Parameters
     ----------
     file : binary file
     image : (H, W, 3) float32
-        Linear Rec. 709; negative and not-a-number values are written as 0, what is above the format's range
-        (about 1.7e38) as its largest.
+        Linear Rec. 709; negative and NaN values are written as 0, values above the format's range (about 1.7e38) as its
+        largest.
     """
     height, width, _ = image.shape
     file.write(b"#?RADIANCE\nSOFTWARE=clrender\nFORMAT=32-bit_rle_rgbe\n\n")
@@ -38,25 +38,24 @@ def write_hdr(file: IO[bytes], image: npt.NDArray[np.float32]) -> None:
 
 
 def read_hdr(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32]:
-    """Read a picture, flat or run-length encoded, in any of the format's eight orders of pixels, and of `most` pixels
-    at most.
+    """Read an image, flat or run-length encoded, in any of the format's eight pixel orders, of `most` pixels at most.
 
     Returns
     -------
     (H, W, 3) float32
         Linear Rec. 709, as radiance: each channel is (mantissa + 1/2) 2^(exponent - 136), or 0 where the exponent is 0,
-        divided by all that `EXPOSURE` and `COLORCORR` say it was multiplied by; other `PRIMARIES` are converted.
+        divided by the factors `EXPOSURE` and `COLORCORR`; other `PRIMARIES` are converted.
 
     Raises
     ------
     ValueError, EOFError
-        Not such a picture, or only a part of one.
+        It is not such an image, or truncated.
     """
     scale, matrix, size = _read_start(file)
     lines, length = int(size[2]), int(size[4])
     check_size(length, lines, most)
-    data = file.read(8 * lines * length + _HEADER_LIMIT)  # no sound file is longer
-    # Lines are gathered as they come: a short file cannot ask for a large picture's memory.
+    data = file.read(8 * lines * length + _HEADER_LIMIT)  # no valid file is longer
+    # Lines are collected as they are read: a short file cannot request the memory of a large image.
     encoded, at = [], 0
     for _ in range(lines):
         line, at = _read_line(data, at, length)
@@ -65,7 +64,7 @@ def read_hdr(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32
 
 
 def hdr_size(file: IO[bytes]) -> tuple[int, int]:
-    """Width and height of what `read_hdr` gives, by the header alone.
+    """Width and height of the result of `read_hdr`, from the header alone.
 
     Raises
     ------
@@ -80,7 +79,7 @@ def hdr_size(file: IO[bytes]) -> tuple[int, int]:
 def _read_start(
     file: IO[bytes],
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None, re.Match[bytes]]:
-    """What `_read_header` gives, and the line of the size, taken apart."""
+    """The result of `_read_header`, and the match of the resolution line."""
     if not file.readline(_HEADER_LIMIT).startswith(b"#?"):
         raise ValueError("it does not begin with #?RADIANCE")
     scale, matrix = _read_header(file)
@@ -92,7 +91,7 @@ def _read_start(
 
 
 def _read_header(file: IO[bytes]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64] | None]:
-    """What R, G and B are to be multiplied by, and then the matrix to Rec. 709, if any."""
+    """Factors of R, G and B, and then the matrix to Rec. 709, if any."""
     divisor = np.ones(3)
     matrix = None
     taken = 0
@@ -102,7 +101,7 @@ def _read_header(file: IO[bytes]) -> tuple[npt.NDArray[np.float64], npt.NDArray[
             raise ValueError("its header does not end")
         if not line.strip():
             break
-        # Lines that begin with a blank tell of pictures that this one was made of.
+        # Lines that begin with a blank are about images that this one was made from.
         name, _, value = line.decode("latin-1").partition("=")
         if name == "FORMAT" and value.strip() != "32-bit_rle_rgbe":
             raise ValueError(f"its format is {value.strip()[:40]}, not 32-bit_rle_rgbe; convert it to RGB")
@@ -134,7 +133,7 @@ def _encode(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     exponent = np.frexp(largest)[1]
     exponent = np.where(largest >= 2.0**-128, exponent, -128)
     rgbe = np.empty((*values.shape[:-1], 4), np.uint8)
-    # Cut off, not rounded: a reader adds one half.
+    # Truncate, do not round: a reader adds one half.
     rgbe[..., :3] = np.floor(np.ldexp(positive, (8 - exponent)[..., None])) * (exponent > -128)[..., None]
     rgbe[..., 3] = exponent + 128
     return rgbe
@@ -146,7 +145,7 @@ def _decoded(
     scale: npt.NDArray[np.float64],
     matrix: npt.NDArray[np.float64] | None,
 ) -> npt.NDArray[np.float32]:
-    """Lines of (length, 4) uint8 as values; each line is given up as it is decoded."""
+    """Decode lines of (length, 4) uint8; each line is freed once decoded."""
     image = np.empty((len(lines), length, 3), np.float32)
     lines.reverse()
     for row in image:
@@ -159,14 +158,14 @@ def _decoded(
 
 
 def _oriented(image: npt.NDArray[np.float32], outer: str, inner: str) -> npt.NDArray[np.float32]:
-    """Lines as the file has them, as rows from top to bottom; a file may begin in any corner and go along any side."""
+    """Reorder the file's lines to rows from top to bottom; a file may begin in any corner, with rows or columns."""
     image = image[::-1] if outer in ("+Y", "-X") else image
     image = image[:, ::-1] if inner in ("+Y", "-X") else image
     return np.ascontiguousarray(image if outer[1] == "Y" else image.transpose(1, 0, 2))
 
 
 def _read_line(data: bytes, at: int, length: int) -> tuple[npt.NDArray[np.uint8], int]:
-    """One line, and where the next begins."""
+    """One line, and the offset of the next."""
     start = data[at : at + 4]
     if not (8 <= length < 32768 and start[:2] == b"\2\2" and start[2:3] < b"\x80"):
         return _read_flat_line(data, at, length)
@@ -195,7 +194,7 @@ def _read_line(data: bytes, at: int, length: int) -> tuple[npt.NDArray[np.uint8]
 
 
 def _read_flat_line(data: bytes, at: int, length: int) -> tuple[npt.NDArray[np.uint8], int]:
-    """A line of whole pixels; in the code of before 1991 a pixel 1, 1, 1, n repeats the one before it n times."""
+    """A line of whole pixels; in the encoding before 1991, a pixel 1, 1, 1, n repeats the previous one n times."""
     some = np.frombuffer(data[at : at + 4 * length], np.uint8)
     some = some[: len(some) // 4 * 4].reshape(-1, 4)
     if len(some) == length and not (some[:, :3] == 1).all(axis=1).any():

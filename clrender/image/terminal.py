@@ -1,4 +1,4 @@
-"""Pictures as what terminals draw: the escape sequences of kitty, of iTerm2, and sixel.
+"""Images for terminals: the escape sequences of kitty, of iTerm2, and sixel.
 
 Sources: "Terminal graphics protocol" (kitty's documentation); "Inline Images Protocol" (iTerm2's documentation);
 VT330/VT340 Programmer Reference Manual, volume 2, chapter 14 (sixel). All three are plain ASCII.
@@ -20,27 +20,27 @@ __all__ = ["PROTOCOLS", "encode", "fit", "resized"]
 PROTOCOLS: Final = ("kitty", "iterm2", "sixel")
 
 _CHUNK: Final = 4096
-"""Characters of a picture's data in one escape sequence, at most: kitty's limit."""
+"""Most characters of image data in one escape sequence: kitty's limit."""
 
 _Picture = npt.NDArray[np.uint8]
 
 
 def fit(size: tuple[int, int], cells: tuple[int, int], cell: tuple[int, int]) -> tuple[int, int]:
-    """The largest area of a terminal, in the shape of a picture, that has no more cells and no more pixels than it.
+    """The largest area of terminal cells for an image, within the given cells and the image's size.
 
     Parameters
     ----------
     size : (int, int)
-        Width and height of the picture, pixels.
+        Width and height of the image, pixels.
     cells : (int, int)
-        Columns and rows that there are.
+        Available columns and rows.
     cell : (int, int)
         Width and height of a cell, pixels.
 
     Returns
     -------
     (int, int)
-        Columns and rows; the picture leaves less than a cell of them free.
+        Columns and rows; the image leaves less than a cell of them free.
     """
     scale = min(1.0, cells[0] * cell[0] / size[0], cells[1] * cell[1] / size[1])
     columns, rows = (max(1, -(-round(scale * side) // unit)) for side, unit in zip(size, cell, strict=True))
@@ -48,7 +48,7 @@ def fit(size: tuple[int, int], cells: tuple[int, int], cell: tuple[int, int]) ->
 
 
 def resized(picture: _Picture, width: int, height: int) -> _Picture:
-    """A picture scaled, in its shape, to fit into so many pixels: (h, w, 3) uint8."""
+    """An image scaled to fit into width x height pixels with its aspect ratio: (h, w, 3) uint8."""
     scale = min(width / picture.shape[1], height / picture.shape[0])
     size = (max(1, round(scale * picture.shape[1])), max(1, round(scale * picture.shape[0])))
     filtered = Image.Resampling.BOX if scale < 1.0 else Image.Resampling.NEAREST
@@ -56,18 +56,18 @@ def resized(picture: _Picture, width: int, height: int) -> _Picture:
 
 
 def encode(picture: _Picture, protocol: str, *, number: int = 1, colors: int = 256) -> str:
-    """What to write to a terminal for a picture with its top left corner at the cursor.
+    """The escape sequences that show an image with its top left corner at the cursor.
 
     Parameters
     ----------
     picture : (h, w, 3) uint8
-        As wide and high as it is to appear.
+        In the size in which it is to appear.
     protocol : str
         One of `PROTOCOLS`.
     number : int
-        Of the picture: one that kitty shows already under this number is replaced.
+        Identifier of the image: kitty replaces an image with the same identifier.
     colors : int
-        Of a sixel picture, at most.
+        Most colours of a sixel image.
     """
     if protocol == "sixel":
         return _sixel(picture, colors)
@@ -76,7 +76,7 @@ def encode(picture: _Picture, protocol: str, *, number: int = 1, colors: int = 2
         height = f"{picture.shape[1]}px;height={picture.shape[0]}px"
         return f"\x1b]1337;File=inline=1;size={len(data) * 3 // 4};width={height};preserveAspectRatio=1:{data}\a"
     parts = [data[start : start + _CHUNK] for start in range(0, len(data), _CHUNK)]
-    # a=T shows it; C=1 leaves the cursor where it is; q=2 asks for no answer
+    # a=T displays it; C=1 does not move the cursor; q=2 suppresses responses
     keys = [f"a=T,f=100,i={number},p=1,C=1,q=2,"] + [""] * (len(parts) - 1)
     more = [1] * (len(parts) - 1) + [0]
     return "".join(f"\x1b_G{key}m={m};{part}\x1b\\" for key, m, part in zip(keys, more, parts, strict=True))
@@ -89,12 +89,12 @@ def _png(picture: _Picture) -> bytes:
 
 
 def _sixel(picture: _Picture, colors: int) -> str:
-    """Rows of six pixels; in each, one after the other, the pixels of each of its colours."""
+    """Bands of six rows of pixels; in each, the pixels of one colour after the other."""
     image = Image.fromarray(picture).quantize(max(2, colors), Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     indices = np.asarray(image)
     palette = np.round(np.asarray(image.getpalette(), np.float64).reshape(-1, 3) * (100.0 / 255.0)).astype(int)
     height, width = indices.shape
-    # 1:1 pixels; its size; pixels that are not set stay as they are
+    # 1:1 pixels; its size; pixels that are not set stay unchanged
     parts = [f'\x1bP0;1;0q"1;1;{width};{height}']
     parts += [f"#{n};2;{r};{g};{b}" for n, (r, g, b) in enumerate(palette)]
     for top in range(0, height, 6):

@@ -1,6 +1,6 @@
-"""Tone mapping: linear radiance (Rec. 709) to what a display shows, in NumPy only.
+"""Tone mapping: linear radiance (Rec. 709) to display values, in NumPy only.
 
-Every operator takes linear values scaled by 2^exposure, cut off below at 0, and ends in display values in 0..1:
+Every operator maps linear values, scaled by 2^exposure and clamped below at 0, to display values in 0..1:
 
 =========  ============================================================================================
 linear     x
@@ -35,7 +35,7 @@ EXPOSURE_LIMIT: Final = 128.0
 
 _Array = npt.NDArray[np.float64]
 _CHUNK: Final = 1 << 16  # pixels at a time: temporaries of a large image stay small
-_LARGEST: Final = 1e30  # stands for infinity, where no operator overflows
+_LARGEST: Final = 1e30  # replaces infinity, so that no operator overflows
 
 _ACES_IN: Final = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
 _ACES_OUT: Final = np.array(
@@ -60,13 +60,13 @@ _AGX_SIGMOID: Final = (15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232)
 
 
 def srgb_encode(linear: npt.ArrayLike) -> _Array:
-    """Display values 0..1 of linear values 0..1, any shape (IEC 61966-2-1)."""
+    """Encode linear values 0..1 as sRGB display values 0..1, any shape (IEC 61966-2-1)."""
     x = np.asarray(linear, np.float64)
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 0.0031308), 1 / 2.4) - 0.055)
 
 
 def srgb_decode(display: npt.ArrayLike) -> _Array:
-    """Linear values 0..1 of display values 0..1, any shape (IEC 61966-2-1)."""
+    """Decode sRGB display values 0..1 to linear values 0..1, any shape (IEC 61966-2-1)."""
     x = np.asarray(display, np.float64)
     return np.where(x <= 0.04045, x / 12.92, np.power((np.maximum(x, 0.04045) + 0.055) / 1.055, 2.4))
 
@@ -108,7 +108,7 @@ def display_values(linear: npt.ArrayLike, tone_map: str = "srgb", exposure: floa
     Parameters
     ----------
     linear : (..., 3) floats
-        Radiance, linear Rec. 709. Not-a-number and negative values count as 0.
+        Radiance, linear Rec. 709. NaN and negative values count as 0.
     tone_map : str
         One of `TONE_MAPS`.
     exposure : float
@@ -140,7 +140,7 @@ def to_display(linear: npt.ArrayLike, tone_map: str = "srgb", exposure: float = 
     ----------
     linear : (H, W, 3) floats
     tone_map, exposure
-        As of `display_values`, which also says what is raised.
+        See `display_values`, also for the errors raised.
 
     Returns
     -------

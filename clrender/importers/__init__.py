@@ -1,4 +1,4 @@
-"""Scenes in the formats of other programs, read into the same validated `Scene` as our own."""
+"""Importers of other programs' scene formats, which produce the same validated `Scene` as our own format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one door through which importers get at files: those that a scene names, wherever their bytes are."""
+"""File access for importers: all files that a scene names, on disk or embedded."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from clrender.scene.wording import quoted
 __all__ = ["AssetFiles"]
 
 _LIMIT: Final = 2**32
-"""Largest file that is read whole, bytes."""
+"""Largest file that is read into memory, bytes."""
 
 
 class AssetFiles:
-    """Files that a scene names, from its own folder and those allowed.
+    """Files that a scene names, from its own folder and allowed ones.
 
     Parameters
     ----------
     source : str
-        Name of the scene file for messages.
+        Name of the scene file, for messages.
     folder : pathlib.Path
-        The scene file's own.
+        The scene file's folder.
     allow_paths : sequence of pathlib.Path
 
     Attributes
@@ -47,41 +47,41 @@ class AssetFiles:
             return file.read(size)
 
     def open_scene(self, path: Path, limit: int = _LIMIT) -> tuple[BinaryIO, int]:
-        """The scene file itself, to be closed by who asks, and its size in bytes."""
+        """The open scene file, which the caller must close, and its size in bytes."""
         return open_scene_file(path, f"{self.source}: the scene file", limit)
 
     def open(self, name: str, place: str, limit: int = _LIMIT) -> tuple[BinaryIO, int]:
-        """A file by its plain name, in which nothing is escaped, and its size in bytes.
+        """Open a file by its plain name, without escapes; returns it and its size in bytes.
 
         Parameters
         ----------
         name, place, limit
-            As of `read`.
+            See `read`.
 
         Raises
         ------
         SceneError
-            As of `clrender.scene.named_files.open_named_file`.
+            See `clrender.scene.named_files.open_named_file`.
         """
         label = f"{self.source}: {place}: {quoted(name)}"
         return open_named_file(name, self.folder, self.allow_paths, label, limit)
 
     def read(self, uri: str, place: str, limit: int = _LIMIT) -> bytes:
-        """What a URI names: a file beside the scene, or data that it holds itself.
+        """Content of a URI: a file relative to the scene, or embedded data.
 
         Parameters
         ----------
         uri : str
-            Relative, perhaps with percent escapes, or ``data:``.
+            Relative, possibly with percent escapes, or ``data:``.
         place : str
-            Where the scene names it, for messages: a JSON pointer, a line.
+            Location of the name in the scene, for messages, such as a JSON pointer or a line.
         limit : int
-            Most bytes.
+            Largest size, bytes.
 
         Raises
         ------
         SceneError
-            As of `clrender.scene.named_files.open_named_file`, or the data are not base64, or it is on the network.
+            Like `clrender.scene.named_files.open_named_file`, or the data are not base64, or it is on the network.
         """
         label = f"{self.source}: {place}"
         if uri[:5].lower() == "data:":
@@ -94,12 +94,12 @@ class AssetFiles:
             return file.read(size)
 
     def name(self, uri: str, place: str) -> str:
-        """The name of the file that a URI stands for, relative to the scene's folder.
+        """The file name of a URI, relative to the scene's folder.
 
         Raises
         ------
         SceneError
-            It names no file.
+            It does not name a file.
         """
         label = f"{self.source}: {place}: {quoted(uri)}"
         scheme, colon, _ = uri.partition(":")

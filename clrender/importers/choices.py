@@ -1,4 +1,4 @@
-"""What a file leaves open that holds more than one image: which moment, which materials."""
+"""The user's choices in a scene file: moment of the animation, and material variant."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ __all__ = ["Choices"]
 
 @dataclass(frozen=True)
 class Choices:
-    """Of what a scene file offers.
+    """Choices among what a scene file offers.
 
     Attributes
     ----------
     time_at : float or None
-        Moment of its animation, seconds; None: as it is at rest.
+        Moment of its animation, seconds; None: the rest pose.
     variant : str or None
-        Name of a variant of its materials; None: those that the file names first.
+        Name of a material variant; None: the default materials.
     """
 
     time_at: float | None = None

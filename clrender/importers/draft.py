@@ -1,4 +1,4 @@
-"""What a reader has found so far: a description as of our own scene files, and what it holds itself."""
+"""Intermediate result of an importer: a description like our own scene files, and embedded data."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from clrender.scene.mesh_data import MeshData
 __all__ = ["Draft"]
 
 _MOST_NOTES: Final = 40
-"""More are counted."""
+"""Most notes that are kept; further ones are only counted."""
 
 
 @dataclass
 class Draft:
-    """A scene on its way in.
+    """A scene under construction by an importer.
 
     Attributes
     ----------
     description : dict
-        As a scene file of our own would say it: ``camera image render materials shapes lights``. A mesh or picture of
-        the draft's own is named where a file would be; names that end in no known ending cannot be files.
+        Like our own scene files: ``camera image render materials shapes lights``. A mesh or image of the draft is named
+        where a file would be; names without a known extension cannot be files.
     meshes : dict of str to MeshData
         By that name.
     pictures : dict of str to (bytes, str)
-        Encoded pictures by that name, each with the ending that its format has, such as ``.png``.
+        Encoded images by that name, each with the extension of its format, such as ``.png``.
     environments : dict of str to EnvironmentPicture
-        By the name that the light of the environment has for its file.
+        By the file name of the environment light.
     places : dict of str to TransformArray
-        Of instances, by the name that they have for a file of them.
+        Transforms of instances, by their file name.
     notes : list of str
-        What was not understood and what was done instead; a sentence each, without the file's name.
+        What is not supported and what was done instead; a sentence each, without the file's name.
     wants_light : bool
-        Whether it is lit from all around also where surfaces of it shine, as long as it has no other lights.
+        Whether it needs a default environment although it has emissive surfaces, if it has no other lights.
     """
 
     description: dict[str, Any] = field(default_factory=lambda: {"materials": {}, "shapes": [], "lights": []})
@@ -48,7 +48,7 @@ class Draft:
     _more: int = field(default=0, repr=False)
 
     def note(self, sentence: str) -> None:
-        """Say something once, or count it when it is too much."""
+        """Add a note, unless it is a duplicate; count it if there are too many."""
         if sentence in self.notes:
             return
         if len(self.notes) < _MOST_NOTES:
@@ -57,5 +57,5 @@ class Draft:
             self._more += 1
 
     def said(self) -> list[str]:
-        """All notes, and how many things are in none."""
+        """All notes, and a last one with the number of omitted notes."""
         return [*self.notes, f"{self._more} more things were left out or changed"] if self._more else self.notes

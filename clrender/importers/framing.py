@@ -1,4 +1,4 @@
-"""Completes what a model leaves open: a camera that frames it, and light."""
+"""Adds what a model lacks: a camera that frames it, and light."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from clrender.scene.validation_errors import scene_error
 __all__ = ["completed"]
 
 _FROM: Final = (0.45, 0.35, 1.0)
-"""Where the camera stands, seen from the middle of the model: in front, a little to the right and above."""
+"""Direction from the model's centre to the camera: in front, slightly to the right and above."""
 _VERTICAL_FOV: Final = 35.0
 _MARGIN: Final = 1.05
 _STUDIO: Final = "studio light"
-"""Name of the picture of light for models without any."""
+"""Name of the environment map for models without light."""
 _LIT: Final = "there is no light in it: lit by a grey surround and a soft light from the camera's upper left"
 
 
@@ -35,7 +35,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     Raises
     ------
     SceneError
-        It describes no valid scene, or none with anything in it to frame.
+        It is not a valid scene, or has nothing to frame.
     """
     share_meshes(draft)
     framed = "camera" not in draft.description
@@ -75,14 +75,14 @@ def _shines(description: dict[str, Any]) -> bool:
 
 
 def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene) -> dict[str, Any]:
-    """Keys of a camera that has the whole of a box in its image."""
+    """Keys of a camera that frames a whole box."""
     if not (high >= low).all():
         raise SceneError(f"{scene.source}: has no surface that a camera could be pointed at")
     middle, radius = (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
     wide = scene.image.width / scene.image.height
     half = math.radians(_VERTICAL_FOV) / 2.0
     half = min(half, math.atan(math.tan(half) * wide))
-    # Of a point, too, the camera stands so far away that double precision tells both apart
+    # Even for a single point, the camera is so far away that double precision distinguishes the two
     radius = max(radius, 1e-6 * max(1.0, float(np.abs(middle).max())))
     distance = _MARGIN * radius / math.sin(half)
     toward = np.array(_FROM) / np.linalg.norm(_FROM)

@@ -1,4 +1,4 @@
-"""One way in: reads a scene of whatever format by the ending of its name."""
+"""Loads a scene of any format, by the extension of its file."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _READERS: Final[Mapping[str, str]] = {
     ".xml": "clrender.importers.mitsuba",
     ".pbrt": "clrender.importers.pbrt",
 }
-"""Modules by the ending that they read. Each has ``read(path, files) -> Draft``, and is imported when it is needed."""
+"""Modules by extension. Each has ``read(path, files) -> Draft``, and is imported on demand."""
 _CHOOSING: Final = (".gltf", ".glb")
-"""Endings whose ``read`` takes `Choices` as well."""
+"""Extensions whose ``read`` also takes `Choices`."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
-"""Of the files that `load` reads."""
+"""Extensions of the files that `load` reads."""
 
 
 def load(
@@ -48,26 +48,26 @@ def load(
     Parameters
     ----------
     path_or_name : str or pathlib.Path
-        A file whose ending is one of `SCENE_ENDINGS`, or the name of a built-in scene (which wins: write ``./room`` for
-        a file).
+        A file with one of the `SCENE_ENDINGS`, or the name of a built-in scene (which wins: write ``./room`` for a
+        file).
     allow_paths : sequence of str or pathlib.Path
-        Folders, besides the scene's own, from which these may be read.
+        Folders, besides the scene's own, from which these files may be read.
     time_at : float, optional
-        Moment of a glTF file's animation, seconds from its start; default: the model at rest.
+        Moment of a glTF file's animation, seconds from its start; default: the rest pose.
     variant : str, optional
-        Of a glTF file's materials, by name (KHR_materials_variants).
+        Name of a glTF file's material variant (KHR_materials_variants).
     environment : str, pathlib.Path or float, optional
-        For a scene that has none, as of `clrender.scene.Scene.with_environment`: a picture, or a radiance.
+        Environment map or radiance, for a scene that has none; see `clrender.scene.Scene.with_environment`.
 
     Returns
     -------
     Scene
-        Its `clrender.scene.Scene.notes` say what was not understood, and what was done instead.
+        Its `clrender.scene.Scene.notes` say what is not supported, and what was done instead.
 
     Raises
     ------
     SceneError
-        In one sentence: file, place, what is wrong, what would be right.
+        In one sentence: file, location, problem and remedy.
     """
     path = Path(path_or_name)
     ending = path.suffix.lower()

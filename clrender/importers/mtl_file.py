@@ -1,4 +1,4 @@
-"""Material libraries of OBJ files (``.mtl``): what each material says, as text and numbers.
+"""Parser of the material libraries of OBJ files (``.mtl``).
 
 Format: Wavefront Technologies, "MTL material format"; the keys of "Physically-based rendering" are those of Exocortex's
 extension: ``Pr Pm Ps Pc Pcr aniso anisor norm``.
@@ -24,18 +24,18 @@ _OPTIONS: Final = {
     **dict.fromkeys(("-o", "-s", "-t"), "numbers"),
     "-mm": "pair",
 }
-"""Options of pictures, and what follows each."""
+"""Options of images, and their arguments."""
 _MATERIAL_LIMIT: Final = 65536
 
 
 @dataclass(frozen=True)
 class MtlPicture:
-    """A picture that a material names.
+    """An image that a material names.
 
     Attributes
     ----------
     name : str
-        As the file has it.
+        Name in the file.
     options : dict of str to tuple of float, or str
         By option, such as ``-s``.
     place : str
@@ -47,13 +47,13 @@ class MtlPicture:
     place: str
 
     def numbers(self, option: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Numbers behind an option; those that the file leaves out are those of the default."""
+        """Numbers of an option; missing ones are taken from the default."""
         given = self.options.get(option, ())
         assert not isinstance(given, str)
         return (*given, *default[len(given) :])
 
     def word(self, option: str) -> str:
-        """The word behind an option, in small letters."""
+        """The word after an option, in lower case."""
         given = self.options.get(option, "")
         return given.lower() if isinstance(given, str) else ""
 
@@ -68,7 +68,7 @@ class MtlMaterial:
     label : str
         Start of an error message: the names of scene and library.
     lines : dict of str to (str, int)
-        What follows each keyword, in small letters, and the number of its line; the last of several.
+        The rest of the line and its number, by keyword in lower case; the last one of several.
     """
 
     name: str
@@ -79,7 +79,7 @@ class MtlMaterial:
         return key in self.lines
 
     def place(self, key: str) -> str:
-        """Where a statement is, for messages."""
+        """Location of a statement, for messages."""
         return f"{self.label}: line {self.lines[key][1]}"
 
     def number(self, key: str, default: float) -> float:
@@ -88,7 +88,7 @@ class MtlMaterial:
         Raises
         ------
         SceneError
-            It is none.
+            It is not a number.
         """
         if key not in self.lines:
             return default
@@ -100,12 +100,12 @@ class MtlMaterial:
         return value
 
     def color(self, key: str, default: float) -> tuple[float, float, float]:
-        """A colour; one number is a grey, and ``xyz`` is turned into linear Rec. 709.
+        """A colour; one number is a grey, and ``xyz`` is converted to linear Rec. 709.
 
         Raises
         ------
         SceneError
-            It is none, or a spectrum in a file.
+            It is not a colour, or a spectrum in a file.
         """
         if key not in self.lines:
             return (default, default, default)
@@ -120,12 +120,12 @@ class MtlMaterial:
         return _rec709(red, green, blue) if xyz else (red, green, blue)
 
     def picture(self, key: str) -> MtlPicture | None:
-        """A picture and its options; None where there is none.
+        """An image and its options; None if there is none.
 
         Raises
         ------
         SceneError
-            An option lacks what belongs to it, or there is no name.
+            An option lacks its argument, or there is no name.
         """
         if key not in self.lines:
             return None
@@ -159,12 +159,12 @@ def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
     data : bytes
         The file.
     label : str
-        Start of an error message.
+        Prefix of error messages.
 
     Raises
     ------
     SceneError
-        It is no text, a statement stands before the first material, or a material has no name.
+        It is not text, a statement precedes the first material, or a material has no name.
     """
     if b"\0" in data:
         raise SceneError(f"{label} is no text file: it holds zero bytes; save it as UTF-8 or plain ASCII")
@@ -188,7 +188,7 @@ def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
                 f"{label}: line {number}: {quoted(keyword)} stands before the first newmtl; name a material"
             )
         else:
-            # A comment may follow numbers, but in names of files # is a letter like others
+            # A comment may follow numbers, but in file names # is an ordinary character
             plain = (
                 rest if keyword.startswith(("map_", "bump", "norm", "disp", "decal", "refl")) else rest.split("#")[0]
             )
@@ -202,7 +202,7 @@ def _number(word: str) -> float | None:
 
 
 def _rec709(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """CIE XYZ as linear RGB with the primaries and white (D65) of Rec. ITU-R BT.709."""
+    """Convert CIE XYZ to linear Rec. 709 (white point D65)."""
     return (
         3.2404542 * x - 1.5371385 * y - 0.4985314 * z,
         -0.9692660 * x + 1.8760108 * y + 0.0415560 * z,

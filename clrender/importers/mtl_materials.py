@@ -1,7 +1,7 @@
-"""Materials of OBJ files in terms of our own.
+"""Converts materials of OBJ files to our own.
 
-Sources: the MTL format's own terms (Wavefront); alpha of a lobe like Phong's by B. Walter et al., "Microfacet models
-for refraction through rough surfaces" (2007), section 5.2.
+Sources: the MTL format (Wavefront); the alpha of a Phong-like lobe from B. Walter et al., "Microfacet models for
+refraction through rough surfaces" (2007), section 5.2.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ __all__ = ["GREY", "Converted", "converted"]
 
 _Color: TypeAlias = tuple[float, float, float]
 GREY: Final = 0.6
-"""Reflectance of what has no colour of its own."""
+"""Reflectance of surfaces without a colour."""
 _PBR: Final = ("pr", "pm", "ps", "pc", "pcr", "aniso", "anisor", "map_pr", "map_pm", "map_ps", "map_pc", "map_pcr")
 _READ: Final = {
     *("ka", "kd", "ks", "ns", "ke", "d", "tr", "ni", "tf", "illum", "map_kd", "map_ks", "map_ke", "map_d", "bump"),
     *("norm", "map_aniso", *_PBR),
 }
 _HIGHLIGHT: Final = 0.08
-"""Reflectance straight on of a highlight (illum 2) with Ks = 1: that of plastic with Ks = 0.5."""
+"""Reflectance at normal incidence of a highlight (illum 2) with Ks = 1, such that Ks = 0.5 is plastic."""
 _BLACK: Final = (0.0, 0.0, 0.0)
 _MOST_F0: Final = 0.95
 
 
 class Converted(NamedTuple):
-    """A material of ours.
+    """A converted material.
 
     Attributes
     ----------
     material : dict
-        As a scene file has it.
+        In the form of a scene file.
     emission : list of float, or dict, or None
-        Of the shapes of this material: radiance.
+        Radiance of the shapes with this material.
     """
 
     material: dict[str, Any]
@@ -47,19 +47,19 @@ class Converted(NamedTuple):
 
 
 def converted(source: MtlMaterial, pictures: MtlPictures, note: Callable[[str], None]) -> Converted:
-    """A material in our terms.
+    """Convert a material.
 
     Parameters
     ----------
     source : MtlMaterial
     pictures : MtlPictures
     note : callable
-        Takes a sentence for the user.
+        Called with a sentence for the user.
 
     Raises
     ------
     SceneError
-        A value of it is none.
+        A value is invalid.
     """
     return _Converter(source, pictures, note).result()
 
@@ -98,14 +98,14 @@ class _Converter:
         return int(illum)
 
     def _dissolve(self) -> float:
-        """How much of it is there, 0 to 1: d, else 1 - Tr."""
+        """Opacity, 0 to 1: d, else 1 - Tr."""
         given, clear = self._source.number("d", 1.0), self._source.number("tr", 0.0)
         if "d" in self._source and "tr" in self._source and abs(given - (1.0 - clear)) > 1e-3:
             self._note(f"has d {given:g} and Tr {clear:g}, which contradict each other: d counts")
         return min(max(given if "d" in self._source else 1.0 - clear, 0.0), 1.0)
 
     def _shares(self, key: str, default: float) -> _Color:
-        """A colour within 0 to 1."""
+        """A colour clamped to 0 to 1."""
         color = self._source.color(key, default)
         red, green, blue = (min(max(each, 0.0), 1.0) for each in color)
         if (red, green, blue) != color:
@@ -116,7 +116,7 @@ class _Converter:
         return min(max(self._source.number(key, default), 0.0), 1.0)
 
     def _base(self) -> list[float] | dict[str, Any]:
-        """Kd, times its picture."""
+        """Kd, multiplied by its image."""
         picture = self._source.picture("map_kd")
         color = self._shares("kd", GREY if picture is None else 1.0)
         if picture is not None and color == _BLACK:
@@ -125,13 +125,13 @@ class _Converter:
         return self._pictures.color(picture, color) or list(color)
 
     def _roughness(self, default: float) -> float:
-        """Of Ns, the exponent of a highlight: alpha² = 2 / (Ns + 2), and roughness² = alpha."""
+        """Roughness from Ns, the exponent of a highlight: alpha² = 2 / (Ns + 2), and roughness² = alpha."""
         if "ns" not in self._source:
             return default
         return min(math.sqrt(math.sqrt(2.0 / (max(self._source.number("ns", 0.0), 0.0) + 2.0))), 1.0)
 
     def _body(self) -> dict[str, Any]:
-        """The material without opacity and relief."""
+        """The material without opacity and bump map."""
         clear = self._transmitted()
         if any(key in self._source for key in _PBR):
             return self._physical(clear)
@@ -155,7 +155,7 @@ class _Converter:
         }
 
     def _reflection(self, specular: _Color, factor: float) -> dict[str, Any]:
-        """Index and colour by which `principled` reflects Ks times a factor straight on."""
+        """Index and colour with which `principled` reflects Ks times a factor at normal incidence."""
         picture = self._source.picture("map_ks")
         if picture is not None and specular == _BLACK:
             specular = (1.0, 1.0, 1.0)
@@ -166,7 +166,7 @@ class _Converter:
         return {"ior": (1.0 + math.sqrt(f0)) / (1.0 - math.sqrt(f0)), "specular_color": color}
 
     def _transmitted(self) -> _Color | None:
-        """The colour of the light that goes through glass; None where it is none."""
+        """The colour of light transmitted by glass; None if it is not glass."""
         given = "tf" in self._source
         filtered = self._shares("tf", 1.0)
         if self._illum in (6, 7) and filtered != _BLACK:
@@ -185,7 +185,7 @@ class _Converter:
         return index
 
     def _glass(self, filtered: _Color) -> dict[str, Any]:
-        """Light goes straight through thin glass (illum 4 and 9), and is bent by other."""
+        """Glass: thin for illum 4 and 9, which do not refract; else solid."""
         table: dict[str, Any] = {"ior": self._index(1.5), "roughness": 0.0}
         if self._illum in (4, 9):
             table["thin"] = True
@@ -194,10 +194,10 @@ class _Converter:
         return {"type": "principled", "base_color": list(filtered), "transmission": 1.0, **table}
 
     def _physical(self, clear: _Color | None) -> dict[str, Any]:
-        """What the extension for physically based rendering says."""
+        """The material of the extension for physically based rendering."""
         table: dict[str, Any] = {"type": "principled", "base_color": self._base(), "ior": max(self._index(1.5), 1.0)}
         if table["ior"] == 1.0:
-            table["ior"] = 1.5  # what exporters write that know no index
+            table["ior"] = 1.5  # written by exporters without an index
         table["roughness"] = self._mapped("pr", self._roughness(0.5))
         for key, ours in (("pm", "metallic"), ("pc", "coat"), ("pcr", "coat_roughness"), ("aniso", "anisotropy")):
             if key in self._source or f"map_{key}" in self._source:
@@ -214,13 +214,13 @@ class _Converter:
         return table
 
     def _mapped(self, key: str, default: float) -> float | dict[str, Any]:
-        """A number, times its picture."""
+        """A number, multiplied by its image."""
         picture = self._source.picture(f"map_{key}")
         value = self._share(key, default if picture is None else 1.0)
         return self._pictures.share(picture, value, "r") or value
 
     def _add_opacity(self, material: dict[str, Any]) -> None:
-        """d, times its picture: of the picture of Kd its alpha, of others their luminance."""
+        """Add opacity: d times the alpha of its image, if that is the image of Kd, else times its luminance."""
         picture, base = self._source.picture("map_d"), self._source.picture("map_kd")
         channel = "a" if picture is not None and base is not None and picture.name == base.name else "luminance"
         opacity = self._pictures.share(picture, self._d, channel) or self._d
@@ -230,7 +230,7 @@ class _Converter:
             material["opacity"] = opacity
 
     def _emission(self) -> list[float] | dict[str, Any] | None:
-        """Ke, times its picture."""
+        """Ke, multiplied by its image."""
         picture = self._source.picture("map_ke")
         red, green, blue = (max(each, 0.0) for each in self._source.color("ke", 0.0 if picture is None else 1.0))
         ambient = self._source.color("ka", 0.0)

@@ -1,4 +1,4 @@
-"""Pictures of material libraries: found, and told how our textures name them."""
+"""Images of material libraries: finds them and converts them to our textures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from clrender.scene.wording import quoted
 __all__ = ["BUMP_SHARE", "MtlPictures"]
 
 BUMP_SHARE: Final = 0.01
-"""Heights of 1 with ``-bm 1``, as a share of the model's diagonal: the format has no unit for them."""
+"""Height of a value of 1 with ``-bm 1``, as a fraction of the model's diagonal: the format has no unit for it."""
 _UV_LIMIT: Final = 1e6
 _CHANNELS: Final = {"r": "r", "g": "g", "b": "b", "m": "a", "l": "luminance"}
 _NOT_READ: Final = ("-blendu", "-blendv", "-cc", "-boost", "-texres", "-t", "-type")
@@ -27,17 +27,17 @@ _AS_BY_DEFAULT: Final = {"-blendu": "on", "-blendv": "on", "-cc": "off"}
 
 
 class MtlPictures:
-    """Finds pictures, once each.
+    """Finds images, once each.
 
     Parameters
     ----------
     files : AssetFiles
     folder : str
-        Of the library, relative to the scene's; pictures are looked for there first.
+        The library's folder, relative to the scene's; images are searched there first.
     note : callable
-        Takes a sentence for the user.
+        Called with a sentence for the user.
     diagonal : float
-        Of the model, metres.
+        Diagonal of the model, metres.
     """
 
     def __init__(self, files: AssetFiles, folder: str, note: Callable[[str], None], diagonal: float) -> None:
@@ -45,7 +45,7 @@ class MtlPictures:
         self._found: dict[str, str | None] = {}
 
     def color(self, picture: MtlPicture | None, factor: tuple[float, float, float]) -> dict[str, Any] | None:
-        """A texture of colours times a factor; None where it cannot be had."""
+        """A colour texture times a factor; None if it is not available."""
         table = self._table(picture)
         if table is None or picture is None:
             return None
@@ -55,7 +55,7 @@ class MtlPictures:
         return {**table, "scale": [min(gain * each, POWER_LIMIT) for each in factor]}
 
     def share(self, picture: MtlPicture | None, factor: float, channel: str) -> dict[str, Any] | None:
-        """A texture of numbers, likewise; `channel` where the file does not say which."""
+        """A scalar texture, likewise; `channel` is the default if the file does not specify it."""
         table = self._table(picture)
         if table is None or picture is None:
             return None
@@ -69,7 +69,7 @@ class MtlPictures:
         ----------
         picture : MtlPicture
         normals : bool
-            Whether it is said to hold normals; else it does if it looks so.
+            Whether the file declares normals; else this is detected from the pixels.
         """
         table = self._table(picture)
         if table is None:
@@ -111,7 +111,7 @@ class MtlPictures:
         return table
 
     def _name(self, picture: MtlPicture) -> str | None:
-        """The name, relative to the scene's folder, of a file that can be opened; else says why there is none."""
+        """The name, relative to the scene's folder, of a file that can be opened; else adds a note."""
         if picture.name not in self._found:
             self._found[picture.name] = self._search(picture)
         return self._found[picture.name]
@@ -138,13 +138,13 @@ class MtlPictures:
         return None
 
     def _holds_normals(self, name: str) -> bool:
-        """Whether the colours of a picture are mostly those of normals: around (0.5, 0.5, 1), and no greys."""
+        """Whether the colours of an image are mostly those of normals: around (0.5, 0.5, 1), and no greys."""
         file, _ = self._files.open(name, "a bump map")
         with file:
             try:
                 band = next(open_picture(file, Path(name).suffix.lower()).bands())
             except Exception:
-                return False  # whoever reads it for good says what is wrong with it
+                return False  # the actual reader reports what is wrong with it
         if band.shape[2] != 4 or band.dtype not in (np.uint8, np.uint16):
             return False
         red, green, blue = (float(x) / np.iinfo(band.dtype).max for x in band[..., :3].mean((0, 1)))

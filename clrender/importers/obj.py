@@ -1,4 +1,4 @@
-"""OBJ files with their material libraries as scenes: a shape for each material of each object."""
+"""Importer of OBJ files with their material libraries: a shape for each material of each object."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from clrender.scene.wording import quoted
 __all__ = ["read"]
 
 _SHAPE_LIMIT: Final = 4096
-"""Most shapes; of more, those of one material become one."""
+"""Most shapes; beyond it, shapes with the same material are merged."""
 _LIBRARY_LIMIT: Final = 2**24
 _MOST_LIBRARIES: Final = 256
 _MISSING_SHOWN: Final = 17
-"""Of names of materials that are in no library, with the empty one."""
+"""Most missing material names that are listed, including the empty one."""
 _Whole = NDArray[np.int64]
 
 
 @dataclass
 class _Runs:
-    """What statements say of the faces that follow them.
+    """Statements in effect for each face.
 
     Attributes
     ----------
     objects, materials : (F,) int64
-        Numbers in the lists of names; 0: none.
+        Indices into the lists of names; 0: none.
     smoothing : (F,) int64
-        Numbers of smoothing groups; 0: none.
+        Smoothing groups; 0: none.
     names : list of str
-        Of materials; the first one is no name.
+        Names of materials; the first entry stands for none.
     object_names : list of str
     """
 
@@ -68,7 +68,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     Raises
     ------
     SceneError
-        It is truncated or damaged, or its material library is.
+        It, or its material library, is truncated or damaged.
     """
     draft = Draft()
     file, size = files.open_scene(path, FILE_LIMIT)
@@ -84,7 +84,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     runs = _runs(records.statements, records.counts["f"])
     _note_statements(records, runs, faces, draft)
     library, folder = _library(records.statements, files, draft)
-    with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused below
+    with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are rejected below
         diagonal = float(np.linalg.norm(np.ptp(faces.positions, axis=0)))
 
     def note(sentence: str) -> None:
@@ -109,7 +109,7 @@ def _runs(statements: list[Statement], count: int) -> _Runs:
 
 
 def _note_statements(records: ObjRecords, runs: _Runs, faces: ObjFaces, draft: Draft) -> None:
-    """Say what is in the file that no shape is made of."""
+    """Note the contents of the file that were not used."""
     kinds = {"p": "points", "l": "lines", "curv": "curves", "curv2": "curves", "surf": "free-form surfaces"}
     listed = [each for each in records.others.items() if each[0] != "g"]
     for keyword, count in listed[:8]:
@@ -125,7 +125,7 @@ def _note_statements(records: ObjRecords, runs: _Runs, faces: ObjFaces, draft: D
 
 
 def _library(statements: list[Statement], files: AssetFiles, draft: Draft) -> tuple[dict[str, MtlMaterial], str]:
-    """Materials of all libraries that can be read, and the folder of the first one."""
+    """Materials of all readable libraries, and the folder of the first one."""
     found: dict[str, MtlMaterial] = {}
     folder = ""
     tried: set[str] = set()
@@ -136,7 +136,7 @@ def _library(statements: list[Statement], files: AssetFiles, draft: Draft) -> tu
             draft.note(f"line {statement.line} names one more material library: only {_MOST_LIBRARIES} are read")
             break
         tried.add(statement.rest)
-        # The name may have blanks; the standard means several names
+        # The name may contain blanks, but the standard allows several names
         for names in ([statement.rest], statement.rest.split()):
             contents, problems = {}, []
             for name in names:
@@ -162,7 +162,7 @@ def _content(name: str, place: str, files: AssetFiles) -> bytes:
 
 
 def _forget_missing(runs: _Runs, library: dict[str, MtlMaterial], note: Callable[[str], None]) -> None:
-    """Take faces whose material is in no library for faces without one."""
+    """Treat faces whose material is in no library as faces without a material."""
     missing = np.array([name not in library for name in runs.names])
     for number in np.flatnonzero(missing)[1:_MISSING_SHOWN].tolist():
         note(f"the material {quoted(runs.names[number])} is in no library: grey is taken")
@@ -174,7 +174,7 @@ def _forget_missing(runs: _Runs, library: dict[str, MtlMaterial], note: Callable
 def _materials(
     runs: _Runs, library: dict[str, MtlMaterial], pictures: MtlPictures, note: Callable[[str], None]
 ) -> dict[int, tuple[str | None, Converted]]:
-    """Materials that faces have, by their numbers, each with its name."""
+    """Materials of faces, by index, each with its name."""
     found: dict[int, tuple[str | None, Converted]] = {}
     used: set[str] = set()
     for number in np.unique(runs.materials).tolist():
@@ -192,7 +192,7 @@ def _materials(
 
 
 def _add_shapes(draft: Draft, faces: ObjFaces, runs: _Runs, materials: dict[int, tuple[str | None, Converted]]) -> None:
-    """A shape for each material of each object; its faces with normals and those without are apart."""
+    """Add a shape for each material of each object; faces with normals and those without form separate shapes."""
     of_object = 2 * len(runs.names)
     keys = runs.objects * of_object + (runs.materials * 2 + faces.with_normals)
     if bool((keys == keys[0]).all()):
@@ -211,7 +211,7 @@ def _add_shapes(draft: Draft, faces: ObjFaces, runs: _Runs, materials: dict[int,
 def _add_shape(
     draft: Draft, faces: ObjFaces, runs: _Runs, some: _Whole | None, of: tuple[str | None, Converted]
 ) -> None:
-    """Add a shape of some faces, or of all; none of two materials or objects."""
+    """Add a shape of some faces, or of all; they have one material and object."""
     name, (material, emission) = of
     colored = _has_colors(faces)
     plain = not any(material.get(key) is not None for key in BASE_COLORS)
@@ -228,7 +228,7 @@ def _add_shape(
     draft.meshes[file] = checked_mesh(mesh, faces.label)
     materials = draft.description["materials"]
     if name is None:
-        # White, where colours of vertices say all
+        # White, if vertex colours are the whole colour
         name = "no material" if not shaded else "no material, coloured"
         material = {**material, "reflectance": [1.0 if shaded else GREY] * 3}
     materials[name] = material
@@ -244,7 +244,7 @@ def _add_shape(
 
 
 def _has_colors(faces: ObjFaces) -> bool:
-    """Whether all vertices have colours that can be."""
+    """Whether all vertices have valid colours."""
     colors = faces.colors
     return colors is not None and float(colors.min()) >= 0.0 and float(colors.max()) <= 1.0
 

@@ -1,4 +1,4 @@
-"""PLY files as scenes: one shape, in the colours of its vertices or grey."""
+"""Importer of PLY files: one shape, with vertex colours or grey."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     Raises
     ------
     SceneError
-        Its header is no sound one; the rest is read as meshes are that scenes name.
+        Its header is invalid; the rest is read later, like the meshes that scenes name.
     """
     file, _ = files.open_scene(path, FILE_LIMIT)
     with file:
@@ -48,7 +48,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
 
 
 def _left_out(header: PlyHeader) -> list[str]:
-    """What is in the file that the mesh is not made of."""
+    """Contents of the file that are not used."""
     found = []
     for element in header.elements:
         if element.name not in ("vertex", "face"):

@@ -1,4 +1,4 @@
-"""Makes instances of meshes that stand in a scene many times, whatever the format says of it."""
+"""Converts repeated meshes to instances, even if the format does not declare them as such."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from clrender.scene.shapes import Transform
 __all__ = ["place_group", "share_meshes"]
 
 _WORTH: Final = 2**17
-"""Triangles that are spared: a ray's way into an instance takes time, which so few are not worth."""
+"""Fewest triangles that sharing must save: entering an instance costs a ray time."""
 _OWN_KEYS: Final = ("transform", "name")
-"""Of a shape, what instances of the same group do not share."""
+"""Keys of a shape that instances of the same group do not share."""
 
 
 def share_meshes(draft: Draft) -> None:
-    """Put instances of a group in the place of shapes that differ in place and name only.
+    """Replace shapes that differ only in transform and name by instances of a group.
 
     Parameters
     ----------
     draft : Draft
-        Changed where that spares many triangles.
+        Changed if that saves many triangles.
     """
     shapes: list[dict[str, Any]] = draft.description["shapes"]
     alike: dict[str, list[int]] = {}
@@ -62,23 +62,23 @@ def share_meshes(draft: Draft) -> None:
 
 
 def place_group(draft: Draft, shapes: list[dict[str, Any]], maps: NDArray[np.float64], name: str = "") -> bool:
-    """Put shapes in many places, as instances of a group, where that spares many triangles.
+    """Place shapes many times, as instances of a group, if that saves many triangles.
 
     Parameters
     ----------
     draft : Draft
-        Gets a shape of type ``instance``, its group and its places.
+        Receives a shape of type ``instance``, its group and its transforms.
     shapes : list of dict
-        Meshes of the draft, as a scene file would describe them, without place and name.
+        Meshes of the draft, in the form of a scene file, without transform and name.
     maps : (n, 3, 4) float64
-        Affine maps into the world.
+        Affine maps to world space.
     name : str
-        Of the instances; default: none.
+        Name of the instances; default: none.
 
     Returns
     -------
     bool
-        Whether it did.
+        Whether it placed them.
     """
     triangles = sum(len(draft.meshes[shape["file"]].triangles) for shape in shapes)
     if (len(maps) - 1) * triangles < _WORTH:
@@ -97,7 +97,7 @@ def place_group(draft: Draft, shapes: list[dict[str, Any]], maps: NDArray[np.flo
 
 
 def _named(groups: dict[str, Any], shapes: list[dict[str, Any]]) -> str:
-    """The name of a group of these shapes, which is made if there is none."""
+    """The name of a group of these shapes, which is added if there is none."""
     group: str = shapes[0]["file"][:190]
     while group in groups and groups[group]["shapes"] != shapes:
         group = f"{group[:190]}'"
@@ -106,7 +106,7 @@ def _named(groups: dict[str, Any], shapes: list[dict[str, Any]]) -> str:
 
 
 def _places(shapes: list[dict[str, Any]], indices: list[int]) -> list[tuple[int, str | None, TransformArray]]:
-    """For each name that these shapes have, the first that has it, and where all those stand."""
+    """For each name of these shapes: the first shape with it, and the transforms of all shapes with it."""
     by_name: dict[str | None, list[int]] = {}
     for index in indices:
         by_name.setdefault(shapes[index].get("name"), []).append(index)
@@ -117,6 +117,6 @@ def _places(shapes: list[dict[str, Any]], indices: list[int]) -> list[tuple[int,
 
 
 def _map(shape: Mapping[str, Any]) -> Any:
-    """(3, 4) of its transform."""
+    """Matrix of its transform, (3, 4)."""
     place = affine(Transform.model_validate(shape.get("transform", {})))
     return np.concatenate([np.array(place.linear), np.array(place.offset)[:, None]], axis=1)

@@ -1,4 +1,4 @@
-"""STL files as scenes: one grey shape."""
+"""Importer of STL files: one grey shape."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["read"]
 
 
 def read(path: Path, files: AssetFiles) -> Draft:
-    """The scene of an STL file; the mesh is read as those are that scenes name.
+    """The scene of an STL file; the mesh is read later, like those that scenes name.
 
     Parameters
     ----------

@@ -1,9 +1,8 @@
 """Light for models that have none: a grey surround, brighter from above and behind the camera, and a soft key light.
 
-With d a direction, f forward and u = +y, the surround's radiance is 0.4 + 0.2 u·d - 0.2 f·d, of which a matt surface
-with normal n returns its reflectance times 0.4 + (2/3) (0.2 u·n - 0.2 f·n): around its outline, where f·n is 0, more
-than the 0.1 to 0.2 that are behind it. The key light, 3.5 times k·d to the power of 16, adds 7/18 at most, so that
-white clips nowhere.
+With d a direction, f forward and u = +y, the surround's radiance is 0.4 + 0.2 u·d - 0.2 f·d. A diffuse surface with
+normal n reflects its reflectance times 0.4 + (2/3) (0.2 u·n - 0.2 f·n): at its silhouette, where f·n is 0, this is more
+than the 0.1 to 0.2 behind it. The key light, 3.5 (k·d)^16, adds at most 7/18, so that white does not clip.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ __all__ = ["studio_light"]
 _HEIGHT: Final = 64
 _EVEN, _FROM_ABOVE, _FROM_BEHIND, _KEY = 0.4, 0.2, 0.2, 3.5
 _DOUBLINGS: Final = 4
-"""Of the power that the cosine from the middle of the key light is raised to."""
+"""Base-2 logarithm of the exponent of the key light's cosine lobe."""
 _KEY_PLACE: Final = (-0.55, 0.65, 0.8)
-"""Where the key light is, seen from the camera's target: to the left, above, and towards the camera."""
+"""Direction from the camera's target to the key light: to the left, above, and towards the camera."""
 
 
 def studio_light(camera: Camera) -> EnvironmentPicture:
-    """The light of a scene without any, as its camera sees it; 128 x 64 pixels.
+    """Environment map for a scene without light, relative to its camera; 128 x 64 pixels.
 
     Parameters
     ----------
@@ -58,7 +57,7 @@ def studio_light(camera: Camera) -> EnvironmentPicture:
 
 @lru_cache(maxsize=1)
 def _directions() -> tuple[NDArray[np.float64], ...]:
-    """Of the pixels' middles, each component (H, 2 H)."""
+    """Directions of the pixel centres, each component (H, 2 H)."""
     polar = [sin_cos_degrees((row + 0.5) * 180.0 / _HEIGHT) for row in range(_HEIGHT)]
     turns = [sin_cos_degrees((column + 0.5) * 180.0 / _HEIGHT) for column in range(2 * _HEIGHT)]
     across, up = (np.array(each)[:, None] for each in zip(*polar, strict=True))

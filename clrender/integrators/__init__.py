@@ -1,6 +1,6 @@
-"""The integrators: one module each, named like it, whose `INTEGRATOR` says all that the rest of the host knows of it.
+"""The integrators: one module of the same name each, whose `INTEGRATOR` describes it to the rest of the host.
 
-To add one, add its module and its kernels.
+To add an integrator, add its module and its kernels.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = [
 
 
 class _Integrators(Mapping[str, Integrator]):
-    """Integrators by name, `path` first; a module is imported when its integrator is asked for."""
+    """Integrators by name, `path` first; a module is imported at the first access."""
 
     def __getitem__(self, name: str) -> Integrator:
         if name not in integrator_names():

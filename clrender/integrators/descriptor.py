@@ -1,4 +1,4 @@
-"""What the rest of the host knows of an integrator: data, so that help and schema can be made from it at once."""
+"""Descriptions of integrators as plain data, from which help and schema can be generated quickly."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ ENVIRONMENT_ON_DIFFUSE: Final = "the environment on diffuse surfaces"
 
 @dataclass(frozen=True)
 class Pipeline:
-    """Kernels that are launched one after the other to make samples of pixels.
+    """Kernels that are launched one after another to compute samples of pixels.
 
     Attributes
     ----------
     entry, kernel : str
-        File below the kernels folder, and the kernel in it that makes samples of pixels.
+        File below the kernels folder, and its kernel that computes samples of pixels.
     then : tuple of str
         Kernels of the same file that are launched after it, in order, with the same arguments.
     record_bytes : int
-        Memory that these share, for each sample of a launch.
+        Memory shared by these kernels, bytes per sample of a launch.
     packets : int
-        Packets of paths that its kernel takes turns with where rays part (kernels/core/lane.h).
+        Number of packets of paths between which its kernel alternates where rays diverge (kernels/core/lane.h).
     sample_by_sample : bool
-        A launch makes one sample of each pixel, because something is computed first for that sample of all of them;
-        then as much of the image as possible is one unit.
+        Whether a launch computes one sample of each pixel, because something is precomputed for that sample of all
+        pixels. Units are then as large as possible.
     squares : bool
-        Whether the squares of replicates are summed up, where samples come in such.
+        Whether the squares of replicates are summed, if there are replicates.
     """
 
     entry: str
@@ -53,44 +53,44 @@ class Pipeline:
 
 @dataclass(frozen=True)
 class Integrator:
-    """A way to compute light transport.
+    """Description of a light transport algorithm.
 
     Attributes
     ----------
     pipeline : Pipeline
         Its kernels.
     leaves_out : tuple of str
-        Light that it does not find, however many samples it takes.
+        Light that it does not find, however many samples are taken.
     bias : str
-        Of the light it does find: ``unbiased``, ``consistent`` (the error of the mean falls as samples are added) or
-        ``discretised`` (it falls with the size of patches).
+        Bias of the light that it finds: ``unbiased``, ``consistent`` (the error of the mean vanishes as samples are
+        added) or ``discretised`` (it vanishes with the size of patches).
     takes : mapping of str to tuple
-        Settings of which it takes these values only, the first where nothing is asked for.
+        Allowed values of settings that it restricts; the first is the default.
     fixed : mapping of str to int
-        Members of the kernels' `Settings` that it gives itself, whatever the settings say.
+        Members of the kernels' `Settings` that override the user's settings.
     materials : tuple of str
-        Types of material that it takes; empty: all.
+        Supported types of material; empty: all.
     environment_pictures : bool
-        Whether it takes an environment that is not the same everywhere.
+        Whether it supports environments that are not constant.
     volumes : bool
-        Whether its paths keep account of the dielectrics that they are inside of: priorities and absorption.
+        Whether its paths track the dielectrics that they are inside: priorities and absorption.
     media : bool
-        Whether it takes media that scatter, and the fog.
+        Whether it supports scattering media, including fog.
     opacity : bool
-        Whether it takes surfaces that rays may pass by.
+        Whether it supports surfaces with opacity, which rays may pass through.
     textures : tuple of str or None
-        Keys of materials at which it takes textures; None: all.
+        Keys of materials for which it supports textures; None: all.
     emission_textures : bool
-        Whether it takes shapes that shine as a texture.
+        Whether it supports shapes with textured emission.
     vertex_colors : bool
-        Whether it takes meshes whose vertices have colours.
+        Whether it supports meshes with vertex colours.
     auto_light_sampler : str
-        What the light sampler ``auto`` stands for.
+        The light sampler that ``auto`` stands for.
     blocks_share : bool
-        Whether the pixels of a block of 4 x 4 share light, so that their errors depend on each other.
+        Whether the pixels of a block of 4 x 4 share light, so that their errors are correlated.
     preparation : str
-        The module whose ``prepare`` computes what it needs before the first sample (`clrender.device.preparation`);
-        empty: that is the scene alone.
+        Module whose ``prepare`` computes the data that it needs before the first sample
+        (`clrender.device.preparation`); empty: it needs only the scene.
     """
 
     pipeline: Pipeline
@@ -112,5 +112,5 @@ class Integrator:
 
     @property
     def has_errors(self) -> bool:
-        """Whether the spread of independent samples says how far their mean may be from what it estimates."""
+        """Whether the error of the mean can be estimated from the variance of independent samples."""
         return self.bias == "unbiased"

@@ -1,4 +1,4 @@
-"""Direct light alone: path tracing without indirect rays."""
+"""Direct lighting only: path tracing without indirect rays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Path tracing: all light, without bias."""
+"""Path tracing: unbiased global illumination."""
 
 from __future__ import annotations
 

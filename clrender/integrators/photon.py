@@ -11,7 +11,7 @@ __all__ = ["INTEGRATOR"]
 INTEGRATOR: Final = Integrator(
     Pipeline("integrator/photon.cl", "integrator_photon", sample_by_sample=True),
     bias="consistent",
-    # Photons start at lights and not at points, for which a light BVH has no answer.
+    # Photons start at lights, and a light BVH only samples lights for a given shading point.
     takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
     fixed={"indirect_rays": 0},
     auto_light_sampler="power",

@@ -1,4 +1,4 @@
-"""Radiosity: light between diffuse patches, solved once and shown by all devices."""
+"""Radiosity: light transport between diffuse patches, solved once and displayed by all devices."""
 
 from __future__ import annotations
 

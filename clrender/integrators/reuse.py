@@ -1,4 +1,4 @@
-"""Path reuse: pixels share the light behind their first matt surface."""
+"""Path reuse: pixels share the indirect light at their first diffuse surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whitted's ray tracing: mirrors and glass, and every light as if it shone from its centre."""
+"""Whitted's ray tracing: mirrors and glass, and each light as a point light at its centre."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Radiosity: the radiosity of every patch of a diffuse scene, solved once for all views."""
+"""Radiosity of the patches of a diffuse scene, solved once for all views."""
 
 from __future__ import annotations
 

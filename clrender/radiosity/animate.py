@@ -35,9 +35,9 @@ class Motion:
     Attributes
     ----------
     shape : int
-        Its place in the scene's list.
+        Its index in the scene's list of shapes.
     by : three floats
-        Metres a frame.
+        Metres per frame.
     """
 
     shape: int
@@ -53,7 +53,7 @@ class Frame:
     linear : (height, width, 3) float32
         Radiance.
     update : Update
-        Of the first frame: the whole solution.
+        Cost of the update; for the first frame, of the whole solution.
     """
 
     linear: NDArray[np.float32]
@@ -80,12 +80,12 @@ def frames(
     count : int
     spp : int
     display : str
-        A choice of the setting ``radiosity_display``.
+        A value of the setting ``radiosity_display``.
 
     Raises
     ------
     UsageError
-        When there is no such shape.
+        If there is no such shape.
     RenderError
     """
     corners = Corners(dynamic.patches) if display == "smooth" else None

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 __all__ = ["Atlas", "atlas_of"]
 
 _FINER: Final = 2.0
-"""Texels along an edge per patch along it."""
+"""Texels per patch along an edge."""
 _MOST: Final = 4096
 _CUTS: Final = 8
-"""A patch is rasterised by the centres of this many by this many parts of it."""
+"""A patch is rasterised by the centres of `_CUTS` x `_CUTS` parts."""
 _ROW: Final = 16
 
 _Floats = NDArray[np.float64]
@@ -36,8 +36,8 @@ class Atlas:
     Attributes
     ----------
     rows : (primitives + 1, 16) float32
-        For each primitive, and for the environment: radiance that its front emits, 1 where a gathering ray has to add
-        that, first texel and texels along an edge (both as bits).
+        For each primitive, and for the environment: radiance emitted by its front, 1 if gather rays must add it, and
+        first texel and texels along an edge (both as bits).
     texels : (t, 3) float32
         Radiance, W/(sr m²). Each primitive has a square for its front and one for its back.
     """
@@ -49,18 +49,17 @@ class Atlas:
 def atlas_of(patches: Patches, indirect: _Floats, used: NDArray[np.bool_], open_share: _Floats) -> Atlas:
     """Textures of the indirect radiance that patches reflect, on the primitives of the original scene.
 
-    A texel is the mean of the uncovered parts of patches in it; where there are none, the mean of the whole side.
+    A texel is the mean of the uncovered parts of patches in it, or the mean of the whole side if there are none.
 
     Parameters
     ----------
     patches : Patches
     indirect : (2 n + 1, 3) float64
-        That radiance, W/(sr m²); of textured sides what they would reflect if they were white, for the kernel looks the
-        texture up.
+        That radiance, W/(sr m²); for textured sides as if they were white, because the kernel looks up the texture.
     used : (2 n + 1,) bool
-        Sides that were solved for.
+        Sides in the solution.
     open_share : (2 n + 1,) float64
-        Of each side's area.
+        Uncovered fraction of each side's area.
     """
     surfaces = flat_surfaces(patches.scene)
     count = len(surfaces.triangles) + len(surfaces.analytic_shapes)
@@ -88,7 +87,7 @@ def atlas_of(patches: Patches, indirect: _Floats, used: NDArray[np.bool_], open_
 
 
 def _filled(sums: _Floats, weights: _Floats, lengths: _Ints) -> NDArray[np.float32]:
-    """Means; those without samples are replaced by the mean of their square."""
+    """Weighted means; texels without samples get the mean of their square."""
     square = np.repeat(np.arange(len(lengths)), lengths)
     whole = np.bincount(square, weights, len(lengths))
     means = np.empty_like(sums)
@@ -121,10 +120,10 @@ def _middles(corners: _Floats) -> Iterator[_Floats]:
 
 
 class _Places:
-    """Where points of patches are on their primitives, in [0, 1]²; ``gather_place`` of the kernel says the same.
+    """Maps points of patches to coordinates on their primitives, in [0, 1]², like ``gather_place`` of the kernel.
 
-    Triangles: weights of the second and third corner. Spheres: the octahedron about the centre, unfolded (Engelhardt
-    and Dachsbacher 2008). Disks: the two axes that the normal is least along.
+    Triangles: barycentric weights of B and C. Spheres: octahedral mapping (Engelhardt and Dachsbacher 2008). Disks: the
+    two axes along which the normal is smallest.
     """
 
     def __init__(self, surfaces: FlatSurfaces, patches: Patches) -> None:
@@ -142,7 +141,7 @@ class _Places:
         self._y = ~self._z & (axis[:, 1] >= axis[:, 0])
 
     def of(self, points: _Floats) -> tuple[_Floats, _Floats]:
-        """(n,) and (n,), of a point on each patch."""
+        """Coordinates, (n,) and (n,), of a point on each patch."""
         x, y = np.zeros(len(points)), np.zeros(len(points))
         to = points[self._flat] - self._a
         square = dot(self._normal, self._normal)
@@ -160,7 +159,7 @@ class _Places:
 
 
 def _unfolded(away: _Floats) -> _Floats:
-    """(2, n): directions on an octahedron's faces, unfolded into a square."""
+    """Octahedral mapping of directions to a square, (2, n)."""
     x, y, z = (away / np.maximum(np.abs(away).sum(axis=1), 1e-300)[:, None]).T
     low = z < 0.0
     u = np.where(low, np.copysign(1.0 - np.abs(y), x), x)

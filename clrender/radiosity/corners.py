@@ -19,12 +19,12 @@ _Ints = NDArray[np.int64]
 
 
 class Corners:
-    """Which corners of which patches are one point of one smooth surface.
+    """Groups of patch corners that coincide on one smooth surface.
 
     Parameters
     ----------
     patches : Patches
-        Only its shape counts: a shape that moves keeps its corners.
+        Only their shapes matter: a shape that moves keeps its corners.
     """
 
     def __init__(self, patches: Patches) -> None:
@@ -40,14 +40,14 @@ class Corners:
         self._hanging = _hanging(corner_ids, middle_ids, patches.normals)
 
     def values(self, radiance: _Floats, used: NDArray[np.bool_]) -> _Floats:
-        """Mean, by area, of the patches around each corner; along an edge that has a corner in its middle, straight.
+        """Area-weighted mean of the patches around each corner; a hanging node gets the mean of its edge's ends.
 
         Parameters
         ----------
         radiance : (n, 3) float64
-            Of one side of each patch.
+            Radiance of one side of each patch.
         used : (n,) bool
-            Patches whose side has a radiance.
+            Patches whose side is in the solution.
 
         Returns
         -------
@@ -81,7 +81,7 @@ class Corners:
         Returns
         -------
         (n,) float64
-            Radiance, largest channel.
+            Radiance of the largest channel.
         """
         values = self.values(radiance, used)
         contrast: _Floats = (values.max(axis=1) - values.min(axis=1)).max(axis=1)
@@ -89,7 +89,7 @@ class Corners:
 
 
 def _same(points: _Floats, shape: _Ints) -> _Ints:
-    """An index for each point, equal where shape and position are."""
+    """An index for each point, equal if shape and position are."""
     order = np.lexsort((points[:, 2], points[:, 1], points[:, 0], shape))
     there, of = points[order], shape[order]
     fresh = np.ones(len(order), bool)
@@ -122,7 +122,7 @@ def _pairs(ids: _Ints, normals: _Floats) -> tuple[_Ints, _Ints]:
 
 
 def _hanging(corner_ids: _Ints, middle_ids: _Ints, normals: _Floats) -> tuple[_Ints, _Ints]:
-    """Corners in the middle of another patch's edge, each with that edge (its first corner)."""
+    """Hanging nodes: corners at the middle of another patch's edge, each with that edge (its first corner)."""
     order = np.argsort(middle_ids, kind="stable")
     start = np.searchsorted(middle_ids[order], corner_ids)
     found = start < len(order)

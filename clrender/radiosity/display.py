@@ -1,4 +1,4 @@
-"""Radiosity made visible: the table that the display kernel looks radiance up in, and its place in a render."""
+"""Display of radiosity: the table of radiance for the display kernel, and the kernel arguments."""
 
 from __future__ import annotations
 
@@ -22,30 +22,29 @@ if TYPE_CHECKING:
 __all__ = ["GATHER", "Display", "Gather", "looks", "looks_of"]
 
 GATHER: Final = Pipeline("radiosity/gather.cl", "radiosity_gather")
-"""Of the scene before it was cut into patches."""
+"""Renders the scene before it was divided into patches."""
 _ROW: Final = 16
 
 _Floats = NDArray[np.float64]
 
 
 def looks(solution: Solution, display: str) -> NDArray[np.float32]:
-    """The table for a solution; `looks_of` has the details."""
+    """The display table for a solution; see `looks_of`."""
     corners = Corners(solution.patches) if display == "smooth" else None
     return looks_of(solution.patches, solution.shown, solution.used, corners)
 
 
 def looks_of(patches: Patches, shown: _Floats, used: NDArray[np.bool_], corners: Corners | None) -> NDArray[np.float32]:
-    """What the kernel reads of each side (``kernels/radiosity/display.h``).
+    """The display table: a row for each side (``kernels/radiosity/display.h``).
 
     Parameters
     ----------
     patches : Patches
     shown : (2 n + 1, 3) float64
-        Reflected radiance; of textured sides what they would reflect if they were white, for the kernel looks the
-        texture up.
+        Reflected radiance; for textured sides as if they were white, because the kernel looks up the texture.
     used : (2 n + 1,) bool
     corners : Corners or None
-        To interpolate between them; None: each patch is evenly bright.
+        For interpolation; None: constant radiance per patch.
 
     Returns
     -------
@@ -63,7 +62,7 @@ def looks_of(patches: Patches, shown: _Floats, used: NDArray[np.bool_], corners:
 
 
 class Gather:
-    """What the kernel of the final gather takes beside the scene before it was cut into patches.
+    """Kernel arguments of the final gather, besides the scene before it was divided into patches.
 
     Parameters
     ----------
@@ -84,18 +83,18 @@ class Gather:
         return 0
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         for table in self._tables:
             self._device.release(table)
 
 
 class Display:
-    """What the kernel of the integrator ``radiosity`` takes beside the scene.
+    """Kernel arguments of the integrator ``radiosity``, besides the scene.
 
     Parameters
     ----------
     worker : DeviceWorker
-        Of the solution's flat scene.
+        Worker of the solution's flat scene.
     table : (2 n + 1, 16) float32
     """
 
@@ -112,5 +111,5 @@ class Display:
         return 0
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         self._device.release(self._table)

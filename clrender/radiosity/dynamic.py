@@ -1,4 +1,4 @@
-"""Radiosity of a changing scene: only what a move affects is computed again, near the observer first."""
+"""Radiosity of a changing scene: a move recomputes only what it affects, near the observer first."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Update:
     Attributes
     ----------
     rays : int
-        Traced again, of `all_rays`.
+        Rays that were traced again, out of `all_rays`.
     all_rays : int
     sweeps : int
     seconds : float
@@ -62,24 +62,24 @@ class Update:
 class DynamicRadiosity:
     """A scene's radiosity, updated while shapes and lights move.
 
-    The rays of each side are numbered and the same in every frame, so an update converges to the solution of a fresh
-    start with the same patches, up to the tolerance. The residual of each side, the difference between its new and its
-    old radiosity, positive or negative, is shot (Chen 1990; George, Sillion & Greenberg 1990). Sides near the observer
-    are held to the tolerance, others to one that grows with the square of their distance (after Shcherbakov); their
-    residual is not lost but propagated in a later frame or by `settle`.
+    Each side uses the same numbered rays in every frame, so an update converges to the solution from scratch with the
+    same patches, up to the tolerance. It shoots the residual of each side: the difference, positive or negative,
+    between its new and its old radiosity (Chen 1990; George, Sillion & Greenberg 1990). The tolerance of sides far from
+    the observer grows with the square of their distance (after Shcherbakov); their residual is not lost but propagated
+    in a later frame or by `settle`.
 
     Parameters
     ----------
     scene : Scene
-        Of diffuse surfaces only.
+        Must have only diffuse surfaces.
     device : Device
     settings : RadiositySettings, optional
         `tolerance` is relative to the mean radiance of the scene.
     size : (int, int)
-        Of the image that the camera is for.
+        Size of the camera's image, pixels.
     cut : LaunchConfig, optional
     patches : Patches, optional
-        To begin with; default: made from the scene, and refined if `settings` says so.
+        Initial patches; default: made from the scene, and refined if `settings` says so.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class DynamicRadiosity:
 
     @property
     def rows(self) -> Rows:
-        """State of the sides that are solved for."""
+        """State of the sides in the solution."""
         assert self._held is not None
         return self._held
 
@@ -125,11 +125,11 @@ class DynamicRadiosity:
 
     @property
     def used(self) -> NDArray[np.bool_]:
-        """(2 n + 1,) bool: sides that are solved for."""
+        """(2 n + 1,) bool: sides in the solution."""
         return self.rows.used
 
     def start_again(self) -> Update:
-        """Solve from scratch for the current patches; the time of compiling kernels is not counted."""
+        """Solve from scratch for the current patches; kernel compilation is not timed."""
         begin = self._clock()
         self._stand_still()
         self._sealed = sealed_sides(self.patches)
@@ -153,7 +153,7 @@ class DynamicRadiosity:
         Raises
         ------
         UsageError
-            When there is no such shape.
+            If there is no such shape.
         """
         begin, scene = self._clock(), self.patches.scene
         if not 0 <= shape < len(scene.plain_shapes):
@@ -178,7 +178,7 @@ class DynamicRadiosity:
         Raises
         ------
         UsageError
-            When there is no such light, or it is infinitely far away.
+            If there is no such light, or it is infinitely distant.
         """
         begin, scene = self._clock(), self.patches.scene
         if not 0 <= light < len(scene.lights):
@@ -227,14 +227,14 @@ class DynamicRadiosity:
         self._tracer = Tracer(self._device, self.flat, settings.rays, settings.seed, self._cut, moving=moving)
 
     def _stand_still(self) -> None:
-        """The same, with one BVH over all of them."""
+        """Like `_place`, with one BVH over all patches."""
         if self._moving is not None:
             self._moving.release()
         self._moving, self.flat = None, self.patches.flat(*self._size)
         self._place()
 
     def _step(self, shape: int, by: tuple[float, float, float]) -> None:
-        """The same after a step of a shape."""
+        """Like `_place`, after a step of a shape."""
         moved = self.patches.sides_of(shape)
         before = box_around(self.patches, moved)
         self.patches = self.patches.moved(shape, by)
@@ -248,12 +248,12 @@ class DynamicRadiosity:
         self._place()
 
     def _traced(self, sides: NDArray[np.uint32], known: NDArray[np.bool_]) -> Traced:
-        """Rays and shadow rays of these sides, and of further sides that they see."""
+        """Trace rays and shadow rays of these sides, and of further sides that they see."""
         every, hits = traced_sides(self._rays, sides, known)
         return Traced(every, hits, *self._rays.direct(every, self._settings.direct_samples))
 
     def _follow(self) -> Changes:
-        """Trace the rays again that the move may have changed."""
+        """Retrace the rays that the move may have changed."""
         rows = self.rows
         sent = np.zeros((2 * len(self.patches) + 1, 4), np.float32)
         sent[:, :3] = carried_radiance(self.patches) + rows.reflected
@@ -268,7 +268,7 @@ class DynamicRadiosity:
         return changes
 
     def _add_sides(self, met: bool) -> int:
-        """Add sides that the camera may see now, or rays hit (`met`), and that had no row; returns the rays traced."""
+        """Add sides without a row that the camera may see now, or that rays hit (`met`); returns the rays traced."""
         rows = self.rows
         known = rows.used | self._sealed
         new = np.zeros(len(known), bool)
@@ -285,7 +285,7 @@ class DynamicRadiosity:
         return more.hits.size
 
     def _direct(self, everywhere: bool) -> None:
-        """Direct light, everywhere or where the moving shape may have changed it."""
+        """Update direct light, everywhere or where the moving shape may have changed it."""
         rows = self.rows
         known = None if everywhere else PreviousDirectLight(rows.irradiance, rows.seen, light_boxes(self.patches))
         rows.irradiance, rows.seen = self._rays.direct(rows.sides, self._settings.direct_samples, known)

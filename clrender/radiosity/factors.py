@@ -28,7 +28,7 @@ class FormFactors:
     sides : (r,) uint32
         Side of each row.
     row, column : (z,) int64
-        Of each entry; rows ascend, and columns within a row.
+        Row and column of each entry; rows ascend, and columns within a row.
     value : (z,) float64
         F from the row's side to the column's.
     columns : int
@@ -90,7 +90,7 @@ def factors_of_hits(
         Sides met, below `columns`.
     columns : int
     weights : (rays,) float64, optional
-        Of each ray, adding up to 1; all alike when absent.
+        Weight of each ray, summing to 1; default: equal weights.
     """
     rays = hits.shape[1]
     rows, cols, values = [], [], []
@@ -132,7 +132,7 @@ def hemicube_cells(side: int) -> tuple[NDArray[np.float32], _Floats]:
     Raises
     ------
     UsageError
-        When the number is odd or too small.
+        If the number is odd or too small.
     """
     if side < 2 or side % 2:
         raise UsageError(f"a hemicube cannot have {side} cells along an edge; take an even number")

@@ -1,4 +1,4 @@
-"""A moving shape on a device: it has a BVH of its own, so that a step does not rebuild the BVH of everything else."""
+"""A moving shape on a device, with its own BVH, so that a step does not rebuild that of everything else."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Moving:
         Parameters
         ----------
         scene : FlatScene
-            Of patches, at their current positions.
+            Scene of patches, at their current positions.
         boxes : (2, 6) float32
             Bounds of the shape before and after the step: low x, y, z and high x, y, z.
         at : (3,) float64
@@ -61,12 +61,12 @@ class Moving:
         inside : bool
             Whether it may intersect a box or tetrahedron, or is one that another shape may intersect. Rays from inside
             hit two coplanar surfaces, the box's and that of the floor below it, and the rounding of the BVH's boxes
-            decides which of them is nearer: then the BVH has to be that of a fresh start.
+            decides which is nearer: then the BVH must equal the one built from scratch.
 
         Raises
         ------
         RenderError
-            When the device runs out of memory.
+            If the device runs out of memory.
         """
         if self._own is None:
             self._own, self._begin = self._build(scene, moving=True, others=False), at
@@ -75,7 +75,7 @@ class Moving:
             self._release(self.others)
             self.others = self._build(scene, moving=inside, others=True)
         self._over_all = inside
-        # Kernels size their stacks for the deeper of both.
+        # Kernels size their stacks for the deeper of the two.
         self.others = replace(self.others, levels=max(self.others.levels, self._own.levels))
         self._device.write(self._place, np.concatenate([boxes.reshape(-1), at - self._begin, by]).astype(np.float32))
 

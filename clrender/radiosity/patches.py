@@ -28,13 +28,13 @@ _SLACK: Final = 1.5
 """A patch may be larger than wanted by this factor."""
 _ROUNDS: Final = 5
 _LIGHTS_SHARE: Final = 0.25
-"""Where more than this fraction of all area emits, form factors estimate its light better than shadow rays."""
+"""If more than this fraction of all area emits, form factors estimate its light better than shadow rays."""
 _CARRIED: Final = (
     "areas", "normals", "textured", "coordinates", "reflectance", "emission", "shadow_rays_find_emission",
 )  # fmt: skip
 """Cached properties that stay valid when a shape moves."""
 _ORIGIN: Final = (0.0, 0.0, 0.0)
-"""Of what is made of patches: their coordinates are relative to `scene_origin` already."""
+"""Origin of scenes made of patches: their coordinates are already relative to `scene_origin`."""
 
 _Floats = NDArray[np.float64]
 
@@ -46,13 +46,13 @@ class Patches:
     Attributes
     ----------
     scene : Scene
-        Whose shapes they are parts of, in coordinates relative to its `scene_origin`.
+        Scene of the shapes, in coordinates relative to its `scene_origin`.
     corners : (n, 3, 3) float64
-        Relative to that origin, metres, counter-clockwise seen from the front; exact in float32 but for halving.
+        Relative to that origin, metres, counter-clockwise seen from the front; exact in float32 apart from bisection.
     shape : (n,) int64
-        Which shape, ascending.
+        Shape index, ascending.
     primitive : (n,) int64
-        Which triangle or round of it, as `clrender.scene.surfaces` numbers them.
+        Triangle, sphere or disk, as numbered by `clrender.scene.surfaces`.
     """
 
     scene: Scene
@@ -72,7 +72,7 @@ class Patches:
 
     @cached_property
     def normals(self) -> _Floats:
-        """(n, 3) float64, unit, out of the front."""
+        """(n, 3) float64, unit, on the front side."""
         return np.stack(self._across, axis=1) / (2.0 * self.areas)[:, None]
 
     @cached_property
@@ -98,7 +98,7 @@ class Patches:
 
     @cached_property
     def reflectance(self) -> _Floats:
-        """(n, 3) float64, of both sides; of a texture the mean over the patch."""
+        """(n, 3) float64, of both sides; for a texture the mean over the patch."""
         rows = [(0.0, 0.0, 0.0) if s.material is None else self._lambert(s.material) for s in self.scene.shapes]
         colors: _Floats = np.array(rows, np.float64).reshape(-1, 3)[self.shape]
         return patch_reflectance(self, colors, self.textured) if self.textured.any() else colors
@@ -120,7 +120,7 @@ class Patches:
 
     @cached_property
     def coordinates(self) -> _Floats:
-        """(2, n, 3, 2) float64: texture coordinates of the corners, of both sets; zero where there is no texture."""
+        """(2, n, 3, 2) float64: texture coordinates of the corners, both sets; zero without a texture."""
         return patch_coordinates(self)
 
     @cached_property
@@ -147,12 +147,12 @@ class Patches:
         return 2 * int(first), 2 * int(end)
 
     def flat(self, width: int, height: int, light_sampler: str = "auto") -> FlatScene:
-        """The patches as kernels read them: triangle i is patch i, without the lights that form factors carry.
+        """The patches as kernels read them: triangle i is patch i, without the lights whose light form factors carry.
 
         Raises
         ------
         SceneError
-            When a patch is too small for single precision.
+            If a patch is too small for single precision.
         """
         scene = self.scene.remeshed(self._meshes(), self._lights, self.shadow_rays_find_emission)
         flat = flatten(scene, width, height, light_sampler, _ORIGIN)
@@ -187,7 +187,7 @@ class Patches:
 
     @cached_property
     def _welded(self) -> list[tuple[NDArray[np.int64], NDArray[np.uint32]]]:
-        """For each shape: a corner for each of its vertices, and triangles of vertices."""
+        """For each shape: an index of a corner for each of its vertices, and its triangles."""
         welded = []
         for shape in range(len(self.scene.shapes)):
             first, end = (side // 2 for side in self.sides_of(shape))
@@ -220,7 +220,7 @@ class Patches:
         return finer
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:
-        """The same patches with one shape moved, in the scene's description too.
+        """The patches with one shape moved, also in the scene's description.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class Patches:
         return self._again(replace(self, scene=scene, corners=corners), *_CARRIED)
 
     def lit_by(self, scene: Scene) -> Patches:
-        """The same patches in a scene with other lights."""
+        """The patches in a scene with other lights."""
         return self._again(replace(self, scene=scene))
 
     def _again(self, other: Patches, *same: str) -> Patches:
@@ -253,14 +253,14 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
     Parameters
     ----------
     scene : Scene
-        Of diffuse surfaces only.
+        Must have only diffuse surfaces.
     count : int
-        Wanted; shapes that need more to look like themselves get them.
+        Desired number; shapes that need more for their form get them.
 
     Raises
     ------
     SceneError
-        When a shape is not diffuse, or there is nothing in the scene.
+        If a shape is not diffuse, or the scene is empty.
     """
     scene = written_out(scene)
     check_materials(scene, "radiosity")
@@ -285,7 +285,7 @@ def cut_into_patches(scene: Scene, count: int) -> Patches:
 
 
 def _relative(scene: Scene) -> Scene:
-    """The same scene in coordinates relative to its `scene_origin`, where single precision resolves what is seen."""
+    """The scene in coordinates relative to its `scene_origin`, where single precision suffices."""
     origin = scene_origin(scene.camera)
     if origin == _ORIGIN:
         return scene

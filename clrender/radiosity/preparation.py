@@ -1,4 +1,4 @@
-"""Radiosity in a render: solved once, on one device, and shown by all of them."""
+"""Radiosity in a render: solved once on one device, and displayed by all devices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["prepare"]
 
 
 def prepare(request: Request) -> Prepared:
-    """The scene cut into patches with their radiance, or, for a final gather, the scene with an atlas of theirs."""
+    """The scene divided into patches with their radiance, or, for a final gather, the scene with an atlas of it."""
     settings = request.settings
     solution = _solve(request)
     request.notify(summary(solution))
@@ -27,7 +27,7 @@ def prepare(request: Request) -> Prepared:
 
 
 def _solve(request: Request) -> Solution:
-    """The solution, on the first of the devices that comes through."""
+    """The solution, from the first device that does not fail."""
     settings = request.settings
     wanted = RadiositySettings(
         settings.patches, settings.patch_rays, seed=settings.seed, gathered=settings.radiosity_display == "gather"

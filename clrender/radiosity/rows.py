@@ -1,4 +1,4 @@
-"""The sides that a changing scene is solved for: hits of their rays, irradiance and reflected radiance."""
+"""The sides in the solution of a changing scene: hits of their rays, irradiance and reflected radiance."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Rows:
     hits : Buffer
         (r, rays) uint32.
     rays : int
-        Of each side.
+        Rays of each side.
     """
 
     def __init__(self, device: Device, traced: Traced, sealed: NDArray[np.bool_]) -> None:
@@ -102,11 +102,11 @@ class Rows:
         return self._spread(self._reflected - self._reflectance(patches) * self.irradiance / math.pi)
 
     def shown(self, patches: Patches) -> _Floats:
-        """(2 n + 1, 3) float64: `reflected`, but of textured sides what they would reflect if they were white."""
+        """(2 n + 1, 3) float64: `reflected`, but for textured sides as if they were white."""
         return self._shown(patches, self.reflected, self.irradiance / math.pi)
 
     def shown_indirect(self, patches: Patches) -> _Floats:
-        """(2 n + 1, 3) float64: `indirect` in the same way."""
+        """(2 n + 1, 3) float64: `indirect`, but for textured sides as if they were white."""
         return self._shown(patches, self.indirect(patches), np.zeros_like(self.irradiance))
 
     def _shown(self, patches: Patches, plain: _Floats, straight: _Floats) -> _Floats:
@@ -136,13 +136,13 @@ class Rows:
         return rows
 
     def take(self, changes: Changes) -> None:
-        """Account for rays whose hits changed; `hits` is already up to date."""
+        """Update the residuals for rays whose hits changed; `hits` is already up to date."""
         assert self._arriving is not None
         self._arriving += changes.brought
         self._covered += changes.covered
 
     def cover(self, sealed: NDArray[np.bool_]) -> None:
-        """Take over which sides are sealed."""
+        """Update the covered fractions for these sealed sides."""
         self._covered = covered_rays(self.met, sealed)
 
     def settle(self, patches: Patches, tolerance: float, weights: _Floats | None) -> int:
@@ -152,9 +152,9 @@ class Rows:
         ----------
         patches : Patches
         tolerance : float
-            Of a side's radiance, against the mean radiance of the scene.
+            Largest residual of a side, relative to the mean radiance of the scene.
         weights : (2 n,) float64, optional
-            The tolerance is divided by it. None: 1, and all that arrives is gathered anew first.
+            Divides the tolerance. None: 1, and all radiance is gathered again first.
 
         Returns
         -------
@@ -190,7 +190,7 @@ class Rows:
         return wide
 
     def _gathered(self, sent: _Floats) -> _Floats:
-        """Mean radiance that the rays of each row gather, (r, 3), from the radiance of sides, (2 n + 1, 3)."""
+        """Mean radiance, (r, 3), along the rays of each row, from the radiance of sides, (2 n + 1, 3)."""
         device = self._device
         self._sent[:, :3] = sent
         device.write(self._wide, self._sent)

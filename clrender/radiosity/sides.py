@@ -1,4 +1,4 @@
-"""Sides of patches: which of them are needed, their emission, and the fraction of each that is uncovered."""
+"""Sides of patches: which are needed, their emission, and their uncovered fractions."""
 
 from __future__ import annotations
 
@@ -126,12 +126,12 @@ def _apart(patches: Patches, *pair: int) -> bool:
 def covered_rays(hits: _Uints, sealed: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Number of rays of each side that start inside a closed shape standing on it.
 
-    Nothing reaches that part of the side, and nobody sees it: the side's radiance is that of its part in the open.
+    That part of the side receives no light and is not visible: the side's radiance is that of its uncovered part.
 
     Parameters
     ----------
     hits : (r, rays) uint32
-        A ray that meets a sealed side has set out from the covered part.
+        A ray that hits a sealed side started in the covered part.
     sealed : (2 n + 1,) bool
 
     Returns
@@ -151,7 +151,7 @@ def lifted(reflectance: _Floats, share: _Floats) -> _Floats:
 
 
 def first_sides(patches: Patches, sealed: NDArray[np.bool_] | None = None) -> _Uints:
-    """All fronts, and the backs that the camera may see; `sealed` if it is known already."""
+    """All fronts, and the backs that the camera may see; pass `sealed` if it is known."""
     camera = patches.scene.camera
     x, y, z = (patches.centers - np.array(camera.position)).T
     normal_x, normal_y, normal_z = patches.normals.T
@@ -170,7 +170,7 @@ def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tup
     sides : (k,) uint32
         Ascending.
     known : (2 n + 1,) bool
-        Sides whose rays are traced already, or need not be.
+        Sides whose rays are already traced, or need not be.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tup
 
 
 def importance(patches: Patches) -> _Floats:
-    """Importance to the observer: (2 n,) float64, 1 nearby, falling with the square of the distance."""
+    """Importance to the observer, (2 n,) float64: 1 nearby, falling with the square of the distance."""
     spans = patches.corners.reshape(-1, 3).max(axis=0) - patches.corners.reshape(-1, 3).min(axis=0)
     near = (_NEAR * math.sqrt(float((spans * spans).sum()))) ** 2
     x, y, z = (patches.centers - np.array(patches.scene.camera.position)).T
@@ -209,7 +209,7 @@ def box_around(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:
 
 
 def light_boxes(patches: Patches) -> NDArray[np.float32]:
-    """(k, 6): bounds of everything that shadow rays aim at; of the whole scene for lights at infinity."""
+    """(k, 6): bounds of the targets of shadow rays; of the whole scene for lights at infinity."""
     scene = patches.scene
     boxes = [
         box_around(patches, patches.sides_of(shape))

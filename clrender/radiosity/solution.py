@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 __all__ = ["RadiositySettings", "Solution", "check_settings", "solve_scene", "summary"]
 
 _COARSE_SHARE: Final = 0.5
-"""Fraction of the patches wanted, before those with the largest contrast are subdivided."""
+"""Fraction of the desired patches to begin with, before those with the largest contrast are subdivided."""
 _MOST_PATCHES: Final = 1 << 20
 _PILOT_RAYS: Final = 64
 _PILOT_ROUNDS: Final = 4
-"""For a final gather: few rays decide where to subdivide, a quarter of the subdivisions at a time."""
+"""Rounds of subdivision for a final gather, each decided by a solution with few rays."""
 
 _Floats = NDArray[np.float64]
 
@@ -53,18 +53,18 @@ class RadiositySettings:
     Attributes
     ----------
     patches : int
-        How many, about.
+        Approximate number of patches.
     rays : int
-        From each side of a patch that is in use.
+        Rays from each side in use.
     direct_samples : int
-        Points of each side from which a light is looked at, at most 32.
+        Shadow rays from each side, at most 32.
     tolerance : float
-        Share of the power that may be left unshot.
+        Fraction of the power that may remain unshot.
     seed : int
     refine : bool
-        Begin with half of the patches, and halve those across which the radiance changes most.
+        Begin with half of the patches, and bisect those with the largest contrast.
     gathered : bool
-        For a final gather, which samples direct light itself: indirect radiance decides what is halved.
+        For a final gather, which samples direct light itself: refine by indirect radiance.
     """
 
     patches: int = 8000
@@ -89,7 +89,7 @@ class Solution:
     reflected : (2 n + 1, 3) float64
         Radiance that each side reflects, W/(sr m²).
     used : (2 n + 1,) bool
-        Sides that were solved for; nothing sees the others.
+        Sides in the solution; the others are not visible.
     open_share : (2 n + 1,) float64
         Uncovered fraction of each side's area; the rest is covered by closed shapes standing on it.
     steps : int
@@ -98,10 +98,10 @@ class Solution:
     seconds : dict of str to float
         By step.
     complete : bool
-        False when it was stopped.
+        False if it was stopped early.
     direct_light, indirect_light : (2 n + 1, 3) float64, or None
-        Radiance that each side would reflect if it were white: of light from shadow rays, and of all other; None where
-        no patch is textured.
+        Radiance that each side would reflect if it were white: of light from shadow rays, and of all other light. None
+        if no patch is textured.
     """
 
     patches: Patches
@@ -134,14 +134,14 @@ class Solution:
 
     @property
     def shown(self) -> _Floats:
-        """(2 n + 1, 3) float64: `reflected`, but of textured sides what they would reflect if they were white."""
+        """(2 n + 1, 3) float64: `reflected`, but for textured sides as if they were white."""
         if self.direct_light is None or self.indirect_light is None:
             return self.reflected
         return np.where(self.patches.textured_sides[:, None], self.direct_light + self.indirect_light, self.reflected)
 
     @property
     def shown_indirect(self) -> _Floats:
-        """(2 n + 1, 3) float64: `indirect` in the same way."""
+        """(2 n + 1, 3) float64: `indirect`, but for textured sides as if they were white."""
         if self.indirect_light is None:
             return self.indirect
         return np.where(self.patches.textured_sides[:, None], self.indirect_light, self.indirect)
@@ -196,23 +196,23 @@ def solve_scene(
     Parameters
     ----------
     scene : Scene
-        Of diffuse surfaces only.
+        Must have only diffuse surfaces.
     device : Device
     settings : RadiositySettings, optional
     size : (int, int)
-        Of the image that the camera is for.
+        Size of the camera's image, pixels.
     cut : LaunchConfig, optional
-        Never changes the result.
+        Does not affect the result.
     light_sampler : str
     should_stop : callable, optional
-        When it says yes, what is returned is not `complete`.
+        If it returns True, the solution is not `complete`.
     patches : Patches, optional
         Initial patches, such as those of another solution; default: made from the scene.
 
     Raises
     ------
     SceneError
-        When a shape is not diffuse.
+        If a shape is not diffuse.
     UsageError, RenderError
     """
     wanted = settings or RadiositySettings()
@@ -302,7 +302,7 @@ def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
     patches = solution.patches
     shown = solution.shown_indirect if gathered else solution.shown
     if patches.textured.any():
-        # In the mean colour of the shape: what is seen of a texture does not depend on how fine patches are
+        # Use the shape's mean colour: the visible texture does not depend on the patch size
         weights = np.bincount(patches.shape, patches.areas)
         means = np.stack(
             [np.bincount(patches.shape, patches.areas * c) / weights for c in patches.reflectance.T], axis=1
@@ -322,7 +322,7 @@ def _refined(solution: Solution, count: int, gathered: bool = False) -> Patches:
 
 
 def _nothing(patches: Patches, size: tuple[int, int], light_sampler: str) -> Solution:
-    """An empty solution, for one that was interrupted."""
+    """An empty solution, after an interruption."""
     columns = 2 * len(patches) + 1
     factors = factors_of_hits(np.zeros(0, np.uint32), np.zeros((0, 1), np.uint32), columns)
     empty = np.zeros((0, 3))

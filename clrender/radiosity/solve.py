@@ -23,13 +23,13 @@ class Balance:
     ----------
     factors : FormFactors
     reflectance : (r, 3) float64
-        Of each row's side, divided by its uncovered fraction.
+        Reflectance of each row's side, divided by its uncovered fraction.
     direct : (r, 3) float64
         Reflected direct light from shadow rays, by row.
     sent : (columns, 3) float64
-        Emitted radiance that form factors have to carry; the last is the environment's.
+        Emitted radiance that form factors carry; the last is the environment's.
     areas : (columns,) float64
-        Of each side.
+        Area of each side.
     """
 
     factors: FormFactors
@@ -65,7 +65,7 @@ class Progress:
     unshot : (r, 3) float64
         Part of it that has not been shot.
     ambient : (3,) float64
-        Estimate of the irradiance / π that every side still lacks.
+        Estimated missing irradiance / π of every side.
     """
 
     steps: int
@@ -81,9 +81,9 @@ def gather(balance: Balance, tolerance: float = 1e-5, most: int = 2000) -> Progr
     ----------
     balance : Balance
     tolerance : float
-        Share of the power that may be unshot.
+        Fraction of the power that may remain unshot.
     most : int
-        Steps.
+        Largest number of steps.
     """
     unshot = balance.first()
     reflected, steps = unshot.copy(), 0
@@ -102,7 +102,7 @@ def shoot(
 ) -> Progress:
     """Progressive refinement (Cohen, Chen, Wallace & Greenberg 1988): the sides with most unshot power shoot first.
 
-    A step shoots from all sides that have at least half of the most unshot power. The matrix is that of `gather`, so
+    A step shoots from all sides with at least half of the largest unshot power. The matrix is that of `gather`, so
     both end at the same solution.
 
     Parameters
@@ -110,7 +110,7 @@ def shoot(
     balance, tolerance, most
         As for `gather`.
     on_step : callable, optional
-        Told after each step; `Progress.ambient` makes an early solution presentable.
+        Called after each step; `Progress.ambient` makes an early solution presentable.
     """
     factors = balance.factors
     areas = balance.areas[factors.sides]

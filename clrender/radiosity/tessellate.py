@@ -32,7 +32,7 @@ def sphere_triangles(center: _Floats, radius: float, inward: bool, size: float) 
     inward : bool
         The front side is inside.
     size : float
-        Area that a triangle should have, about.
+        Approximate area of a triangle.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def sphere_triangles(center: _Floats, radius: float, inward: bool, size: float) 
 
 @lru_cache(maxsize=8)
 def _icosphere(level: int) -> _Floats:
-    """Unit area times 4 pi: (n, 3, 3), counter-clockwise seen from outside."""
+    """Icosphere of area 4 pi, (n, 3, 3), counter-clockwise seen from outside."""
     golden = (1.0 + math.sqrt(5.0)) / 2.0
     axes = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
     points = np.zeros((12, 3))
@@ -83,9 +83,9 @@ def disk_triangles(center: _Floats, radius: float, normal: _Floats, size: float)
     center : (3,) float64
     radius : float
     normal : (3,) float64
-        Unit, out of the front.
+        Unit, on the front side.
     size : float
-        Area that a triangle should have, about; larger ones are for `Patches.bisected`.
+        Approximate area of a triangle; `Patches.bisected` divides larger ones.
 
     Returns
     -------

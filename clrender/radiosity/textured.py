@@ -1,4 +1,4 @@
-"""Patches of surfaces whose reflectance is a texture: where they lie in it, and its mean over each."""
+"""Patches with textured reflectance: their texture coordinates and mean reflectance."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _TURN: Final = (
     -6.45303749e-4, 3.47959646e-3, -8.89872294e-3, 1.53460354e-2, -2.21362729e-2, 3.17459442e-2, -5.30461222e-2,
     1.59154832e-1,
 )  # fmt: skip
-"""atan(x) / 2π over x, in powers of x², as in kernels/texture/mapping.h: no two libraries agree on theirs."""
+"""atan(x) / 2π over x, in powers of x², as in kernels/texture/mapping.h: libraries differ in theirs."""
 _POLE: Final = 1e-6
-"""Of a sphere's radius: so near the axis there is no longitude."""
+"""Fraction of a sphere's radius: this close to the axis, longitude is undefined."""
 
 _Floats = NDArray[np.float64]
 
@@ -41,10 +41,10 @@ def textured_shapes(scene: Scene) -> NDArray[np.bool_]:
 
 
 def patch_coordinates(patches: Patches) -> _Floats:
-    """Texture coordinates of the corners of patches: (2, n, 3, 2) float64, of both sets; of plain shapes zero.
+    """Texture coordinates of the corners of patches: (2, n, 3, 2) float64, both sets; zero for untextured shapes.
 
-    They are linear over a patch, on triangles and disks exactly. On spheres, whose patches are flat too, that is
-    another approximation: a patch that the seam runs through has longitudes beyond 1, and at a pole that of its others.
+    They are linear over a patch, which is exact on triangles and disks, and an approximation on spheres. A patch that
+    the seam crosses has longitudes beyond 1; a corner at a pole takes the mean longitude of the others.
     """
     surfaces = flat_surfaces(patches.scene)
     uvs = np.zeros((2, len(patches), 3, 2))
@@ -117,9 +117,9 @@ def patch_reflectance(patches: Patches, known: _Floats, which: NDArray[np.bool_]
     ----------
     patches : Patches
     known : (n, 3) float64
-        That of the others.
+        Reflectance of the untextured patches.
     which : (n,) bool
-        Textured ones.
+        Textured patches.
 
     Returns
     -------

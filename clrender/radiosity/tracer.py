@@ -1,4 +1,4 @@
-"""The device side of radiosity: rays from patches, shadow rays, and sweeps over what they met."""
+"""The device side of radiosity: rays from patches, shadow rays, and sweeps over their hits."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ _Uints = NDArray[np.uint32]
 
 @dataclass(frozen=True)
 class Changes:
-    """What a step of the moving shape changed of what rays meet.
+    """Changes of ray hits by a step of the moving shape.
 
     Attributes
     ----------
     brought : (r, 3) float64
-        Mean over each side's rays of the radiance that they bring, now less before.
+        Change of the mean incident radiance over each side's rays.
     covered : (r,) int64
-        So many more of its rays meet a sealed side.
+        Increase of the number of its rays that hit a sealed side.
     rays : int
-        That had to be traced.
+        Rays that had to be traced.
     unknown : bool
-        Whether a side was met that has no row.
+        Whether a side without a row was hit.
     """
 
     brought: _Floats
@@ -56,14 +56,14 @@ class Changes:
 
 @dataclass(frozen=True)
 class PreviousDirectLight:
-    """Direct light of before a step of the moving shape.
+    """Direct light before a step of the moving shape.
 
     Attributes
     ----------
     irradiance, seen
-        What `Tracer.direct` gave.
+        Results of `Tracer.direct`.
     lights : (k, 6) float32
-        Boxes that the lights are in.
+        Bounding boxes of the lights.
     """
 
     irradiance: _Floats
@@ -72,7 +72,7 @@ class PreviousDirectLight:
 
 
 class Stopped(Exception):
-    """Somebody asked for an end before there was a result."""
+    """The computation was stopped before there was a result."""
 
 
 class Tracer:
@@ -82,15 +82,15 @@ class Tracer:
     ----------
     device : Device
     scene : FlatScene
-        Of patches: `clrender.radiosity.patches.Patches.flat`.
+        Made of patches: see `clrender.radiosity.patches.Patches.flat`.
     rays : int
-        From each side.
+        Rays from each side.
     seed : int
     cut : LaunchConfig, optional
     should_stop : callable, optional
-        Asked between launches.
+        Called between launches.
     moving : Moving, optional
-        Only `follow` and `direct` then see all of the scene.
+        Then only `follow` and `direct` see the whole scene.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Tracer:
         self._should_stop = should_stop
 
     def hits(self, sides: _Uints) -> _Uints:
-        """What the rays of these sides meet.
+        """Trace the rays of these sides.
 
         Parameters
         ----------
@@ -125,18 +125,18 @@ class Tracer:
         Returns
         -------
         (r, rays) uint32
-            Sides, or `outside`.
+            Sides that they hit, or `outside`.
 
         Raises
         ------
         Stopped
         UsageError
-            When there are more rays than 2**31.
+            If there are more than 2**31 rays.
         """
         return self._all_rays("radiosity_rays", sides, self.rays)
 
     def hemicube(self, sides: _Uints, cells: NDArray[np.float32]) -> _Uints:
-        """What is seen through the cells of a hemicube about the centre of these sides.
+        """Trace rays through the cells of a hemicube at the centre of each of these sides.
 
         Parameters
         ----------
@@ -175,11 +175,11 @@ class Tracer:
         ----------
         sides : (r,) uint32
         hits : Buffer
-            (r, rays) uint32 of before the step; changed in place.
+            (r, rays) uint32 before the step; updated in place.
         sent : (2 n + 1, 4) float32
             Radiance of each side.
         kinds : (2 n + 1,) uint8
-            1 for sealed sides, 2 for those that have no row.
+            1 for sealed sides, 2 for those without a row.
         """
         device, worker, rows = self.device, self._worker, len(sides)
         program, words = worker.program("radiosity/update.cl"), -(-self.rays // 32)
@@ -218,21 +218,21 @@ class Tracer:
         return Changes(brought[:, :3].astype(np.float64) / self.rays, covered, int(followed.sum()), bool(unknown.any()))
 
     def direct(self, sides: _Uints, samples: int, known: PreviousDirectLight | None = None) -> tuple[_Floats, _Uints]:
-        """Irradiance straight from the lights that shadow rays look for.
+        """Direct irradiance from the lights that shadow rays sample.
 
         Parameters
         ----------
         sides : (r,) uint32
         samples : int
-            Points of each side, at most 32.
+            Shadow rays from each side, at most 32.
         known : PreviousDirectLight, optional
-            Of before the step of the moving shape, to look only where it may have changed something.
+            Results before the step of the moving shape, to update only what it may have changed.
 
         Returns
         -------
         irradiance : (r, 3) float64, W/m²
         seen : (r,) uint32
-            A bit for each sample that arrived.
+            A bit for each unoccluded sample.
         """
         result, bits = np.zeros((len(sides), 3), np.float32), np.zeros(len(sides), np.uint32)
         lights = np.zeros((1, 6), np.float32)
@@ -256,7 +256,7 @@ class Tracer:
         return result.astype(np.float64), bits
 
     def _slices(self, total: int, first: int, launch: Callable[[int, int], None]) -> None:
-        """Launch over parts of `total` things, each of about `_LAUNCH_SECONDS`."""
+        """Launch over slices of `total` items, each of about `_LAUNCH_SECONDS`."""
         start, length = 0, first
         while start < total:
             if self._should_stop is not None and self._should_stop():
@@ -274,5 +274,5 @@ class Tracer:
             self.device.release(buffer)
 
     def release(self) -> None:
-        """Give the device's memory back."""
+        """Release the device's memory."""
         self._worker.release()

@@ -1,4 +1,4 @@
-"""Vectors in rows of arrays, with sums in a fixed order: the same bits with every version of NumPy."""
+"""Vector operations on arrays with sums in a fixed order: the same bits with every version of NumPy."""
 
 from __future__ import annotations
 

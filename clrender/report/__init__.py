@@ -27,27 +27,27 @@ def make_report(
     Parameters
     ----------
     size : (int, int)
-        Pixels of every image.
+        Width and height of every image.
     quick : bool
         Fewer runs and samples.
     device : str, optional
-        As ``--device``.
+        As for ``--device``.
     should_stop : callable
-        Asked often.
+        Called often.
     say : callable
-        Told a line a render.
+        Called with a line of text per render.
 
     Returns
     -------
     dict
-        File name -> content: ``report.html`` last, which needs no other.
+        Contents by file name; the last one is ``report.html``, which is self-contained.
 
     Raises
     ------
     ClrenderError
-        When Matplotlib is missing or nothing can be rendered.
+        If Matplotlib is missing or nothing can be rendered.
     Stopped
-        When `should_stop` said so.
+        If `should_stop` returned True.
     """
     from clrender.drawing.svg import require_matplotlib
     from clrender.importers import load
@@ -100,12 +100,12 @@ def _files(page: Page) -> dict[str, bytes]:
 
 
 def write_files(folder: Path, files: dict[str, bytes]) -> None:
-    """Write them, each whole or not at all, into a folder that may still have to be made.
+    """Write the files, each atomically, to a folder, which is created if necessary.
 
     Raises
     ------
     RenderError
-        When one cannot be written.
+        If one cannot be written.
     """
     from clrender.errors import RenderError
     from clrender.files import atomic_write

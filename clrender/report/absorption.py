@@ -1,4 +1,4 @@
-"""The absorption for which a render's deepest path is as deep as wanted."""
+"""The absorption for which a render's deepest path has a desired depth."""
 
 from __future__ import annotations
 

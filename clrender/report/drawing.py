@@ -129,7 +129,7 @@ def hemisphere(count: int = 400) -> str:
     Parameters
     ----------
     count : int
-        Of directions.
+        Number of directions.
     """
     from matplotlib.patches import Arc, Ellipse
 

@@ -12,20 +12,20 @@ TITLE: Final = "V. Tholén and J. Halldan, Global Illumination Report TNCG15, Li
 
 @dataclass(frozen=True)
 class FoundingRow:
-    """One line of its Table 1.
+    """A line of the report's Table 1.
 
     Attributes
     ----------
     run : str
         Name of our run that reproduces it (`clrender.report.plan.SPECS`).
     seconds : int
-        Its time.
+        Time of the render.
     samples, shadow_rays : int
-        A pixel; a hit.
+        Per pixel; per hit.
     depth : int
-        Its deepest path.
+        Depth of the deepest path.
     cores : bool
-        Whether it used all its processor's cores.
+        Whether it used all cores of the CPU.
     """
 
     run: str
@@ -43,7 +43,7 @@ class FoundingRow:
 
 @dataclass(frozen=True)
 class Group:
-    """The lines that vary one parameter; `base` is the line that the others are compared with."""
+    """Lines that vary one parameter; `base` is the line that the others are compared with."""
 
     title: str
     figure: str
@@ -89,7 +89,7 @@ GROUPS: Final = (
         0,
     ),
 )
-"""Its Table 1: 800 x 800 pixels, on an unnamed processor."""
+"""The report's Table 1: 800 x 800 pixels, on an unnamed CPU."""
 
 CLAIMS: Final = {
     "time": "“The sample amount … will cause an exponential increase in computations.”",
@@ -107,4 +107,4 @@ CLAIMS: Final = {
     "indirect": "“The effect of the indirect illumination can easily be distinguished.”",
     "deepest": "More samples found no deeper path: 13 of 256 samples, 14 of 64, 13 of 16 (Table 1).",
 }
-"""Name -> conclusion."""
+"""Conclusions by name."""

@@ -14,7 +14,7 @@ __all__ = ["Interval", "mean_interval", "power_law", "ratio_interval", "scaled"]
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate and its 95 % confidence interval; the bounds are infinite where there is only one run."""
+    """An estimate and its 95 % confidence interval; the bounds are infinite if there is only one run."""
 
     value: float
     low: float
@@ -26,11 +26,11 @@ class Interval:
         return math.isfinite(self.low) and math.isfinite(self.high)
 
     def above(self, limit: float) -> bool:
-        """Whether all of it is above."""
+        """Whether the whole interval is above the limit."""
         return self.low > limit
 
     def below(self, limit: float) -> bool:
-        """Whether all of it is below."""
+        """Whether the whole interval is below the limit."""
         return self.high < limit
 
     def holds(self, number: float) -> bool:
@@ -63,7 +63,7 @@ def ratio_interval(above: Sequence[float], below: Sequence[float]) -> Interval:
     total = sum(parts)
     if total == 0.0:
         return Interval(math.exp(ratio), math.exp(ratio), math.exp(ratio))
-    # Degrees of freedom for unequal variances: Welch and Satterthwaite.
+    # Degrees of freedom for unequal variances (Welch-Satterthwaite).
     df = total**2 / sum(part**2 / (len(x) - 1) for part, x in zip(parts, (a, b), strict=True))
     half = _t(df) * math.sqrt(total)
     return Interval(math.exp(ratio), math.exp(ratio - half), math.exp(ratio + half))
@@ -75,7 +75,7 @@ def power_law(points: Sequence[tuple[float, float]]) -> Interval:
     Parameters
     ----------
     points : sequence of (x, y)
-        Positive; at least three, at two different x at least.
+        Positive; at least three points, with at least two different x.
     """
     x, y = [math.log(point[0]) for point in points], [math.log(point[1]) for point in points]
     slope, intercept = statistics.linear_regression(x, y)

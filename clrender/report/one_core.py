@@ -1,4 +1,4 @@
-"""Renders on one core, in a process of their own: PoCL reads its number of threads when it starts."""
+"""Renders on one core, in a separate process: PoCL reads its number of threads when it starts."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ def one_core_runs(
     size : (int, int)
     device : str or None
     wanted : sequence of dict
-        Settings of each render; an uncounted one comes first, so that everything is compiled.
+        Settings of each render; a warm-up render comes first, so that everything is compiled.
     should_stop : callable
-        Asked ten times a second.
+        Called ten times a second.
 
     Returns
     -------
     list of dict, or None
-        The `stats` of each; None when asked to stop.
+        The `stats` of each; None if stopped.
 
     Raises
     ------
     RenderError
-        When the process fails.
+        If the process fails.
     """
     task = json.dumps({"scene": scene, "size": size, "device": device, "wanted": list(wanted)})
     home = str(Path(clrender.__file__).resolve().parent.parent)

@@ -1,4 +1,4 @@
-"""The report as a page: one self-contained HTML file, or Markdown with its pictures beside it."""
+"""The report as a page: one self-contained HTML file, or Markdown with separate images."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Page:
 
 
 def html_page(page: Page) -> str:
-    """The page as one HTML file, with pictures, plots and style inside."""
+    """The page as one HTML file, with embedded images, plots and style."""
     found = verdicts(page.results)
     classes = [{HOLDS: "holds", FAILS: "fails"}.get(each.outcome, "open") for each in found]
     times = times_table(page.results)
@@ -64,7 +64,7 @@ def html_page(page: Page) -> str:
 
 
 def markdown_page(page: Page) -> str:
-    """The page as Markdown, which refers to pictures by `picture_name`."""
+    """The page as Markdown, which refers to images by `picture_name`."""
     found = verdicts(page.results)
     parts = [
         f"# {_HEADING}",
@@ -87,7 +87,7 @@ def markdown_page(page: Page) -> str:
 
 
 def picture_name(of: Figure | Plot) -> str:
-    """Name of the file of a figure or a plot, beside the Markdown page."""
+    """File name of a figure or plot of the Markdown page."""
     return f"report-{of.name}.{'svg' if isinstance(of, Plot) or of.svg else 'jpg'}"
 
 

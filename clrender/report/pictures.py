@@ -1,4 +1,4 @@
-"""The report's figures as pictures: images side by side, whole and in detail."""
+"""The report's figures that consist of images side by side, whole and in detail."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _Pixels = npt.NDArray[np.uint8]
 _Images = Mapping[str, npt.NDArray[Any]]
 
 _WHOLE: Final = 480
-"""Pixels of the longer side of a whole picture, at most."""
+"""Largest longer side of a whole image, pixels."""
 
 _STRIP_BYTES: Final = 60_000
 _STRIP_PANEL: Final = 280
 _GAP: Final = 6
 
-# Left, top and side of square details, as shares of the picture.
+# Left, top and side of square details, as fractions of the image.
 _SPHERE: Final = (0.54, 0.58, 0.40)
 _SHADOW: Final = (0.50, 0.70, 0.30)
 _NOISE: Final = (0.42, 0.62, 0.25)
@@ -33,7 +33,7 @@ _NOISE: Final = (0.42, 0.62, 0.25)
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture of a figure: (H, W, 3) display pixels and a few words."""
+    """An image of a figure, (H, W, 3) display pixels, and its label."""
 
     pixels: _Pixels
     words: str
@@ -46,10 +46,10 @@ class Figure:
     Attributes
     ----------
     name : str
-        Of its file.
+        Name of its file.
     title, caption : str
     rows : sequence of sequence of Panel
-        Pictures beside and below each other; empty where there is a drawing.
+        Images, row by row; empty if there is a drawing.
     svg : str
         The drawing.
     """
@@ -62,12 +62,12 @@ class Figure:
 
 
 def figures(images: _Images, results: Results) -> list[Figure]:
-    """All that are pictures.
+    """All figures that consist of images.
 
     Parameters
     ----------
     images : mapping
-        As of `clrender.report.runs.Measured`.
+        See `clrender.report.runs.Measured`.
     results : Results
         For the captions.
     """
@@ -142,19 +142,19 @@ def figures(images: _Images, results: Results) -> list[Figure]:
 
 
 def _compared(name: str, title: str, caption: str, images: _Images, words: Mapping[str, str]) -> Figure:
-    """Images of several rows side by side, whole above, a magnified detail below."""
+    """Images of several rows side by side, with a magnified detail of each below."""
     wholes = [Panel(_whole(images[row]), word) for row, word in words.items()]
     details = [Panel(_detail(images[row], _NOISE), f"{word}, detail") for row, word in words.items()]
     return Figure(name, title, caption, [wholes, details])
 
 
 def _deepest(results: Results, name: str) -> int:
-    """Deepest path of the first run, which is the one shown."""
+    """Deepest path of the first run, whose image is shown."""
     return results.rows[name].runs[0].deepest
 
 
 def _whole(linear: npt.NDArray[Any], tone_map: str = "sqrt") -> _Pixels:
-    """Display pixels; large images are averaged down by an integer factor, in linear radiance."""
+    """Display pixels; large images are downsampled by an integer factor, in linear radiance."""
     return to_display(shrunk(linear, _WHOLE), tone_map)
 
 
@@ -165,12 +165,12 @@ def _detail(linear: npt.NDArray[Any], where: tuple[float, float, float]) -> _Pix
 
 
 def strip(figure: Figure) -> bytes:
-    """All of a figure's pictures as one JPEG file of at most 60 kB.
+    """All images of a figure as one JPEG file of at most 60 kB.
 
     Parameters
     ----------
     figure : Figure
-        With pictures.
+        A figure with images.
     """
     from PIL import Image
 

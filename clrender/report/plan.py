@@ -1,4 +1,4 @@
-"""What the report renders: its settings, the runs of each, and how much work that is."""
+"""The report's renders: settings, runs of each, and the amount of work."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ SCENE: Final = "room-report"
 """The built-in scene that the table is measured on."""
 
 LIMIT: Final = 3
-"""Scattering events at most, in the renders with limited paths."""
+"""Largest number of scattering events in the renders with limited paths."""
 
 REFERENCE_SAMPLES: Final = 512
-"""Samples per pixel of both halves of the reference together."""
+"""Total samples per pixel of both halves of the reference."""
 
 
 @dataclass(frozen=True)
 class Spec:
-    """One setting: samples per pixel, shadow rays, and the deepest path wanted with 16 samples per pixel."""
+    """A setting: samples per pixel, shadow rays, and the desired deepest path with 16 samples per pixel."""
 
     samples: int
     shadow_rays: int
@@ -46,26 +46,26 @@ SPECS: Final = {
     "own-base": Spec(16, 1, None),
     "own-shadow-4": Spec(16, 4, None),
 }
-"""Name -> setting. Those that begin with ``own`` use clrender's roulette, by throughput, not the report's."""
+"""Settings by name. Those that begin with ``own`` use clrender's roulette, by throughput, instead of the report's."""
 
 ONE_CORE: Final = {"one-core-4": "cores-4", "one-core": "base", "one-core-64": "cores-64"}
-"""Rows rendered on one core -> the rows on all cores with the same settings and seeds."""
+"""Maps rows rendered on one core to the rows on all cores with the same settings and seeds."""
 
 
 def turns_of(samples: int, quick: bool) -> int:
-    """Runs of a setting with this many samples per pixel."""
+    """Number of runs of a setting with this many samples per pixel."""
     if quick:
         return 3
     return 3 if samples > 64 else 6 if samples <= 16 else 4
 
 
 def one_core_turns(quick: bool) -> int:
-    """Runs on one core."""
+    """Number of runs on one core."""
     return 3 if quick else 4
 
 
 def work_of(quick: bool) -> int:
-    """Samples per pixel of all renders together."""
+    """Total samples per pixel of all renders."""
     rows = sum(spec.samples * turns_of(spec.samples, quick) for spec in SPECS.values())
     one_core = sum(SPECS[twin].samples for twin in ONE_CORE.values()) * one_core_turns(quick)
     further = 3 * (64 if quick else 128) + 32 + 16 * turns_of(16, quick) + 5

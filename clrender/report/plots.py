@@ -28,7 +28,7 @@ class Plot:
     Attributes
     ----------
     name : str
-        Of its file.
+        Name of its file.
     caption : str
     svg : str
     """
@@ -50,7 +50,7 @@ class Series:
         `low` and `high` equal to y: no error bar.
     colour : str
     style : str
-        Of marker and line, as of Matplotlib: ``o-``, ``o``, ``--``.
+        Matplotlib style of marker and line: ``o-``, ``o``, ``--``.
     """
 
     title: str
@@ -60,7 +60,7 @@ class Series:
 
 
 def plots(results: Results) -> list[Plot]:
-    """All of them.
+    """All plots of the report.
 
     Parameters
     ----------
@@ -79,11 +79,11 @@ def plot(
     ----------
     name, caption : str
     axes_titles : (str, str)
-        Of x and y.
+        Titles of x and y.
     series : sequence of Series
     x_ticks : sequence of float
     logarithmic : bool
-        Both axes; else both begin at 0.
+        Whether both axes are logarithmic; else both begin at 0.
     """
 
     def paint(figure: Figure) -> None:
@@ -109,7 +109,7 @@ def plot(
 
 
 def _logarithmic(axes: Axes, values: Sequence[float]) -> None:
-    """Both axes logarithmic, with a label at each decade of y, or at more of its values where there are few."""
+    """Both axes logarithmic, with a label at each decade of y, or at more values if there are few decades."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     axes.set_xscale("log")

@@ -1,4 +1,4 @@
-"""The prose of the report's page: what it is, how it was measured, and why our numbers differ."""
+"""The prose of the report's page: introduction, method, and reasons why our numbers differ."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clrender.version import __version__
 __all__ = ["differences", "introduction", "method"]
 
 _BUSY: Final = 0.85
-"""Share of the cores below which the page notes that the machine was busy."""
+"""Fraction of the cores below which the page notes that the machine was busy."""
 
 
 def introduction(results: Results) -> list[str]:
@@ -42,7 +42,7 @@ def introduction(results: Results) -> list[str]:
 
 
 def method(results: Results) -> list[str]:
-    """How it was measured, and under which assumptions."""
+    """Paragraphs on the method of measurement and its assumptions."""
     row = results.rows["base"]
     one_core = (
         "One core: PoCL reads its number of threads when it starts, so these renders run in a process of their own, "
@@ -77,7 +77,7 @@ def method(results: Results) -> list[str]:
 
 
 def differences(results: Results) -> list[str]:
-    """Why our numbers are not the report's."""
+    """Paragraphs on why our numbers differ from the report's."""
     base, theirs = results.rows["base"], GROUPS[1].rows[0]
     pixels = 800 * 800 / (results.width * results.height)
     faster = theirs.seconds / (base.cost * pixels)

@@ -20,7 +20,7 @@ class Run:
     ----------
     seed : int
     seconds, cpu_seconds : float
-        From the first launch to the last result: elapsed, and CPU time of all threads of this process.
+        Elapsed time from the first launch to the last result, and CPU time of all threads of this process.
     cost : float
         Seconds that an idle machine would take: CPU time over cores on a CPU, else elapsed time.
     paths, rays, shadow_rays, deepest : int
@@ -28,13 +28,13 @@ class Run:
     noise : float
         relMSE against the reference, minus the reference's own.
     display_error : float
-        Display error: root mean square difference from it, both after the square root and clamped to 0..1.
+        Display error: root mean square difference from the reference, both after the square root and clamped to 0..1.
     median_ratio : float
-        Median over pixels and channels of image / reference: below 1 where rare paths contribute much.
+        Median over pixels and channels of image / reference: below 1 if rare paths contribute much.
     mean : float
         Radiance, over pixels and channels.
     sha256 : str
-        Of the image's linear pixels.
+        Hash of the image's linear pixels.
     """
 
     seed: int
@@ -58,7 +58,7 @@ class Run:
 
     @property
     def display_efficiency(self) -> float:
-        """The same for the display error: 1 / (its square x seconds)."""
+        """Efficiency for the display error: 1 / (its square x seconds)."""
         return 1.0 / (self.display_error**2 * self.cost)
 
 
@@ -130,7 +130,7 @@ class Row:
 
     @property
     def deepest(self) -> tuple[int, int]:
-        """Smallest and largest of the runs."""
+        """Smallest and largest deepest path of the runs."""
         depths = [run.deepest for run in self.runs]
         return min(depths), max(depths)
 
@@ -145,16 +145,16 @@ class Results:
     quick : bool
     device, driver : str
     cores : int
-        Of the CPU that renders; 0 on other devices.
+        Cores of the rendering CPU; 0 on other devices.
     rows : dict
-        Name -> Row; without ``one-core`` where rendering could not be restricted to one core.
+        Rows by name; without ``one-core`` if rendering could not be restricted to one core.
     no_one_core : str
-        The reason for that; else empty.
+        The reason for its absence; else empty.
     reference_mean, reference_noise : float
         Radiance of the reference over pixels and channels; its own relMSE, which is subtracted from every run's.
     reference_samples : int
     emitted_mean, direct_mean : float
-        Mean radiance of directly visible lights; the same with direct light.
+        Mean radiance of directly visible lights; that with direct light added.
     limited : list of float
         Means of renders whose paths have at most `limit` scattering events.
     limit : int
@@ -180,12 +180,12 @@ class Results:
     seconds: float = 0.0
 
     def each(self, names: Sequence[str]) -> list[Row]:
-        """Those of these rows that exist."""
+        """The rows of these names that exist."""
         return [self.rows[name] for name in names if name in self.rows]
 
     @property
     def share_of_cores(self) -> float:
-        """Fraction of the cores that the renders on all cores really had; 1 on devices that are not CPUs."""
+        """Fraction of the cores that the renders on all cores actually used; 1 on devices that are not CPUs."""
         if not self.cores:
             return 1.0
         runs = [run for row in self.rows.values() if row.cores == self.cores for run in row.runs]

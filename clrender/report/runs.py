@@ -1,4 +1,4 @@
-"""Renders for the report: all settings in turns, a reference, and one core in a process of its own."""
+"""Renders for the report: all settings in turns, a reference, and one core in a separate process."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Stopped(Exception):
 
 @dataclass
 class Renderer:
-    """Renders, reports progress, and stops when asked to.
+    """Renders, reports progress, and stops on request.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Renderer:
     session : Session
         Renders everything but the runs on one core.
     device : str or None
-        As ``--device``, for the runs on one core.
+        As for ``--device``, for the runs on one core.
     should_stop : callable
     say : callable
         Receives a line of text per render.
@@ -116,7 +116,7 @@ class Measured:
     ----------
     results : Results
     images : dict
-        Name -> linear image: the first run of each row, ``reference``, and those for figures alone.
+        Linear images by name: the first run of each row, ``reference``, and those only for figures.
     """
 
     results: Results
@@ -131,7 +131,7 @@ class Reference:
     noise: float
 
     def judge(self, image: _Image) -> dict[str, float]:
-        """`noise`, `display_error`, `median_ratio` and `mean` of a `Run`.
+        """Compute `noise`, `display_error`, `median_ratio` and `mean` of a `Run`.
 
         Image and reference are independent, so subtracting the reference's relMSE leaves an unbiased estimate of the
         image's.
@@ -158,9 +158,9 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     Raises
     ------
     ClrenderError
-        When nothing can be rendered.
+        If nothing can be rendered.
     Stopped
-        When the user asks to stop.
+        If the user asks to stop.
     """
     begun = time.perf_counter()
     scene = clrender.load(SCENE)
@@ -205,7 +205,7 @@ def _turns(
     renderer: Renderer, scene: Scene, rows: dict[str, Row], reference: Reference, images: dict[str, _Image],
     quick: bool, driver: str,
 ) -> str:  # fmt: skip
-    """All settings in turns, so that other load affects all alike; returns why one core was left out, or nothing."""
+    """Run all settings in turns, so that other load affects all alike; returns why one core was left out, or ""."""
     no_one_core = (
         "" if driver.startswith("Portable Computing Language") else f"{driver} cannot be restricted to one core."
     )
@@ -233,7 +233,7 @@ def _one_core(renderer: Renderer, rows: dict[str, Row], turn: int) -> None:
         raise Stopped
     for (name, twin), stats in zip(twins.items(), all_stats, strict=True):
         row = rows.setdefault(name, dataclasses.replace(twin, name=name, cores=1, runs=[]))
-        # The same seed gives the same bits, as the hash shows: errors need not be measured again.
+        # The same seed gives the same bits, as the hash confirms: errors need not be measured again.
         run = twin.runs[turn]
         judged = {
             "noise": run.noise,
@@ -260,7 +260,7 @@ def _run(stats: dict[str, Any], cores: int, seed: int, judged: dict[str, float])
 
 
 def _absorptions(renderer: Renderer, scene: Scene) -> dict[int | None, float | None]:
-    """Deepest path wanted -> absorption. A short render measures how many paths end other than by the roulette."""
+    """Absorption by desired deepest path. A short render measures how many paths end other than by roulette."""
     probe = renderer.image(scene, "finding absorptions", 4, roulette="absorption", absorption=0.5).stats
     rays = probe["rays"] - probe["shadow_rays"]
     goes_on = (1.0 - probe["samples"] / rays) / 0.5  # the mean length of geometric paths is 1 / (1 - survival)

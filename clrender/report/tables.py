@@ -1,4 +1,4 @@
-"""The report's table with our numbers beside its own, and work and noise of every setting, as rows of text."""
+"""The report's table next to our numbers, and work and noise of every setting, as text tables."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["noise_table", "times_table", "verdict_table"]
 
 
 def times_table(results: Results) -> Table:
-    """The report's Table 1 with our times beside its own.
+    """The report's Table 1, next to our times.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def verdict_table(found: Sequence[Verdict]) -> Table:
 
 def _ratio(results: Results, row: Row, base: Row) -> float:
     if row.cores == 1 and base.cores != 1:
-        # One core alone was measured beside these runs of all cores.
+        # The runs on one core were measured alongside these runs on all cores.
         seeds = {run.seed for run in row.runs}
         return row.seconds / statistics.median(run.seconds for run in base.runs if run.seed in seeds)
     return row.cost / base.cost

@@ -1,4 +1,4 @@
-"""Which of the founding report's conclusions hold: each decided by the numbers, never written down beforehand."""
+"""Which of the founding report's conclusions hold, decided by the measured numbers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Verdict:
     Attributes
     ----------
     name : str
-        In `clrender.report.founding.CLAIMS`.
+        Key of `clrender.report.founding.CLAIMS`.
     claim, measured : str
     outcome : str
         ``holds``, ``does not hold`` or ``undecided``.
@@ -45,7 +45,7 @@ class Verdict:
 
 
 def verdicts(results: Results) -> list[Verdict]:
-    """All of them, in the order of the report, without those whose rows are missing.
+    """All verdicts, in the order of the report, except those whose rows are missing.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def _decided(holds: bool, fails: bool) -> str:
 
 def _time(results: Results) -> tuple[str, str]:
     power = power_law([(row.samples, run.cost) for row in results.each(_SAMPLES) for run in row.runs])
-    # Its own table: 256 samples against 16.
+    # The report's own table: 256 samples against 16.
     theirs = math.log((44 * 60 + 59) / (2 * 60 + 56)) / math.log(16)
     text = (
         f"Time grows as samples to the power of {bounds(power)}; the report's own times give {theirs:.2f}. A power of "
@@ -252,7 +252,7 @@ def _more_cores(results: Results) -> tuple[str, str] | None:
 
 
 def _speedup(results: Results, alone: str, together: str) -> Interval:
-    """Ratio of elapsed times, of the same turns only."""
+    """Ratio of elapsed times, using only the same turns."""
     one = results.rows[alone].runs
     seeds = {run.seed for run in one}
     beside = [run.seconds for run in results.rows[together].runs if run.seed in seeds]

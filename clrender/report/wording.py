@@ -10,7 +10,7 @@ __all__ = ["bounds", "factor", "percent", "significant"]
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """A number with this many significant digits, without an exponent where that is readable."""
+    """A number with this many significant digits, without an exponent if that is readable."""
     if value == 0.0 or not math.isfinite(value):
         return "0" if value == 0.0 else "–"
     places = digits - 1 - math.floor(math.log10(abs(value)))
@@ -20,20 +20,20 @@ def significant(value: float, digits: int = 3) -> str:
 
 
 def factor(value: float) -> str:
-    """×1.71."""
+    """A factor, such as ×1.71."""
     return f"×{significant(value)}"
 
 
 def percent(value: float) -> str:
-    """A fraction as 12.3 %."""
+    """A fraction as a percentage, such as 12.3 %."""
     return f"{100.0 * value:.1f} %"
 
 
 def bounds(interval: Interval, sign: str = "", *, percent: bool = False) -> str:
-    """An estimate with its interval: ×1.08 (1.05 to 1.11)."""
+    """An estimate with its interval, such as ×1.08 (1.05 to 1.11)."""
     if percent:
         told = f"{100.0 * interval.value:+.2f} %"
         return told + (f" ({100.0 * interval.low:+.2f} to {100.0 * interval.high:+.2f})" if interval.known else "")
     told = f"{sign}{interval.value:.2f}"
-    # A ratio of one run to another has the bounds 0 and infinity: none.
+    # A ratio of single runs has the bounds 0 and infinity, that is, none.
     return told + (f" ({interval.low:.2f} to {interval.high:.2f})" if interval.known else "")

@@ -1,4 +1,4 @@
-"""Scenes as data: the validated model, its files, and the meshes they name."""
+"""Scene descriptions: the validated model, scene files, and the meshes they name."""
 
 from __future__ import annotations
 

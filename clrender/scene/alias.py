@@ -1,4 +1,4 @@
-"""The alias table that picks one of many lights with two numbers read, however many there are."""
+"""The alias table, which picks one of any number of lights with two reads."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _FLOOR = 1e-6
 def alias_table(
     power: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint32]]:
-    """Probabilities in proportion to power, and the table that draws from them.
+    """Light probabilities proportional to power, and the alias table that samples them.
 
-    The table is Vose's (1991): entry k is kept when a uniform number is below its threshold, else its alias is taken.
-    Instead of two stacks it is filled by one sweep over running sums (Hübschle-Schneider and Sanders 2019, section
-    4), which numpy does for millions of lights at once: a light entry takes what it lacks from the first heavy entry
-    that is not used up; a heavy entry used up becomes light and takes what it lacks from the next.
+    The table is Vose's (1991): entry k is kept if a uniform number is below its threshold; otherwise its alias is
+    taken. One sweep over running sums fills it, instead of two stacks (Hübschle-Schneider and Sanders 2019, section
+    4); NumPy does this for millions of lights at once. A light entry fills up from the first heavy entry that is not
+    exhausted; an exhausted heavy entry becomes light and fills up from the next one.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def alias_table(
     Returns
     -------
     probability, threshold, alias : (L,) float64, (L,) float64, (L,) uint32
-        Probabilities add up to 1. No power counts for less than a millionth of the mean, so that nothing that shines
-        is out of reach.
+        Probabilities sum to 1. Powers are clamped to at least a millionth of the mean, so that every light can be
+        sampled.
     """
     count = len(power)
     power = np.maximum(power, _FLOOR * (math.fsum(power) / count))
@@ -44,13 +44,13 @@ def alias_table(
         return probability, threshold, alias
     lacking = np.cumsum(1.0 - share[light])
     spare = np.cumsum(share[heavy] - 1.0)
-    # A light entry meets the first heavy one that the light ones before it did not overdraw. One used up exactly
-    # still counts, as it does below: it gives once more and becomes light itself.
+    # A light entry takes from the first heavy one that earlier light entries did not overdraw. A heavy entry that is
+    # exactly exhausted still counts, as below: it gives once more and becomes light itself.
     before = np.concatenate([[0.0], lacking[:-1]])
     giver = np.minimum(np.searchsorted(spare, before, side="left"), len(heavy) - 1)
     threshold[light] = share[light]
     alias[light] = heavy[giver]
-    # A heavy entry is used up by the first light one that takes more than is left; the last one ends exactly at 1.
+    # The first light entry that takes more than is left exhausts a heavy entry; the last one ends exactly at 1.
     taker = np.searchsorted(lacking, spare[:-1], side="right")
     used_up = taker < len(light)
     threshold[heavy[:-1][used_up]] = 1.0 + spare[:-1][used_up] - lacking[taker[used_up]]

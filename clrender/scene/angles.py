@@ -1,4 +1,4 @@
-"""Sine and cosine of degrees, the same on every machine: an image must not depend on somebody's maths library."""
+"""Sine and cosine of degrees with the same bits on every machine, whatever its maths library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes a scene's instances apart: what is written out once for each of them, and what is kept once for all."""
+"""Resolves a scene's instances: which shapes are duplicated per instance, and which are stored once and shared."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ from clrender.scene.wording import place, quoted
 __all__ = ["Assembly", "assemble", "written_out"]
 
 _MANY: Final = 64
-"""Of so many groups at most each has a tree of its own, however small."""
+"""Up to this many groups, each gets its own tree, however small it is."""
 _PLACES: Final = 8
-"""Of shapes of a group."""
+"""Most shapes, over all its instances, of a small group."""
 _TRIANGLES: Final = 2**12
-"""Of more groups those are written out which so make no more shapes and triangles: that takes less time than a tree."""
+"""Most triangles, over all its instances, of a small group. Duplicating small groups is faster than building trees."""
 _Placed: TypeAlias = "tuple[tuple[str | int, ...], AnyShape]"
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A scene without instances, and where its groups stand.
+    """A scene with its instances resolved, and the placements of its groups.
 
     Attributes
     ----------
     scene : Scene
-        Its shapes are the scene's own; then those of groups that shine, once for each of their instances, because each
-        is a light of its own, and those of small groups, if there are many; then the others of groups, in their own
-        space.
+        Its shapes come in this order: the scene's own; the group shapes that emit light, duplicated per instance
+        because each is a light of its own, and those of small groups, if there are many groups; the other group
+        shapes, in group space.
     own_shapes : int
-        How many of these are in world space.
+        Number of shapes in world space, which come first.
     groups : tuple of range
-        Which of the others make up each group that is placed.
+        Range of the remaining shapes that makes up each placed group.
     group_of : (N,) int64
         Group of each instance.
     maps : (N, 3, 4) float64
-        From its group's space into the world, metres.
+        Map of each instance from group space to world space, metres.
     seen_place, seen_shape : (K,) int64
-        What can be told apart in an image: each shape in world space, then each shape of a group for each entry of the
-        list of the scene that was taken apart that places it. Its place in that list, of shapes that were written out
-        that of their instance; and its place in the list of `scene`.
+        The objects that an image can tell apart: each shape in world space, then each group shape once per entry of
+        the original shape list that places its group. `seen_place` is the index in the original list (for duplicated
+        shapes that of their instance), `seen_shape` the index in `scene`.
     seen_begin : (N,) int64
-        Of each instance: what to add to the place of a group's shape in `scene` to find it there.
+        Of each instance: the offset from the index of a group's shape in `scene` to its index in these two arrays.
     """
 
     scene: Scene
@@ -66,7 +66,7 @@ class Assembly:
 
 
 def assemble(scene: Scene) -> Assembly:
-    """Take a scene's instances apart.
+    """Resolve a scene's instances.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def assemble(scene: Scene) -> Assembly:
 
 
 def _small_groups(scene: Scene) -> set[str]:
-    """Groups for which trees of their own are not worth it: each takes as long as some thousand triangles more."""
+    """Groups too small for their own trees: building a tree takes as long as some thousand more triangles."""
     places: dict[str, int] = {}
     for index, instance in scene.instances():
         places[instance.group] = places.get(instance.group, 0) + len(scene.transforms(index).maps)
@@ -146,14 +146,14 @@ def _small_groups(scene: Scene) -> set[str]:
 
 
 def _triangles(scene: Scene, at: tuple[str | int, ...], shape: AnyShape) -> int:
-    """Of a shape, or 1; fewer than there are of boxes and the like do not matter."""
+    """Number of triangles of a mesh; 1 for other shapes, whose few triangles do not matter."""
     if not isinstance(shape, Mesh):
         return 1
     return len(shape.faces) if shape.file is None else len(scene.mesh_of(at, shape).triangles)
 
 
 def written_out(scene: Scene) -> Scene:
-    """The same scene with the shapes of its groups in the place of instances.
+    """A copy of the scene in which each instance is replaced by the shapes of its group.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def written_out(scene: Scene) -> Scene:
     Raises
     ------
     SceneError
-        As of `assemble`, or if there would be too many shapes.
+        Like `assemble`, or if there would be too many shapes.
     """
     shapes, _ = _own(scene)
     if len(shapes) == len(scene.shapes):
@@ -178,7 +178,7 @@ def written_out(scene: Scene) -> Scene:
 
 
 def _own(scene: Scene) -> tuple[list[_Placed], list[int]]:
-    """Shapes of the scene that are no instances, and their places in its list."""
+    """Shapes of the scene that are not instances, and their indices in its list."""
     own = [(index, shape) for index, shape in enumerate(scene.shapes) if not isinstance(shape, Instance)]
     return [(scene.place_of(index), shape) for index, shape in own], [index for index, _ in own]
 
@@ -188,7 +188,7 @@ def _shapes_of(scene: Scene, group: str) -> list[_Placed]:
 
 
 def _written(shapes: Sequence[_Placed], array: NDArray[np.float64]) -> list[_Placed]:
-    """Some shapes under each of some maps."""
+    """The shapes, transformed by each of the maps."""
     if not shapes:
         return []
     outers = [
@@ -205,7 +205,7 @@ def _moved(shape: AnyShape, outer: Affine) -> AnyShape:
 
 
 def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:
-    """Spheres and disks stay such."""
+    """Raise an error if a map would stretch a sphere or disk unevenly."""
     if not any(isinstance(shape, Sphere | Disk) for _, shape in shapes):
         return
     x, y, z = array[:, :, 0], array[:, :, 1], array[:, :, 2]

@@ -1,4 +1,7 @@
-"""Texture coordinates, colours and tangents of the primitives of textured shapes: of meshes as their files say, of other shapes their own."""  # noqa: E501
+"""Texture coordinates, colours and tangents of the primitives of textured shapes.
+
+Those of meshes come from their files; other shapes have their own.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +40,11 @@ COLORS: Final = _COLUMNS["COLORS"]
 TANGENTS: Final = _COLUMNS["TANGENTS"]
 _SLOTS: Final = _COLUMNS["SLOTS"]
 _BOX_NORMALS: tuple[Vector, ...] = ((-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1))
-"""Of the faces, in the order of `geometry.polyhedron`: two triangles each."""
+"""Normals of a box's faces, in the order of `geometry.polyhedron`; two triangles per face."""
 
 
 def is_textured(scene: Scene, index: int) -> bool:
-    """Whether a shape shines as a texture, its material has textures, or its vertices have colours or tangents that count."""  # noqa: E501
+    """Whether a shape has textured emission, a textured material, or vertex colours or tangents that are used."""
     shape = scene.plain_shapes[index]
     if any(True for _ in _textures(scene, shape)):
         return True
@@ -49,7 +52,7 @@ def is_textured(scene: Scene, index: int) -> bool:
 
 
 def has_tangents(scene: Scene, index: int) -> bool:
-    """Whether a shape's vertices have tangents that count: of a normal map, or for an anisotropic material."""
+    """Whether a shape's vertex tangents are used: by a normal map or an anisotropic material."""
     shape = scene.shapes[index]
     if not isinstance(shape, Mesh) or shape.material is None:
         return False
@@ -59,7 +62,7 @@ def has_tangents(scene: Scene, index: int) -> bool:
 
 
 def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, AnyTexture]]:
-    """Textures of a shape, each with what needs it."""
+    """Textures of a shape, each with a description of what uses it."""
     if isinstance(shape.emission, ImageTexture | Checker | Ramp):
         yield "its emission", shape.emission
     if shape.material is not None:
@@ -70,19 +73,19 @@ def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, AnyTexture]]:
 def triangle_attributes(
     scene: Scene, index: int, mesh: MeshData, kept: NDArray[np.bool_] | None, flipped: bool
 ) -> NDArray[np.float32]:
-    """ATTRIBUTE_ROW_* of kernels/types.h of the triangles of a textured shape.
+    """Attributes (ATTRIBUTE_ROW_* of kernels/types.h) of the triangles of a textured shape.
 
     Parameters
     ----------
     scene : Scene
     index : int
-        Of the shape.
+        Index of the shape.
     mesh : MeshData
         Its triangles.
     kept : (T,) bool, optional
-        Which of them the scene keeps; default: all.
+        Which triangles the scene keeps; default: all.
     flipped : bool
-        Whether their corners come in reverse order there.
+        Whether the scene reverses the order of their corners.
 
     Returns
     -------
@@ -91,7 +94,7 @@ def triangle_attributes(
     Raises
     ------
     SceneError
-        A texture needs coordinates that the mesh does not have.
+        A texture needs texture coordinates that the mesh lacks.
     """
     shape = scene.plain_shapes[index]
     sets = (corner_uvs(shape, mesh), mesh.uvs_1)
@@ -109,7 +112,7 @@ def triangle_attributes(
 
 
 def triangle_colors(mesh: MeshData, kept: NDArray[np.bool_] | None, flipped: bool) -> NDArray[np.float32] | None:
-    """The colours of the same triangles' vertices, (kept triangles, 16) float32; None where a mesh has none."""
+    """Vertex colours of the same triangles, (kept triangles, 16) float32; None if the mesh has none."""
     if mesh.colors is None:
         return None
     rows = np.zeros((len(mesh.triangles), 16), np.float32)
@@ -124,18 +127,18 @@ def triangle_tangents(
     flipped: bool,
     turned: NDArray[np.bool_] | None,
 ) -> NDArray[np.float32]:
-    """TANGENT_ROW_* of kernels/types.h of the same triangles.
+    """Tangents (TANGENT_ROW_* of kernels/types.h) of the same triangles.
 
     Parameters
     ----------
     tangents : (T, 3, 4) float32
-        Of the mesh.
+        Tangents of the mesh.
     kept, flipped
-        As of `triangle_attributes`.
+        See `triangle_attributes`.
     transform : Affine
-        Of the mesh to the world.
+        Transform from the mesh's space to world space.
     turned : (kept triangles,) bool, optional
-        Of which the kernels turn the normals round.
+        Triangles whose normals the kernels flip.
 
     Returns
     -------
@@ -156,15 +159,15 @@ def triangle_tangents(
 def add_corner_rows(
     attributes: NDArray[np.float32], column: int, rows_of: Mapping[int, NDArray[np.float32]]
 ) -> NDArray[np.float32]:
-    """The attributes of all primitives with more rows behind them, which those of triangles then name.
+    """Append rows to the attributes of all primitives, and write their indices into those of the triangles.
 
     Parameters
     ----------
     attributes : (P, 16) float32
     column : int
-        Of the attributes that has the number of a triangle's further row: `COLORS` or `TANGENTS`.
+        Column of the attributes that holds the index of a triangle's appended row: `COLORS` or `TANGENTS`.
     rows_of : mapping of int to (n, 16) float32
-        Rows of the triangles from this number on.
+        Rows to append, by the index of their first triangle.
     """
     end = len(attributes)
     for first, rows in rows_of.items():
@@ -175,10 +178,10 @@ def add_corner_rows(
 
 
 def round_attributes(scene: Scene, shape: Sphere | Disk, transform: Affine) -> NDArray[np.float32]:
-    """The same of a sphere or disk, (16,) float32: its own axes in world space, of unit length.
+    """Attributes of a sphere or disk, (16,) float32: its axes in world space, of unit length.
 
-    The longitude of a sphere grows from the half circle towards -z to the right as seen from outside, the latitude from
-    -y to y. A disk fills the square from 0 to 1 as far as a disk does; its picture stands upright along y.
+    The longitude of a sphere grows from the half circle towards -z to the right, seen from outside; the latitude grows
+    from -y to y. A disk is inscribed in the unit square of texture coordinates; v grows along y.
     """
     x, y, z = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     if isinstance(shape, Disk):
@@ -217,6 +220,6 @@ def corner_uvs(shape: Shape, mesh: MeshData) -> NDArray[np.float32] | None:
 
 
 def _slots(scene: Scene, shape: Shape) -> np.float32:
-    """Number of the material, as bits; of none, the one after the last."""
+    """Index of the material, as the bits of a float; without a material, one past the last."""
     numbers: Mapping[str | None, int] = {name: number for number, name in enumerate([*scene.materials, None])}
     return np.float32(np.uint32(numbers[shape.material]).view(np.float32))

@@ -1,4 +1,4 @@
-"""The box around a scene's shapes."""
+"""The bounding box of a scene."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["scene_bounds"]
 
 
 def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The box around all shapes, world space, metres.
+    """Bounding box of all shapes, world space, metres.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]
     Returns
     -------
     low, high : (3,) float64
-        Infinite, and `low` above `high`, where there is nothing.
+        Infinite, with `low` above `high`, for an empty scene.
     """
     assembly = assemble(scene)
     scene = assembly.scene
@@ -42,7 +42,7 @@ def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]
 
 
 def _bounds(scene: Scene, shapes: range) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same of some shapes that are no instances."""
+    """Bounding box of some shapes that are not instances."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for index in shapes:
         shape = scene.plain_shapes[index]

@@ -1,4 +1,4 @@
-"""The camera: where it stands, where it looks, and how directions become places of the image."""
+"""The camera: its position, its direction, and its projection."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OF_CAMERAS: Final[Mapping[str, tuple[str, ...]]] = {
     "blade_rotation_degrees": ("perspective", "orthographic"),
     "mirrored": ("perspective", "orthographic"),
 }
-"""Types of camera that have these keys; all have the others."""
+"""Camera types that allow these keys; all types allow the others."""
 
 _FStop = Annotated[Finite, Field(ge=PHOTOGRAPHIC["f_stop"].low, le=PHOTOGRAPHIC["f_stop"].high)]
 _Shutter = Annotated[Finite, Field(ge=PHOTOGRAPHIC["shutter"].low, le=PHOTOGRAPHIC["shutter"].high)]
@@ -83,12 +83,12 @@ class Camera(Part):
 
     @property
     def reach(self) -> float:
-        """How far from `position` rays may begin, metres: without perspective, as wide as the image is."""
+        """Largest distance from `position` to a ray's origin, metres; infinite for an orthographic camera."""
         return math.inf if self.type == "orthographic" else self.aperture_radius
 
     @property
     def exposure(self) -> dict[str, float] | None:
-        """What decides how an image is shown, and nothing about its radiance; None where it is not given."""
+        """The exposure settings, which affect only display images and not radiance; None if not given."""
         given = {name: getattr(self, name) for name in PHOTOGRAPHIC}
         return {name: value for name, value in given.items() if value is not None} or None
 

@@ -1,4 +1,4 @@
-"""Finds faces of different media that coincide: of two such faces a ray finds one, so that its media come out wrong."""
+"""Finds coinciding faces of different media: a ray hits only one of the two, so it tracks the wrong media."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ __all__ = ["coinciding_shapes"]
 
 _MOST_TRIANGLES: Final = 2**18
 _MOST_PAIRS: Final = 2**20
-"""More is not looked at: what is found is told in a warning, and must not take long."""
+"""Most pairs that are tested: the result is only a warning, which must not take long."""
 _NEAR: Final = 1e-6
-"""Of the largest coordinate: planes so near to each other are the same to a ray."""
+"""Fraction of the largest coordinate: a ray cannot distinguish planes this close."""
 
 
 def coinciding_shapes(arrays: Mapping[str, NDArray[Any]], triangle_count: int) -> tuple[int, int] | None:
-    """Two shapes of different media with triangles that cover a piece of the same plane together.
+    """Two shapes of different media whose triangles overlap in one plane.
 
     Parameters
     ----------
     arrays : mapping of str to ndarray
-        As of `clrender.flatten.FlatScene`.
+        See `clrender.flatten.FlatScene`.
     triangle_count : int
-        So many of the triangles are looked at: those in the world.
+        Number of triangles in world space; only these are tested.
 
     Returns
     -------
     (int, int) or None
-        Places in the scene's list of shapes.
+        Indices in the scene's list of shapes.
     """
     if len(arrays["media_rows"]) == 1:
         return None
@@ -56,7 +56,7 @@ def coinciding_shapes(arrays: Mapping[str, NDArray[Any]], triangle_count: int) -
 
 
 def _planes(corners: NDArray[np.float64]) -> list[NDArray[np.intp]]:
-    """Triangles that lie in one plane, whichever side they face: the groups of more than one."""
+    """Groups of two or more coplanar triangles, whichever side they face."""
     size = max(float(np.abs(corners).max()), 1e-30)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.sqrt((normal * normal).sum(axis=1))[:, None]
@@ -72,7 +72,7 @@ def _planes(corners: NDArray[np.float64]) -> list[NDArray[np.intp]]:
 
 
 def _overlap(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(n, m) whether triangles of one plane have more than an edge in common: no edge of either parts them."""
+    """Whether coplanar triangles overlap by more than an edge, (n, m): no edge of either separates them."""
     size = float(max(np.abs(first).max(), np.abs(second).max()))
     across = np.cross(first[0, 1] - first[0, 0], first[0, 2] - first[0, 0])
     kept = [axis for axis in range(3) if axis != int(np.abs(across).argmax())]

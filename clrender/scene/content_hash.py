@@ -1,4 +1,4 @@
-"""Hash of a scene's content, wherever it lies and however it was written."""
+"""Hash of a scene's content, independent of its location and spelling."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = ["content_sha256", "put_at"]
 
 
 def content_sha256(scene: Scene, left_out: set[str]) -> str:
-    """Hash of what a scene holds, its files by what they hold and not by their names.
+    """Hash of a scene's content; files count by their content, not by their names.
 
     Parameters
     ----------
     scene : Scene
     left_out : set of str
-        Tables that do not count.
+        Tables to leave out.
 
     Returns
     -------
@@ -32,12 +32,12 @@ def content_sha256(scene: Scene, left_out: set[str]) -> str:
     Raises
     ------
     SceneError
-        A file cannot be read or is not sound.
+        A file cannot be read or is invalid.
     """
     content = scene.model_dump(mode="json", exclude=left_out)
     for key in PHOTOGRAPHIC:
         content.get("camera", {}).pop(key, None)
-    if not scene.camera.mirrored:  # a key that is younger than hashes in films
+    if not scene.camera.mirrored:  # hashes in existing films predate this key
         content.get("camera", {}).pop("mirrored", None)
     if not scene.groups:  # likewise
         content.pop("groups", None)
@@ -65,7 +65,7 @@ def content_sha256(scene: Scene, left_out: set[str]) -> str:
 
 
 def put_at(description: Any, at: tuple[str | int, ...], value: str) -> None:
-    """Write a text into nested tables and lists."""
+    """Store a string at a path in nested tables and lists."""
     for step in at[:-1]:
         description = description[step]
     description[at[-1]] = value

@@ -1,4 +1,4 @@
-"""Numbers from their digits, many at a time."""
+"""Vectorised conversion of decimal digits to numbers."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ _POWERS: Final = 10.0 ** np.arange(23)
 """Powers of ten that double precision holds exactly."""
 _WORD: Final = 8
 _NIBBLES: Final = np.array([0x0F0F0F0F0F0F0F0F << 8 * (8 - n) & 2**64 - 1 for n in range(9)], np.uint64)
-"""Of eight bytes, the first one lowest, the digits' values in the last n."""
+"""Masks that keep the digit values in the last n of eight bytes, the first byte being the lowest."""
 
 
 def decimal_values(
     digits: NDArray[np.int64], decimals: NDArray[np.int64], negative: NDArray[np.bool_]
 ) -> NDArray[np.float64] | None:
-    """Numbers without exponents, correctly rounded.
+    """Decimal numbers without exponents, correctly rounded.
 
     Parameters
     ----------
     digits : (n,) int64
-        Without their dots, signs included.
+        The numbers without decimal points, signs included.
     decimals : (n,) int64
-        How many digits stand behind the dots, from 0.
+        Number of digits after the decimal point, from 0.
     negative : (n,) bool
-        Which have a minus sign, so that zeros keep theirs.
+        Which numbers have a minus sign, so that zeros keep theirs.
 
     Returns
     -------
     (n,) float64, or None
-        None where a number has too many digits for that: see `parse_numbers`.
+        None if a number has too many digits for exact conversion: see `parse_numbers`.
     """
     values = digits.astype(np.float64)
     if len(values) and (max(values.max(), -values.min()) >= 2.0**53 or decimals.max() >= len(_POWERS)):
@@ -48,9 +48,9 @@ def decimal_values(
 def digit_values(
     data: NDArray[np.uint8], ends: NDArray[np.int64], lengths: NDArray[np.int64]
 ) -> NDArray[np.int64] | None:
-    """Whole numbers whose digits stand before given places.
+    """Integers whose digits end at given positions.
 
-    Eight digits are one 64-bit word, in which neighbours are added up in three steps: pairs, fours, all
+    Eight digits form one 64-bit word, in which neighbours are combined in three steps: pairs, fours, all
     (Lemire, "Quickly parsing eight digits", 2018).
 
     Parameters
@@ -58,20 +58,20 @@ def digit_values(
     data : (m,) uint8
         The text.
     ends : (n,) int64
-        Places of the first byte behind each number.
+        Position of the first byte after each number.
     lengths : (n,) int64
-        Digits of each number, from 0; where there are none the number is 0.
+        Digits of each number, from 0; a number without digits is 0.
 
     Returns
     -------
     (n,) int64, or None
-        None where a number has more than 16 digits.
+        None if a number has more than 16 digits.
     """
     longest = int(lengths.max(initial=0))
     if longest > 2 * _WORD:
         return None
     padded = np.concatenate([np.zeros(2 * _WORD, np.uint8), data])
-    # The word of the eight bytes before each place of the text, wherever these begin
+    # The word of the eight bytes before each position of the text, at any alignment
     words = np.ndarray(len(data) + _WORD, "<u8", padded, strides=(1,))
     values = _eight_digits(words[ends + _WORD], np.minimum(lengths, _WORD))
     if longest > _WORD:
@@ -80,7 +80,7 @@ def digit_values(
 
 
 def _eight_digits(words: NDArray[np.uint64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Numbers of the last bytes of words, as many as lengths say; overwrites the words."""
+    """Integers from the last `lengths` bytes of the words; overwrites the words."""
     words &= _NIBBLES.take(lengths)
     for weights, bits, kept in (
         (10 << 8 | 1, 8, 0x00FF00FF00FF00FF),

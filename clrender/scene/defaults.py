@@ -1,4 +1,4 @@
-"""The tables `image` and `render` of a scene file: defaults of what a render may be told otherwise."""
+"""The tables `image` and `render` of a scene file: default settings, which a render may override."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Image", "Render"]
 
 
 def _keys(section: str) -> dict[str, Any]:
-    """What a table of the scene file may hold, of the table of settings."""
+    """Fields of a scene file's table, built from the settings table."""
     of_it = [setting for setting in SETTINGS.values() if setting.section == section]
     return {setting.name: (Annotated[Any, SettingValue(setting)], setting.default) for setting in of_it}
 

@@ -2,7 +2,7 @@
 
 Every table of the file is one frozen pydantic model with unknown keys forbidden, so that a misspelt key is an error
 and never ignored. Numbers are finite and bounded here; what needs more than one number (a camera that looks at itself,
-a transform that squashes a sphere) is checked by the model that holds them. `validation_errors.py` words the errors.
+a transform that squashes a sphere) is checked by the model that has them. `validation_errors.py` words the errors.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ class Scene(Part):
         return self
 
     def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
-        """Its shapes and those of its groups, each with its place in the scene's description; no instances.
+        """Its shapes and those of its groups, without instances, each with its location in the description.
 
         Yields
         ------
@@ -146,16 +146,16 @@ class Scene(Part):
 
     @property
     def plain_shapes(self) -> tuple[AnyShape, ...]:
-        """Its shapes, where it is known that none is an instance: `clrender.scene.assembly` has taken them apart."""
+        """Its shapes, of a scene whose instances `clrender.scene.assembly` has resolved."""
         return self.shapes  # type: ignore[return-value]
 
     def instances(self) -> Iterator[tuple[int, Instance]]:
-        """Those of its shapes that place a group, each with its index.
+        """Its instances, each with its index.
 
         Yields
         ------
         index : int
-            In `shapes`.
+            Index in `shapes`.
         instance : Instance
         """
         for index, shape in enumerate(self.shapes):
@@ -163,12 +163,12 @@ class Scene(Part):
                 yield index, shape
 
     def place_of(self, index: int) -> tuple[str | int, ...]:
-        """Where `shapes[index]` stands in the description: there, or in a group if `clrender.scene.assembly` put it.
+        """Location of `shapes[index]` in the description: in `shapes`, or in a group after `clrender.scene.assembly`.
 
         Parameters
         ----------
         index : int
-            In `shapes`.
+            Index in `shapes`.
 
         Returns
         -------
@@ -177,12 +177,12 @@ class Scene(Part):
         return self._places[index] if self._places else ("shapes", index)
 
     def assembled(self, shapes: Sequence[tuple[tuple[str | int, ...], AnyShape]]) -> Scene:
-        """The same scene with these shapes, each with its place in the description, and no groups.
+        """A copy of the scene with these shapes, each with its location in the description, and no groups.
 
         Parameters
         ----------
         shapes : sequence of (place, shape)
-            As `all_shapes` gives them.
+            As `all_shapes` yields them.
 
         Returns
         -------
@@ -194,26 +194,26 @@ class Scene(Part):
 
     @property
     def base_folder(self) -> Path:
-        """Folder against which files are looked up: the scene file's own, or the working folder."""
+        """Folder to which file names are relative: the scene file's own, or the working folder."""
         return self._files.base_folder
 
     @property
     def source(self) -> str:
-        """Name of the scene file for messages."""
+        """Name of the scene file, for messages."""
         return self._files.source
 
     @property
     def origin(self) -> dict[str, Any] | None:
-        """Arguments of `clrender.load` that gave this scene, or the one that it was made from; None: made in code."""
+        """Arguments of `clrender.load` that loaded this scene or its original; None if it was built in code."""
         return self._origin
 
     def with_origin(self, origin: Mapping[str, Any]) -> Scene:
-        """The same scene, which was loaded with these arguments, JSON-able.
+        """A copy of the scene that records these arguments of `clrender.load`, JSON-able.
 
         Parameters
         ----------
         origin : mapping
-            Arguments of `clrender.load` by their names.
+            Arguments of `clrender.load` by name.
 
         Returns
         -------
@@ -224,14 +224,14 @@ class Scene(Part):
         return scene
 
     def placed(self, source: str, base_folder: Path, allow_paths: Sequence[Path] = ()) -> Scene:
-        """The same scene, looking for its files in another folder.
+        """A copy of the scene that looks for its files in another folder.
 
         Parameters
         ----------
         source : str
-            What messages call the scene.
+            Name of the scene in messages.
         base_folder : pathlib.Path
-            Files are looked up in it and read only from it and below ...
+            Folder to which file names are relative. Files are read only from it and below ...
         allow_paths : sequence of pathlib.Path
             ... and from these folders and below.
 
@@ -244,13 +244,13 @@ class Scene(Part):
         return scene
 
     def with_files(self, **contents: Mapping[Any, Any]) -> Scene:
-        """The same scene with these contents in the place of the files of their names.
+        """A copy of the scene that uses these contents instead of the files of these names.
 
         Parameters
         ----------
         **contents : mapping
-            By the kind of file and its name: `meshes`, `transforms`, `environments`, `profiles`, `textures` and
-            `encoded`, as of `clrender.scene.scene_files.SceneFiles`.
+            By kind of file and name: `meshes`, `transforms`, `environments`, `profiles`, `textures` and `encoded`; see
+            `clrender.scene.scene_files.SceneFiles`.
 
         Returns
         -------
@@ -263,14 +263,14 @@ class Scene(Part):
         return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
-        """The same scene with other triangles, in world space, for each of its shapes.
+        """A copy of the scene with other triangles, in world space, for each of its shapes.
 
         Parameters
         ----------
         meshes : sequence of MeshData
             One for each shape.
         lights : sequence of Light
-            In place of the scene's own.
+            Lights that replace the scene's own.
         emitting : bool
             Whether shapes keep their emission.
 
@@ -287,34 +287,34 @@ class Scene(Part):
         return scene
 
     def opened(self, name: str, where: str) -> AbstractContextManager[tuple[BinaryIO, str]]:
-        """A picture or IES file that the scene names: `clrender.scene.scene_files.SceneFiles.opened`.
+        """Open an image or IES file that the scene names: see `clrender.scene.scene_files.SceneFiles.opened`.
 
         Parameters
         ----------
         name : str
-            As the scene has it.
+            Name in the scene.
         where : str
-            Place of the name, for messages.
+            Location of the name, for error messages.
 
         Returns
         -------
         context manager of (binary file, str)
-            The file, and the ending of its format, such as ``.png``.
+            The file, and its format's extension, such as ``.png``.
         """
         return self._files.opened(name, where)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What its reader did not understand, and what it did instead; a sentence each."""
+        """Notes of the importer on what it does not support and did instead; a sentence each."""
         return self._notes
 
     @property
     def read_files(self) -> tuple[Path, ...]:
-        """Files that its reader has read besides the scene file, and that the description does not name."""
+        """Files that its importer has read besides the scene file, and that the description does not name."""
         return self._read_files
 
     def with_notes(self, notes: Iterable[str], read_files: Iterable[Path] = ()) -> Scene:
-        """The same scene with these notes, and these more files that were read.
+        """A copy of the scene with these notes and additional files that were read.
 
         Parameters
         ----------
@@ -331,13 +331,13 @@ class Scene(Part):
         return scene
 
     def with_default_light(self, light: EnvironmentLight, note: str) -> Scene:
-        """The same scene, which has no environment, in one that `with_environment` replaces, along with its note.
+        """A copy of the scene, which has no environment, in a default one; `with_environment` replaces it and its note.
 
         Parameters
         ----------
         light : EnvironmentLight
         note : str
-            What is told of it.
+            Note about the light.
 
         Returns
         -------
@@ -348,7 +348,7 @@ class Scene(Part):
         return scene
 
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
-        """All textures of materials and shapes, each with its place in the scene's description."""
+        """All textures of materials and shapes, each with its location in the description."""
         found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
         for name, material in self.materials.items():
             found += [(("materials", name, key), texture) for key, texture in textures_of(material)]
@@ -358,17 +358,17 @@ class Scene(Part):
         return found
 
     def texture_files(self) -> list[tuple[tuple[str | int, ...], ImageTexture | NormalMap | BumpMap]]:
-        """Those that name a file, each with the place of its name."""
+        """Textures that name a file, each with the location of the name."""
         placed = self.placed_textures()
         return [((*at, "texture"), each) for at, each in placed if not isinstance(each, Checker | Ramp)]
 
     def textures(self) -> TexelStore:
-        """The pictures that its materials and shapes name; the files are read once and kept.
+        """The images that its materials and shapes name; files are read once and cached.
 
         Raises
         ------
         SceneError
-            If a file cannot be read or is no sound picture.
+            If a file cannot be read or is not a valid image.
         """
         placed = self.placed_textures()
         if self._store and self._store[0].holds(texture for _, texture in placed):
@@ -377,18 +377,18 @@ class Scene(Part):
         textures = [(f"{files.source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
         store = TexelStore(textures, files.base_folder, files.allow_paths, files.textures, files.encoded)
         if self._store:
-            self._store = [store]  # this is a copy with other textures of the scene that the store is for
+            self._store = [store]  # this copy has other textures than the scene that the store was made for
         else:
             self._store.append(store)  # for all copies
         return store
 
     def mesh(self, index: int) -> MeshData:
-        """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and kept.
+        """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and cached.
 
         Parameters
         ----------
         index : int
-            In `shapes`, of a mesh.
+            Index of a mesh in `shapes`.
 
         Returns
         -------
@@ -404,12 +404,12 @@ class Scene(Part):
         return self.mesh_of(self.place_of(index), shape)
 
     def mesh_of(self, at: tuple[str | int, ...], shape: Mesh) -> MeshData:
-        """The same of a mesh of its own or of a group, as of `all_shapes`.
+        """Like `mesh`, for any mesh that `all_shapes` yields.
 
         Parameters
         ----------
         at : tuple of str or int
-            Place of the mesh, for messages.
+            Location of the mesh, for error messages.
         shape : Mesh
 
         Returns
@@ -421,12 +421,12 @@ class Scene(Part):
         return self._files.mesh(at, shape)
 
     def read_named(self) -> None:
-        """Read every file that the scene names, so that nothing is read later.
+        """Read every file that the scene names, so that none is read later.
 
         Raises
         ------
         SceneError
-            If one cannot be read or is not sound.
+            If one cannot be read or is invalid.
         """
         for at, shape in self.all_shapes():
             if isinstance(shape, Mesh) and shape.file is not None:
@@ -440,12 +440,12 @@ class Scene(Part):
             self.ies_profile(index)
 
     def transforms(self, index: int) -> TransformArray:
-        """Where the instance `shapes[index]` stands; a file is read once and kept.
+        """Transforms of the instance `shapes[index]`; a file is read once and cached.
 
         Parameters
         ----------
         index : int
-            In `shapes`, of an instance.
+            Index of an instance in `shapes`.
 
         Returns
         -------
@@ -454,7 +454,7 @@ class Scene(Part):
         Raises
         ------
         SceneError
-            If the file cannot be read or holds no usable transforms.
+            If the file cannot be read or contains no usable transforms.
         """
         instance = self.shapes[index]
         assert isinstance(instance, Instance)
@@ -464,21 +464,21 @@ class Scene(Part):
 
     @property
     def environment(self) -> EnvironmentLight | None:
-        """The scene's only one."""
+        """The environment light, of which a scene has at most one."""
         return next((light for light in self.lights if isinstance(light, EnvironmentLight)), None)
 
     @property
     def sky(self) -> SunSkyLight | None:
-        """The scene's only one; beside it there is no environment."""
+        """The sun and sky, of which a scene has at most one, and then no environment light."""
         return next((light for light in self.lights if isinstance(light, SunSkyLight)), None)
 
     def environment_picture(self) -> EnvironmentPicture | None:
-        """The picture of the environment, if it has one; its file is read once and kept.
+        """The environment map, if there is one; its file is read once and cached.
 
         Raises
         ------
         SceneError
-            If the file cannot be read or is not a usable picture.
+            If the file cannot be read or is not a usable image.
         """
         light = self.environment
         if light is None or light.file is None:
@@ -488,12 +488,12 @@ class Scene(Part):
     def with_exposure(
         self, f_stop: float | None = None, shutter: float | None = None, iso: float | None = None
     ) -> Scene:
-        """The same scene, its display images exposed otherwise; what is not given stays.
+        """A copy of the scene with another exposure of display images; settings not given stay.
 
         Parameters
         ----------
         f_stop, shutter, iso : float, optional
-            As of `clrender.exposure.photographic_stops`.
+            See `clrender.exposure.photographic_stops`.
 
         Returns
         -------
@@ -502,7 +502,7 @@ class Scene(Part):
         Raises
         ------
         UsageError
-            When a number is not allowed, or f-stop or shutter is missing then.
+            If a number is not allowed, or the result lacks an f-stop or shutter.
         """
         asked = {"f_stop": f_stop, "shutter": shutter, "iso": iso}
         asked = {name: value for name, value in asked.items() if value is not None}
@@ -513,16 +513,16 @@ class Scene(Part):
         return self.model_copy(update={"camera": self.camera.model_copy(update=given)})
 
     def ies_lights(self) -> list[tuple[int, IesLight]]:
-        """The lights that an IES file describes, each with its index."""
+        """The IES lights, each with its index."""
         return [(index, light) for index, light in enumerate(self.lights) if isinstance(light, IesLight)]
 
     def ies_profile(self, index: int) -> IesProfile:
-        """What the file of the IES light `lights[index]` says; it is read once and kept.
+        """Profile of the IES light `lights[index]`; its file is read once and cached.
 
         Parameters
         ----------
         index : int
-            In `lights`, of an IES light.
+            Index of an IES light in `lights`.
 
         Returns
         -------
@@ -531,20 +531,19 @@ class Scene(Part):
         Raises
         ------
         SceneError
-            If the file cannot be read or is no sound IES file.
+            If the file cannot be read or is not a valid IES file.
         """
         light = self.lights[index]
         assert isinstance(light, IesLight)
         return self._files.profile(light.file, f"lights[{index}].file")
 
     def with_environment(self, environment: str | Path | float) -> Scene:
-        """The same scene, which has no environment of its own, in one.
+        """A copy of the scene, which has no environment of its own, in this environment.
 
         Parameters
         ----------
         environment : str, pathlib.Path or float
-            A `.exr`, `.hdr` or `.png` in latitude and longitude, anywhere; or a radiance, W/(sr m2), the same from all
-            around.
+            An equirectangular `.exr`, `.hdr` or `.png` in any folder, or a constant radiance, W/(sr m2).
 
         Returns
         -------
@@ -553,8 +552,8 @@ class Scene(Part):
         Raises
         ------
         SceneError
-            If the scene has an environment, or the file cannot be read or is not a usable picture, or the number is no
-            radiance.
+            If the scene has an environment, the file cannot be read or is not a usable image, or the number is not a
+            valid radiance.
         """
         around = self.environment or self.sky
         if around is not None and around is not self._default_light[0]:
@@ -568,26 +567,26 @@ class Scene(Part):
         return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
     def sha256(self) -> str:
-        """Hash of what the scene holds, wherever it lies and however it was written.
+        """Hash of the scene's content, independent of its location and spelling.
 
-        Its title, the names of its shapes, its defaults for a render's settings and the exposure of display images do
-        not count; which settings made an image is said beside it.
+        Its title, the names of its shapes, its default render settings and the exposure of display images do not count.
+        Films record a render's settings separately.
 
         Returns
         -------
         str
-            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, a picture by its pixels,
-            an IES file by its intensities, none by its name.
+            64 hexadecimal digits. A mesh file counts by its vertices, normals and triangles, an image by its pixels,
+            an IES file by its intensities, and none by its name.
         """
         return content_sha256(self, {"title", "render"})
 
     def content_sha256(self) -> str:
-        """The same of shapes, materials and lights alone: whoever looks at them, and however."""
+        """Hash of shapes, materials and lights alone, without camera and settings."""
         return content_sha256(self, {"title", "camera", "image", "render"})
 
 
 def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:
-    """The environment that a user asks for, and its picture by the name that it has there."""
+    """The environment light for a user's value, and its environment map, if any, by name."""
     if not isinstance(asked, str | Path):
         if not 0.0 <= asked <= POWER_LIMIT:
             raise SceneError(f"the environment is {asked!r}, but a radiance must be from 0 to {POWER_LIMIT:g}")

@@ -1,4 +1,4 @@
-"""Functions of arrays whose last bit is the same on every machine: additions, multiplications, divisions and roots."""
+"""Elementary functions of arrays with the same bits on every machine: only additions, products, divisions and roots."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _Floats = NDArray[np.float64]
 _LOG2_E: Final = 1.4426950408889634
 _LN2_HIGH: Final = float.fromhex("0x1.62e42fee00000p-1")
 _LN2_LOW: Final = float.fromhex("0x1.a39ef35793c76p-33")
-"""What is missing there: products of the first one with whole numbers below 2^20 are exact."""
+"""Remainder of ln 2: products of the high part with integers below 2^20 are exact."""
 
 
 def exponential(x: _Floats) -> _Floats:
-    """e to the power of numbers, within 5e-16 of its size; of numbers below -740 it is 0.
+    """Exponential, with a relative error below 5e-16; 0 for numbers below -740.
 
     Parameters
     ----------
@@ -36,13 +36,13 @@ def exponential(x: _Floats) -> _Floats:
 
 
 def arctangent(x: _Floats) -> _Floats:
-    """Angle in radians of a tangent from 0 to 1.
+    """Arctangent of numbers from 0 to 1, radians.
 
     Parameters
     ----------
     x : ndarray of float64
     """
-    for _ in range(2):  # to a quarter of the angle
+    for _ in range(2):  # reduces the angle to a quarter
         x = x / (1.0 + np.sqrt(1.0 + x * x))
     square, total = x * x, np.zeros_like(x)
     for n in range(27, 0, -2):
@@ -51,7 +51,7 @@ def arctangent(x: _Floats) -> _Floats:
 
 
 def degrees_of(y: float, x: float) -> float:
-    """Angle from the x axis towards the y axis, -180 to 180 degrees; 0 where both are 0.
+    """Angle from the x axis towards the y axis, -180 to 180 degrees; 0 if both are 0.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the shapes of a scene send out by themselves: their own emission, or that of their material."""
+"""Emission of shapes: their own, or that of their material."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Emission", "emits", "shape_emission"]
 
 @dataclass(frozen=True)
 class Emission:
-    """Radiance of the front of a shape.
+    """Radiance emitted by the front of a shape.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Emission:
     strength : float
         ... this factor.
     place : tuple of str and int
-        Of the key that says so, for messages.
+        Location of its key, for messages.
     """
 
     color: Color | Texture
@@ -36,12 +36,12 @@ class Emission:
 
     @property
     def texture(self) -> Texture | None:
-        """What it shines as, if that is a texture."""
+        """The emission texture, if there is one."""
         return self.color if isinstance(self.color, ImageTexture | Checker | Ramp) else None
 
     @property
     def constant(self) -> Vector:
-        """Radiance of a shape that is the same all over, W/(sr m2); of others black."""
+        """The radiance, if it is constant, W/(sr m2); else black."""
         if self.texture is not None:
             return (0.0, 0.0, 0.0)
         assert isinstance(self.color, tuple)
@@ -50,7 +50,7 @@ class Emission:
 
 
 def emits(scene: Scene, shape: AnyShape) -> bool:
-    """Whether a shape shines, by itself or because its material does."""
+    """Whether a shape emits light, by itself or by its material."""
     if shape.shines or shape.material is None:
         return shape.shines
     material = scene.materials[shape.material]
@@ -58,13 +58,13 @@ def emits(scene: Scene, shape: AnyShape) -> bool:
 
 
 def shape_emission(scene: Scene, index: int) -> Emission | None:
-    """Emission of one of a scene's shapes; None for a shape that does not shine.
+    """Emission of one of a scene's shapes; None if it does not emit light.
 
     Parameters
     ----------
     scene : Scene
     index : int
-        Of the shape.
+        Index of the shape.
     """
     shape = scene.shapes[index]
     if shape.shines:

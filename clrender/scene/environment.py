@@ -1,4 +1,4 @@
-"""Pictures of the environment: read from files, and turned into the table that kernels sample."""
+"""Environment maps: read from files and converted to the table that kernels sample."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ __all__ = ["ENDINGS", "HEAD_WORDS", "PIXEL_LIMIT", "EnvironmentPicture", "Enviro
 
 ENDINGS: Final = (".exr", ".hdr", ".png")
 PIXEL_LIMIT: Final = 2**28
-"""Most pixels, such as 16384 x 16384; on the device they take 16 bytes each."""
+"""Most pixels, such as 16384 x 16384; each takes 16 bytes on the device."""
 _FILE_LIMIT: Final = 2**33
 HEAD_WORDS: Final = 16
 _CHUNK: Final = 2**19
-"""Pixels that are worked on at a time."""
+"""Pixels processed at a time."""
 _MANTISSA: Final = 19
 _BIAS: Final = 64
 _HEAD: Final = {name: at for name, at, _, _ in layout.ROWS["ENVIRONMENT"]}
 _BAND: Final = {name: at for name, at, _, _ in layout.ROWS["BAND"]}
 _EVEN: Final = 1e-6
-"""Where so small a share of the luminance is above the mean, rounding may have made it."""
+"""If the share of luminance above the mean is this small, it may be due to rounding."""
 _POWERS: Final = np.ldexp(1.0, np.arange(128) - _BIAS)
-"""The units that mantissas can count."""
+"""Unit of the mantissas, by stored exponent."""
 
 _Floats = NDArray[np.float64]
 _Number = TypeVar("_Number", float, _Floats)
@@ -44,7 +44,7 @@ _Number = TypeVar("_Number", float, _Floats)
 
 @dataclass(frozen=True)
 class EnvironmentPicture:
-    """Radiance in latitude and longitude, as a file holds it.
+    """Radiance by latitude and longitude, as stored in a file.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class EnvironmentPicture:
     pixels: NDArray[np.float32]
 
     def sha256(self) -> str:
-        """Hash of size and pixels."""
+        """Hash of the size and the pixels."""
         return self._sha256
 
     @cached_property
@@ -67,19 +67,19 @@ class EnvironmentPicture:
 
     @classmethod
     def read(cls, name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> EnvironmentPicture:
-        """Read a picture named by a scene.
+        """Read an environment map named by a scene.
 
         Parameters
         ----------
         name, base_folder, allow_paths
-            As of `clrender.scene.named_files.allowed_file`.
+            See `clrender.scene.named_files.allowed_file`.
         place : str
-            Where the scene names it, for the message.
+            Location of the name in the scene, for error messages.
 
         Raises
         ------
         SceneError
-            If it may not be read, or is not a picture of radiance.
+            If it may not be read, or is not an image of radiance.
         """
         label = f"{place}: {quoted(name)}"
         ending = Path(name).suffix.lower()
@@ -98,12 +98,12 @@ class EnvironmentPicture:
 
     @classmethod
     def checked(cls, pixels: NDArray[np.float32], label: str) -> EnvironmentPicture:
-        """The picture, if all its numbers can be radiance.
+        """An environment map of these pixels, if all are valid radiance.
 
         Raises
         ------
         SceneError
-            It begins with `label`.
+            The message begins with `label`.
         """
         for y, row in enumerate(pixels):
             if row.min() >= 0.0 and row.max() <= POWER_LIMIT:
@@ -124,11 +124,11 @@ class EnvironmentTable:
     Attributes
     ----------
     radiance : (3,) float
-        Mean over all directions, W/(sr m²); black: there is no such light.
+        Mean over all directions, W/(sr m²); black if there is no environment.
     sampled : float
-        Share of its luminance that light samples are in proportion to. 0: they are not to choose it.
+        Share of its luminance that light samples are proportional to; 0 if they must not choose it.
     words : (N,) float32
-        As `kernels/light/environment.h` says; one zero where the radiance is the same everywhere.
+        As `kernels/light/environment.h` says; a single zero if the radiance is constant.
     """
 
     radiance: Color
@@ -137,14 +137,14 @@ class EnvironmentTable:
 
     @classmethod
     def even(cls, radiance: Color, compensated: bool) -> EnvironmentTable:
-        """Of the same radiance from everywhere: nothing of it is brighter than the mean."""
+        """Table of a constant environment; none of it is brighter than the mean."""
         return cls(radiance, 0.0 if compensated else 1.0, np.zeros(1, np.float32))
 
 
 def environment_table(
     picture: EnvironmentPicture, turn: float, scale: Color, compensated: bool = False
 ) -> EnvironmentTable:
-    """The table of a picture.
+    """The sampling table of an environment map.
 
     Parameters
     ----------
@@ -152,9 +152,9 @@ def environment_table(
     turn : float
         Fraction of a turn by which it is rotated about +y, right-handed: from +z towards +x.
     scale : (3,) float
-        What its radiance is multiplied by.
+        Factor of its radiance.
     compensated : bool
-        Light samples leave what is darker than the mean to those of the BSDF.
+        Whether light samples leave directions darker than the mean to samples of the BSDF (MIS compensation).
 
     Returns
     -------
@@ -184,27 +184,27 @@ def _luminance(red: _Number, green: _Number, blue: _Number) -> _Number:
 
 
 def _bands(sums: _Floats, drops: NDArray[np.float32]) -> _Floats:
-    """Integrals between lines of latitude, by its cosine, of what has these sums along the rows."""
+    """Integrals between circles of latitude, weighted by the cosine of the latitude, from the sums of the rows."""
     lines = _lines(sums)
     between: _Floats = (lines[:-1] + lines[1:]) * (0.5 * np.diff(drops.astype(np.float64)))
     return between
 
 
 def _lines(sums: _Floats) -> _Floats:
-    """Those along lines of latitude: the poles have the light of the rows beside them."""
+    """Sums along circles of latitude; the poles take those of the adjacent rows."""
     return np.concatenate((sums[:1], sums, sums[-1:]))
 
 
 def _distribute(table: _Arrays, drops: NDArray[np.float32], compensation: np.float32) -> float:
-    """Write what directions are sampled by; gives its mean over all directions.
+    """Write the sampling distribution; returns its mean over all directions.
 
     Parameters
     ----------
     table : _Arrays
-        With its pixels.
+        Its pixels are already written.
     drops : (H + 2,) float32
     compensation : float32
-        Luminance up to which pixels do not count.
+        Luminance that is subtracted from pixels, down to 0.
     """
     height, width = table.guide.shape[0], table.pixels.shape[1] - 1
     row_sums = np.zeros(height)
@@ -236,7 +236,7 @@ def _distribute(table: _Arrays, drops: NDArray[np.float32], compensation: np.flo
 
 @dataclass(frozen=True)
 class _Arrays:
-    """The parts of a table."""
+    """Views of the parts of a table."""
 
     words: NDArray[np.float32]
     bands: NDArray[np.float32]
@@ -246,11 +246,11 @@ class _Arrays:
 
     @property
     def sums(self) -> NDArray[np.float32]:
-        """The first word of each pixel: the luminance that lies before its centre."""
+        """The first word of each pixel: the sum of the luminance before its centre."""
         return self.pixels[..., 0].view(np.float32)
 
     def chunks(self) -> Iterator[slice]:
-        """Rows of pixels that are worked on at a time."""
+        """Slices of rows to process at a time."""
         height, width = self.guide.shape[0], self.pixels.shape[1] - 1
         step = max(1, _CHUNK // width)
         return (slice(top, top + step) for top in range(0, height, step))
@@ -271,25 +271,25 @@ class _Arrays:
 
 
 def _power_of_two(count: int) -> int:
-    """The largest that is not above a number."""
+    """The largest power of two up to `count`."""
     return 1 << (count.bit_length() - 1)
 
 
 def _guide(sums: NDArray[np.float32], total: np.float32, guide: NDArray[np.uint32]) -> None:
-    """Write a guide table: for each of its fractions of `total` the last of the growing `sums` that is not above it."""
+    """Write a guide table: for each of its fractions of `total`, the last of the ascending `sums` not above it."""
     count = len(guide) - 1
     sought = (np.arange(count + 1) / count).astype(np.float32) * total
     guide[:] = np.maximum(np.searchsorted(sums, sought, side="right"), 1) - 1
 
 
 def _packed(pixels: NDArray[np.float32], scale: Color, packed: NDArray[np.uint32]) -> list[_Floats]:
-    """Write pixels as two words each; gives the radiance that these hold, an array for each channel.
+    """Write pixels as two words each; returns the radiance that these represent, an array for each channel.
 
     Three mantissas of 19 bits share an exponent of 7: the error is below 2^-19 of the largest channel.
     """
     channels = [pixels[..., i].astype(np.float64) * scale[i] for i in range(3)]
     largest = np.maximum(np.maximum(channels[0], channels[1]), channels[2])
-    # Just below a power of two a mantissa would round up to 2^19.
+    # Just below a power of two, a mantissa would round up to 2^19.
     exponent = np.maximum(np.frexp(largest * (1.0 + 2.0**-19))[1], _MANTISSA - _BIAS)
     unit = _POWERS[exponent + (_BIAS - _MANTISSA)]
     for values in channels:
@@ -304,7 +304,7 @@ def _packed(pixels: NDArray[np.float32], scale: Color, packed: NDArray[np.uint32
 
 
 def _unpacked(packed: NDArray[np.uint32]) -> list[_Floats]:
-    """The radiance that two words hold, an array for each channel."""
+    """The radiance that two words represent, an array for each channel."""
     low, high = packed[..., 0], packed[..., 1]
     unit = _POWERS[(high >> np.uint32(25)).astype(np.intp)]
     mask = np.uint32(2**_MANTISSA - 1)
@@ -313,9 +313,9 @@ def _unpacked(packed: NDArray[np.uint32]) -> list[_Floats]:
 
 
 def _drops(height: int) -> NDArray[np.float32]:
-    """(height + 2,) 1 - cosine of the angle from the first pole: of the poles and of the rows' centres.
+    """1 - cosine of the angle from the first pole, for the poles and the rows' centres, (height + 2,).
 
-    By a series, not by NumPy's sine, which differs from machine to machine.
+    Uses a series because NumPy's sine differs between machines.
     """
     half = (height + 1) // 2
     x = (np.arange(half) + 0.5) * (math.pi / (2.0 * height))

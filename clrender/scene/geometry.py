@@ -1,6 +1,6 @@
-"""Transforms and the triangles of each kind of shape; plain IEEE arithmetic in a fixed order, so bits never vary.
+"""Transforms, and the triangles of each kind of shape, in IEEE arithmetic of a fixed order for reproducible bits.
 
-NumPy's matrix products are left out on purpose: they call a BLAS whose last bit depends on the processor.
+NumPy's matrix products are avoided: they call a BLAS whose last bit depends on the processor.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _BOX_TRIANGLES = [
 
 @dataclass(frozen=True)
 class Affine:
-    """x -> linear x + offset.
+    """The affine map x -> linear x + offset.
 
     Attributes
     ----------
@@ -43,12 +43,12 @@ class Affine:
 
     @cached_property
     def determinant(self) -> float:
-        """Negative when the transform mirrors."""
+        """Determinant of the linear part; negative if the transform mirrors."""
         return _dot(self.linear[0], cross(self.linear[1], self.linear[2]))
 
     @cached_property
     def covector(self) -> tuple[Vector, Vector, Vector]:
-        """Inverse transpose, up to a positive factor: carries normals (also through a mirror) to the same side."""
+        """Inverse transpose, up to a positive factor: keeps normals on the same side, also under mirroring."""
         a, b, c = self.linear
         sign = -1.0 if self.determinant < 0.0 else 1.0
         rows = (cross(b, c), cross(c, a), cross(a, b))
@@ -57,7 +57,7 @@ class Affine:
 
     @property
     def scale(self) -> float:
-        """Factor of lengths, for a similarity."""
+        """Scale factor of lengths, of a similarity."""
         return length((self.linear[0][0], self.linear[1][0], self.linear[2][0]))
 
     def point(self, p: Vector) -> Vector:
@@ -86,7 +86,7 @@ class Affine:
         self._units_into(normals, out, self.covector)
 
     def directions_into(self, directions: NDArray[np.floating], out: NDArray[np.float32]) -> None:
-        """Transform directions along a surface to unit length; zero stays zero. Shapes as in `points_into`."""
+        """Transform tangent directions to unit length; zero stays zero. Shapes as in `points_into`."""
         size = max(abs(x) for row in self.linear for x in row) or 1.0
         linear = tuple(tuple(x / size for x in row) for row in self.linear)
         self._units_into(directions, out, linear)  # type: ignore[arg-type]
@@ -127,9 +127,9 @@ def _product(a: Sequence[Vector], b: Sequence[Vector]) -> tuple[Vector, Vector, 
     return tuple(tuple(_dot(row, column) for column in columns) for row in a)  # type: ignore[return-value]
 
 
-@lru_cache(maxsize=1024)  # most shapes of a large scene have the same one: none
+@lru_cache(maxsize=1024)  # most shapes of a large scene share the identity
 def affine(transform: Transform) -> Affine:
-    """The map that a transform of the scene file stands for: scale, then x, y, z rotation, then translation."""
+    """The map of a scene file's transform: scale, then x, y, z rotation, then translation."""
     if transform.matrix is not None:
         rows = transform.matrix[:3]
         return Affine(
@@ -146,7 +146,7 @@ def affine(transform: Transform) -> Affine:
 
 
 def combined(outer: Affine, inner: Affine) -> Affine:
-    """The map that does what `inner` does, then what `outer` does."""
+    """The composition: `inner` first, then `outer`."""
     return Affine(_product(outer.linear, inner.linear), outer.point(inner.offset))
 
 
@@ -160,7 +160,7 @@ def polyhedron(shape: Quad | Triangle | Box | Tetrahedron) -> MeshData:
     Returns
     -------
     MeshData
-        Shared vertices; every triangle turns counter-clockwise seen from its front.
+        Shared vertices; triangles are counter-clockwise seen from the front.
     """
     triangles: Sequence[Sequence[int]]
     if isinstance(shape, Triangle):

@@ -26,11 +26,11 @@ INSTANCE_LIMIT: Final = 2**26
 
 _FILE_LIMIT: Final = INSTANCE_LIMIT * 16 * 8 + 4096
 _MOST_SCALE: Final = 1e9
-"""Most that a map between a group and the world scales by, or shrinks: squares of coordinates stay numbers."""
+"""Largest factor by which a map may enlarge or shrink a group: squares of coordinates stay finite."""
 
 
 class _FailFast(FailFast):
-    """One that may stand in a union: these are compared by their hashes."""
+    """A hashable `FailFast`, which pydantic's unions need."""
 
     __hash__ = object.__hash__
 
@@ -51,7 +51,7 @@ class Group(Part):
 class Instance(Part):
     """An instance of a group: placed once by `transform`, or many times by `transforms`."""
 
-    # What other shapes have, it has none of: its group's shapes do.
+    # It has none of the other shapes' keys: the group's shapes have them.
     material: ClassVar[None] = None
     emission: ClassVar[None] = None
     interior: ClassVar[None] = None
@@ -81,17 +81,17 @@ class Instance(Part):
 
     @property
     def file(self) -> str | None:
-        """Of its transforms."""
+        """Name of the file of its transforms, if any."""
         return self.transforms if isinstance(self.transforms, str) else None
 
 
 class TransformArray:
-    """Places of instances.
+    """Transforms of instances.
 
     Parameters
     ----------
     maps : (N, 3, 4) float64
-        Affine maps from a group's space into the world, metres.
+        Affine maps from group space to world space, metres.
     """
 
     def __init__(self, maps: NDArray[np.float64]) -> None:
@@ -102,23 +102,23 @@ class TransformArray:
         return hashlib.sha256(np.ascontiguousarray(self.maps, "<f8").tobytes()).hexdigest()
 
     def sha256(self) -> str:
-        """Hash of its numbers."""
+        """Hash of the numbers."""
         return self._digest
 
     @classmethod
     def checked(cls, array: NDArray[Any], place: str) -> TransformArray:
-        """Of an array from outside.
+        """Validate an array from outside.
 
         Parameters
         ----------
         array : (N, 3, 4) or (N, 4, 4) float32 or float64
         place : str
-            Start of the error message.
+            Prefix of error messages.
 
         Raises
         ------
         SceneError
-            If it is no such array, or one of its maps is not affine, is out of range or cannot be inverted.
+            If it is not such an array, or one of its maps is not affine, out of range or not invertible.
         """
         cls._check_shape(array.shape, array.dtype, place)
         if problem := _problem(array):
@@ -127,12 +127,12 @@ class TransformArray:
 
     @classmethod
     def read(cls, name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> TransformArray:
-        """Of a file that a scene names.
+        """Read a file that a scene names.
 
         Raises
         ------
         SceneError
-            If it cannot be read, or holds no such array.
+            If it cannot be read or contains no such array.
         """
         file, _ = open_named_file(name, base_folder, allow_paths, f"{place}: {name!r}", _FILE_LIMIT)
         with file:
@@ -156,7 +156,7 @@ class TransformArray:
 
     @classmethod
     def of(cls, instance: Instance) -> TransformArray:
-        """Of an instance whose transforms stand in the scene itself."""
+        """Transforms of an instance that are written in the scene itself."""
         if isinstance(instance.transforms, tuple):
             return cls(np.array(instance.transforms, np.float64)[:, :3])
         place = affine(instance.transform)
@@ -164,7 +164,7 @@ class TransformArray:
 
 
 def _problem(array: NDArray[Any]) -> tuple[int, str] | None:
-    """The first map that cannot be one, and why."""
+    """Index of the first invalid map, and what is wrong with it."""
     with np.errstate(over="ignore", invalid="ignore"):
         linear = np.asarray(array[:, :3, :3], np.float64)
         wild = ~np.isfinite(array).all(axis=(1, 2)) | (np.abs(array[:, :3]).max(axis=(1, 2)) > COORDINATE_LIMIT)
@@ -176,7 +176,7 @@ def _problem(array: NDArray[Any]) -> tuple[int, str] | None:
         sizes = np.sqrt((linear * linear).sum(axis=2))
         volume = np.abs((cross * c).sum(axis=1))
         flat = ~(volume > 1e-12 * sizes.prod(axis=1))
-        # The smallest factor is no less than the volume over the square of the largest
+        # The smallest factor is at least the volume divided by the square of the largest
         extreme = ~((sizes.max(axis=1) <= _MOST_SCALE) & (volume >= sizes.max(axis=1) ** 2 / _MOST_SCALE))
     for faulty, sentence in (
         (wild, f"holds a number that is not finite, or beyond {COORDINATE_LIMIT:g}"),

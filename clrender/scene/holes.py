@@ -1,9 +1,9 @@
-"""Where triangles have holes, coarsely: what rays pass, or do not, without a look at the texture.
+"""Opacity masks of triangles: a coarse grid tells rays where they pass or hit without a texture lookup.
 
-Each triangle whose opacity is a texture is cut into a grid of cells along its barycentric coordinates, with two bits
-for each: that it is a hole all over, and that it is whole all over (Gruen, Benthin and Woop, "Sub-triangle opacity
-masks for faster ray tracing of transparent objects", HPG 2020). The bits only spare time: a ray that meets any other
-cell asks the texture.
+Each triangle whose opacity is a texture is divided into a grid of cells along its barycentric coordinates. Each cell
+has two bits: it is fully transparent, and it is fully opaque (Gruen, Benthin and Woop, "Sub-triangle opacity masks for
+faster ray tracing of transparent objects", HPG 2020). The bits only save time: a ray that hits any other cell looks up
+the texture.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ _Floats: TypeAlias = NDArray[np.float64]
 _GRID: Final = layout.HOLE_GRID
 _WORDS: Final = _GRID * _GRID // 32
 _PARTS: Final = 4
-"""Of a cell, along either side: texels are looked up by upright rectangles, and cells may be slanted."""
+"""Subdivisions of a cell along each side: texels are counted in axis-aligned rectangles, but cells may be slanted."""
 _MOST_ROWS: Final = 2**16
-"""Triangles that differ in their texture coordinates; those beyond always ask the texture."""
+"""Most triangles with distinct texture coordinates; rays that hit others always look up the texture."""
 _AT_ONCE: Final = 2**9
 _LEAST_TEXELS: Final = float(layout.HOLE_GRID)
-"""Of the size of a triangle that is worth a grid, if it is not of one kind all over: cells should be no finer than texels."""  # noqa: E501
+"""Least size, in texels, of a triangle with mixed opacity that gets a grid: cells should not be finer than texels."""
 _COLUMN: Final = next(at for name, at, _, _ in layout.ROWS["ATTRIBUTE"] if name == "HOLES")
 _MARGIN: Final = 1e-3
-"""Of a cell, and of a texel: many times what rounding can shift a point by."""
+"""Fraction of a cell, and of a texel: many times the rounding error of a point."""
 
 
 def hole_rows(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures) -> NDArray[np.uint32]:
-    """The bits of all triangles whose opacity is a texture.
+    """Opacity masks of all triangles whose opacity is a texture.
 
     Parameters
     ----------
     scene : Scene
     surfaces : FlatSurfaces
-        Its `attributes` are told their rows (ATTRIBUTE_ROW_HOLES).
+        The rows are entered in its `attributes` (ATTRIBUTE_ROW_HOLES).
     textures : FlatTextures
 
     Returns
     -------
     (N, 64) uint32
-        Cell (i, j), weights of B and C from i / 32 and j / 32 on, is bit 32 j + i: in the first half of a row, whether
-        it is a hole all over, in the second, whether it is whole all over. Row 0 has no bits.
+        Cell (i, j), where the weights of B and C begin at i / 32 and j / 32, is bit 32 j + i. In the first half of a
+        row the bit means that the cell is fully transparent, in the second that it is fully opaque. Row 0 has no bits.
     """
     rows = [np.zeros((1, 2 * _WORDS), np.uint32)]
     made = 1
@@ -82,20 +82,20 @@ def hole_rows(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures) -> N
 
 
 def _different(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """The rows that differ, and which of them each is."""
+    """The unique rows, and the index of each row among them."""
     whole = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1] * 4))).ravel()
     _, first, of = np.unique(whole, return_index=True, return_inverse=True)
     return rows[first], of.astype(np.int64)
 
 
 def _masks(texture: TextureMeans, cutoff: float | None, corners: _Floats) -> NDArray[np.uint32]:
-    """Bits of triangles with these texture coordinates, (T, 3, 2)."""
+    """Opacity masks of triangles with these texture coordinates, (T, 3, 2)."""
     edges = np.abs(corners - np.roll(corners, 1, axis=1)).max(axis=(0, 1)) if len(corners) else np.zeros(2)
     x, y = texture.place(np.array([0.0, edges[0], 0.0]), np.array([0.0, 0.0, edges[1]]))
     reach = [2.0 * (abs(at[1] - at[0]) + abs(at[2] - at[0])) / (_GRID * _PARTS) + 4.0 for at in (x, y)]
     sums = _summed(texture, cutoff, reach)
     words = np.zeros((len(corners), 2 * _WORDS), np.uint32)
-    # Of fine meshes nearly all triangles are of one kind all over
+    # In fine meshes nearly all triangles are fully transparent or fully opaque
     alike = [none[:, 0, 0] for none in _without(texture, sums, corners, 1)]
     for kind in range(2):
         words[alike[kind], kind * _WORDS : (kind + 1) * _WORDS] = 2**32 - 1
@@ -115,15 +115,15 @@ def _masks(texture: TextureMeans, cutoff: float | None, corners: _Floats) -> NDA
 def _without(
     texture: TextureMeans, sums: list[NDArray[np.int32]], corners: _Floats, parts: int
 ) -> list[NDArray[np.bool_]]:
-    """Of both kinds of texels that `sums` count: which of the parts along either side reach none, (T, parts, parts)."""
+    """Which subdivisions of triangles touch no texel of each of the two kinds in `sums`, (T, parts, parts)."""
     known, (x0, x1), (y0, y1) = _reached(texture, corners, sums[0].shape, parts)
     return [known & (table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0] == 0) for table in sums]
 
 
 def _summed(texture: TextureMeans, cutoff: float | None, reach: list[float]) -> list[NDArray[np.int32]]:
-    """How many texels above and to the left of each corner of texels are no hole, and how many are not whole.
+    """Summed-area tables of texels that are not fully transparent, and of those that are not fully opaque.
 
-    The picture is followed by its beginning again, or its mirror image, as far as parts of cells may reach.
+    The image is continued by its repetition, or its mirror image, as far as subdivisions of cells may reach.
     """
     wide, high = (
         size if wrap == layout.TEXTURE_WRAPS["clamp"] else size * (1 + (wrap == layout.TEXTURE_WRAPS["mirror"])) + more
@@ -144,7 +144,7 @@ def _summed(texture: TextureMeans, cutoff: float | None, reach: list[float]) -> 
 def _reached(
     texture: TextureMeans, corners: _Floats, shape: tuple[int, ...], parts: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
-    """Columns and rows of texels that each part of a triangle reaches from and to, and whether the tables have them."""
+    """First and last columns and rows of texels of each subdivision, and whether the tables contain them."""
     reach = (0.0 if texture.is_nearest else 0.5) + _MARGIN
     steps = np.arange(parts) / parts
     known = np.ones((len(corners), parts, parts), bool)

@@ -1,4 +1,4 @@
-"""IES files (ANSI/IES LM-63 of 1986, 1991, 1995, 2002 and 2019): luminous intensity of a lamp by direction."""
+"""IES files (ANSI/IES LM-63 of 1986, 1991, 1995, 2002 and 2019): luminous intensity of a luminaire by direction."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FILE_LIMIT: Final = 2**24
 _COUNT_LIMIT: Final = 2**20
 """Most intensities of a file."""
 _STEP: Final = 0.01
-"""Least difference between neighbouring angles, degrees: nearer ones are none that a photometer tells apart."""
+"""Least difference between adjacent angles, degrees: a photometer cannot distinguish closer ones."""
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")
 _TILT: Final = re.compile(r"\s*TILT\s*=(.*)", re.IGNORECASE | re.DOTALL)
 _YEAR: Final = re.compile(r"IES(?:NA)?(?::LM-63-(\d{4})|(91))", re.IGNORECASE)
@@ -40,14 +40,14 @@ class IesProfile:
     Attributes
     ----------
     vertical : (V,) float64
-        Degrees from straight down, strictly ascending, from 0 to 180 at most; beyond them it is dark.
+        Degrees from straight down, strictly ascending, within 0 to 180; outside their range it is dark.
     horizontal : (H,) float64
-        Degrees about the vertical axis, counter-clockwise as seen from above, ascending from 0 to 360; one angle, 0, is
-        all of them.
+        Degrees about the vertical axis, counter-clockwise as seen from above, ascending from 0 to 360; a single angle,
+        0, means rotational symmetry.
     candela : (V, H) float64
-        Not below 0; linear between the angles.
+        Not negative; interpolated linearly between the angles.
     tilt : (2, T) float64
-        Degrees that the lamp is tilted by, ascending, and by how much its light is multiplied then; T may be 0.
+        Tilt angles of the lamp, degrees, ascending, and the factors of its light at these; T may be 0.
     """
 
     vertical: _Floats
@@ -56,14 +56,14 @@ class IesProfile:
     tilt: _Floats
 
     def sha256(self) -> str:
-        """Hash of its numbers."""
+        """Hash of the numbers."""
         digest = hashlib.sha256()
         for array in (self.vertical, self.horizontal, self.candela, self.tilt):
             digest.update(f"{array.shape}".encode() + np.ascontiguousarray(array, "<f8").tobytes())
         return digest.hexdigest()
 
     def tilt_factor(self, degrees: float) -> float:
-        """Factor of all its light at an angle from its upright position: linear in between, constant beyond."""
+        """Factor of the light at a tilt angle: interpolated linearly, constant outside the table."""
         angles, factors = self.tilt.tolist()
         if not angles:
             return 1.0
@@ -76,12 +76,12 @@ class IesProfile:
 
     @classmethod
     def checked(cls, vertical: _Floats, horizontal: _Floats, candela: _Floats, tilt: _Floats) -> IesProfile:
-        """One of these arrays.
+        """Validate arrays and make a profile of them.
 
         Raises
         ------
         ValueError
-            They are none.
+            They are not a valid profile.
         """
         arrays = [np.ascontiguousarray(array, np.float64) for array in (vertical, horizontal, candela, tilt)]
         lines, columns, values, tilts = arrays
@@ -105,14 +105,14 @@ def read_ies(name: str, base_folder: Path, allow_paths: Sequence[Path], place: s
     Parameters
     ----------
     name, base_folder, allow_paths
-        As of `clrender.scene.named_files.allowed_file`; so is a file that it names itself (``TILT=``).
+        See `clrender.scene.named_files.allowed_file`; the same rules hold for its tilt file (``TILT=``).
     place : str
-        Where the scene names it, for the message.
+        Location of the name in the scene, for error messages.
 
     Raises
     ------
     SceneError
-        It names the line, what is wrong there, and what would be right.
+        The message names the line, what is wrong there, and what would be right.
     """
     label = f"{place}: {quoted(name)}"
     lines = _lines(name, base_folder, allow_paths, label)
@@ -122,7 +122,7 @@ def read_ies(name: str, base_folder: Path, allow_paths: Sequence[Path], place: s
     if what.upper() == "INCLUDE":
         tilt = _tilt(numbers)
     elif what.upper() != "NONE":
-        # The file is meant to lie beside this one
+        # The tilt file is meant to be in the same folder
         other, beside = f"{label}: line {tilt_at + 1}: TILT={quoted(what)}", str(Path(name).parent / what)
         more = _Numbers(_lines(beside, base_folder, allow_paths, other), 0, other)
         tilt = _tilt(more)
@@ -141,7 +141,7 @@ def _lines(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str
 
 
 def _tilt_line(lines: list[str], label: str) -> tuple[int, str]:
-    """Where the line is that the numbers follow, and what it says."""
+    """Index of the TILT line, which the numbers follow, and its value."""
     for number, line in enumerate(lines):
         if found := _TILT.match(line):
             return number, found[1].strip()
@@ -149,15 +149,15 @@ def _tilt_line(lines: list[str], label: str) -> tuple[int, str]:
 
 
 class _Numbers:
-    """The numbers of a file, in order; they may be spread over its lines in any way.
+    """Reader of a file's numbers, in order; line breaks between them have no meaning.
 
     Parameters
     ----------
     lines : list of str
     first : int
-        Where they begin.
+        Index of the line where they begin.
     label : str
-        Start of the error messages.
+        Prefix of error messages.
     """
 
     def __init__(self, lines: list[str], first: int, label: str) -> None:
@@ -171,11 +171,11 @@ class _Numbers:
         self.line = first + 1
 
     def fail(self, problem: str) -> NoReturn:
-        """Complain of the number that was taken last."""
+        """Raise an error about the number read last."""
         raise SceneError(f"{self._label}: line {self.line}: {problem}")
 
     def number(self, what: str) -> float:
-        """The next one, which means this."""
+        """The next number; `what` is its meaning."""
         if self._at == len(self._words):
             if self._words:
                 self.line = self._words[-1][0]
@@ -188,7 +188,7 @@ class _Numbers:
         return value
 
     def count(self, what: str, least: int) -> int:
-        """A whole number, of things that are in the file."""
+        """The next number, a count of entries in the file."""
         value = self.number(what)
         left = len(self._words) - self._at
         if value != int(value) or value < least:
@@ -212,7 +212,7 @@ class _Numbers:
         return np.array(values)
 
     def end(self) -> None:
-        """Nothing follows."""
+        """Raise an error if anything follows."""
         if self._at < len(self._words):
             self.line = self._words[self._at][0]
             self.fail("more follows than the counts of the file say; correct the counts, or remove what follows")
@@ -227,12 +227,12 @@ def _tilt(numbers: _Numbers) -> _Floats:
     factors = numbers.several("a factor of a tilt angle", count)
     if factors.min() < 0.0:
         numbers.fail(f"a factor of a tilt angle is {factors.min():g}; it must be at least 0")
-    # A lamp that stays horizontal when the luminaire is tilted is never tilted
+    # A lamp that stays horizontal in a tilted luminaire is never tilted
     return np.stack([angles, factors])[:, : 1 if geometry == 2.0 else None]
 
 
 def _profile(numbers: _Numbers, year: int, tilt: _Floats) -> IesProfile:
-    """What follows on the line with TILT, in a file of the standard of that year."""
+    """Read what follows the TILT line, by the standard of that year."""
     numbers.number("the number of lamps")
     numbers.number("the lumens per lamp")
     factor = numbers.number("the candela multiplier")
@@ -251,7 +251,7 @@ def _profile(numbers: _Numbers, year: int, tilt: _Floats) -> IesProfile:
         numbers.number(what)
     for what in ("the ballast factor", "the ballast-lamp factor"):
         value = numbers.number(what)
-        # From 2002 on the second one is reserved, and in 2019 it says how the file was made
+        # From 2002 on the second number is reserved; since 2019 it says how the file was made
         counts = what == "the ballast factor" or year < 2002
         if counts and value <= 0.0:
             numbers.fail(f"{what} is {value:g}; it must be above 0")
@@ -282,7 +282,7 @@ def _check_horizontal(numbers: _Numbers, angles: _Floats) -> None:
     first, last = float(angles[0]), float(angles[-1])
     if len(angles) == 1 or (first == 0.0 and last in (90.0, 180.0, 360.0)) or (first, last) == (90.0, 270.0):
         return
-    # Some files leave the last angle out, which is the first once more
+    # Some files omit the last angle, which repeats the first
     if first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= 1.001 * float(np.diff(angles).max()):
         return
     right = "from 0 to 0, 90, 180 or 360, or from 90 to 270"
@@ -290,12 +290,12 @@ def _check_horizontal(numbers: _Numbers, angles: _Floats) -> None:
 
 
 def _all_around(angles: _Floats, values: _Floats) -> tuple[_Floats, _Floats]:
-    """Angles from 0 to 360, and their values, of those that symmetry leaves in a file."""
+    """Angles from 0 to 360 and their values, from a file that uses symmetry to omit some."""
     last = float(angles[-1])
     if len(angles) == 1:
         return np.zeros(1), values
     if angles[0] == 90.0:
-        # Alike on both sides of the plane through 90 and 270
+        # Symmetric about the plane through 90 and 270
         between = (angles > 90.0) & (angles < 270.0)
         angles = np.concatenate([angles, 540.0 - angles[between][::-1]])
         values = np.concatenate([values, values[:, between][:, ::-1]], axis=1)
@@ -303,7 +303,7 @@ def _all_around(angles: _Floats, values: _Floats) -> tuple[_Floats, _Floats]:
         order = turned.argsort(kind="stable")
         angles, values = turned[order], values[:, order]
         if angles[0] > 0.0:
-            # 180 is not in the file, so that 0 is not, either
+            # 180 is not in the file, and so 0 is not, either
             share = angles[0] / (angles[0] + 360.0 - angles[-1])
             at_zero = values[:, :1] * (1.0 - share) + values[:, -1:] * share
             angles, values = np.append(0.0, angles), np.concatenate([at_zero, values], axis=1)

@@ -1,4 +1,4 @@
-"""Rows of instances as the kernels read them, and boxes that no ray's hit is lost by."""
+"""Rows of instances for the kernels, and conservative bounding boxes."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from clrender.scene.values import Vector
 __all__ = ["NUMBER_LIMIT", "FlatGroup", "FlatInstances", "box_of", "flat_instances"]
 
 NUMBER_LIMIT: Final = 2**32 - 16
-"""Most primitives of a scene with all instances written out: each has a number of 32 bits, but for a few."""
+"""Most primitives of a scene, instances counted: each has a 32-bit number, a few of which are reserved."""
 
 _ROUNDING: Final = 2.0**-24
 _REACH: Final = 4.0
-"""Rays begin no further out than so many times the coordinates of the scene's own shapes and instances."""
+"""Rays begin within this multiple of the largest coordinate of the scene's own shapes and instances."""
 _CELLS: Final = 4
 _FEW: Final = 2**16
-"""Of so many instances at most a group's parts are looked at."""
+"""Most instances of a group for which boxes of its parts are used."""
 _BATCH: Final = 2**14
-"""Parts of instances that are carried into the world at a time."""
+"""Parts of instances transformed to world space at a time."""
 _INSTANCE: Final = layout.columns("INSTANCE")
 _PLACEMENT: Final = layout.columns("PLACEMENT")
 
@@ -43,39 +43,39 @@ class FlatGroup:
 
     @property
     def triangles(self) -> slice:
-        """Its triangles among those of all."""
+        """Its slice of all triangles."""
         return slice(self.first_triangle, self.first_triangle + self.triangle_count)
 
     def analytic(self, first: int) -> slice:
-        """Its spheres and disks among those of all, of which `first` is the first primitive."""
+        """Its slice of all spheres and disks; `first` is the primitive number of the first one."""
         return slice(self.first_analytic - first, self.first_analytic - first + self.analytic_count)
 
     @property
     def count(self) -> int:
-        """Of all."""
+        """Number of its primitives."""
         return self.triangle_count + self.analytic_count
 
 
 @dataclass(frozen=True)
 class FlatInstances:
-    """Instances of a scene; without any, one row of zeros and a guide that no primitive reaches.
+    """Instances of a scene; if there are none, one row of zeros and a guide that no primitive reaches.
 
     Attributes
     ----------
     rows : (2 N, 16) float32
-        As ``kernels/geometry/instance.h`` reads them, but for the references to trees, which the device builds.
+        As ``kernels/geometry/instance.h`` reads them, except for the references to trees, which the device builds.
     guides : (K,) uint32
-        Which instance a primitive's number belongs to.
+        Guide table from a primitive's number to its instance.
     boxes : (N, 6) float32
-        Lowest and highest coordinates in the world, relative to the origin, with room for all rounding of rays.
+        Lowest and highest coordinates in world space, relative to the origin, enlarged for the rounding of rays.
     groups : tuple of FlatGroup
     group_of : (N,) int64
     own_triangles, own_analytic, own_vertices : int
-        Of the scene itself, which come before those of groups.
+        Counts of the scene itself, whose elements come before those of groups.
     own_places : (S,) int64
-        Of each shape in world space, its place in the scene's list of shapes.
+        Index in the scene's list of shapes, for each shape in world space.
     seen_begin : (N,) int64
-        As of `clrender.scene.assembly.Assembly`.
+        See `clrender.scene.assembly.Assembly`.
     """
 
     rows: NDArray[np.float32]
@@ -93,7 +93,7 @@ class FlatInstances:
     def none(
         cls, own_triangles: int, own_analytic: int, own_vertices: int, own_places: NDArray[np.int64]
     ) -> FlatInstances:
-        """Of a scene without any."""
+        """The instances of a scene that has none."""
         nowhere = np.array([layout.NONE, 0, 0, 0], np.uint32)
         own = own_triangles, own_analytic, own_vertices, own_places
         empty = np.zeros(0, np.int64)
@@ -101,21 +101,21 @@ class FlatInstances:
 
     @property
     def count(self) -> int:
-        """Of instances."""
+        """Number of instances."""
         return len(self.group_of)
 
     @property
     def primitive_count(self) -> int:
-        """Of all instances, as if they were written out."""
+        """Number of primitives of all instances, if they were duplicated."""
         return int(np.array([group.count for group in self.groups], np.int64)[self.group_of].sum()) if self.count else 0
 
     def rows_of(self, primitives: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row of each primitive in tables of the scene, and the instance it belongs to, or -1.
+        """Row of each primitive in the scene's tables, and its instance, or -1.
 
         Parameters
         ----------
         primitives : (...) int64
-            Numbers as the kernels have them.
+            Primitive numbers as used by the kernels.
         """
         words = self.rows.view(np.uint32).astype(np.int64)
         if not self.count:
@@ -129,14 +129,14 @@ class FlatInstances:
         return np.where(instance >= 0, (primitives - offset) & 0xFFFFFFFF, primitives), instance
 
     def seen(self, primitives: NDArray[np.int64], primitive_shape: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """What primitives belong to: numbers as of `clrender.scene.assembly.Assembly.seen_place`.
+        """Objects of primitives, as indices of `clrender.scene.assembly.Assembly.seen_place`.
 
         Parameters
         ----------
         primitives : (...) int64
-            Numbers as the kernels have them.
+            Primitive numbers as used by the kernels.
         primitive_shape : (P,) uint32
-            As of `clrender.flatten.FlatScene`.
+            See `clrender.flatten.FlatScene`.
         """
         rows, instance = self.rows_of(primitives)
         shape = primitive_shape[rows].astype(np.int64)
@@ -150,12 +150,12 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     ----------
     assembly : Assembly
     surfaces : FlatSurfaces
-        Of its scene.
+        Surfaces of the assembly's scene.
 
     Raises
     ------
     SceneError
-        There are more primitives than can be told apart.
+        There are more primitives than numbers for them.
     """
     groups = tuple(_group(surfaces, shapes) for shapes in assembly.groups)
     own_triangles = min((group.first_triangle for group in groups), default=len(surfaces.triangles))
@@ -163,7 +163,7 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     own_analytic = min((group.first_analytic for group in groups), default=triangles + analytic) - triangles
     own_vertices = len(surfaces.vertices)
     if own_triangles < triangles:
-        own_vertices = int(surfaces.triangles[own_triangles:].min())  # groups' vertices follow the scene's own
+        own_vertices = int(surfaces.triangles[own_triangles:].min())  # groups' vertices come after the scene's own
     filled = np.array([group.count > 0 for group in groups], bool)
     present = filled[assembly.group_of] if len(assembly.group_of) else np.zeros(0, bool)
     group_of, maps = assembly.group_of[present], assembly.maps[present]
@@ -203,7 +203,7 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
 def box_of(
     vertices: NDArray[np.float32], center_radius: NDArray[np.float32], instances: NDArray[np.float32] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest coordinates, (3,) each, of (n, 3) points, (n, 4) spheres, (n, 6) boxes; infinite of none."""
+    """Lowest and highest coordinates, (3,) each, of (n, 3) points, (n, 4) spheres, (n, 6) boxes; infinite if empty."""
     spheres = center_radius.astype(np.float64)
     boxes = np.zeros((0, 6), np.float32) if instances is None else instances
     lows = (vertices, spheres[:, :3] - spheres[:, 3:], boxes[:, :3])
@@ -213,7 +213,7 @@ def box_of(
 
 
 def _group(surfaces: FlatSurfaces, shapes: range) -> FlatGroup:
-    """The primitives of neighbouring shapes, which follow each other."""
+    """The primitives of a range of shapes, which are contiguous."""
     triangles = len(surfaces.triangles)
     first, count = surfaces.first[shapes.start : shapes.stop], surfaces.count[shapes.start : shapes.stop]
     flat, round_ = (count > 0) & (first < triangles), (count > 0) & (first >= triangles)
@@ -223,7 +223,7 @@ def _group(surfaces: FlatSurfaces, shapes: range) -> FlatGroup:
 
 
 def _cofactors(linear: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N, 3, 3) adjugates and (N,) determinants, in plain arithmetic, so that the bits never vary."""
+    """(N, 3, 3) adjugates and (N,) determinants, in IEEE arithmetic of a fixed order for reproducible bits."""
     a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
 
     def cross(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -236,7 +236,7 @@ def _cofactors(linear: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 
 
 def _both_ways(maps: NDArray[np.float64], origin: Vector) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(N, 3, 4) maps to and from the world, relative to the origin; the second inverts the first as rounded."""
+    """(N, 3, 4) maps to and from world space, relative to the origin; the second inverts the rounded first."""
     to_world = maps.copy()
     to_world[:, :, 3] -= np.array(origin)
     rounded = to_world.astype(np.float32)
@@ -253,7 +253,7 @@ def _both_ways(maps: NDArray[np.float64], origin: Vector) -> tuple[NDArray[np.fl
 
 
 def _guides(numbers: NDArray[np.int64]) -> NDArray[np.uint32]:
-    """For every so many primitive numbers, the instance of the first of them; about two entries an instance."""
+    """The instance of every n-th primitive number; n is such that there are about two entries per instance."""
     first, last, count = int(numbers[0]), int(numbers[-1]), len(numbers) - 1
     shift = max(0, ((last - first) // (2 * count)).bit_length() - 1)
     buckets = ((last - 1 - first) >> shift) + 2
@@ -263,15 +263,15 @@ def _guides(numbers: NDArray[np.int64]) -> NDArray[np.uint32]:
 
 
 def _group_boxes(surfaces: FlatSurfaces, group: FlatGroup, instances: int) -> NDArray[np.float64]:
-    """(n, 2, 3) boxes of the parts of a group, with as much room as boxes of primitives have.
+    """(n, 2, 3) boxes of the parts of a group, enlarged like the boxes of primitives.
 
-    Its spheres and disks, and where it has few instances its vertices, cell by cell of a grid: of a turned body,
-    the box around the boxes of its parts is smaller than that around its own box.
+    Parts are its spheres and disks and, if it has few instances, the cells of a grid over its vertices: for a rotated
+    body, the box around the boxes of its parts is smaller than that around its whole box.
     """
     corners = surfaces.triangles[group.first_triangle : group.first_triangle + group.triangle_count].reshape(-1)
     begin = group.first_analytic - len(surfaces.triangles)
     spheres = surfaces.analytic_shapes["center_radius"][begin : begin + group.analytic_count]
-    used = slice(int(corners.min()), int(corners.max()) + 1) if len(corners) else slice(0)  # they follow each other
+    used = slice(int(corners.min()), int(corners.max()) + 1) if len(corners) else slice(0)  # they are contiguous
     low, high = box_of(surfaces.vertices[used], spheres)
     room = 32.0 * _ROUNDING * (float((high - low).max()) + np.maximum(np.abs(low), np.abs(high)))
     boxes = [np.stack(box_of(surfaces.vertices[:0], spheres))[None]] if len(spheres) else []
@@ -281,7 +281,7 @@ def _group_boxes(surfaces: FlatSurfaces, group: FlatGroup, instances: int) -> ND
 
 
 def _cell_boxes(points: NDArray[np.float32], cells: int) -> NDArray[np.float64]:
-    """(n, 2, 3) boxes of (m, 3) points, those of each cell of a grid of so many along each axis."""
+    """(n, 2, 3) boxes of (m, 3) points, one for each cell of a grid with `cells` cells along each axis."""
     low, high = points.min(axis=0), points.max(axis=0)
     size = np.where(high > low, high - low, np.float32(1.0))
     x, y, z = np.minimum((points - low) / size * np.float32(cells), cells - 1).astype(np.int64).T
@@ -293,7 +293,7 @@ def _cell_boxes(points: NDArray[np.float32], cells: int) -> NDArray[np.float64]:
 
 
 def _carried(maps: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 3) points under (..., 3, 4) maps."""
+    """(..., 3) points transformed by (..., 3, 4) maps."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     return np.stack(
         [maps[..., k, 0] * x + maps[..., k, 1] * y + maps[..., k, 2] * z + maps[..., k, 3] for k in range(3)], axis=-1
@@ -308,11 +308,11 @@ def _boxes(
     to_object: NDArray[np.float32],
     own_box: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float32]:
-    """Boxes in the world, larger than the groups in them by what rounding may do to a ray on its way into a group.
+    """World-space boxes, enlarged by the rounding error of a ray that is transformed to group space.
 
-    Each coordinate there is the sum of three products and an offset, rounded three times, of numbers rounded once: an
-    error of at most four roundings of the sum of their sizes, which the way back carries into the world. The way back
-    itself was rounded likewise.
+    Each coordinate in group space is the sum of three products and an offset, rounded three times, of numbers rounded
+    once: the error is at most four roundings of the sum of their magnitudes, which the inverse map carries to world
+    space. The inverse map itself was rounded likewise.
     """
     out, inside = to_world.astype(np.float64), to_object.astype(np.float64)
     sizes = np.abs(out)
@@ -333,7 +333,7 @@ def _boxes(
     room = 8.0 * _ROUNDING * _carried(np.abs(out), lost)
     low, high = low - room, high + room
     boxes = np.concatenate([low, high], axis=1)
-    # Outwards where single precision rounds inwards
+    # Round outwards where single precision rounds inwards
     single = boxes.astype(np.float32)
     single[:, :3] = np.where(single[:, :3] > low, np.nextafter(single[:, :3], np.float32(-np.inf)), single[:, :3])
     single[:, 3:] = np.where(single[:, 3:] < high, np.nextafter(single[:, 3:], np.float32(np.inf)), single[:, 3:])

@@ -1,4 +1,4 @@
-"""Which media a point is inside of: the camera's list, with which its paths begin, and that of lights."""
+"""Which media contain a point: the interior lists of the camera, where paths begin, and of lights."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ _Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 _CHUNK: Final = 2**18
 
 LIST_LENGTH: Final = 8
-"""Media that a path knows of at a point: ``INTERIOR_ENTRIES`` of ``kernels/material/interior.h``."""
+"""Most nested media that a path tracks: ``INTERIOR_ENTRIES`` of ``kernels/material/interior.h``."""
 
 
 def media_around(
     arrays: _Arrays, triangle_count: int, point: NDArray[np.float64], instances: FlatInstances | None = None
 ) -> list[int]:
-    """Media whose volumes hold a point, each as often as its shapes surround it; the one that is there comes first.
+    """Media whose volumes contain a point, each as often as its shapes enclose it; the effective one comes first.
 
     Parameters
     ----------
     arrays : mapping of str to ndarray
-        As of `clrender.flatten.FlatScene`.
+        See `clrender.flatten.FlatScene`.
     triangle_count : int
     point : (3,) float64
         Relative to the arrays' origin, metres.
     instances : FlatInstances, optional
-        Of the scene; without them all primitives are in the world.
+        Instances of the scene; without them all primitives are in world space.
 
     Returns
     -------
     list of int
-        Rows of ``media_rows``. A volume holds the points that its surfaces go round once, or more often, with their
-        backs to them; of surfaces with holes, those that they go round for the most part.
+        Rows of ``media_rows``. A volume contains the points with winding number at least 1, with the surfaces' backs
+        towards them. For surfaces with holes the winding number is rounded.
     """
     if len(arrays["media_rows"]) == 1:
         return []
@@ -57,7 +57,7 @@ def media_around(
                 continue
             turns = _turns(arrays, primitives[primitives < triangle_count], at)
             turns += _round_turns(arrays, primitives[primitives >= triangle_count] - triangle_count, at)
-            # Without priorities the smallest volume is taken for the innermost
+            # Without priorities the smallest volume counts as the innermost
             place = (medium, 0.0) if medium > unranked else (0, -float((high - low).prod()) * scale)
             found += [(*place, medium)] * max(0, math.floor(turns + 0.5))
     return [medium for _, _, medium in sorted(found, reverse=True)]
@@ -66,9 +66,9 @@ def media_around(
 def _spaces(
     medium_of: NDArray[np.uint32], triangle_count: int, point: NDArray[np.float64], instances: FlatInstances | None
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64], float]]:
-    """Primitives with media that may be around a point, the point in their space, how large its volumes are.
+    """Primitives with media that may enclose a point, the point in their space, and the space's scale of volumes.
 
-    First those in the world, then those of each instance whose box the point is in.
+    Yields first those in world space, then those of each instance whose box contains the point.
     """
     with_medium = np.flatnonzero(medium_of)
     if instances is None or not instances.count:
@@ -94,12 +94,12 @@ def _spaces(
 def light_inside(
     arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None = None
 ) -> int | None:
-    """The first light that shines from inside of a medium, as far as a few points of each tell.
+    """The first light inside a medium, judged by a few points of each light.
 
     Parameters
     ----------
     arrays : mapping of str to ndarray
-        As of `clrender.flatten.FlatScene`.
+        See `clrender.flatten.FlatScene`.
     triangle_count, light_count : int
 
     Returns
@@ -116,12 +116,12 @@ def light_inside(
 def media_with_lights(
     arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None = None
 ) -> set[int]:
-    """Media that a light shines from inside of, as far as a few points of each tell.
+    """Media that contain a light, judged by a few points of each light.
 
     Parameters
     ----------
     arrays : mapping of str to ndarray
-        As of `clrender.flatten.FlatScene`.
+        See `clrender.flatten.FlatScene`.
     triangle_count, light_count : int
 
     Returns
@@ -136,7 +136,7 @@ def media_with_lights(
 def _media_around_lights(
     arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None
 ) -> Iterator[tuple[int, list[int]]]:
-    """Each light with the media around one of its points, for all points that may be in any."""
+    """Each light with the media around one of its points, for all points that may be in a medium."""
     low, high = _box(arrays, triangle_count, np.flatnonzero(medium_of_primitives(arrays)))
     if instances is not None and instances.count:
         low, high = (
@@ -151,7 +151,7 @@ def _media_around_lights(
 
 
 def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:
-    """(n, 3) points a little before the front of what shines; none of what is infinitely far."""
+    """(n, 3) points slightly in front of a light's surface; none for infinitely distant lights."""
     if light["kind"] in (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES):
         return np.asarray(light["position"][:3], np.float64)[None]
     if light["kind"] not in (layout.LIGHT_AREA_TRIANGLE, layout.LIGHT_AREA_SPHERE, layout.LIGHT_AREA_DISK):
@@ -170,13 +170,13 @@ def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDA
 
 
 def packed(media: list[int]) -> tuple[int, int]:
-    """The list as the kernels have it: two words, of a byte for each of the first `LIST_LENGTH` media."""
+    """The list as the kernels store it: two words with a byte for each of the first `LIST_LENGTH` media."""
     entries = [*media[:LIST_LENGTH], *[0] * (LIST_LENGTH - len(media))]
     return int.from_bytes(bytes(entries[:4]), "big"), int.from_bytes(bytes(entries[4:]), "big")
 
 
 def medium_of_primitives(arrays: _Arrays) -> NDArray[np.uint32]:
-    """(T + R,) uint32: the medium behind each primitive's front; 0: none."""
+    """The medium behind each primitive's front, (T + R,) uint32; 0: none."""
     medium: NDArray[np.uint32] = arrays["materials"]["medium"][arrays["shapes"]["material"]]
     return medium[arrays["primitive_shape"]]
 
@@ -184,7 +184,7 @@ def medium_of_primitives(arrays: _Arrays) -> NDArray[np.uint32]:
 def _box(
     arrays: _Arrays, triangle_count: int, primitives: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest coordinates of some primitives."""
+    """Bounding box of some primitives."""
     corners = arrays["vertices"][arrays["triangles"][primitives[primitives < triangle_count]].reshape(-1)]
     spheres = arrays["analytic_shapes"]["center_radius"][primitives[primitives >= triangle_count] - triangle_count]
     spheres = spheres.astype(np.float64)
@@ -195,9 +195,9 @@ def _box(
 
 
 def _turns(arrays: _Arrays, triangles: NDArray[np.intp], point: NDArray[np.float64]) -> float:
-    """How often triangles go round a point with their backs to it: the sum of their solid angles over 4π.
+    """Winding number of triangles about a point, with their backs to it: the sum of their solid angles over 4π.
 
-    The angle of each is that of van Oosterom and Strackee (IEEE Trans. Biomed. Eng. 30(2), 1983).
+    The solid angle is that of van Oosterom and Strackee (IEEE Trans. Biomed. Eng. 30(2), 1983).
     """
     total = 0.0
     for start in range(0, len(triangles), _CHUNK):
@@ -211,7 +211,7 @@ def _turns(arrays: _Arrays, triangles: NDArray[np.intp], point: NDArray[np.float
 
 
 def _round_turns(arrays: _Arrays, places: NDArray[np.intp], point: NDArray[np.float64]) -> float:
-    """The same of spheres; a disk has no inside."""
+    """Like `_turns`, for spheres; a disk has no inside."""
     rows = arrays["analytic_shapes"][places]
     sphere = rows[rows["normal"][:, 3] != 0.0]
     away = sphere["center_radius"][:, :3].astype(np.float64) - point

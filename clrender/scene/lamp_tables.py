@@ -1,4 +1,4 @@
-"""IES files as the kernels read them: intensities by direction, and what photons start in proportion to."""
+"""IES files as the kernels read them: intensities by direction, and the distribution of emitted photons."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["LampTable", "LampTables", "lamp_table", "lamp_tables"]
 _ROW: Final = 16
 _WORD_LIMIT: Final = 2**28
 _FAINT: Final = 1e-30
-"""Of the largest intensity: single precision is sure of what is brighter."""
+"""Fraction of the largest intensity below which single precision is unreliable."""
 _HEAD: Final = {name: at for name, at, _, _ in layout.ROWS["LAMP"]}
 
 _Floats = NDArray[np.float64]
@@ -37,13 +37,13 @@ class LampTable:
     Attributes
     ----------
     words : (N,) float32
-        As `kernels/light/lamp.h` says, where offsets are counted from its own beginning; whole rows.
+        Layout of `kernels/light/lamp.h`, with offsets from the table's beginning; whole rows.
     peak : float
-        The largest intensity, candela; 0: the lamp is dark.
+        The largest intensity, candela; 0 if the lamp is dark.
     flux : float
-        Integral of the intensity over the largest one by solid angle, steradians.
+        Integral of intensity / `peak` over solid angle, steradians.
     mean : (3,) float64
-        About the mean direction of its light, in the lamp's own frame: along horizontal angle 0, along 90, and down.
+        Approximate mean direction of its light in the lamp's frame, whose axes are horizontal angle 0, 90, and down.
     least, most : float
         Cosines of the smallest and of the largest vertical angle of a direction with light.
     """
@@ -58,15 +58,15 @@ class LampTable:
 
 @dataclass(frozen=True)
 class LampTables:
-    """Those of a scene, and the sun's, which is the first.
+    """Tables of a scene's IES files, and the sun's, which is the first.
 
     Attributes
     ----------
     words : (N,) float32
-        One after the other; one zero where there is none.
+        The tables, concatenated; a single zero if there are none.
     sun : Sun or None
     row : mapping of str to int
-        By the name of the file: where each begins.
+        Row where each table begins, by file name.
     table : mapping of str to LampTable
     profile : mapping of str to IesProfile
     """
@@ -114,7 +114,7 @@ def lamp_tables(scene: Scene) -> LampTables:
 
 
 def lamp_table(profile: IesProfile) -> LampTable:
-    """The table of one.
+    """Table of one IES file.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def lamp_table(profile: IesProfile) -> LampTable:
     sines, cosines = turns[0].T
     drops = np.array([2.0 * sin_cos_degrees(180.0 * float(t))[0] ** 2 for t in polar]).astype(np.float32)
 
-    # Integrals of each piece between two vertical and two horizontal angles
+    # Integrals over each cell between two vertical and two horizontal angles
     light = values.astype(np.float64)
     before, after = _weights(polar.astype(np.float64) * (2.0 * math.pi), sines, cosines)
     along = (light[:, :-1] + light[:, 1:]) * 0.5
@@ -166,13 +166,13 @@ def lamp_table(profile: IesProfile) -> LampTable:
 
 
 def _weights(angles: _Floats, sines: _Floats, cosines: _Floats) -> tuple[_Floats, _Floats]:
-    """Integrals of the sine between neighbouring angles, times what falls from 1 to 0, and what grows from 0 to 1."""
+    """Integrals of the sine between adjacent angles, weighted linearly from 1 to 0, and from 0 to 1."""
     slope = np.diff(sines) / np.diff(angles)
     return np.maximum(cosines[:-1] - slope, 0.0), np.maximum(slope - cosines[1:], 0.0)
 
 
 def _mean(mass: _Floats, sines: _Floats, cosines: _Floats, turns: _Floats, steps: _Floats) -> _Floats:
-    """About the mean direction: of each piece the mean of its edges."""
+    """Approximate mean direction, where each cell has the mean of its edges."""
     total = float(np.cumsum(mass)[-1])
     if total == 0.0:
         return np.zeros(3)

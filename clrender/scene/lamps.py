@@ -1,4 +1,4 @@
-"""Lights at a point, as the arrays of lights and the tree of lights need them."""
+"""Point-like lights, as the light arrays and the light tree need them."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ __all__ = ["AT_POINT", "Lamp", "lamp_at", "lamp_directions"]
 
 AT_POINT: Final = (PointLight, SpotLight, IesLight)
 _STEEPEST: Final = 1e30
-"""Of a spot with a sharp edge."""
+"""Slope of the edge of a spotlight without blend."""
 
 
 @dataclass(frozen=True)
 class Lamp:
-    """A light at a point.
+    """A point-like light.
 
     Attributes
     ----------
     kind : int
         `layout.LIGHT_*`
     intensity : (3,) float
-        The largest one, W/sr.
+        The largest intensity, W/sr.
     flux : float
-        Integral of the intensity by solid angle, over the largest one: steradians.
+        Integral of intensity / largest intensity over solid angle, steradians.
     axis, zero : (4,) float
-        As of the struct `Light`.
+        See the struct `Light`.
     table : int
-        Likewise.
+        See the struct `Light`.
     mean : (3,) float64
-        About the mean direction of its light; zero where it shines alike in all.
+        Approximate mean direction of its light; zero if it is isotropic.
     cone_axis, cone_cosine : (3,) float64, float
-        A cone with all directions of its light: the middle, and the cosine of half its angle.
+        A cone that bounds its emission: axis, and cosine of the half angle.
     """
 
     kind: int
@@ -57,13 +57,13 @@ class Lamp:
 
 
 def lamp_at(light: PointLight | SpotLight | IesLight, tables: LampTables) -> Lamp:
-    """What a light at a point is to the kernels.
+    """Parameters of a point-like light for the kernels.
 
     Parameters
     ----------
     light : PointLight, SpotLight or IesLight
     tables : LampTables
-        Of its scene.
+        Tables of its scene.
     """
     if isinstance(light, PointLight):
         return Lamp(layout.LIGHT_POINT, light.intensity, 4.0 * math.pi)
@@ -71,7 +71,7 @@ def lamp_at(light: PointLight | SpotLight | IesLight, tables: LampTables) -> Lam
 
 
 def _spot(light: SpotLight) -> Lamp:
-    """Between the cosine of the edge, and what lies `blend` of the way from there to 1, a step that has no kink."""
+    """Smoothstep falloff, between the cosine of the edge and the value `blend` of the way from there to 1."""
     spread = 2.0 * sin_cos_degrees(light.cone_degrees / 4.0)[0] ** 2
     fall, edge = light.blend * spread, 1.0 - spread
     flux = 2.0 * math.pi * spread * (1.0 - light.blend / 2.0)
@@ -99,7 +99,7 @@ def _ies(light: IesLight, tables: LampTables) -> Lamp:
     watts = table.peak * tilted / LUMENS_PER_WATT
     red, green, blue = (watts * s for s in light.scale)
     x, y, z = table.mean.tolist()
-    # The narrower one of the cones about straight down and straight up
+    # The narrower of the cones about straight down and straight up
     down = table.most >= -table.least
     return Lamp(
         layout.LIGHT_IES,
@@ -115,7 +115,7 @@ def _ies(light: IesLight, tables: LampTables) -> Lamp:
 
 
 def lamp_directions(light: IesLight) -> tuple[Vector, Vector, Vector]:
-    """Unit vectors in which the file's vertical angle 0 lies, and horizontal ones of 0 and of 90.
+    """Unit vectors of the file's vertical angle 0, and of its horizontal angles 0 and 90.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _unit(vector: Vector) -> Vector:
 
 
 def _tilt(axis: Vector) -> float:
-    """Degrees from straight down, -y, of a unit vector: by bisection, which is the same on every machine."""
+    """Angle of a unit vector from straight down, -y, degrees; by bisection, for the same bits on every machine."""
     if abs(axis[1]) == 1.0:
         return 90.0 + 90.0 * axis[1]
     low, high = 0.0, 180.0

@@ -1,4 +1,4 @@
-"""The lights of a scene that are no shapes."""
+"""The lights of a scene that are not shapes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Albedo = Annotated[Reflectance, BeforeValidator(number_as_triple), WithJsonSchem
 
 
 def _time_as_text(value: Any) -> Any:
-    """TOML has types for dates and times, JSON has not."""
+    """Converts dates and times of TOML to text, since JSON has no type for them."""
     return value.isoformat() if isinstance(value, date) else value
 
 
@@ -53,7 +53,7 @@ Time = Annotated[str, BeforeValidator(_time_as_text), Strict(), WithJsonSchema({
 
 
 _LEAST_CONE: Final = 0.01
-"""Degrees; in single precision the edge of a narrower one is not smooth."""
+"""Degrees; in single precision the edge of a narrower cone is not smooth."""
 
 
 def _check_direction(direction: Vector, key: str = "direction", example: str = "[0, -1, 0]") -> None:
@@ -114,7 +114,7 @@ class IesLight(Part):
 
     @property
     def zero(self) -> Vector:
-        """`horizontal_zero`, or what stands for it."""
+        """`horizontal_zero`, or its default."""
         if self.horizontal_zero is not None:
             return self.horizontal_zero
         x, y, _ = self.direction
@@ -163,7 +163,7 @@ class EnvironmentLight(Part):
 
     @property
     def constant(self) -> Vector:
-        """Radiance times scale, W/(sr m2), where it is the same everywhere; else black."""
+        """Radiance times scale, W/(sr m2), if it is constant; else black."""
         red, green, blue = (r * s for r, s in zip(self.radiance or (0.0, 0.0, 0.0), self.scale, strict=True))
         return (red, green, blue)
 
@@ -222,7 +222,7 @@ class SunSkyLight(Part):
 
     @property
     def sun_elevation(self) -> float:
-        """Degrees over the horizon."""
+        """Elevation of the sun above the horizon, degrees."""
         if self.sun_direction is None:
             return self._angles[0]
         x, y, z = self.sun_direction
@@ -230,7 +230,7 @@ class SunSkyLight(Part):
 
     @property
     def sun_turn(self) -> float:
-        """Degrees from +z towards +x, about +y: where the sun stands."""
+        """Azimuth of the sun, degrees about +y from +z towards +x."""
         if self.sun_direction is None:
             return (180.0 - self._angles[1]) + self.rotate_degrees
         x, _, z = self.sun_direction

@@ -1,13 +1,13 @@
-"""The tree that picks one of many lights by how much it can matter at a point (Conty Estevez & Kulla, HPG 2018).
+"""The light tree, which samples lights by their estimated contribution at a point (Conty Estevez & Kulla, HPG 2018).
 
-Where there are lamps, a node has a cone that holds all directions of its light, too. Lights of which each sends its
-flux into a part q of their node's cone shine on a point there with the chance q, and then with 1/q of the mean. That is
-sampled with the least variance by flux over the root of q. So the power of a node is here the sum of its lights' fluxes
-over the roots of their cones' solid angles, over the root of its own's: of a light its flux over its cone, of a group
-that looks into all directions nearly the flux alone.
+If there are lamps, each node also has a cone that bounds the directions of its light. A light that sends its flux into
+a fraction q of its node's cone illuminates a point there with probability q, and then with 1/q of the mean. Sampling
+by flux / √q has the least variance. So the power of a node is the sum of its lights' fluxes, each over the square root
+of its cone's solid angle, divided by the square root of the node's own solid angle. For a single light this is its flux
+over its solid angle; for a group that faces all directions, nearly the flux alone.
 
-It is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. Only operations that
-every processor rounds alike are used, so that it is the same bits everywhere.
+The tree is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. It uses only
+operations that every processor rounds alike, for the same bits everywhere.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ from numpy.typing import NDArray
 __all__ = ["NODE_WORDS", "Emitters", "LightTree", "light_tree"]
 
 NODE_WORDS: Final = 8
-"""Of each child: centre of a sphere about its lights, its radius (negative: infinitely far), mean normal, power."""
+"""Words per child: centre of its bounding sphere, radius (negative: infinitely distant), mean normal, power."""
 _INFINITE: Final = -1.0
 _CONE_MARGIN: Final = 1e-5
-"""Of a cone's cosine: what roundings in single precision may change of that of a direction."""
+"""Margin of a cone's cosine for the single-precision rounding of a direction's cosine."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Emitters:
-    """What the tree has to know of lights.
+    """Light data that the tree is built from.
 
     Attributes
     ----------
     low, high : (L, 3) float64
         Bounds, metres.
     normal : (L, 3) float64
-        Unit, the middle of the hemisphere that a light shines into; zero where it shines all around; of a lamp the mean
+        Unit axis of the hemisphere that a light emits into; zero if it emits in all directions; for a lamp the mean
         direction of its light, shorter than 1.
     power : (L,) float64
-        The flux over π, which of flat lights is what arrives at a distance of 1 m from the front, W/m²; from infinitely
-        far: what arrives. Above 0.
+        Flux over π, which for flat lights is the irradiance at 1 m in front, W/m²; for infinitely distant lights their
+        irradiance. Above 0.
     infinite : (L,) bool
     cones : (L, 4) float64 or None
-        Where there are lamps: the middle of a cone with all directions of a light, unit, and the cosine of half its
-        angle, -1 where it shines all around.
+        If there are lamps: unit axis of the cone that bounds a light's emission, and cosine of its half angle, -1 for
+        emission in all directions.
     """
 
     low: _Floats
@@ -64,15 +64,15 @@ class LightTree:
     Attributes
     ----------
     rows : (N, 16) float32
-        Of each node both children, `NODE_WORDS` each; row 0 is not used.
+        Both children of each node, `NODE_WORDS` each; row 0 is unused.
     order : (N,) uint32
-        The light at each place of the last level.
+        The light at each position of the last level.
     place : (L,) uint32
         The number of each light's node on the last level.
     levels : int
-        Steps from the root to a light.
+        Depth of the lights.
     cones : (N, 8) float32 or None
-        Of each node both children's cones, `CONE_ROW_*` of types.h, each a little wider than it has to be.
+        Cones of both children of each node, `CONE_ROW_*` of types.h, each with a small margin.
     """
 
     rows: NDArray[np.float32]
@@ -116,13 +116,13 @@ def light_tree(emitters: Emitters) -> LightTree:
 
 
 def _narrowness(cosine: _Floats) -> _Floats:
-    """How much brighter a light is that fills a cone than one of the same power that falls off with the cosine."""
+    """Ratio of the intensity of a light that fills a cone to that of a cosine emitter of the same power."""
     narrowness: _Floats = 1.0 / np.clip(2.0 - 2.0 * cosine, 1e-12, 1.0)
     return narrowness
 
 
 def _cones(cones: _Floats, order: NDArray[np.int64]) -> _Floats:
-    """Those of the nodes, (N, 4), from the root down to the lights' own."""
+    """Cones of all nodes, (N, 4), from the root down to the lights."""
     there = (order >= 0)[:, None]
     levels = [np.where(there, cones[order], (0.0, 0.0, 0.0, 2.0))]
     while len(levels[0]) > 1:
@@ -131,7 +131,7 @@ def _cones(cones: _Floats, order: NDArray[np.int64]) -> _Floats:
 
 
 def _about(first: _Floats, second: _Floats) -> _Floats:
-    """A cone about each two; a cosine of 2 is that of none."""
+    """A cone that bounds each pair of cones; a cosine of 2 marks an empty one."""
     axis = first[:, :3] + second[:, :3]
     size = np.sqrt(axis[:, 0] ** 2 + axis[:, 1] ** 2 + axis[:, 2] ** 2)[:, None]
     apart = size > 1e-6
@@ -142,15 +142,15 @@ def _about(first: _Floats, second: _Floats) -> _Floats:
 
 
 def _widened(axis: _Floats, cone: _Floats) -> _Floats:
-    """Cosine of the angle between an axis and the edge of a cone that is farthest from it."""
+    """Cosine of the angle between an axis and the farthest edge of a cone."""
     between = axis[:, 0] * cone[:, 0] + axis[:, 1] * cone[:, 1] + axis[:, 2] * cone[:, 2]
     sines = [np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0)) for cosine in (between, cone[:, 3])]
-    # From half a turn on the cone is all there is
+    # From half a turn on, the cone is the full sphere
     return np.where(between + cone[:, 3] > 0.0, between * cone[:, 3] - sines[0] * sines[1], -1.0)
 
 
 def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[NDArray[np.int64], list[_Floats]]:
-    """The lights of a subtree in order, −1 where there is none, and the words of its nodes, level by level."""
+    """The lights of a subtree in order, −1 for empty positions, and the words of its nodes, level by level."""
     count = 1 << depth
     order = np.full(count, -1)
     order[: len(group)] = group
@@ -173,7 +173,7 @@ def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[N
 
 
 def _sorted(emitters: Emitters, order: NDArray[np.int64], depth: int) -> NDArray[np.int64]:
-    """Each half of each node's lights on its side of the middle, along the axis on which they spread widest."""
+    """Order lights so that each node's halves lie on either side of the median along the axis of largest extent."""
     center = emitters.low * 0.5 + emitters.high * 0.5
     for level in range(depth):
         runs = order.reshape(1 << level, -1)
@@ -182,7 +182,7 @@ def _sorted(emitters: Emitters, order: NDArray[np.int64], depth: int) -> NDArray
         spread = np.where(there, at, -np.inf).max(1) - np.where(there, at, np.inf).min(1)
         axis = spread.argmax(1)
         along = np.where(there[:, :, 0], np.take_along_axis(at, axis[:, None, None], 2)[:, :, 0], np.inf)
-        # What is not there comes last, so that what is stays together.
+        # Empty positions come last, so that lights stay together.
         order = np.take_along_axis(runs, along.argsort(1, kind="stable"), 1).reshape(-1)
     return order
 

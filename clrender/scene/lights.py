@@ -1,4 +1,4 @@
-"""The lights of a scene as arrays: one row for everything that shines, and the table that picks among them."""
+"""The lights of a scene as arrays: a row for each light, and the table or tree that samples them."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
 _TOO_BRIGHT: Final = f"makes a radiance of {{:g}}; at most {POWER_LIMIT:g} is known; make its scale smaller"
 _TREE_FROM: Final = 16
-"""So many lights are worth a walk down a tree at every point."""
+"""Number of lights from which the light tree pays off."""
 _SUN_LIGHT: Final = next(at for name, at, _, _ in layout.ROWS["SUN"] if name == "LIGHT")
 _LEAST_SHARE: Final = 1e-3
-"""Of the mean of a texture: no part of a light that shines as one counts as darker, as its mean is one of points."""
+"""Fraction of an emission texture's mean: parts of a light never count as darker, as their means are estimates."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class FlatLights:
     Attributes
     ----------
     rows : (L,) `Light`
-        Black lights are left out. May be empty.
+        Black lights are omitted. May be empty.
     count : int
-        Of the first rows, which light samples choose from: each has a probability above 0. Behind them there may be an
-        environment that is left to samples of the BSDF.
+        Number of first rows that light sampling chooses from; each has a probability above 0. After them there may be
+        an environment that only BSDF sampling finds.
     environment : int
         Row of the environment light, or `layout.NONE`.
     tree : LightTree or None
-        Where it picks, and not the alias table.
+        If it is used instead of the alias table.
     """
 
     rows: _Rows
@@ -63,18 +63,18 @@ class FlatLights:
 
 
 def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTable:
-    """The scene's environment as kernels read it; black where there is none.
+    """The scene's environment as kernels read it; black if there is none.
 
     Parameters
     ----------
     scene : Scene
     compensated : bool
-        As of `environment_table`.
+        See `environment_table`.
 
     Raises
     ------
     SceneError
-        If its picture cannot be read, or is brighter than single precision can tell.
+        If its environment map cannot be read, or is too bright for single precision.
     """
     if scene.sky is not None:
         return _sky_environment(scene, scene.sky, compensated)
@@ -97,21 +97,21 @@ def flat_lights(
     tables: LampTables,
     choice: str = "auto",
 ) -> FlatLights:
-    """Rows of all lights that shine: shapes in order, then the lights of the file in order.
+    """Rows of all lights that are not black: shapes in order, then the lights of the file in order.
 
     Parameters
     ----------
     scene : Scene
     surfaces : FlatSurfaces
-        Of this scene; `first_light` of its shapes is written.
+        Surfaces of this scene; `first_light` of its shapes is written.
     instances : FlatInstances
-        Of this scene; none of their shapes shines.
+        Instances of this scene; none of their shapes emits light.
     textures : FlatTextures
-        Of this scene.
+        Textures of this scene.
     around : EnvironmentTable
-        Of the environment light.
+        Table of the environment light.
     tables : LampTables
-        Of the IES files of this scene.
+        Tables of this scene's IES files.
     choice : str
         A light sampler of `clrender.settings`.
 
@@ -122,7 +122,7 @@ def flat_lights(
     Raises
     ------
     SceneError
-        If more than 2**24 triangles shine, a texture is no radiance, or an IES file is brighter than is known.
+        If more than 2**24 triangles emit light, a texture is not a valid radiance, or an IES file is too bright.
     """
     rows: list[_Rows] = []
     unsampled: list[_Rows] = []
@@ -214,7 +214,7 @@ def flat_lights(
 
 
 def _sky_environment(scene: Scene, light: SunSkyLight, compensated: bool) -> EnvironmentTable:
-    """The picture of the sky, turned to where the sun is."""
+    """The sky's environment map, rotated to the sun's azimuth."""
     picture = sky_picture(light)
     if picture is None:
         return EnvironmentTable.even((0.0, 0.0, 0.0), compensated)
@@ -224,8 +224,8 @@ def _sky_environment(scene: Scene, light: SunSkyLight, compensated: bool) -> Env
 
 
 def _sun_row(scene: Scene, light: SunSkyLight, sun: Sun) -> _Rows:
-    """The sun's disc."""
-    brightest = 2.0 * max(sun.mean)  # in the middle, where its limb is much darker
+    """Row of the sun's disc."""
+    brightest = 2.0 * max(sun.mean)  # bound at the centre, as the limb is much darker
     if brightest > POWER_LIMIT:
         raise SceneError(f"{scene.source}: lights[{scene.lights.index(light)}]: {_TOO_BRIGHT.format(brightest)}")
     row = np.zeros(1, dtype=layout.dtype("Light"))
@@ -236,13 +236,13 @@ def _sun_row(scene: Scene, light: SunSkyLight, sun: Sun) -> _Rows:
 
 
 def points_that_shine(scene: Scene, tables: LampTables) -> list[int]:
-    """Indices of the lights at a point that have rows, in order.
+    """Indices of the point-like lights that have rows, in order.
 
     Parameters
     ----------
     scene : Scene
     tables : LampTables
-        Of its IES files.
+        Tables of its IES files.
     """
     points = ((index, light) for index, light in enumerate(scene.lights) if isinstance(light, AT_POINT))
     return [index for index, light in points if _luminance(lamp_at(light, tables).intensity) > 0.0]
@@ -251,7 +251,7 @@ def points_that_shine(scene: Scene, tables: LampTables) -> list[int]:
 def _emitters(
     lights: _Rows, power: NDArray[np.float64], radius: float, surfaces: FlatSurfaces, at_point: dict[int, Lamp]
 ) -> Emitters:
-    """What the tree of lights has to know; `radius` is the scene's, by which infinitely far lights got their power."""
+    """Data for the light tree; `radius` is the scene's, which set the power of infinitely distant lights."""
     kind, primitive = lights["kind"], lights["primitive"]
     low, normal = np.zeros((len(lights), 3)), np.zeros((len(lights), 3))
     high = np.zeros((len(lights), 3))
@@ -271,8 +271,8 @@ def _emitters(
     normal[round_] = shapes["normal"][:, :3]
     length = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2 + normal[:, 2] ** 2)[:, None]
     infinite = np.isin(kind, (layout.LIGHT_DIRECTIONAL, layout.LIGHT_ENVIRONMENT, layout.LIGHT_SUN))
-    # Of all that is near the flux over π: what a flat light sends forwards. Others shine all around, of which the tree
-    # expects a quarter of that. Of what comes from infinitely far, what falls through the scene's cross-section
+    # For finite lights, flux over π: what a flat light emits along its normal. Others emit in all directions, for which
+    # the tree expects a quarter of that. For infinitely distant ones, the irradiance.
     flat = triangles | (kind == layout.LIGHT_AREA_DISK)
     per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), 1.0 / math.pi)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
@@ -292,7 +292,7 @@ def _emitters(
 
 
 def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Rows, NDArray[np.float64]]:
-    """Rows of the primitives of one shape that shines, still black, and their areas in square metres."""
+    """Rows of the primitives of one emissive shape, still black, and their areas in square metres."""
     shape = scene.shapes[index]
     first, count = int(surfaces.first[index]), int(surfaces.count[index])
     rows = np.zeros(count, dtype=layout.dtype("Light"))
@@ -306,9 +306,9 @@ def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Row
 
 
 def _means(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, number: int) -> dict[int, NDArray[np.float64]]:
-    """Mean radiance of the primitives of each shape that shines as this texture, (n, 3) or (3,).
+    """Mean radiance of the primitives of each shape with this emission texture, (n, 3) or (3,).
 
-    Of all of them at once: for each alone it would take most of the time that it takes to load ten thousand shapes.
+    Computed for all shapes at once: one at a time, it would dominate the time to load ten thousand shapes.
     """
     texture = TextureMeans(textures, number)
     found: dict[int, NDArray[np.float64]] = {}
@@ -328,7 +328,7 @@ def _means(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, number:
 
 
 def _texture_luminance(scene: Scene, emission: Emission, texture: TextureMeans) -> float:
-    """Mean luminance of a picture that is a radiance."""
+    """Mean luminance of an emission texture."""
     mean, least, most = texture.whole()
     where = f"{scene.source}: {place(emission.place)}"
     if least < 0.0:
@@ -343,18 +343,18 @@ def _texture_luminance(scene: Scene, emission: Emission, texture: TextureMeans) 
 
 
 def _luminance(color: Color) -> float:
-    """Rec. 709 luminance of a colour as the kernels will read it, in single precision."""
+    """Rec. 709 luminance of a colour in single precision, as the kernels read it."""
     return float(_luminances(np.array([color], np.float32))[0])
 
 
 def _luminances(colors: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The same of many, (n, 3 or more)."""
+    """Like `_luminance`, for an array (n, 3 or more)."""
     r, g, b = (colors[:, channel].astype(np.float64) for channel in range(3))
     return np.asarray((0.2126 * r + 0.7152 * g) + 0.0722 * b)
 
 
 def _bounding_radius(surfaces: FlatSurfaces, instances: FlatInstances) -> float:
-    """Radius of a sphere about everything, metres; 1 for a scene without shapes."""
+    """Radius of the scene's bounding sphere, metres; 1 for a scene without shapes."""
     vertices = surfaces.vertices[: instances.own_vertices]
     spheres = surfaces.analytic_shapes["center_radius"][: instances.own_analytic]
     low, high = box_of(vertices, spheres, instances.boxes)

@@ -29,7 +29,7 @@ __all__ = ["SCENE_FILE_LIMIT", "builtin_names", "load"]
 SCENE_FILE_LIMIT: Final = 2**28
 """Largest scene file, bytes; larger geometry belongs in mesh files."""
 
-# The parser takes time in the square of the length of a dotted key; no scene has more than a few parts in one.
+# The parser takes time quadratic in the length of a dotted key; no scene's keys have more than a few parts.
 _LONG_KEY = re.compile(
     r"""(?:(?<![\w-])[\w-]+[ \t]*\.[ \t]*|"[^"\n]*"[ \t]*\.[ \t]*|'[^'\n]*'[ \t]*\.[ \t]*){33}""", re.ASCII
 )
@@ -37,7 +37,7 @@ _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
 class _DuplicateKey(ValueError):
-    """A JSON object names a key twice."""
+    """A JSON object contains a key twice."""
 
 
 def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) -> Scene:
@@ -101,7 +101,7 @@ def builtin_names() -> dict[str, str]:
 
 
 def _located(path_or_name: str | Path) -> Path:
-    """The file that is meant."""
+    """Path of the file or built-in scene."""
     text = str(path_or_name)
     builtin = isinstance(path_or_name, str) and re.fullmatch(r"[A-Za-z0-9_-]{1,100}", text)
     if builtin and (scenes_folder() / f"{text}.toml").is_file():
@@ -115,7 +115,7 @@ def _located(path_or_name: str | Path) -> Path:
 
 
 def _parsed(path: Path, source: str) -> Any:
-    """What the file holds, as Python's own types."""
+    """Content of the file, as Python's built-in types."""
     file, size = open_scene_file(path, f"{source}: the scene file", SCENE_FILE_LIMIT)
     with file:
         data = file.read(size)
@@ -167,7 +167,7 @@ def _from_json(text: str) -> Any:
 
 
 def _toml_problem(message: str, text: str) -> str:
-    """The parser's message with its position at the front."""
+    """The parser's message, with its position moved to the front."""
     found = _POSITION.search(message)
     if not found:
         return f"not valid TOML: {_lowered(message)}"

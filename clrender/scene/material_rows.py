@@ -1,4 +1,4 @@
-"""Turns the materials of a scene into the rows that kernels read: `Material` of each, and more where one needs it."""
+"""Converts a scene's materials to the rows that kernels read: a `Material` each, and further rows where needed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["MaterialArrays", "flat_materials", "has_row", "material_numbers"]
 _Row: TypeAlias = NDArray[np.float32]
 _MOST_ABSORPTION: Final = 0.999
 _UNKNOWN: Final = 0.5
-"""In the place of what a texture says."""
+"""Placeholder for a value that a texture gives."""
 _COLUMNS: Final = {
     **{name: slice(at, at + count) for name, at, count, _ in layout.ROWS["MATERIAL"]},
     **{name: slice(16 + at, 16 + at + count) for name, at, count, _ in layout.ROWS["LAYER"]},
@@ -44,16 +44,16 @@ _COLUMNS: Final = {
 
 @dataclass(frozen=True)
 class MaterialArrays:
-    """The materials of a scene as the kernels see them.
+    """The materials of a scene as the kernels read them.
 
     Attributes
     ----------
     materials : (M,) `Material`
-        The named ones in order, then what else shapes are made of: `material_numbers`.
+        The named materials in order, then the other pairs of material and interior: see `material_numbers`.
     rows : (2 M, 16) float32
-        MATERIAL_ROW_* and LAYER_ROW_* of ``kernels/types.h``, a row of zeros where no material has any.
+        MATERIAL_ROW_* and LAYER_ROW_* of ``kernels/types.h``, one row of zeros if no material needs any.
     by_row : bool
-        Whether any has.
+        Whether any material does.
     """
 
     materials: NDArray[np.void]
@@ -78,7 +78,7 @@ def has_row(material: Material) -> bool:
 
 
 def material_numbers(scene: Scene) -> dict[Solid, int]:
-    """Rows of `MaterialArrays.materials`: one for each material, and for all that shapes name beside.
+    """Rows of `MaterialArrays.materials`: one for each material, then for each other pair that shapes name.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
     ----------
     scene : Scene
     medium_of : mapping of Solid to int
-        As of `clrender.scene.media.Media.of_solid`.
+        See `clrender.scene.media.Media.of_solid`.
     """
     numbered = material_numbers(scene)
     materials = np.zeros(len(numbered), dtype=layout.dtype("Material"))
@@ -116,7 +116,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
         row["kind"] = _kind(material)
         row["ior"] = _index(material)
         if isinstance(material, Principled) and row["medium"] and row["ior"] == 1.0:
-            # Of a medium's surface 1 would say that it is no boundary (kernels/material/interior.h), but it reflects
+            # An index of 1 would mean that there is no boundary (kernels/material/interior.h), but this one reflects
             row["ior"] = MATCHED_IOR
         if by_row:
             _put(rows[number], KIND=_bits(int(row["kind"])), COLOR=color, IOR=float(row["ior"]), FLAGS=_bits(0))
@@ -155,7 +155,7 @@ def _kind(material: Material) -> int:
 
 
 def _bits(number: int) -> np.float32:
-    """A whole number's bits as a float's."""
+    """Bits of an integer, reinterpreted as a float."""
     return np.uint32(number).view(np.float32)
 
 
@@ -165,7 +165,7 @@ def _put(row: _Row, **of: Any) -> None:
 
 
 def _opacity(material: Material) -> float:
-    """Of a constant what counts, of a texture the cutoff."""
+    """The effective opacity, if it is constant; the cutoff, if it is a texture."""
     if not isinstance(material.opacity, float):
         return material.opacity_cutoff or 0.0
     if material.opacity_cutoff is None:
@@ -174,7 +174,7 @@ def _opacity(material: Material) -> float:
 
 
 def _index(material: Material) -> float:
-    """Of refraction behind the front over that before it."""
+    """Index of refraction behind the front, relative to that before it."""
     if isinstance(material, Dielectric):
         return material.ior / material.exterior_ior
     if isinstance(material, Subsurface):
@@ -183,7 +183,7 @@ def _index(material: Material) -> float:
 
 
 def _passes(scene: Scene, material: Material) -> bool:
-    """Whether light goes through."""
+    """Whether the material transmits light."""
     if isinstance(material, Mix):
         return any(_passes(scene, scene.materials[name]) for name in material.materials)
     if isinstance(material, Principled):
@@ -192,7 +192,7 @@ def _passes(scene: Scene, material: Material) -> bool:
 
 
 def _color(scene: Scene, material: Material) -> Vector:
-    """What share of light it reflects, as far as one colour can say: of a metal, straight back."""
+    """Approximate reflectance as one colour; for a metal that at normal incidence."""
     if isinstance(material, Dielectric | Subsurface):
         return (1.0, 1.0, 1.0)
     if isinstance(material, Mix):
@@ -211,7 +211,7 @@ def _color(scene: Scene, material: Material) -> Vector:
 
 @singledispatch
 def _fill(material: Any, row: _Row, _numbers: dict[str, int]) -> None:
-    """What one type of material has of its own."""
+    """Write the parameters that are specific to the type of material."""
     _put(row, FLAGS=_sides(material))
 
 

@@ -59,7 +59,7 @@ MIX_DEPTH: Final = 16
 """Deepest nesting of mixtures."""
 
 BASE_COLORS: Final = ("reflectance", "base_color", "f0")
-"""Keys of the colour that a material mostly has."""
+"""Keys of a material's main colour."""
 _Degrees = Annotated[Finite, Field(ge=-360.0, le=360.0)]
 _AttenuationColor: TypeAlias = Annotated[
     Reflectance | None,
@@ -108,12 +108,12 @@ class _Surface(Part):
 
     @property
     def solid(self) -> bool:
-        """Whether light goes through it into a medium."""
+        """Whether light passes through it into a medium."""
         return False
 
     @property
     def masked(self) -> bool:
-        """Whether light passes by the surface, in some place at least."""
+        """Whether light passes the surface unaffected, at least at some points."""
         return not isinstance(self.opacity, float) or self.opacity < (self.opacity_cutoff or 1.0)
 
 
@@ -183,12 +183,12 @@ class Dielectric(_Bumpy, _Microfacets):
 
     @property
     def solid(self) -> bool:
-        """Whether light goes through it into a medium."""
+        """Whether light passes through it into a medium."""
         return not self.thin
 
     @property
     def rough(self) -> bool:
-        """Whether it scatters light, and is no delta, in some place at least."""
+        """Whether it is rough, rather than a delta distribution, at least at some points."""
         return not isinstance(self.roughness, float) or self.roughness * self.roughness >= SMOOTH_BELOW
 
 
@@ -230,7 +230,7 @@ class Conductor(_Opaque, _Microfacets):
 
     @property
     def index(self) -> tuple[Vector, Vector] | None:
-        """Real and imaginary part of the index of refraction; None where it has a colour."""
+        """Real and imaginary part of the index of refraction; None if it has a colour instead."""
         if self.metal is not None:
             return METALS[self.metal]
         return (self.eta, self.k) if self.eta is not None and self.k is not None else None
@@ -278,12 +278,12 @@ class Principled(_Opaque):
 
     @property
     def solid(self) -> bool:
-        """Whether light goes through it into a medium."""
+        """Whether light passes through it into a medium."""
         return self.transmission != 0.0 and not self.thin
 
     @property
     def shines(self) -> bool:
-        """Whether its emission is not black; a texture counts."""
+        """Whether it emits light; a texture counts as emission."""
         return self.emission_strength > 0.0 and self.emission != (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
@@ -296,7 +296,7 @@ class Principled(_Opaque):
 
 
 def _check_attenuation(material: Dielectric | Principled) -> None:
-    """What absorbs has an inside, and both numbers."""
+    """Check that an absorbing material has an inside, and both numbers."""
     color, distance = material.attenuation_color, material.attenuation_distance
     for key, value in (("attenuation_color", color), ("attenuation_distance", distance)):
         if material.thin and value is not None:
@@ -349,7 +349,7 @@ class Subsurface(_Bumpy):
 
     @property
     def rough(self) -> bool:
-        """Whether it is a rough dielectric's surface, in some place at least."""
+        """Whether its surface is a rough dielectric, at least at some points."""
         if self.ior is None:
             return False
         return not isinstance(self.roughness, float) or self.roughness * self.roughness >= SMOOTH_BELOW
@@ -379,14 +379,14 @@ Material: TypeAlias = Annotated[
 
 
 def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[tuple[str, AnyTexture]]:
-    """Textures of a material, and of those that it mixes, by the keys that hold them.
+    """Textures of a material and of those that it mixes, with their keys.
 
     Parameters
     ----------
     materials : mapping of str to Material
-        Of a scene.
+        Materials of a scene.
     name : str
-        Of one of them.
+        Name of one of them.
     """
     material = materials[name]
     yield from textures_of(material)
@@ -396,12 +396,12 @@ def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[
 
 
 def material_without_color(materials: Mapping[str, Material], name: str) -> str | None:
-    """A material, of this one and those that it mixes, that has no base colour; None where all have one.
+    """The first of a material and those that it mixes without a base colour; None if all have one.
 
     Parameters
     ----------
     materials, name
-        As of `material_textures`.
+        See `material_textures`.
     """
     material = materials[name]
     if isinstance(material, Mix):

@@ -1,4 +1,4 @@
-"""What fills dielectrics, clear principled shapes and interiors: media numbered by their priorities."""
+"""Media inside dielectrics, transmissive principled shapes and interiors, numbered by priority."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from clrender.scene.values import Vector
 __all__ = ["MATCHED_IOR", "MEDIA_LIMIT", "Media", "Solid", "absorption_coefficients", "scene_media", "solid_of"]
 
 MEDIA_LIMIT: Final = 255
-"""Most media of a scene: a path keeps their numbers in a byte each (``kernels/material/interior.h``)."""
+"""Most media of a scene: paths store their numbers in bytes (``kernels/material/interior.h``)."""
 
 MATCHED_IOR: Final = float(np.nextafter(np.float32(1.0), np.float32(2.0)))
-"""Index of what bends nothing but has a surface all the same: of equal indices there is none."""
+"""Index of a medium that does not refract but has a surface; equal indices mean that there is no surface."""
 
 Solid: TypeAlias = tuple[str | None, str | None]
-"""The material and the interior that a shape names."""
+"""Names of a shape's material and interior."""
 
 _BLACK: Final[Vector] = (0.0, 0.0, 0.0)
 _MATCHED: Final = Dielectric(type="dielectric", ior=1.0)
@@ -45,7 +45,7 @@ class _Medium(NamedTuple):
 
     @property
     def is_vacuum(self) -> bool:
-        """Whether there is nothing, whatever its priority."""
+        """Whether it equals vacuum, apart from its priority."""
         return self[1:] == _Medium(None)[1:]
 
 
@@ -56,20 +56,20 @@ class Media:
     Attributes
     ----------
     rows : (n + 1, 16) float32
-        ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is what is in no medium. All zero: paths need no account of them.
+        ``MEDIUM_ROW_*`` of ``kernels/types.h``; row 0 is outside of all media. All zero: paths need not track media.
     of_solid : mapping of Solid to int
-        Row of each pair that bounds one: its material is a dielectric, or principled with transmission, and not thin,
-        or subsurface.
+        Row of each pair that bounds a medium: its material is subsurface, or a dielectric or principled with
+        transmission that is not thin.
     no_boundary : frozenset of Solid
-        Those whose shapes change nothing wherever they are, so that they are left out unless they shine.
+        Pairs whose shapes never affect light, so that they are left out unless they emit.
     scatters : bool
-        Whether any does, or there is fog: then paths are in a medium also where they are inside of nothing.
+        Whether any medium scatters, or there is fog: then paths outside of all shapes are in a medium, too.
     straight : bool
-        Whether light goes straight through some of the surfaces, so that shadow rays have to look behind them.
+        Whether light passes some surfaces undeflected, so that shadow rays must continue through them.
     subsurface : bool
         Whether there are subsurface materials.
     fog : bool
-        Whether light is scattered where nothing else is.
+        Whether the medium outside of all shapes scatters.
     """
 
     rows: NDArray[np.float32]
@@ -82,7 +82,7 @@ class Media:
 
 
 def solid_of(shape: Shape) -> Solid:
-    """What a shape is made of.
+    """A shape's material and interior.
 
     Parameters
     ----------
@@ -92,10 +92,10 @@ def solid_of(shape: Shape) -> Solid:
 
 
 def scene_media(scene: Scene) -> Media:
-    """Number the media of all shapes, the one that wins last.
+    """Number the media of all shapes in ascending precedence.
 
-    Those without a priority come first, then the others by their priorities; of equal ones, the one that stands first
-    in the scene wins. Shapes that agree in priority, index, absorption and scattering are of one medium.
+    Those without a priority come first, then the others by priority; of equal priorities, the first in the scene has
+    precedence. Shapes that agree in priority, index, absorption and scattering share a medium.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def scene_media(scene: Scene) -> Media:
         dark = {
             n for n, m in media.items() if m.priority is None and _bends_nothing(solids[n]) and m[2:] == outside[2:]
         }
-    # Of a medium of index 1 that loses to all others nothing is seen, where it takes the place of none
+    # A vacuum of lowest precedence is invisible, unless it displaces another medium
     shown = [media[solid] for solid in media if solid in shining]
     empty = outside.is_vacuum and all(m[2:] == outside[2:] for m in media.values() if m.priority is None)
     while ranked and empty and ranked[0].is_vacuum and ranked[0] not in shown:
@@ -130,7 +130,7 @@ def scene_media(scene: Scene) -> Media:
     if len(numbers) > MEDIA_LIMIT:
         text = f"the interiors of its shapes are {len(numbers)} different media, but paths tell {MEDIA_LIMIT} apart"
         raise SceneError(f"{scene.source}: materials: {text}; let more of them agree in index, absorption and priority")
-    # As the kernels see them, in single precision. No shadow ray gets into what has a surface all the same
+    # In single precision, as in the kernels. Shadow rays do not pass a surface of index MATCHED_IOR
     indices = [np.float32(1.0), *(np.float32(medium.ior) for medium in numbers if medium.ior != MATCHED_IOR)]
     straight = any(indices.count(np.float32(medium.ior)) > 1 for medium in ranked)
     straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
@@ -143,7 +143,7 @@ def scene_media(scene: Scene) -> Media:
 
 
 def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
-    """What bounds media, by the materials' order in the scene, then by the shapes', with its surface."""
+    """Pairs that bound media and their surfaces, in the order of the materials, then of the shapes."""
     places = {name: place for place, name in enumerate(scene.materials)}
     appear = dict.fromkeys(solid_of(shape) for _, shape in scene.all_shapes())
     solids: dict[Solid, Dielectric | Principled | Subsurface] = {}
@@ -171,7 +171,7 @@ def _rows(outside: _Medium, numbers: Mapping[_Medium, int], unranked: int) -> ND
 def absorption_coefficients(material: Dielectric | Principled) -> Vector:
     """σ = -ln(color) / distance, per metre (Beer's law; glTF, KHR_materials_volume).
 
-    The logarithm is `decimal`'s, which rounds alike on all machines.
+    Uses the logarithm of `decimal`, which has the same bits on all machines.
     """
     if material.attenuation_color is None or material.attenuation_distance is None:
         return (0.0, 0.0, 0.0)
@@ -190,7 +190,7 @@ def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled | Subs
 
 
 def _below(material: Subsurface) -> _Medium:
-    """What fills a subsurface material: with the mean free paths asked for, and so that its albedo comes out."""
+    """The medium inside a subsurface material, with its mean free paths, and an albedo that yields its reflectance."""
     extinction = [1.0 / length for length in material.radius]
     shares = [single_scattering(albedo, material.g) for albedo in material.albedo]
     scattering: Vector = (shares[0] * extinction[0], shares[1] * extinction[1], shares[2] * extinction[2])
@@ -200,7 +200,7 @@ def _below(material: Subsurface) -> _Medium:
 
 
 def _by_priority(media: Mapping[Solid, _Medium]) -> list[_Medium]:
-    """Media with a priority, each once; the one that wins is last."""
+    """Unique media with a priority, in ascending precedence."""
     places: dict[_Medium, int] = {}
     for place, medium in enumerate(media.values()):
         places.setdefault(medium, place)
@@ -209,5 +209,5 @@ def _by_priority(media: Mapping[Solid, _Medium]) -> list[_Medium]:
 
 
 def _bends_nothing(material: Material) -> bool:
-    """Whether its surface, without priorities, changes no light."""
+    """Whether its surface, without priorities, leaves light unchanged."""
     return isinstance(material, Dielectric) and np.float32(material.ior / material.exterior_ior) == 1.0

@@ -1,4 +1,4 @@
-"""What fills the inside of shapes, or the whole scene: the tables `[media.NAME]` of a scene file, validated."""
+"""Media that fill shapes or the whole scene: the tables `[media.NAME]` of a scene file, validated."""
 
 from __future__ import annotations
 
@@ -32,5 +32,5 @@ class Medium(Part):
 
     @property
     def numbers(self) -> tuple[Vector, Vector, float]:
-        """Absorption, scattering and mean cosine."""
+        """Absorption and scattering coefficients, and mean cosine."""
         return (self.absorption, self.scattering, self.g if self.scatters else 0.0)

@@ -1,4 +1,4 @@
-"""Triangles with shared vertices, as mesh files and scene files hold them."""
+"""Triangle meshes with shared vertices, as stored in mesh files and scene files."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ __all__ = ["CORNER_ARRAYS", "TRIANGLE_LIMIT", "MeshData", "crossed_warning", "in
 TRIANGLE_LIMIT: Final = 2**27
 """Most vertices, and most triangles, of a mesh and of a scene."""
 CORNER_ARRAYS: Final = ("uvs", "uvs_1", "colors", "tangents")
-"""What a mesh may have of each triangle's corners."""
+"""Optional arrays of data for each triangle's corners."""
 
 
 @dataclass(frozen=True)
 class MeshData:
-    """Triangles as a file holds them, before any transform.
+    """A triangle mesh as stored in a file, before any transform.
 
     Attributes
     ----------
@@ -30,16 +30,16 @@ class MeshData:
     triangles : (T, 3) uint32
         Indices below V.
     normals : (V, 3) float32 or float64, or None
-        Finite, of any length; zero where the file has none.
+        Finite, of any length; zero if the file has none.
     uvs, uvs_1 : (T, 3, 2) float32, or None
         Texture coordinates of each triangle's corners, finite; a second set.
     colors : (T, 3, 3) float32, or None
         Colours of each triangle's corners, linear, 0 to 1.
     tangents : (T, 3, 4) float32, or None
-        Of each triangle's corners, finite: the direction in which u grows on a normal map, of any length, and by its
-        sign whether v grows along normal x tangent (+) or against it (-). Zero where the coordinates are to say it.
+        Tangents of each triangle's corners, finite: the direction in which u of a normal map grows, of any length;
+        then the sign, + if v grows along normal x tangent, - if against it. Zero: derive it from the coordinates.
     warning : str
-        What a user should know of the mesh; mostly empty.
+        Warning about the mesh, for users; usually empty.
     """
 
     vertices: NDArray[np.floating]
@@ -52,7 +52,7 @@ class MeshData:
     tangents: NDArray[np.float32] | None = None
 
     def sha256(self) -> str:
-        """Hash of the arrays (in float64, so that the width in the file does not count)."""
+        """Hash of the arrays (as float64, so that the precision in the file does not count)."""
         return self._sha256
 
     @cached_property
@@ -72,7 +72,7 @@ class MeshData:
 
 
 def crossed_warning(count: int) -> str:
-    """Of a mesh with polygons whose outlines cross themselves."""
+    """Warning about polygons whose outlines cross themselves."""
     what = "one polygon crosses its own outline" if count == 1 else f"{count} polygons cross their own outlines"
     return f"{what} and cannot be covered once; check the model there" if count else ""
 
@@ -84,7 +84,7 @@ def inline_mesh(
     uvs_1: Sequence[Sequence[float]] = (),
     colors: Sequence[Sequence[float]] = (),
 ) -> MeshData:
-    """A mesh written into the scene file, with texture coordinates and colours of its vertices; the model has checked its indices."""  # noqa: E501
+    """A mesh in the scene file, with vertex texture coordinates and colours; the model has validated its indices."""
     corners = np.array(faces, dtype=np.uint32)
     first, second, third = (np.array(each, np.float32)[corners] if each else None for each in (uvs, uvs_1, colors))
     return MeshData(np.array(vertices, dtype=np.float64), corners, uvs=first, uvs_1=second, colors=third)

@@ -1,4 +1,4 @@
-"""Reads the mesh files that scenes name: only sound triangles."""
+"""Reads and validates the mesh files that scenes name."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _Found = TypeVar("_Found")
 FILE_LIMIT: Final = 2**33
 """Largest mesh file, bytes."""
 UV_LIMIT: Final = 1e6
-"""Largest magnitude of a texture coordinate: single precision still knows a sixteenth there."""
+"""Largest magnitude of a texture coordinate: single precision still resolves a sixteenth there."""
 
 
 def read_mesh(
@@ -33,19 +33,19 @@ def read_mesh(
     Parameters
     ----------
     name : str
-        As the scene names it, relative to `base_folder` or absolute; its ending chooses the reader.
+        As the scene names it, relative to `base_folder` or absolute; the extension chooses the reader.
     base_folder : pathlib.Path
     allow_paths : sequence of pathlib.Path
-        Folders besides `base_folder` from which, and from below which, files may come; links are followed first.
+        Folders besides `base_folder` whose files, and those of their subfolders, may be read; links are resolved first.
     place : str
-        Where the scene names it, for the message.
+        Location of the name in the scene, for error messages.
     colors : VertexColors, optional
-        Read the colours of its vertices, too, which are encoded like this.
+        Also read vertex colours, with this encoding.
 
     Raises
     ------
     SceneError
-        If it may not be read or is not a sound mesh, or has not the colours.
+        If it may not be read, is not a valid mesh, or lacks the colours.
     """
     label = f"{place}: {quoted(name)}"
     read = _reader(Path(name).suffix.lower())
@@ -62,25 +62,25 @@ def read_mesh(
 def read_serialized_mesh(
     name: str, base_folder: Path, allow_paths: Sequence[Path], place: str, index: int
 ) -> tuple[MeshData, bool]:
-    """Read one mesh of a file of Mitsuba's `.serialized` ones.
+    """Read one mesh of a Mitsuba `.serialized` file.
 
     Parameters
     ----------
     name, base_folder, allow_paths, place
-        As of `read_mesh`.
+        See `read_mesh`.
     index : int
-        Of the mesh in the file, from 0.
+        Index of the mesh in the file, from 0.
 
     Returns
     -------
     mesh : MeshData
     faceted : bool
-        Whether the file wants it to be flat.
+        Whether the file requests flat shading.
 
     Raises
     ------
     SceneError
-        If it may not be read or is not a sound mesh.
+        If it may not be read or is not a valid mesh.
     """
     from clrender.scene.mesh_serialized import read_serialized
 
@@ -92,7 +92,7 @@ def read_serialized_mesh(
 def _read(
     name: str, base_folder: Path, allow_paths: Sequence[Path], label: str, read: Callable[[BinaryIO, int], _Found]
 ) -> _Found:
-    """What a reader makes of a file and its size."""
+    """Open a file and apply a reader to it and its size."""
     file, size = open_named_file(name, base_folder, allow_paths, label, FILE_LIMIT)
     with file:
         if size == 0:
@@ -106,7 +106,7 @@ def _read(
 
 
 def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], MeshData] | None:
-    """The reader for a kind of file, loaded when it is needed: most scenes that one tries first have no files."""
+    """The reader for a file extension, imported on demand: a user's first scenes mostly have no files."""
     if ending == ".ply":
         from clrender.scene.mesh_ply import read_ply
 
@@ -123,12 +123,12 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], 
 
 
 def checked_mesh(mesh: MeshData, label: str) -> MeshData:
-    """The mesh, if all its numbers are finite and in range.
+    """Validate that all numbers of a mesh are finite and in range.
 
     Raises
     ------
     SceneError
-        It begins with `label`.
+        The message begins with `label`.
     """
     for array, what in ((mesh.vertices, "vertex"), (mesh.normals, "normal")):
         for start in range(0, 0 if array is None else len(array), 2**20):

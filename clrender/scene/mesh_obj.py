@@ -1,4 +1,4 @@
-"""Meshes of Wavefront OBJ files: all faces of one, or some of them."""
+"""Meshes of Wavefront OBJ files, from all faces or some of them."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def read_obj(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     Parameters
     ----------
     file : binary file
-        At its start.
+        Positioned at its start.
     size : int
         Bytes.
     label : str
-        Start of an error message.
+        Prefix of error messages.
     colors : VertexColors, optional
-        Read a colour behind each position, as ``v x y z r g b`` has it, encoded like this; auto: sRGB.
+        Also read the colour after each position, as in ``v x y z r g b``, with this encoding; auto: sRGB.
 
     Raises
     ------
@@ -46,13 +46,13 @@ def read_obj(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
 
 @dataclass(frozen=True)
 class ObjFaces:
-    """The faces of an OBJ file, and what their corners name.
+    """The faces of an OBJ file, and the indices of their corners.
 
     Attributes
     ----------
     records : ObjRecords
     label : str
-        Start of an error message.
+        Prefix of error messages.
     """
 
     records: ObjRecords
@@ -61,23 +61,23 @@ class ObjFaces:
 
     @cached_property
     def positions(self) -> NDArray[np.float64]:
-        """(V, 3) float64."""
+        """Vertex positions, (V, 3) float64."""
         return np.concatenate([part[:, :3] for part in self.records.positions])
 
     @cached_property
     def colors(self) -> NDArray[np.float64] | None:
-        """Of the vertices as the file has them, (V, 3) float64; None where not all have one."""
+        """Vertex colours as in the file, (V, 3) float64; None if some vertices have none."""
         parts = self.records.positions
         return np.concatenate([part[:, 3:] for part in parts]) if all(part.shape[1] == 6 for part in parts) else None
 
     @cached_property
     def sizes(self) -> _Whole:
-        """Corners of the faces, (F,) int64."""
+        """Number of corners of each face, (F,) int64."""
         return np.concatenate(self.records.sizes)
 
     @cached_property
     def _corners(self) -> tuple[_Whole, _Whole, _Whole]:
-        """Vertex, texture coordinates and normal of each corner; -1 where there are none."""
+        """Indices of the vertex, texture coordinates and normal of each corner; -1 for missing ones."""
         found = self.records
         vertex, uv, normal = (
             np.concatenate(parts) for parts in (found.corners, found.corner_uvs, found.corner_normals)
@@ -90,11 +90,11 @@ class ObjFaces:
 
     @cached_property
     def _uv_table(self) -> NDArray[np.float32]:
-        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
+        with np.errstate(over="ignore"):  # values too large for float32 become infinite and are rejected later
             return np.concatenate([np.empty((0, 2)), *self.records.uvs]).astype(np.float32)
 
     def _shades(self, colors: VertexColors) -> NDArray[np.float32]:
-        """Linear colours of all vertices, kept for the other parts."""
+        """Linear colours of all vertices, cached for other meshes of the file."""
         if colors not in self._linear:
             assert self.colors is not None
             self._linear[colors] = linear_colors(self.colors, colors != "linear", self.label)
@@ -123,12 +123,12 @@ class ObjFaces:
         Parameters
         ----------
         faces : (n,) int64, optional
-            Their numbers, and only the vertices that they name; default: all of both.
+            Indices of the faces, whose vertices alone are kept; default: all faces and vertices.
         colors : VertexColors, optional
-            Encoding of the vertices' colours, which are read then; auto: sRGB.
+            Also read vertex colours, with this encoding; auto: sRGB.
         smoothing : (F,) int64, optional
-            Smoothing group of each face; 0: none. Then faces without normals get those that are their group's means:
-            rows of zeros, of vertices that each group has for itself.
+            Smoothing group of each face; 0: none. Faces without normals then get averaged normals of their group:
+            vertices are duplicated for each group, with rows of zeros as normals.
 
         Raises
         ------
@@ -173,7 +173,7 @@ class ObjFaces:
         )
 
     def _of(self, faces: _Whole | None, sizes: _Whole) -> tuple[_Whole, _Whole, _Whole]:
-        """What the corners of some faces name."""
+        """Indices of the corners of some faces."""
         if faces is None:
             return self._corners
         first = self._firsts[faces]
@@ -182,7 +182,7 @@ class ObjFaces:
         return vertex, uv, normal
 
     def _uvs(self, index: _Whole) -> tuple[NDArray[np.float32] | None, str]:
-        """Texture coordinates of corners, if any has them; and of how many there are none."""
+        """Texture coordinates of corners, if any has them, and a warning about corners without."""
         table = self._uv_table
         if not len(table):
             return None, ""
@@ -198,12 +198,12 @@ class ObjFaces:
 
 
 def _used(corners: _Whole) -> tuple[_Whole, _Whole]:
-    """Vertices that corners name, in order, and the places of the corners' vertices among these."""
+    """Unique vertices of the corners, ascending, and the corners' indices into these."""
     low, span = int(corners.min()), int(np.ptp(corners)) + 1
     if span > 8 * len(corners):
         used, places = np.unique(corners, return_inverse=True)
         return used, places.reshape(-1)
-    # Most objects have their vertices side by side: no need to sort
+    # Most objects have contiguous vertices: no need to sort
     held = np.zeros(span, bool)
     held[corners - low] = True
     return np.flatnonzero(held) + low, (np.cumsum(held) - 1).take(corners - low)
@@ -212,7 +212,7 @@ def _used(corners: _Whole) -> tuple[_Whole, _Whole]:
 def _with_normals(
     vertices: NDArray[np.float64], normals: NDArray[np.float64], corners: _Whole, corner_normals: _Whole
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], _Whole]:
-    """Vertices that have one normal each: those with several are repeated."""
+    """Duplicate vertices with several normals, so that each has one."""
     normal_of = np.full(len(vertices), -1, np.int64)
     normal_of[corners] = corner_normals
     if (normal_of.take(corners) == corner_normals).all():
@@ -224,7 +224,7 @@ def _with_normals(
 
 
 def _groups(smoothing: _Whole) -> _Whole:
-    """Numbers of the groups of faces, from 0; each face without one is a group of its own."""
+    """Consecutive group numbers of faces, from 0; each face without a group is a group of its own."""
     alone = smoothing == 0
     _, groups = np.unique(np.where(alone, 0, smoothing), return_inverse=True)
     groups = groups.reshape(-1).astype(np.int64)
@@ -233,7 +233,7 @@ def _groups(smoothing: _Whole) -> _Whole:
 
 
 def _split(vertices: NDArray[np.float64], corners: _Whole, groups: _Whole) -> tuple[NDArray[np.float64], _Whole]:
-    """Vertices that each group has for itself, and what the corners name then."""
+    """Duplicate vertices for each group; returns them and the new indices of the corners."""
     count = int(groups.max()) + 1
     pairs, corners = np.unique(corners * count + groups, return_inverse=True)
     return vertices[pairs // count], corners.reshape(-1)

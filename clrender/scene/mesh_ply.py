@@ -1,6 +1,6 @@
 """PLY files, ASCII and binary: positions, normals, texture coordinates, colours and faces of any size.
 
-Format: G. Turk, "The PLY Polygon File Format" (1994). All that is read streams by: memory goes to the mesh alone.
+Format: G. Turk, "The PLY Polygon File Format" (1994). Files are streamed: only the mesh is held in memory.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from clrender.scene.vertex_colors import VertexColors, linear_colors
 __all__ = ["READ_OF_FACES", "READ_OF_VERTICES", "has_colors", "read_ply"]
 
 _UVS: Final = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
-"""Names that programs give to texture coordinates."""
+"""Names of texture coordinates in various programs."""
 _NORMAL: Final = ("nx", "ny", "nz")
 _COLOR: Final = ("red", "green", "blue")
 _CORNERS: Final = {"texcoord": 2, "texcoord_1": 2, "corner_colors": 3, "corner_tangents": 4}
-"""Lists of numbers of the corners of a face, and how many each corner has. The first is MeshLab's; the others are ours:
-a second set of texture coordinates, linear colours, and tangents of normal maps with their handedness."""
+"""Lists of numbers for the corners of a face, and how many numbers each corner has. The first is MeshLab's; the others
+are our own: a second set of texture coordinates, linear colours, and tangents with their handedness."""
 READ_OF_VERTICES: Final = frozenset(("x", "y", "z", *_NORMAL, *_COLOR, *(name for pair in _UVS for name in pair)))
-"""Properties of vertices that a mesh may be made of."""
+"""Vertex properties that are read."""
 READ_OF_FACES: Final = frozenset(("vertex_indices", "vertex_index", *_CORNERS))
-"""Likewise of faces."""
+"""Face properties that are read."""
 _LARGEST: Final = {"u1": 255.0, "u2": 65535.0, "f4": 1.0, "f8": 1.0}
-"""What a colour of each type has at most."""
+"""Largest colour value of each type."""
 
 
 def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None = None) -> MeshData:
@@ -43,13 +43,13 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     Parameters
     ----------
     file : binary file
-        At its start.
+        Positioned at its start.
     size : int
         Bytes.
     label : str
-        Start of an error message.
+        Prefix of error messages.
     colors : VertexColors, optional
-        Read colours of vertices, if it has any, encoded like this; auto: of whole numbers sRGB, of floats linear.
+        Also read vertex colours, if any, with this encoding; auto: integers are sRGB, floats linear.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
 
 
 def has_colors(header: PlyHeader) -> bool:
-    """Whether its vertices, or the corners of its faces, have colours."""
+    """Whether the vertices, or the corners of faces, have colours."""
     vertex, face = header.element("vertex"), header.element("face")
     names = set() if vertex is None else {entry.name for entry in vertex.properties}
     return names >= set(_COLOR) or any(entry.name == "corner_colors" for entry in (face.lists if face else ()))
@@ -137,7 +137,7 @@ def _mesh(
     if (sizes > 3).any():
         places, crossed = triangulate(vertices, corners, sizes, label)
     normals = None if normals is None else np.ascontiguousarray(normals)
-    with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
+    with np.errstate(over="ignore"):  # values too large for float32 become infinite and are rejected later
         by_name = {"texcoord": None if uvs is None else uvs.astype(np.float32)[corners]}
     shades = None if colors is None else colors[corners]
     by_name |= {"texcoord_1": None, "corner_colors": shades, "corner_tangents": None}
@@ -158,7 +158,7 @@ def _mesh(
 def _corner_table(
     name: str, entries: NDArray[np.floating], counts: NDArray[np.int64], sizes: NDArray[np.int64], label: str
 ) -> tuple[NDArray[np.float32] | None, str]:
-    """Numbers of all corners, (C, 2 or 3), of lists that faces have; None where no face has them, and a warning."""
+    """Numbers of all corners, (C, 2 or 3), from face lists, or None if no face has them; and a warning."""
     width = _CORNERS[name]
     with np.errstate(over="ignore"):
         values = entries.astype(np.float32)

@@ -1,4 +1,4 @@
-"""Meshes of Mitsuba's `.serialized` files: several of them, compressed one by one, and a table of where each begins.
+"""Mitsuba's `.serialized` files: several meshes, each compressed separately, and a table of their offsets.
 
 Format: Mitsuba 0.6 documentation, section "Serialized mesh loader".
 """
@@ -20,28 +20,28 @@ __all__ = ["SerializedMesh", "read_serialized"]
 
 _MAGIC: Final = 0x041C
 _OFFSETS: Final = {3: "<u4", 4: "<u8"}
-"""By version: how the table of offsets has them."""
+"""Type of the table of offsets, by version."""
 _NORMALS, _UVS, _COLORS, _FACETED, _SINGLE, _DOUBLE = 0x1, 0x2, 0x8, 0x10, 0x1000, 0x2000
 _KNOWN: Final = _NORMALS | _UVS | _COLORS | _FACETED | _SINGLE | _DOUBLE
 _MESH_LIMIT: Final = 2**20
 _NAME_LIMIT: Final = 2**12
 _PIECE: Final = 2**20
-"""Bytes that are inflated at a time."""
+"""Bytes decompressed at a time."""
 _FREE: Final = 2**24
 _MOST_INFLATION: Final = 100
-"""Meshes of more than so many bytes must take up at least a hundredth of them in the file: those of grids do."""
+"""Largest compression ratio of meshes of more than `_FREE` bytes; those of regular grids stay below it."""
 
 
 @dataclass(frozen=True)
 class SerializedMesh:
-    """One of them.
+    """One mesh of a file.
 
     Attributes
     ----------
     mesh : MeshData
-        Its colours are passed over.
+        Without colours, which are not read.
     faceted : bool
-        Whether the file wants it to be flat although it may have normals.
+        Whether the file requests flat shading although the mesh may have normals.
     """
 
     mesh: MeshData
@@ -54,18 +54,18 @@ def read_serialized(file: BinaryIO, size: int, label: str, index: int) -> Serial
     Parameters
     ----------
     file : binary file
-        At its start.
+        Positioned at its start.
     size : int
         Bytes.
     label : str
-        Start of an error message.
+        Prefix of error messages.
     index : int
-        Of the mesh, from 0.
+        Index of the mesh, from 0.
 
     Raises
     ------
     SceneError
-        It is truncated or damaged, or holds no such mesh.
+        It is truncated or damaged, or has no such mesh.
     """
     version = _version(file.read(4), label, 0)
     kind = np.dtype(_OFFSETS[version])
@@ -103,7 +103,7 @@ def _version(head: bytes, label: str, place: int) -> int:
 
 
 class _Stream:
-    """What a zlib stream holds, piece by piece."""
+    """Decompresses a zlib stream piece by piece."""
 
     def __init__(self, file: BinaryIO, size: int, label: str) -> None:
         self._file, self._left, self._label = file, size, label
@@ -111,7 +111,7 @@ class _Stream:
         self._inflate = zlib.decompressobj()
 
     def _piece(self, most: int) -> bytes:
-        """Some more bytes; none once there are no more."""
+        """The next bytes; empty at the end."""
         while not self._inflate.eof:
             data = self._inflate.unconsumed_tail
             if not data:
@@ -128,7 +128,7 @@ class _Stream:
         return b""
 
     def read(self, count: int) -> bytes:
-        """Just so many bytes."""
+        """Read exactly `count` bytes."""
         pieces: list[bytes] = []
         while count:
             pieces.append(self._piece(count))
@@ -138,12 +138,12 @@ class _Stream:
         return b"".join(pieces)
 
     def table(self, rows: int, columns: int, kind: str) -> NDArray[Any]:
-        """(rows, columns) numbers."""
+        """Read a (rows, columns) array."""
         data = self.read(rows * columns * np.dtype(kind).itemsize)
         return np.frombuffer(data, kind).reshape(rows, columns)
 
     def end(self) -> None:
-        """Nothing may follow but the checksum."""
+        """Raise an error if anything follows but the checksum."""
         if self._piece(1):
             raise SceneError(f"{self._label} is damaged: it holds more than it says")
         if self._left or self._inflate.unused_data:
@@ -183,7 +183,7 @@ def _mesh(stream: _Stream, version: int, label: str) -> SerializedMesh:
         raise SceneError(f"{label}: triangle {row} names vertex {named}, but there are only {vertices}, counted from 0")
     with np.errstate(
         over="ignore", invalid="ignore"
-    ):  # what float32 cannot hold is infinite, and refused with its place
+    ):  # values too large for float32 become infinite and are rejected later
         corners = None if uvs is None else uvs.astype(np.float32)[indices]
     mesh = MeshData(positions, indices.astype(np.uint32), normals, uvs=corners)
     return SerializedMesh(mesh, bool(flags & _FACETED))

@@ -1,6 +1,7 @@
-"""STL files, ASCII and binary: triangles whose corners are shared where all their bits are.
+"""STL files, ASCII and binary; corners with identical bits become shared vertices.
 
-Format: 3D Systems, "StereoLithography Interface Specification" (1989). Which side is outside the order of corners says.
+Format: 3D Systems, "StereoLithography Interface Specification" (1989). The order of corners decides which side is
+outside.
 """
 
 from __future__ import annotations
@@ -28,18 +29,18 @@ def read_stl(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     Parameters
     ----------
     file : binary file
-        At its start.
+        Positioned at its start.
     size : int
         Bytes.
     label : str
-        Start of an error message.
+        Prefix of error messages.
     colors : VertexColors, optional
-        Not read: there are none of vertices.
+        Ignored: STL has no vertex colours.
 
     Returns
     -------
     MeshData
-        Without normals; vertices float32, or float64 of an ASCII file, in the order of their first use.
+        Without normals; vertices float32, or float64 for an ASCII file, in the order of their first use.
 
     Raises
     ------
@@ -50,7 +51,7 @@ def read_stl(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     head = file.read(_HEAD)
     count = int.from_bytes(head[80:84], "little") if len(head) == _HEAD else -1
     warnings: list[str] = []
-    # Some binary files begin with "solid", too: their length tells
+    # Some binary files begin with "solid", too; the file size tells them apart
     if size == _HEAD + 50 * count or head.lstrip()[:5].lower() != b"solid":
         points, normals = _binary(file, size, count, head, label, warnings)
     else:
@@ -93,21 +94,21 @@ def _binary(
 
 
 def _against(points: NDArray[np.floating], normals: NDArray[np.floating]) -> int:
-    """How many normals that are given point to the backs of their facets."""
+    """How many of the given normals point to the back of their facet."""
     found = 0
     for start in range(0, len(points), _CHUNK):
         corners = points[start : start + _CHUNK].astype(np.float64)
-        with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused by who asked
+        with np.errstate(over="ignore", invalid="ignore"):  # the caller rejects coordinates out of range
             across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
             found += int(np.count_nonzero((across * normals[start : start + _CHUNK]).sum(axis=1) < 0.0))
     return found
 
 
 def _shared(points: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.uint32]]:
-    """Vertices that differ in some bit, and the triangles that name them."""
+    """Vertices that are unique bit by bit, and triangles of their indices."""
     flat = np.ascontiguousarray(points.reshape(-1, 3))
     words = flat.view(np.uint32 if flat.dtype == np.float32 else np.uint64).astype(np.uint64)
-    # Sorted by a hash of the bits, products with odd constants; afterwards the bits themselves are compared
+    # Sort by a hash of the bits (products with odd constants), then compare the bits themselves
     key = np.zeros(len(words), np.uint64)
     for column, odd in enumerate((0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)):
         mixed = (words[:, column] ^ key) * np.uint64(odd)

@@ -1,4 +1,4 @@
-"""Text of mesh files: read a few MiB at a time as whole lines, and turned into numbers without leniency."""
+"""Text of mesh files: reads blocks of whole lines, and parses numbers strictly."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from clrender.scene.decimals import decimal_values
 __all__ = ["CONTINUATION", "Block", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
 
 _READ: Final = 1 << 19
-"""Bytes at a time: what is computed of them stays in the caches."""
+"""Bytes read at a time: arrays computed from them fit into the caches."""
 _KEPT: Final = 1 << 24
-"""More bytes than arrays of a block have."""
+"""More bytes than any array of a block has."""
 _LINE_LIMIT: Final = 1 << 26
 CONTINUATION: Final = b"\x0b"
-"""Stands for the line break of a continued line: a blank to the parsers, and still a line when lines are counted."""
+"""Replaces the line break of a continued line: a blank to the parsers, but a line break for line numbers."""
 
-# Form feeds and vertical tabs are blanks. Other control characters belong to no number: they become question marks.
+# Form feeds and vertical tabs are blanks. Other control characters are invalid in numbers: they become "?".
 _PLAIN: Final = bytes(
     byte if byte >= 32 or byte in b"\t\n\r" else 32 if byte in b"\f\v" else ord("?") for byte in range(256)
 )
@@ -45,37 +45,37 @@ class Block:
     first_line: int
 
     def line_number(self, position: int) -> int:
-        """Number, in the file, of the line that begins at a byte of the text."""
+        """Line number, in the file, of the line that begins at a byte of the text."""
         before = self.text[:position]
         return self.first_line + before.count(b"\n") + before.count(CONTINUATION)
 
     def line(self, position: int) -> str:
-        """The line that begins at a byte of the text, shortened, for a message."""
+        """The line that begins at a byte of the text, truncated, for a message."""
         line = self.text[position : position + 200].split(b"\n", 1)[0]
         return line.replace(CONTINUATION, b" ").decode("utf-8", errors="replace").strip()[:80]
 
 
 def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = False) -> Iterator[Block]:
-    """Lines of a text file from where it stands, in blocks of a few MiB.
+    """Lines of a text file from its current position, in blocks.
 
     Parameters
     ----------
     file : binary file
-        Lines may end in line feed, carriage return or both; a byte order mark of UTF-8 is passed over.
+        Lines may end in line feed, carriage return or both; a UTF-8 byte order mark is skipped.
     label : str
-        Start of an error message.
+        Prefix of error messages.
     first_line : int
-        Number of the line at which the file stands.
+        Line number of the current position.
     obj : bool
         Whether `#` begins a comment and a backslash at the end of a line continues it, as in OBJ files.
 
     Raises
     ------
     SceneError
-        For UTF-16, for bytes no text holds, and for a line of more than 64 MiB.
+        For UTF-16, for bytes that are not text, and for a line of more than 64 MiB.
     """
-    # The allocator of glibc asks the system for each large array, which costs more time than what is done with it,
-    # until an array of that size has been freed.
+    # Until an array of this size has been freed, glibc requests each large array from the system, which takes longer
+    # than the computation.
     freed = np.empty(_KEPT, np.uint8)
     del freed
     pending, held, line, start = b"", b"", first_line, True
@@ -90,7 +90,7 @@ def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = Fal
             raise SceneError(f"{label} is no text file: it holds zero bytes; export it again as plain text")
         ended = len(data) == 0
         text = held + data if held else data
-        # A carriage return at the very end may be the first half of a line's end.
+        # A carriage return at the very end may be the first half of a line ending.
         held = b"\r" if text.endswith(b"\r") and not ended else b""
         text = text[: len(text) - len(held)]
         codes = np.frombuffer(text, np.uint8)
@@ -116,17 +116,17 @@ def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = Fal
 
 
 def _joined(text: bytes) -> bytes:
-    """Without comments, and with continued lines as one."""
+    """Remove comments and join continued lines."""
     if b"#" in text:
-        # Comments go first: one that ends in a backslash, as a Windows path does, must not swallow the next line.
+        # Remove comments first: one that ends in a backslash, such as a Windows path, must not swallow the next line.
         text = re.sub(rb"#[^\n]*", b"", text)
     if b"\\" in text:
         text = text.replace(b"\\\n", b" " + CONTINUATION)
-    return text if text.endswith(b"\n") else text + b"\n"  # a file may end in a line that goes on
+    return text if text.endswith(b"\n") else text + b"\n"  # a file may end in a continued line
 
 
 def word_spans(data: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where the words of a text begin, and where the blank after each of them is.
+    """Positions where the words of a text begin, and of the blank after each.
 
     Parameters
     ----------
@@ -145,12 +145,12 @@ def word_spans(data: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.i
 
 
 def parse_whole(text: bytes) -> NDArray[np.int64] | None:
-    """Whole numbers parted by blanks, from a text with a blank at its end.
+    """Integers separated by blanks, from a text with a blank at its end.
 
-    None, or fewer numbers than there are words, where a word is no number; more where a word is several.
+    None, or fewer numbers than words, if a word is not a number; more if a word contains several.
     """
     if b"-" in text or b"+" in text:
-        # The parser would let blanks stand between a sign and its number.
+        # The parser would allow blanks between a sign and its number.
         data = np.frombuffer(text, np.uint8)
         signs = np.flatnonzero((data == ord("-")) | (data == ord("+")))
         if (data[signs + 1] <= 32).any():
@@ -162,19 +162,19 @@ def parse_whole(text: bytes) -> NDArray[np.int64] | None:
 
 
 def parse_numbers(text: bytes, spans: Spans | None = None) -> NDArray[np.float64] | None:
-    """Decimal numbers parted by blanks, each correctly rounded.
+    """Decimal numbers separated by blanks, each correctly rounded.
 
     Parameters
     ----------
     text : bytes
         Blank at its end.
     spans : two (words,) int64, optional
-        As of `word_spans`, if they are known.
+        Result of `word_spans`, if known.
 
     Returns
     -------
     (words,) float64, or None
-        None when a word is not exactly one number.
+        None if a word is not exactly one number.
     """
     data = np.frombuffer(text, np.uint8)
     starts, ends = word_spans(data) if spans is None else spans
@@ -184,17 +184,17 @@ def parse_numbers(text: bytes, spans: Spans | None = None) -> NDArray[np.float64
             values = np.fromstring(text, np.float64, sep=" ")
         except (ValueError, DeprecationWarning):
             return None
-    # The parser takes "1.2.3" for two numbers, but never a word for none: equal counts mean one number a word.
+    # The parser takes "1.2.3" for two numbers, but never a word for none: equal counts mean one number per word.
     return values if len(values) == len(starts) else None
 
 
 def _from_digits(
     text: bytes, data: NDArray[np.uint8], starts: NDArray[np.int64], ends: NDArray[np.int64]
 ) -> NDArray[np.float64] | None:
-    """Numbers without exponents, many times faster: digits as an integer, divided by a power of ten.
+    """Fast path for numbers without exponents: an integer of the digits, divided by a power of ten.
 
     Both are exact while the integer is below 2^53 and the power at most 10^22, and a division rounds correctly
-    (Clinger, "How to Read Floating Point Numbers Accurately", 1990). None when some number is not of that kind.
+    (Clinger, "How to Read Floating Point Numbers Accurately", 1990). None if some number does not qualify.
     """
     dots = np.flatnonzero(data == ord("."))
     digits = parse_whole(text.replace(b".", b"") if len(dots) else text)

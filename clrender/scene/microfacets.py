@@ -1,4 +1,4 @@
-"""What the host knows of rough materials: measured metals by name, and how much light microfacets reflect."""
+"""Rough materials on the host: indices of measured metals, and albedos of microfacet lobes."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ al., Applied Optics 37 (1998).
 """
 
 SMOOTH_BELOW: Final = 1e-3
-"""Values of alpha below it make a delta: single precision has no digits left for narrower lobes."""
+"""Below this alpha a lobe is a delta distribution: single precision cannot represent narrower lobes."""
 
 _STEPS: Final = 256
 
 
 @cache
 def albedo_tables() -> NDArray[np.float32]:
-    """How much light the lobes of rough materials reflect: the tables of ``scripts/albedo_tables.py``.
+    """Albedo tables of rough lobes, made by ``scripts/albedo_tables.py``.
 
     Returns
     -------
     (n,) float32
-        One table after the other from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END`. Of the tables of sixteen bits
-        each word holds two neighbours along a row.
+        The tables, concatenated, from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END`. In 16-bit tables, each word
+        contains two neighbours along a row.
     """
     names = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
     with np.load(Path(__file__).with_name("albedo_tables.npz")) as file:
@@ -76,14 +76,14 @@ def _words(table: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def fresnel(cosine: float, eta: float, k: float) -> float:
-    """Share of unpolarised light that a smooth metal reflects.
+    """Fresnel reflectance of a smooth metal for unpolarised light.
 
     Parameters
     ----------
     cosine : float
-        Of the angle from the normal.
+        Cosine of the angle of incidence.
     eta, k : float
-        Complex index of refraction, over that of the medium before it.
+        Complex index of refraction, relative to the medium in front of it.
     """
     cosine2, sine2 = cosine * cosine, 1.0 - cosine * cosine
     t0 = eta * eta - k * k - sine2
@@ -95,6 +95,6 @@ def fresnel(cosine: float, eta: float, k: float) -> float:
 
 
 def fresnel_average(eta: float, k: float) -> float:
-    """The mean of `fresnel` over directions as likely as their cosine."""
+    """The mean of `fresnel` over cosine-distributed directions."""
     middles = [(i + 0.5) / _STEPS for i in range(_STEPS)]
     return 2.0 * math.fsum(fresnel(x, eta, k) * x for x in middles) / _STEPS

@@ -1,4 +1,4 @@
-"""Opens the files that scenes name: only from allowed folders, only regular files, only of sane size."""
+"""Opens the files that scenes name: only regular files of limited size in allowed folders."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ __all__ = ["allowed_file", "open_named_file", "open_scene_file"]
 
 
 def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = None) -> tuple[BinaryIO, int]:
-    """Open a file for reading if it is a regular one of sane size.
+    """Open a regular file of limited size for reading.
 
     Parameters
     ----------
     path : pathlib.Path
     label : str
-        Start of the error message.
+        Prefix of error messages.
     limit : int
         Largest size, bytes.
     beneath : pathlib.Path, optional
-        As of `clrender.files.open_regular`.
+        See `clrender.files.open_regular`.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = N
 
 
 def allowed_file(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str) -> tuple[Path, Path]:
-    """Where a file lies that a scene names, if it may be read.
+    """Path of a file that a scene names, if it may be read.
 
     Parameters
     ----------
@@ -55,19 +55,19 @@ def allowed_file(name: str, base_folder: Path, allow_paths: Sequence[Path], labe
         As the scene names it, relative to `base_folder` or absolute.
     base_folder : pathlib.Path
     allow_paths : sequence of pathlib.Path
-        Folders besides `base_folder` from which, and from below which, files may come; links are followed first.
+        Folders besides `base_folder` whose files, and those of their subfolders, may be read; links are resolved first.
     label : str
-        Start of the error message.
+        Prefix of error messages.
 
     Returns
     -------
     folder, path
-        The folder in which it may be read, and the way from there with all links followed.
+        The allowed folder, and the path from there with all links resolved.
 
     Raises
     ------
     SceneError
-        If it lies elsewhere, or the name is none.
+        If it is in another folder, or the name is invalid.
     """
     try:
         folders = [folder.resolve() for folder in (base_folder, *allow_paths)]
@@ -79,7 +79,7 @@ def allowed_file(name: str, base_folder: Path, allow_paths: Sequence[Path], labe
         raise SceneError(f"{label} cannot be opened: {reason or 'the name is not a valid path'}") from None
     folder = next((folder for folder in folders if path.is_relative_to(folder)), None)
     if folder is None:
-        # Whether such a file exists outside is not told.
+        # Do not reveal whether such a file exists outside.
         cure = "move it there or allow its folder with --allow-path (allow_paths in Python)"
         raise SceneError(f"{label} lies outside the scene's own folder; {cure}")
     return folder, path.relative_to(folder)
@@ -88,12 +88,12 @@ def allowed_file(name: str, base_folder: Path, allow_paths: Sequence[Path], labe
 def open_named_file(
     name: str, base_folder: Path, allow_paths: Sequence[Path], label: str, limit: int
 ) -> tuple[BinaryIO, int]:
-    """Open a file that a scene names, if it lies where files may come from.
+    """Open a file that a scene names, if it is in an allowed folder.
 
     Parameters
     ----------
     name, base_folder, allow_paths, label
-        As of `allowed_file`.
+        See `allowed_file`.
     limit : int
         Largest size, bytes.
 
@@ -104,7 +104,7 @@ def open_named_file(
     Raises
     ------
     SceneError
-        As of `allowed_file` and `open_scene_file`.
+        Like `allowed_file` and `open_scene_file`.
     """
     folder, path = allowed_file(name, base_folder, allow_paths, label)
     return open_scene_file(path, label, limit, folder)

@@ -1,7 +1,7 @@
-"""Lines of an OBJ file that are all written alike, as most programs write them: faster than lines of any form.
+"""Fast path for OBJ lines of identical form, which most programs write.
 
-What a line is made of but digits, such as ``f // // //``, is compared for all lines at once, and tells where the
-digits of each number are.
+The non-digits of a line, such as ``f // // //``, are compared for all lines at once, and delimit the digits of each
+number.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from clrender.scene.mesh_text import CONTINUATION, Block
 __all__ = ["Run", "alike_corners", "alike_vectors", "runs"]
 
 _LEAST: Final = 256
-"""Fewer lines than these are not worth a look."""
+"""Fewest lines for which the fast path pays off."""
 _MOST_RUNS: Final = 64
 _MOST_DIGITS: Final = 18
-"""Of a number, so that its digits fit into 64 bits."""
+"""Most digits of a number, so that they fit into 64 bits."""
 _POWERS: Final = 10 ** np.arange(_MOST_DIGITS + 1)
 
 
 class Run(NamedTuple):
-    """Lines of a block that follow each other.
+    """Consecutive lines of a block.
 
     Attributes
     ----------
     kind : str
-        ``v``, ``vt``, ``vn`` or ``f``, with a blank behind it, if all of them begin so; else empty.
+        ``v``, ``vt``, ``vn`` or ``f``, if all of them begin with it and a blank; else empty.
     block : Block
     lines : int
     """
@@ -43,7 +43,7 @@ class Run(NamedTuple):
 
 
 def runs(block: Block) -> Iterator[Run]:
-    """A block cut where lines begin otherwise than those before, if there are few such places."""
+    """Split a block where the keyword of lines changes, if there are few such places."""
     data = np.frombuffer(block.text, np.uint8)
     ends = np.flatnonzero(data == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -83,13 +83,13 @@ def _part(block: Block, starts: NDArray[np.int64], ends: NDArray[np.int64], firs
 
 
 def _marks(data: NDArray[np.uint8], lines: int, signs: bool) -> tuple[NDArray[np.intp], bytes] | None:
-    """Where the bytes of lines are that are no digits, or no signs either; None where lines have others.
+    """Positions of the bytes of lines that are not digits (or signs, if `signs`); None if the lines' forms differ.
 
     Returns
     -------
     places : (lines, n) int64
     form : bytes
-        The n bytes of each line.
+        These n bytes, the same for each line.
     """
     found = (data - np.uint8(ord("0"))) > 9
     if signs:
@@ -104,12 +104,12 @@ def _marks(data: NDArray[np.uint8], lines: int, signs: bool) -> tuple[NDArray[np
 
 
 def alike_corners(run: Run) -> tuple[list[NDArray[np.int64]], int] | None:
-    """What the corners of faces name, and how many each face has; None where not all are written alike.
+    """Indices of the corners of faces, and the number of corners per face; None if the lines' forms differ.
 
     Returns
     -------
     indices : list of three (corners,) int64
-        Of vertices, texture coordinates and normals, all above 0; or all 0.
+        Indices of vertices, texture coordinates and normals, each all above 0 or all 0.
     size : int
     """
     data, lines = np.frombuffer(run.block.text, np.uint8), run.lines
@@ -120,7 +120,7 @@ def alike_corners(run: Run) -> tuple[list[NDArray[np.int64]], int] | None:
     slashes = form.count(b"/") // max(size, 1)
     if size < 3 or slashes > 2 or form != b"f" + (b" " + b"/" * slashes) * size + b"\n":
         return None
-    # Behind the blank after the keyword each mark ends a number, but for the middle one of 1//2
+    # After the keyword and its blank, each mark ends a number, except the second slash of 1//2
     ends, lengths = places[:, 2:], np.diff(places[:, 1:])
     lengths -= 1
     indices = []
@@ -137,7 +137,7 @@ def alike_corners(run: Run) -> tuple[list[NDArray[np.int64]], int] | None:
 
 
 def alike_vectors(run: Run) -> NDArray[np.float64] | None:
-    """Numbers behind the keyword of each line, (lines, n) float64; None where not all have one form of decimals."""
+    """Numbers after the keyword of each line, (lines, n) float64; None if the lines' forms differ."""
     data, lines = np.frombuffer(run.block.text, np.uint8), run.lines
     if (marks := _marks(data, lines, signs=True)) is None:
         return None

@@ -1,4 +1,4 @@
-"""Corners of the faces of an OBJ file, many lines at a time."""
+"""Vectorised parsing of the faces of an OBJ file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from clrender.scene.wording import quoted
 __all__ = ["Lines", "bad_line", "face_corners"]
 
 _Whole = NDArray[np.int64]
-# Vertex, texture coordinate, normal; some programs write the slashes of what is missing too: 1/ or 1//.
+# Vertex, texture coordinate, normal; some programs also write the slashes of missing parts: 1/ or 1//.
 _CORNER: Final = re.compile(r"(-?[0-9]{1,18})(?:/(-?[0-9]{1,18})?(?:/(-?[0-9]{1,18})?)?)?")
 _FACE_BYTES: Final = b"0123456789-/ \t\n\x0b"
 
@@ -29,13 +29,13 @@ class Lines:
     Attributes
     ----------
     places : (n,) int64
-        Bytes at which they begin.
+        Byte positions at which they begin.
     words : (n,) int64
-        How many words follow the keyword.
+        Number of words after the keyword.
     text : bytes
-        The lines, each with blanks for its keyword.
+        The lines, their keywords replaced by blanks.
     starts, ends : (words in all,) int64
-        Where in that the words begin, and where the blanks behind them are.
+        Positions in `text` of the words, and of the blanks after them.
     """
 
     places: _Whole
@@ -51,24 +51,24 @@ def bad_line(block: Block, place: int, label: str, what: str) -> SceneError:
 
 
 def face_corners(lines: Lines, block: Block, label: str) -> _Whole:
-    """Vertex, texture coordinates and normal of each corner.
+    """Indices of the vertex, texture coordinates and normal of each corner.
 
     Returns
     -------
     (corners, 3) int64
-        As the file counts; 0 where there is none.
+        As in the file; 0 for missing ones.
 
     Raises
     ------
     SceneError
-        A line is no face.
+        A line is not a valid face.
     """
     found = _uniform_corners(lines) if (lines.words >= 3).all() else None
     return _any_corners(lines, block, label) if found is None else found
 
 
 def _uniform_corners(lines: Lines) -> _Whole | None:
-    """The same where all of a block are written alike; else None."""
+    """Like `face_corners`, if all lines of a block have the same form; else None."""
     total = len(lines.starts)
     if lines.text.translate(None, _FACE_BYTES):
         return None
@@ -88,7 +88,7 @@ def _uniform_corners(lines: Lines) -> _Whole | None:
         return None
     numbers = parse_whole(lines.text.replace(b"/", b" "))
     count = 0 if numbers is None else len(numbers) // total
-    # Every word begins with a number and holds one more, at most, after each slash: the total tells of each.
+    # Every word begins with a number and has at most one more after each slash: so the total determines each.
     table = _columns(numbers, total, count)
     if count == 2 and each == 2:
         return _spread(table, (0, 2)) if (inside[:, 1] - inside[:, 0] == 1).all() else None
@@ -96,7 +96,7 @@ def _uniform_corners(lines: Lines) -> _Whole | None:
 
 
 def _spread(table: _Whole | None, columns: Sequence[int]) -> _Whole | None:
-    """A table's columns as these of three; the others are 0."""
+    """Copy a table's columns to the given ones of three; the others are 0."""
     if table is None or len(columns) == 3:
         return table
     whole = np.zeros((len(table), 3), np.int64)
@@ -105,14 +105,14 @@ def _spread(table: _Whole | None, columns: Sequence[int]) -> _Whole | None:
 
 
 def _columns(numbers: _Whole | None, rows: int, columns: int) -> _Whole | None:
-    """The numbers as a table, if they are exactly as many; zero is no index."""
+    """Reshape the numbers, if their count fits and none is 0, which is not an index."""
     if numbers is None or columns == 0 or len(numbers) != rows * columns or (numbers == 0).any():
         return None
     return numbers.reshape(rows, columns)
 
 
 def _any_corners(lines: Lines, block: Block, label: str) -> _Whole:
-    """The same of each corner, one by one; finds the line that is wrong."""
+    """Like `face_corners`, corner by corner; finds the invalid line."""
     kept: list[tuple[int, int, int]] = []
     words = iter(lines.text.split())
     for place, count in zip(lines.places.tolist(), lines.words.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""What a Wavefront OBJ file says, line by line: positions, colours, texture coordinates, normals, faces, statements.
+"""Records of a Wavefront OBJ file: positions, colours, texture coordinates, normals, faces, statements.
 
 Format: Wavefront Technologies, "Object Files (.obj)", appendix B1 of the Advanced Visualizer's manual.
 """
@@ -24,28 +24,28 @@ __all__ = ["ObjRecords", "Statement", "read_records"]
 _Whole = NDArray[np.int64]
 _NUMBER: Final = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,4})?")
 _INDEXED: Final = ("v", "vt", "vn")
-"""What the corners of faces name, in this order."""
+"""Keywords of the records that corners of faces index, in this order."""
 _VECTORS: Final = {2: "pair of texture coordinates", 3: "position or normal", 6: "position with a colour"}
-"""What so many numbers are, for messages."""
+"""Meaning of a vector by its number of components, for messages."""
 _KEPT: Final = frozenset(("o", "s", "usemtl", "mtllib"))
-"""Keywords of statements that shapes are made of."""
+"""Keywords of statements that are kept, as shapes depend on them."""
 _STATEMENT_LIMIT: Final = 2**20
-"""Most of those that say something else than the last one of their kind."""
+"""Most statements that differ from the last one of their kind."""
 _KIND_LIMIT: Final = 256
 """Most other keywords that are counted."""
 
 
 class Statement(NamedTuple):
-    """A line that says something of the faces behind it, or names a library.
+    """A line that applies to the faces after it, or names a material library.
 
     Attributes
     ----------
     keyword, rest : str
-        Its first word, and what follows without the blanks around it.
+        Its first word, and the rest without surrounding blanks.
     faces : int
-        How many faces stand before it.
+        Number of faces before it.
     line : int
-        Of the file, counted from 1.
+        Line number in the file, counted from 1.
     """
 
     keyword: str
@@ -56,7 +56,7 @@ class Statement(NamedTuple):
 
 @dataclass
 class ObjRecords:
-    """What the blocks read so far hold.
+    """Records of the blocks read so far.
 
     Attributes
     ----------
@@ -64,21 +64,21 @@ class ObjRecords:
     normals : list of (n, 3) float64
     uvs : list of (n, 2) float64
     sizes : list of (n,) int64
-        Corners of faces.
+        Numbers of corners of faces.
     corners, corner_uvs, corner_normals : lists of (n,) int64
-        Vertex, texture coordinates and normal of each corner, counted from 0; -1 where there are none.
+        Indices of the vertex, texture coordinates and normal of each corner, from 0; -1 for missing ones.
     counts : dict
-        Vertices, texture coordinates, normals and faces.
+        Numbers of vertices, texture coordinates, normals and faces.
     largest : dict
-        Of vertices and normals: the largest index named, and the line that names it.
+        Largest index used, of vertices and of normals, and the line that uses it.
     statements : list of Statement
-        If they were asked for; those that repeat the last one of their kind are left out.
+        If requested; those that repeat the last one of their kind are omitted.
     others : dict of str to int
-        How many lines begin with each other keyword.
+        Number of lines by other keywords.
     latest : dict of str to str
-        What the last statement of each kind says.
+        The last statement of each kind.
     some_colored : bool
-        Whether colours stand behind some positions only, or behind more than were asked for.
+        Whether only some positions have colours, or more than were requested.
     """
 
     positions: list[NDArray[np.float64]] = field(default_factory=list)
@@ -102,13 +102,13 @@ def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bo
     Parameters
     ----------
     file : binary file
-        At its start.
+        Positioned at its start.
     label : str
-        Start of an error message.
+        Prefix of error messages.
     colors : bool, optional
-        Whether each position must have a colour behind it, as ``v x y z r g b`` has it; None: where all have one.
+        Whether each position must have a colour after it, as in ``v x y z r g b``; None: read them if all have one.
     statements : bool
-        Whether to keep the lines that are neither vertices nor faces.
+        Whether to keep statements, which are neither vertices nor faces.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bo
 
 
 def _add_alike(run: Run, found: ObjRecords, colors: bool | None) -> bool:
-    """Add lines that are all written alike; whether they are."""
+    """Add lines if they all have the same form; returns whether they do."""
     if run.kind == "f":
         corners = alike_corners(run)
         if corners is None:
@@ -163,7 +163,7 @@ def _add_alike(run: Run, found: ObjRecords, colors: bool | None) -> bool:
 
 
 def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None, statements: bool) -> None:
-    """Add what a block holds."""
+    """Add the records of a block."""
     data = np.frombuffer(block.text, np.uint8)
     starts, ends = word_spans(data)
     line_ends = np.flatnonzero(data == ord("\n"))
@@ -172,7 +172,7 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
     words = np.diff(words_before, append=len(starts))
     filled = np.flatnonzero(words)
     keys = starts[words_before[filled]]
-    # A line ends in a line feed, so a byte behind a keyword exists, and two behind one of two letters.
+    # Lines end in a line feed, so a byte after a keyword exists, and two after one of two letters.
     first, second = data[keys], data[keys + 1]
     third = data[np.minimum(keys + 2, len(data) - 1)]
     is_kind = {
@@ -226,7 +226,7 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
 
 
 def _add_statements(block: Block, found: ObjRecords, keys: _Whole, lines: _Whole, faces: _Whole, label: str) -> None:
-    """Keep lines of a block whose keywords begin at these bytes."""
+    """Add statements of a block, whose keywords begin at these bytes."""
     if len(found.statements) > _STATEMENT_LIMIT:
         raise SceneError(f"{label} changes object or material more than {_STATEMENT_LIMIT} times; split it")
     for key, line, count in zip(keys.tolist(), lines.tolist(), faces.tolist(), strict=True):
@@ -243,10 +243,10 @@ def _add_statements(block: Block, found: ObjRecords, keys: _Whole, lines: _Whole
 
 
 def _vectors(lines: Lines, size: int, block: Block, label: str) -> NDArray[np.float64]:
-    """The first numbers of each line, as many as `size` says; more may follow (a weight, a colour)."""
+    """The first `size` numbers of each line; more may follow (a weight, a colour)."""
     numbers = parse_numbers(lines.text, (lines.starts, lines.ends))
     if size == 2 and (lines.words == 1).all() and numbers is not None:
-        return np.stack([numbers, np.zeros_like(numbers)], axis=1)  # of a picture that is a line
+        return np.stack([numbers, np.zeros_like(numbers)], axis=1)  # texture coordinates of a 1D texture
     if numbers is None or (lines.words < size).any() or not np.isfinite(numbers).all():
         what = f"is not a {_VECTORS[size]} of {size} numbers"
         for place in lines.places.tolist():
@@ -261,7 +261,7 @@ def _vectors(lines: Lines, size: int, block: Block, label: str) -> NDArray[np.fl
 
 
 def _add_faces(lines: Lines, before: Mapping[str, _Whole], block: Block, found: ObjRecords, label: str) -> None:
-    """Corners of the faces of a block; `before` says how many vertices and the like stand before each face."""
+    """Add the faces of a block; `before` holds the number of vertices and other records before each face."""
     parsed = face_corners(lines, block, label)
     face: _Whole | None = None
     for column, kind in enumerate(_INDEXED):

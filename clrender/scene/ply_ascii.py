@@ -18,7 +18,7 @@ __all__ = ["AsciiRecords"]
 
 
 class AsciiRecords:
-    """Records of an ASCII file, one on each line that holds anything."""
+    """Records of an ASCII file, one on each line that is not blank."""
 
     def __init__(self, file: BinaryIO, header: PlyHeader, label: str) -> None:
         self._label = label
@@ -26,7 +26,7 @@ class AsciiRecords:
         self._numbers, self._sizes = np.empty(0), np.empty(0, np.int64)
 
     def _records(self, element: Element) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.int64]]]:
-        """Parts of an element: number of the first record, numbers of all, and how many each record has."""
+        """Parts of an element: index of the first record, all numbers, and how many of them each record has."""
         done = 0
         while done < element.count:
             if not len(self._sizes) and not self._next_block():
@@ -60,7 +60,7 @@ class AsciiRecords:
     def _places(
         self, element: Element, done: int, numbers: NDArray[np.float64], sizes: NDArray[np.int64]
     ) -> dict[str, Lists]:
-        """Where in the numbers each property begins, and how many entries it has."""
+        """Positions in the numbers where each property begins, and its numbers of entries."""
         ends = np.cumsum(sizes)
         at = ends - sizes
         places = {}
@@ -87,12 +87,12 @@ class AsciiRecords:
         for done, numbers, sizes in self._records(element):
             places = self._places(element, done, numbers, sizes)
             for column, name in enumerate(names):
-                with np.errstate(over="ignore"):  # what float32 cannot hold is infinite, and refused with its place
+                with np.errstate(over="ignore"):  # values too large for float32 become infinite and are rejected later
                     table[done : done + len(sizes), column] = numbers[places[name][0]]
         return table
 
     def lists(self, element: Element, wanted: Sequence[Property]) -> list[Lists]:
-        """Of each of these lists all entries, and how many each record has."""
+        """All entries of each of these lists, and how many of them each record has."""
         return joined_lists(self._parts(element, wanted), self._label)
 
     def _parts(self, element: Element, wanted: Sequence[Property]) -> Iterator[list[Lists]]:
@@ -113,12 +113,12 @@ class AsciiRecords:
             yield part
 
     def skip(self, element: Element) -> None:
-        """Pass over an element."""
+        """Skip an element."""
         for done, numbers, sizes in self._records(element):
             self._places(element, done, numbers, sizes)
 
     def end(self) -> None:
-        """Nothing may follow."""
+        """Raise an error if anything follows."""
         while not len(self._sizes):
             if not self._next_block():
                 return

@@ -19,11 +19,11 @@ __all__ = ["BinaryRecords"]
 _CHUNK: Final = 1 << 21
 _FEW: Final = 16
 _WALK: Final = 4096
-"""Where fewer than a few records in a row are alike, this many are read one by one before another try."""
+"""If too few consecutive records are alike, this many are read one by one before the next attempt."""
 
 
 class BinaryRecords:
-    """Records of a binary file, one right behind the other."""
+    """Records of a binary file, which are contiguous."""
 
     def __init__(self, file: BinaryIO, header: PlyHeader, size: int, label: str) -> None:
         self._file, self._label = file, label
@@ -54,11 +54,11 @@ class BinaryRecords:
         return table
 
     def lists(self, element: Element, wanted: Sequence[Property]) -> list[Lists]:
-        """Of each of these lists all entries, and how many each record has."""
+        """All entries of each of these lists, and how many of them each record has."""
         return joined_lists(self._parts(element, wanted), self._label)
 
     def skip(self, element: Element) -> None:
-        """Pass over an element."""
+        """Skip an element."""
         if element.lists:
             for _ in self._parts(element, element.lists[:1]):
                 pass
@@ -67,12 +67,12 @@ class BinaryRecords:
                 self._read(min(_CHUNK, element.least_bytes - start))
 
     def end(self) -> None:
-        """Nothing may follow."""
+        """Raise an error if anything follows."""
         if self._left:
             raise SceneError(f"{self._label} has not the length its header promises: {self._left} bytes are left over")
 
     def _parts(self, element: Element, wanted: Sequence[Property]) -> Iterator[list[Lists]]:
-        """Entries of some lists, and how many each record has, of some records at a time."""
+        """Entries of some lists, and how many of them each record has, for some records at a time."""
         done, data = 0, b""
         while done < element.count:
             data += self._read(min(_CHUNK, self._left))
@@ -87,16 +87,16 @@ class BinaryRecords:
                 done, start = done + len(part[0][1]), end
             data = data[start:]
             if done < element.count:
-                # Room for the whole of the record that has only begun: its end is known as far as its counts are.
+                # Read the rest of the incomplete record: its end is known as far as its counts are.
                 _, _, end = self._walk(element, data, 0)
                 data += self._read(max(0, end - len(data)))
         self._file.seek(-len(data), os.SEEK_CUR)
         self._left += len(data)
 
     def _walk(self, element: Element, data: bytes, at: int) -> tuple[list[int], list[int], int]:
-        """One record: where its counts are, how many entries its lists have, and the record's end.
+        """One record: positions of its counts, numbers of its lists' entries, and its end.
 
-        The end lies behind the data when the record is not whole, and then the rest means nothing.
+        If the record is incomplete, its end lies beyond the data, and the rest is meaningless.
         """
         places: list[int] = []
         counts: list[int] = []
@@ -119,7 +119,7 @@ class BinaryRecords:
     def _alike(
         self, element: Element, wanted: Sequence[Property], data: bytes, start: int, most: int
     ) -> tuple[list[Lists], int]:
-        """Records from a byte on as long as their lists are as long as those of the first; and where they end."""
+        """Consecutive records from a byte on whose lists have the lengths of the first record's; and their end."""
         places, counts, end = self._walk(element, data, start)
         size = end - start
         count = min(most, (len(data) - start) // size) if size and end <= len(data) else 0
@@ -144,7 +144,7 @@ class BinaryRecords:
     def _one_by_one(
         self, element: Element, wanted: Sequence[Property], data: bytes, start: int, most: int
     ) -> tuple[list[Lists], int]:
-        """Records from a byte on, however long their lists are; and where they end."""
+        """Records from a byte on, with lists of any length; and their end."""
         firsts: list[list[int]] = []
         counts: list[list[int]] = []
         while len(counts) < min(most, _WALK):

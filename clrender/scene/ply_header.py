@@ -1,4 +1,4 @@
-"""Reads and checks the header of a PLY file before any of its data is believed."""
+"""Reads and validates the header of a PLY file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _KINDS: Final = {
     "float32": "f4",
     "float64": "f8",
 }
-"""NumPy's names of PLY's types."""
+"""NumPy's names for PLY's types."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class Property:
     ----------
     name : str
     kind : str
-        Type of the number, or of the entries of the list, as NumPy calls it: a letter of "iuf", and bytes.
+        NumPy type of the number, or of the list's entries: a letter of "iuf" and the bytes.
     count_kind : str
-        Type of the number of entries; empty for what is no list.
+        Type of the number of entries; empty if the property is not a list.
     """
 
     name: str
@@ -52,18 +52,18 @@ class Property:
 
     @property
     def entry_bytes(self) -> int:
-        """Bytes of a number in a binary file."""
+        """Size of a number in a binary file, bytes."""
         return int(self.kind[1])
 
     @property
     def count_bytes(self) -> int:
-        """Bytes of the number of entries, of a list in a binary file."""
+        """Size of a list's number of entries in a binary file, bytes."""
         return int(self.count_kind[1])
 
 
 @dataclass
 class Element:
-    """One kind of record, and how many of it follow the header."""
+    """One kind of record, and the number of such records."""
 
     name: str
     count: int
@@ -71,7 +71,7 @@ class Element:
 
     @property
     def least_bytes(self) -> int:
-        """Bytes of all records in a binary file, if every list were empty."""
+        """Size of all records in a binary file if every list were empty, bytes."""
         return self.count * sum(p.count_bytes if p.count_kind else p.entry_bytes for p in self.properties)
 
     @property
@@ -87,15 +87,15 @@ class Element:
 
 @dataclass
 class PlyHeader:
-    """What a header promises."""
+    """Content of a header."""
 
     encoding: str
     """One of `ascii`, `binary_little_endian`, `binary_big_endian`."""
     elements: list[Element]
     size: int
-    """Bytes of the header itself."""
+    """Size of the header, bytes."""
     lines: int
-    """Lines of the header itself."""
+    """Number of lines of the header."""
 
     def element(self, name: str) -> Element | None:
         """The element of that name."""
@@ -103,12 +103,12 @@ class PlyHeader:
 
 
 def read_header(file: BinaryIO, label: str) -> PlyHeader:
-    """Read the header; the file is left right behind it.
+    """Read the header; leaves the file positioned after it.
 
     Raises
     ------
     SceneError
-        If it is no header of a mesh with positions and faces of sane size.
+        If it is not the header of a mesh with positions and faces, or its counts are too large.
     """
     if file.readline(16).rstrip(b"\r\n") != b"ply":
         raise SceneError(f'{label} is no PLY file: its first line is not "ply"')

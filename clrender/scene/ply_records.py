@@ -1,4 +1,4 @@
-"""What records of a PLY file become, however they are encoded: tables of numbers, and lists end to end."""
+"""Arrays of the records of a PLY file, independent of its encoding: tables of numbers, and concatenated lists."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from clrender.scene.ply_header import Element
 __all__ = ["Lists", "joined_lists", "property_table", "widened"]
 
 Lists: TypeAlias = tuple[NDArray[Any], NDArray[np.int64]]
-"""Entries of the lists of some records, one list after the other, and how many entries each record has."""
+"""Concatenated entries of the lists of some records, and how many of them each record has."""
 
 
 def property_table(element: Element, names: list[str]) -> NDArray[np.floating]:
-    """Room for properties of all records: float32 where that holds them all, else float64."""
+    """Empty table for properties of all records: float32 if that represents them all, else float64."""
     kinds = {entry.kind for entry in element.properties if entry.name in names}
     single = kinds <= {"f4", "i1", "u1", "i2", "u2"}
     return np.empty((element.count, len(names)), np.float32 if single else np.float64)
 
 
 def joined_lists(parts: Iterator[list[Lists]], label: str) -> list[Lists]:
-    """All entries and all counts of several lists, as long as the first one's entries are not too many."""
+    """Concatenate entries and counts of several lists, unless the first one has too many entries."""
     columns: list[list[Lists]] = []
     total = 0
     for some in parts:
@@ -41,5 +41,5 @@ def joined_lists(parts: Iterator[list[Lists]], label: str) -> list[Lists]:
 
 
 def widened(entries: NDArray[Any]) -> NDArray[Any]:
-    """Entries of a list: whole numbers as int64, others as they are."""
+    """Entries of a list: integers as int64, others unchanged."""
     return entries.astype(np.int64 if entries.dtype.kind in "iu" else entries.dtype.newbyteorder("="))

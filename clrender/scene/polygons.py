@@ -1,8 +1,8 @@
-"""Polygons as triangles: fans where a fan covers the polygon, ear clipping where none does.
+"""Triangulation of polygons: by fans if a fan covers the polygon, else by ear clipping.
 
-Triangles with corners of a simple polygon that all turn the way the polygon does cover it exactly once: their
-indicator functions add up to the polygon's winding number. That is what is tested here, in the plane of coordinates
-that the polygon's vector area (Newell's normal) faces most.
+Triangles of a simple polygon's corners that all have the polygon's orientation cover it exactly once: their indicator
+functions add up to its winding number. This is tested here in the coordinate plane that the polygon's vector area
+(Newell's normal) faces most.
 """
 
 from __future__ import annotations
@@ -17,37 +17,37 @@ from clrender.errors import SceneError
 __all__ = ["CORNER_LIMIT", "triangulate"]
 
 CORNER_LIMIT: Final = 4096
-"""Most corners of a polygon that needs ear clipping, which takes time in the square of them."""
+"""Most corners of a polygon that needs ear clipping, which takes quadratic time."""
 
 _TOLERANCE: Final = 1e-6
-"""Share of the polygon's area that a triangle may be turned over by: rounding of coordinates, not a concave corner."""
+"""Fraction of the polygon's area by which a triangle may be inverted, due to rounding and not a concave corner."""
 _CHUNK: Final = 2**18
 _FAN_LIMIT: Final = 16
-"""Corners up to which fans from each of them are tried."""
+"""Most corners of a polygon for which a fan from each corner is tried."""
 
 
 def triangulate(
     points: NDArray[np.floating], corners: NDArray[np.integer], sizes: NDArray[np.integer], label: str
 ) -> tuple[NDArray[np.int64], int]:
-    """Split polygons into triangles that cover each of them once.
+    """Triangulate polygons.
 
     Parameters
     ----------
     points : (V, 3) floating
     corners : (C,) integer
-        Vertices of all polygons, one polygon after the other.
+        Concatenated vertex indices of all polygons.
     sizes : (F,) integer
-        Corners of each polygon, at least 3.
+        Number of corners of each polygon, at least 3.
     label : str
-        Start of an error message.
+        Prefix of error messages.
 
     Returns
     -------
     triangles : (C - 2 F, 3) int64
-        Places in `corners`; triangles of a polygon together, polygons in order. A convex polygon is a fan from its
-        first corner, and so is one whose outline crosses itself.
+        Indices into `corners`; grouped by polygon, in order. A convex polygon is a fan from its first corner, and so is
+        one whose outline crosses itself.
     crossed : int
-        How many outlines cross themselves: no triangles cover those.
+        Number of outlines that cross themselves, which no triangles cover exactly.
 
     Raises
     ------
@@ -78,13 +78,13 @@ def triangulate(
 def _other_triangles(
     coordinates: NDArray[np.float64], polygons: NDArray[np.integer], fan: NDArray[np.int64], label: str
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], int]:
-    """Which of the polygons of one size the fan from corner 0 does not cover, and triangles that do.
+    """Polygons of one size that the fan from corner 0 does not cover, and triangles that do.
 
     Parameters
     ----------
     coordinates : (3, V) float64
     polygons : (F, n) integer
-        Their vertices.
+        Vertex indices.
     fan : (n - 2, 3) int64
         The fan from corner 0.
 
@@ -92,9 +92,9 @@ def _other_triangles(
     -------
     others : (k,) int64
     triangles : (k, n - 2, 3) int64
-        Theirs; of those that cross themselves the fan.
+        Their triangles; the fan for those that cross themselves.
     crossed : int
-        How many of all cross themselves.
+        Number of polygons that cross themselves.
     """
     count = polygons.shape[1]
     signed, axis, turns, area = _fan_areas(coordinates, polygons)
@@ -118,7 +118,7 @@ def _other_triangles(
             local[at_one] = found
         else:
             fans.append(polygon)
-    # The two halves of a bow tie may cancel out; only what lies on a line has no area to cover at all.
+    # The two halves of a bow tie may cancel out; only collinear polygons have no area to cover.
     fans += np.flatnonzero(area == 0.0).tolist()
     doubtful = coordinates.T[polygons[np.unique(np.array(fans, np.int64))]]
     return others, local, int((~_on_a_line(doubtful)).sum())
@@ -127,7 +127,7 @@ def _other_triangles(
 def _fan_areas(
     coordinates: NDArray[np.float64], polygons: NDArray[np.integer]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Areas of the triangles of polygons' fans from corner 0, along the axis by which each polygon is judged.
+    """Areas of the triangles of polygons' fans from corner 0, projected along each polygon's dominant axis.
 
     Parameters
     ----------
@@ -137,21 +137,21 @@ def _fan_areas(
     Returns
     -------
     signed : (n - 2, F) float64
-        Twice the areas; below 0: turned over.
+        Twice the areas; below 0: inverted.
     axis : (F,) int64
-        Which coordinate Newell's normal, the sum of the vector areas, is largest in.
+        Largest component of Newell's normal, the sum of the vector areas.
     turns : (F,) float64
-        -1 where that is below zero: polygons that turn clockwise.
+        -1 if that component is negative: the polygon is clockwise.
     area : (F,) float64
-        Its size.
+        Magnitude of that component.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are refused by who asked
-        corners = [each[np.ascontiguousarray(polygons.T)] for each in coordinates]  # side by side for NumPy's loops
+    with np.errstate(over="ignore", invalid="ignore"):  # the caller rejects coordinates out of range
+        corners = [each[np.ascontiguousarray(polygons.T)] for each in coordinates]  # contiguous for NumPy's loops
         x, y, z = (each[1:] - each[0] for each in corners)
         parts = [a[:-1] * b[1:] - b[:-1] * a[1:] for a, b in ((y, z), (z, x), (x, y))]
         normal = [part.sum(axis=0) for part in parts]
     sizes = [np.abs(each) for each in normal]
-    # The first of the largest; what is no number counts as largest, as in numpy.argmax
+    # The first of the largest; NaN counts as largest, as in numpy.argmax
     axis = np.argmax(sizes, axis=0)
     signed, along = parts[0], normal[0]
     for k in (1, 2):
@@ -168,14 +168,14 @@ def _projected(
     axis: NDArray[np.int64],
     turns: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Polygons along an axis, turning counter-clockwise: (F, n, 2)."""
+    """Polygons projected along an axis, counter-clockwise: (F, n, 2)."""
     across, along = (coordinates[((axis + k) % 3)[:, None], polygons] for k in (1, 2))
     with np.errstate(over="ignore", invalid="ignore"):
         return np.stack([(across - across[:, :1]) * turns[:, None], along - along[:, :1]], axis=2)
 
 
 def _on_a_line(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which of the polygons (F, n, 3) lie on a line."""
+    """Which of the polygons (F, n, 3) are collinear."""
     with np.errstate(over="ignore", invalid="ignore"):
         relative = outlines - outlines[:, :1]
         lengths = (relative**2).sum(axis=2)
@@ -197,20 +197,20 @@ def _areas(flat: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[n
 
 
 def _covered(areas: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Of which polygons the triangles, with the signed areas (k, F), all turn the right way."""
+    """Which polygons have triangles, of signed areas (k, F), that all have the right orientation."""
     return np.asarray((areas >= -_TOLERANCE * area).all(axis=0))
 
 
 def _ears(outline: NDArray[np.float64], area: float) -> NDArray[np.int64] | None:
-    """Triangles of a counter-clockwise polygon by ear clipping; None where its outline crosses itself.
+    """Triangles of a counter-clockwise polygon by ear clipping; None if its outline crosses itself.
 
-    An ear is a corner that turns left and whose triangle no other corner lies in (G. H. Meisters 1975). Clipping one
-    changes no corner but its two neighbours, so each step looks at these alone.
+    An ear is a convex corner whose triangle contains no other corner (G. H. Meisters 1975). Clipping one changes only
+    its two neighbours, so each step examines only these.
     """
     count = len(outline)
     before, after = np.roll(np.arange(count), 1), np.roll(np.arange(count), -1)
     turn = _cross(outline[before], outline, outline[after])
-    # Only corners that do not turn left can lie in an ear. A corner that was one keeps to be one at most.
+    # Only reflex corners can lie in an ear. Clipping never makes another corner reflex.
     reflex = turn <= 0.0
     ear = np.zeros(count, bool)
 
@@ -219,7 +219,7 @@ def _ears(outline: NDArray[np.float64], area: float) -> NDArray[np.int64] | None
         turns = float(_cross(a, b, c))
         reflex[corner] = turns <= 0.0
         ear[corner] = turns > 0.0 and not _any_inside(outline[reflex], a, b, c)
-        # A corner on a straight line, or one that comes back on itself, has no area: it may always go.
+        # A collinear corner, or a spike, has no area: it may always be clipped.
         ear[corner] |= abs(turns) <= 1e-15 * area
 
     for corner in range(count):
@@ -232,7 +232,7 @@ def _ears(outline: NDArray[np.float64], area: float) -> NDArray[np.int64] | None
             corner, tried = int(after[corner]), tried + 1
             if tried > 2 * alive:
                 return None
-            if tried > alive:  # what lay in its triangle may be gone by now
+            if tried > alive:  # corners in its triangle may be gone by now
                 look(corner)
         a, c = int(before[corner]), int(after[corner])
         triangles.append((a, corner, c))
@@ -241,7 +241,7 @@ def _ears(outline: NDArray[np.float64], area: float) -> NDArray[np.int64] | None
         alive -= 1
         look(a)
         look(c)
-        corner = int(after[c])  # every other corner: slivers that all share one corner are avoided
+        corner = int(after[c])  # every other corner: avoids slivers that all share one corner
     triangles.append((int(before[corner]), corner, int(after[corner])))
     found = np.array(triangles, np.int64)
     areas = _cross(outline[found[:, 0]], outline[found[:, 1]], outline[found[:, 2]])
@@ -251,7 +251,7 @@ def _ears(outline: NDArray[np.float64], area: float) -> NDArray[np.int64] | None
 def _any_inside(
     points: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]
 ) -> bool:
-    """Whether some point lies in a counter-clockwise triangle or on its rim, but not on a corner of it."""
+    """Whether some point lies in a counter-clockwise triangle or on its edges, but not on a corner."""
     near = (_cross(a, b, points) >= 0.0) & (_cross(b, c, points) >= 0.0) & (_cross(c, a, points) >= 0.0)
     if not near.any():
         return False

@@ -1,4 +1,4 @@
-"""A scene on its way to another process: JSON, and what it read from files, each named by its hash."""
+"""Serialises a scene for another process: JSON, and the contents of its files, named by their hashes."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     Returns
     -------
     description : dict
-        As a scene file says it; a file stands there as ``sha256:`` and the hash of its content.
+        Like a scene file, with file names replaced by ``sha256:`` and the hash of the content.
     assets : dict of str to bytes
-        Meshes, pictures and intensities of lamps by hash, in NumPy's ``.npz`` format.
+        Meshes, images and IES profiles by hash, in NumPy's ``.npz`` format.
 
     Raises
     ------
@@ -83,12 +83,12 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
 
 
 def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, bytes], source: str = "scene") -> Scene:
-    """The scene that `scene_to_portable` described.
+    """The scene that `scene_to_portable` serialised.
 
     Raises
     ------
     SceneError
-        It is no valid scene, an asset is missing, or one is not what its hash says.
+        It is not a valid scene, an asset is missing, or one does not match its hash.
     """
     try:
         scene = Scene.model_validate(description)

@@ -1,4 +1,4 @@
-"""Whether the names that the parts of a scene give each other exist, and go together."""
+"""Checks that the names by which parts of a scene refer to each other exist and are compatible."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["check_references"]
 
 
 def check_references(scene: Scene) -> None:
-    """Complain of the first name that names nothing, or nothing that fits.
+    """Raise an error for the first name that is undefined or incompatible.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def check_references(scene: Scene) -> None:
     Raises
     ------
     pydantic_core.PydanticCustomError
-        With the place of the name, as of `clrender.scene.values.fault`.
+        With the location of the name; see `clrender.scene.values.fault`.
     """
     for at, shape in scene.all_shapes():
         if shape.material is not None and shape.material not in scene.materials:
@@ -58,7 +58,7 @@ def check_references(scene: Scene) -> None:
 
 
 def _check_media(scene: Scene) -> None:
-    """The media that shapes and the fog name exist, and light gets into them."""
+    """Check that the media of shapes and fog exist, and that light can enter them."""
     named: list[tuple[str | None, tuple[str | int, ...]]] = [(scene.fog, ("fog",))]
     named += [(shape.interior, (*at, "interior")) for at, shape in scene.all_shapes()]
     for name, at in named:
@@ -82,7 +82,7 @@ def _check_media(scene: Scene) -> None:
 
 
 def _check_mixtures(scene: Scene) -> None:
-    """Each material of a mixture exists, and none contains itscene."""
+    """Check that each material of a mixture exists, and that none contains itself."""
     for name, material in scene.materials.items():
         if not isinstance(material, Mix):
             continue
@@ -111,7 +111,7 @@ def _check_mixtures(scene: Scene) -> None:
 
 
 def _check_colors(scene: Scene) -> None:
-    """What colours of vertices multiply is there."""
+    """Check that there is a base colour for vertex colours to multiply."""
     for at, shape in scene.all_shapes():
         if not isinstance(shape, Mesh) or shape.color_key is None:
             continue

@@ -1,4 +1,4 @@
-"""The files that a scene names: where they are looked up, and what they hold, each read once and kept."""
+"""The files that a scene names: where to find them, and their contents, each read once and cached."""
 
 from __future__ import annotations
 
@@ -31,30 +31,30 @@ _PICTURE_BYTES = 2**33
 def _working_folder() -> Path:
     try:
         return Path.cwd()
-    except FileNotFoundError:  # the folder was deleted; only a scene that names files has to know
+    except FileNotFoundError:  # the folder was deleted; this matters only to a scene that names files
         return Path()
 
 
 @dataclass
 class SceneFiles:
-    """Contents by the name that the scene gives them. What is not there yet is read from the file of that name.
+    """Contents by name in the scene; missing ones are read from the file of that name.
 
     Attributes
     ----------
     source : str
-        What messages call the scene.
+        Name of the scene in messages.
     base_folder : pathlib.Path
-        Files are looked up in it, and read only from it and below ...
+        Folder to which file names are relative. Files are read only from it and below ...
     allow_paths : tuple of pathlib.Path
         ... and from these folders and below.
     meshes : dict of (str, VertexColors or None) to MeshData
-        By the name of the file, and what its colours are taken for: `clrender.scene.Mesh.asset`.
+        By file name and colour encoding: see `clrender.scene.Mesh.asset`.
     transforms : dict of str to TransformArray
     environments : dict of str to EnvironmentPicture
     profiles : dict of str to IesProfile
     textures : dict of str to (StoredPicture, (tiles, 64) uint8)
     encoded : dict of str to (bytes, str)
-        Pictures in a file format: their content, and the format's ending such as ``.png``.
+        Encoded images: file content, and the format's extension such as ``.png``.
     """
 
     source: str = "Scene"
@@ -68,11 +68,11 @@ class SceneFiles:
     encoded: dict[str, tuple[bytes, str]] = field(default_factory=dict)
 
     def in_folder(self, source: str, base_folder: Path, allow_paths: tuple[Path, ...]) -> SceneFiles:
-        """Files of the same names in another folder; only given pictures are kept."""
+        """Files of the same names in another folder; only images that were given are kept."""
         return SceneFiles(source, base_folder, allow_paths, textures=self.textures, encoded=self.encoded)
 
     def with_contents(self, **contents: Mapping[Any, Any]) -> SceneFiles:
-        """The same with more contents: attributes of this class by their names."""
+        """A copy with more contents: attributes of this class, by name."""
         merged: dict[str, Any] = {kind: {**getattr(self, kind), **more} for kind, more in contents.items()}
         return replace(self, **merged)
 
@@ -82,7 +82,7 @@ class SceneFiles:
         Parameters
         ----------
         at : tuple of str or int
-            Place of the mesh in the scene's description, for messages.
+            Location of the mesh in the scene's description, for messages.
         shape : Mesh
 
         Raises
@@ -99,35 +99,35 @@ class SceneFiles:
         return self.meshes[shape.asset]
 
     def transform_array(self, name: str, where: str) -> TransformArray:
-        """Transforms of an instance; `where` is the place of the name, for messages. Errors as of `mesh`."""
+        """Transforms of an instance; `where` is the location of the name, for messages. Raises like `mesh`."""
         if name not in self.transforms:
             where = f"{self.source}: {where}"
             self.transforms[name] = TransformArray.read(name, self.base_folder, self.allow_paths, where)
         return self.transforms[name]
 
     def environment(self, name: str, where: str) -> EnvironmentPicture:
-        """Picture of an environment; `where` is the place of the name, for messages. Errors as of `mesh`."""
+        """An environment map; `where` is the location of the name, for messages. Raises like `mesh`."""
         if name not in self.environments:
             where = f"{self.source}: {where}"
             self.environments[name] = EnvironmentPicture.read(name, self.base_folder, self.allow_paths, where)
         return self.environments[name]
 
     def profile(self, name: str, where: str) -> IesProfile:
-        """Content of an IES file; `where` is the place of the name, for messages. Errors as of `mesh`."""
+        """Content of an IES file; `where` is the location of the name, for messages. Raises like `mesh`."""
         if name not in self.profiles:
             self.profiles[name] = read_ies(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
         return self.profiles[name]
 
     @contextmanager
     def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:
-        """A picture or IES file in its file format, and the ending of that format.
+        """Open an encoded image or IES file.
 
         Parameters
         ----------
         name : str
-            As the scene has it.
+            Name in the scene.
         where : str
-            Place of the name, for messages.
+            Location of the name, for error messages.
 
         Yields
         ------
@@ -138,7 +138,7 @@ class SceneFiles:
         Raises
         ------
         SceneError
-            As of `clrender.scene.named_files.open_named_file`.
+            See `clrender.scene.named_files.open_named_file`.
         """
         if name in self.encoded:
             data, ending = self.encoded[name]

@@ -1,4 +1,4 @@
-"""The shapes of a scene file and the transform each of them takes."""
+"""The shapes of a scene file and their transforms."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ __all__ = [
 
 
 def _matrix_rows(value: Any) -> Any:
-    """Sixteen numbers in a row are as good as four rows of four."""
+    """Accepts sixteen numbers as four rows of four."""
     if isinstance(value, list | tuple) and len(value) == 16 and not any(isinstance(v, list | tuple) for v in value):
         return [list(value[4 * row : 4 * row + 4]) for row in range(4)]
     return value
@@ -81,14 +81,14 @@ class Transform(Part):
         return self
 
     def moved(self, by: tuple[float, float, float]) -> Transform:
-        """The same, and then a step in world space, metres."""
+        """This transform followed by a translation in world space, metres."""
         if self.matrix is None:
             return self.model_copy(update={"translate": tuple(a + b for a, b in zip(self.translate, by, strict=True))})
         rows = [(*row[:3], row[3] + step) for row, step in zip(self.matrix, (*by, 0.0), strict=True)]
         return self.model_copy(update={"matrix": tuple(rows)})
 
     def is_similarity(self) -> bool:
-        """Whether it scales all directions alike, so that a sphere stays a sphere."""
+        """Whether it scales uniformly, so that a sphere stays a sphere."""
         if self.matrix is None:
             size = abs(self.scale[0])
             return all(abs(abs(s) - size) <= 1e-6 * size for s in self.scale)
@@ -116,7 +116,7 @@ class Surface(Part):
 
     @property
     def shines(self) -> bool:
-        """Whether it has an emission of its own that is not black; a texture counts."""
+        """Whether it has emission of its own; a texture counts as emission."""
         return self.emission is not None and not (isinstance(self.emission, tuple) and max(self.emission) == 0.0)
 
     @model_validator(mode="after")
@@ -229,13 +229,13 @@ class Mesh(Surface):
 
     @property
     def asset(self) -> tuple[str, VertexColors | None]:
-        """What is read of which file."""
+        """File name, and encoding of the vertex colours that are read."""
         assert self.file is not None
         return self.file, self.vertex_colors
 
     @property
     def color_key(self) -> str | None:
-        """The key that gives it colours of vertices, if any does."""
+        """The key that gives it vertex colours, if any."""
         return "vertex_colors" if self.vertex_colors else "colors" if self.colors else None
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""The light of sun and sky: a picture of the sky and of the ground, and the sun's disc."""
+"""Sun and sky: an environment map of sky and ground, and the sun's disc."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ class Sun:
     Attributes
     ----------
     axis : (3,) float
-        Unit, towards its middle.
+        Unit vector towards its centre.
     mean : (3,) float
-        Radiance over the disc; what of it is below the horizon counts as black.
+        Mean radiance of the disc, whose part below the horizon is black.
     spread : float
         1 - cosine of its angular radius.
     darkening : (3, 6) float64
-        As of `clrender.scene.sky_model.SunDisc`.
+        See `clrender.scene.sky_model.SunDisc`.
     """
 
     axis: Vector
@@ -55,7 +55,7 @@ class Sun:
 
     @property
     def words(self) -> NDArray[np.float32]:
-        """Its table, as `kernels/light/sun.h` reads it; which light it is has to be filled in."""
+        """Its table, as `kernels/light/sun.h` reads it; the index of its light is left to be filled in."""
         words = np.zeros(_TABLE_WORDS, np.float32)
         parts = {"RED": self.darkening[0], "GREEN": self.darkening[1], "BLUE": self.darkening[2]}
         for name, values in {**parts, "AXIS": self.axis, "SPREAD": self.spread}.items():
@@ -65,7 +65,7 @@ class Sun:
 
 
 def scene_sun(scene: Scene) -> Sun | None:
-    """The sun of a scene; None where there is none, or it is black.
+    """The sun of a scene; None if there is none, or it is black.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def scene_sun(scene: Scene) -> Sun | None:
 
 
 def sky_picture(light: SunSkyLight) -> EnvironmentPicture | None:
-    """The sky above and the ground below, with the sun in the middle column; None where all is black.
+    """Environment map of sky and ground, with the sun's azimuth in the middle column; None if all is black.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def _picture(
 
 
 def _upper(elevation: float, turbidity: float, albedo: Color) -> _Floats:
-    """Radiance at the middles of the pixels above the horizon, (3, H / 2, W / 2): from the sun's azimuth to behind."""
+    """Radiance at the pixel centres above the horizon, (3, H / 2, W / 2), from the sun's azimuth to its opposite."""
     polar = [sin_cos_degrees((row + 0.5) * 180.0 / _HEIGHT) for row in range(_HEIGHT // 2)]
     turns = [sin_cos_degrees((column + 0.5) * 360.0 / _WIDTH) for column in range(_WIDTH // 2)]
     across, up = (np.array(each)[:, None] for each in zip(*polar, strict=True))
@@ -131,7 +131,7 @@ def _upper(elevation: float, turbidity: float, albedo: Color) -> _Floats:
 
 
 def _irradiance(upper: _Floats) -> float:
-    """On the ground, of the upper half of the picture: each row a ring between two angles from the zenith."""
+    """Irradiance of the ground from the upper half of the map: each row is a ring between two zenith angles."""
     sines = np.array([sin_cos_degrees(row * 180.0 / _HEIGHT)[0] for row in range(_HEIGHT // 2 + 1)])
     means = np.cumsum(upper, axis=1)[:, -1] / upper.shape[1]
     return math.pi * math.fsum((means * np.diff(sines * sines)).tolist())
@@ -143,7 +143,7 @@ def _spread() -> float:
 
 
 def _above_horizon(elevation: float) -> float:
-    """Share of the disc's area that is above the horizon."""
+    """Fraction of the disc's area above the horizon."""
     t = elevation / SUN_DEGREES
     if t >= 1.0:
         return 1.0

@@ -1,12 +1,12 @@
-"""Radiance of the sky and of the sun on a clear day, as a published model says.
+"""Radiance of the sky and of the sun on a clear day, by the Hošek-Wilkie model.
 
 The sky is that of Hošek and Wilkie, "An Analytic Model for Full Spectral Sky-Dome Radiance" (ACM TOG 31(4), 2012), in
 its data set for linear Rec. 709; the sun that of "Adding a Solar-Radiance Function to the Hošek-Wilkie Skylight Model"
 (IEEE CG&A 33(3), 2013), which is spectral. Both were fitted to a simulation of the atmosphere by the authors; their
 data are `hosek_wilkie.npz`, with the licence beside it.
 
-A radiance here is one of clrender's: luminance over 683 lm/W. The channels are those of Rec. 709 of the integrals of
-spectral radiance times the colour matching functions of CIE 1931.
+Radiance is in clrender's units: luminance over 683 lm/W. The channels are Rec. 709, from the integrals of spectral
+radiance times the CIE 1931 colour matching functions.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["SUN_DEGREES", "SunDisc", "sky_radiance", "spectrum_of_the_sun", "sun
 SUN_DEGREES: Final = 0.2666
 """Angular radius of the sun: 959.6 seconds of arc from the mean distance of the earth."""
 _ELEVATIONS: Final = 45
-"""Pieces of the polynomials of the sun's radiance."""
+"""Number of pieces of the sun's radiance polynomials."""
 _CHANNELS: Final = np.array(
     [
         (0.00000, 0.00000, 0.00000),
@@ -44,23 +44,23 @@ _CHANNELS: Final = np.array(
         (0.49563, -0.05375, -0.00334),
     ]
 )
-"""What red, green and blue have of spectral radiance at 320, 360 ... 720 nm, nm: integrals of the colour matching
-functions of CIE 1931, as Rec. 709, times functions that are 1 there, 0 at the neighbours and linear in between."""
+"""Weights of spectral radiance at 320, 360 ... 720 nm for red, green and blue, nm: integrals of the CIE 1931 colour
+matching functions, converted to Rec. 709, times hat functions centred at these wavelengths."""
 
 _Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class SunDisc:
-    """The sun.
+    """Radiance of the sun's disc.
 
     Attributes
     ----------
     darkening : (3, 6) float64
-        Radiance of each channel: coefficients of a polynomial in the cosine of the angle at which a ray to the sun
-        meets its surface, the constant first, W/(sr m2).
+        Limb darkening of each channel: coefficients of the radiance, W/(sr m2), as a polynomial in the cosine of the
+        angle between ray and surface normal, the constant first.
     mean : (3,) float
-        Over the disc, by solid angle.
+        Mean over the disc, by solid angle.
     """
 
     darkening: _Floats
@@ -73,11 +73,11 @@ def sky_radiance(elevation: float, turbidity: float, albedo: Color, up: _Floats,
     Parameters
     ----------
     elevation : float
-        Of the sun, degrees, 0 to 90.
+        Elevation of the sun, degrees, 0 to 90.
     turbidity : float
         1 to 10.
     albedo : (3,) float
-        Of the ground.
+        Albedo of the ground.
     up : ndarray of float64
         Cosine of the angle between a direction and the zenith, at least 0.
     apart : ndarray of float64
@@ -91,7 +91,7 @@ def sky_radiance(elevation: float, turbidity: float, albedo: Color, up: _Floats,
     square = cosine * cosine
     channels = []
     for channel, share in enumerate(albedo):
-        # The control points of the ground's albedo, and the curve at the sun's elevation
+        # The control points for the ground's albedo, and the curve at the sun's elevation
         parameters, mean = (
             _sum(weights, (1.0 - share) * each[0, :, channel] + share * each[1, :, channel]) for each in controls
         )
@@ -105,7 +105,7 @@ def sky_radiance(elevation: float, turbidity: float, albedo: Color, up: _Floats,
 
 
 def sun_disc(elevation: float, turbidity: float) -> SunDisc:
-    """The sun's disc, as bright all over as at the elevation of its middle, but for the darkening of its limb.
+    """The sun's disc with the brightness of its centre's elevation all over, apart from limb darkening.
 
     Parameters
     ----------
@@ -116,20 +116,20 @@ def sun_disc(elevation: float, turbidity: float) -> SunDisc:
     """
     spectrum, dark = spectrum_of_the_sun(elevation, turbidity)
     darkening = np.stack([_sum(spectrum * of, dark) for of in _CHANNELS.T])
-    # The cosine's square is even over the disc
+    # The squared cosine is uniformly distributed over the disc
     mean = _sum(2.0 / (np.arange(6.0) + 2.0), darkening.T)
-    darkening[mean <= 0.0] = 0.0  # the reddest suns lie outside of Rec. 709
+    darkening[mean <= 0.0] = 0.0  # the reddest suns are outside the Rec. 709 gamut
     red, green, blue = np.maximum(mean, 0.0).tolist()
     return SunDisc(darkening, (red, green, blue))
 
 
 def spectrum_of_the_sun(elevation: float, turbidity: float) -> tuple[_Floats, _Floats]:
-    """Radiance of the disc's middle at 320, 360 ... 720 nm, W/(sr m2 nm), and how its limb darkens, (11, 6).
+    """Radiance of the disc's centre at 320, 360 ... 720 nm, W/(sr m2 nm), and limb darkening, (11, 6).
 
     Parameters
     ----------
     elevation, turbidity : float
-        As of `sun_disc`.
+        See `sun_disc`.
     """
     data = _data()
     piece = min(int(_cube_root(elevation / 90.0) * _ELEVATIONS), _ELEVATIONS - 1)
@@ -147,7 +147,7 @@ def _data() -> dict[str, _Floats]:
 
 
 def _at_turbidity(data: _Floats, turbidity: float) -> _Floats:
-    """Between those of the whole numbers."""
+    """Interpolated between integer turbidities."""
     below = min(int(turbidity), 9)
     share = turbidity - below
     between: _Floats = (1.0 - share) * data[below - 1] + share * data[below]
@@ -155,7 +155,7 @@ def _at_turbidity(data: _Floats, turbidity: float) -> _Floats:
 
 
 def _bernstein(t: float) -> _Floats:
-    """Weights of the six control points of a Bézier curve."""
+    """Weights of the six control points of a quintic Bézier curve."""
     s = 1.0 - t
     t2, s2 = t * t, s * s
     powers = s2 * s2 * s, t * s2 * s2, t2 * s2 * s, t2 * t * s2, t2 * t2 * s, t2 * t2 * t
@@ -163,7 +163,7 @@ def _bernstein(t: float) -> _Floats:
 
 
 def _cube_root(x: float) -> float:
-    """Of a number from 0 to 1, by Newton's method."""
+    """Cube root of a number from 0 to 1, by Newton's method."""
     if x == 0.0:
         return 0.0
     root = 1.0
@@ -176,7 +176,7 @@ def _cube_root(x: float) -> float:
 
 
 def _sum(weights: _Floats, values: Any) -> Any:
-    """Weighted along the first axis, in order."""
+    """Weighted sum along the first axis, in order."""
     total = weights[0] * values[0]
     for weight, each in zip(weights[1:], values[1:], strict=True):
         total = total + weight * each

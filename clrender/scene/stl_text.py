@@ -1,4 +1,4 @@
-"""Facets of ASCII STL files, many words at a time."""
+"""Vectorised parsing of ASCII STL files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from clrender.scene.wording import quoted
 __all__ = ["read_facets"]
 
 _FACET: Final = b"facet normal . . . outer loop vertex . . . vertex . . . vertex . . . endloop endfacet".split()
-"""The words of a facet; a dot is a number."""
+"""The words of a facet; a dot stands for a number."""
 _NUMBERS: Final = [place for place, word in enumerate(_FACET) if word == b"."]
 _SOLID: Final = re.compile(rb"^[ \t]*(?:end[ \t]?)?solid\b[^\n]*", re.MULTILINE)
 _Floats = NDArray[np.float64]
@@ -28,9 +28,9 @@ def read_facets(file: BinaryIO, label: str) -> tuple[_Floats, _Floats]:
     Parameters
     ----------
     file : binary file
-        At its start.
+        Positioned at its start.
     label : str
-        Start of an error message.
+        Prefix of error messages.
 
     Returns
     -------
@@ -40,13 +40,13 @@ def read_facets(file: BinaryIO, label: str) -> tuple[_Floats, _Floats]:
     Raises
     ------
     SceneError
-        A word is not what has to stand there, or the file ends within a facet.
+        A word is not the expected one, or the file ends within a facet.
     """
     parts: list[_Floats] = []
     rest: list[bytes] = []
     total, last = 0, 1
     for block in line_blocks(file, label):
-        # A solid's name may be anything
+        # A solid's name is arbitrary
         words = rest + _SOLID.sub(b"", block.text.lower()).split()
         whole = len(words) - len(words) % len(_FACET)
         numbers = _numbers(words[:whole])
@@ -65,7 +65,7 @@ def read_facets(file: BinaryIO, label: str) -> tuple[_Floats, _Floats]:
 
 
 def _numbers(words: list[bytes]) -> _Floats | None:
-    """Normal and corners of whole facets, (n, 4, 3); None where a word is wrong."""
+    """Normal and corners of complete facets, (n, 4, 3); None if a word is wrong."""
     count = len(words) // len(_FACET)
     if not count:
         return np.empty((0, 4, 3))
@@ -78,13 +78,13 @@ def _numbers(words: list[bytes]) -> _Floats | None:
         if values is None or len(values) != count:
             return None
         table[:, column] = values
-    # Of a facet without area some programs write the normal as nan; there is nothing to see of it
+    # Some programs write nan as the normal of a facet without area, which is invisible anyway
     table[:, :3][~np.isfinite(table[:, :3])] = 0.0
     return table.reshape(count, 4, 3) if np.isfinite(table).all() else None
 
 
 def _wrong(words: list[bytes], carried: int, block: Block, label: str) -> SceneError:
-    """The error for the first wrong one of these words, of which some stand before the block."""
+    """The error for the first wrong word; the first `carried` words precede the block."""
     at = next((number for number, word in enumerate(words) if not _fits(word, number % len(_FACET))), len(words) - 1)
     right = _FACET[at % len(_FACET)]
     what = "a number" if right == b"." else right.decode()
@@ -99,7 +99,7 @@ def _wrong(words: list[bytes], carried: int, block: Block, label: str) -> SceneE
 
 
 def _fits(word: bytes, place: int) -> bool:
-    """Whether a word may stand at a place of a facet."""
+    """Whether a word is valid at a position of a facet."""
     if _FACET[place] != b".":
         return word == _FACET[place]
     value = parse_numbers(word + b"\n")

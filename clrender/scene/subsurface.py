@@ -1,4 +1,4 @@
-"""From the albedo of skin, wax and marble, as they are seen, to that of their insides."""
+"""Albedo inversion: from the reflectance of skin, wax and marble to their single-scattering albedo."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 __all__ = ["MOST_G", "SERIES", "single_scattering"]
 
 MOST_G: Final = 0.95
-"""Largest mean cosine, forwards and backwards, that the table knows."""
+"""Largest magnitude of the mean cosine that the table covers."""
 
 SERIES: Final = (
     (-1.000532, 0.450457, 0.001506, -0.025923, 0.008798, -0.001716, 0.000594,
@@ -40,11 +40,11 @@ SERIES: Final = (
     (-0.000008, -0.000010, 0.000003, 0.000010, 0.000008, 0.000005, -0.000003,
      -0.000002, -0.000004, -0.000001),
 )  # fmt: skip
-"""Made by ``scripts/subsurface_fit.py``: Chebyshev's coefficients, over g / `MOST_G` and 2 √A - 1."""
+"""Chebyshev coefficients in g / `MOST_G` and 2 √A - 1, made by ``scripts/subsurface_fit.py``."""
 
 
 def _polynomials(x: float, count: int) -> list[float]:
-    """Chebyshev's of the first kind, by their recurrence: additions and products round alike on all machines."""
+    """Chebyshev polynomials of the first kind, by their recurrence, which has the same bits on all machines."""
     values = [1.0, x]
     while len(values) < count:
         values.append(2.0 * x * values[-1] - values[-2])
@@ -52,21 +52,21 @@ def _polynomials(x: float, count: int) -> list[float]:
 
 
 def single_scattering(albedo: float, g: float) -> float:
-    """Share of light that is scattered where it meets something, so that a half-space of it has this albedo.
+    """Single-scattering albedo for which a half-space of the medium has a given reflectance.
 
     Parameters
     ----------
     albedo : float
-        From 0 to 1: share of light, entering by the cosine through a surface that reflects none from either side, that
-        a flat, thick piece returns.
+        From 0 to 1: fraction of cosine-distributed incident light that a thick slab returns, whose boundary reflects
+        nothing on either side.
     g : float
-        Mean cosine of Henyey and Greenstein's phase function, at most `MOST_G` in size.
+        Mean cosine of the Henyey-Greenstein phase function, at most `MOST_G` in magnitude.
 
     Returns
     -------
     float
-        The albedo that follows from it is within 0.02 % of the one asked for. Van de Hulst's formula (Multiple Light
-        Scattering, 1980), which is mostly taken, is off by up to 4 % for g ≥ 0 and 17 % for g < 0.
+        The resulting reflectance is within 0.02 % of the given one. The usual formula, van de Hulst's (Multiple Light
+        Scattering, 1980), has errors up to 4 % for g ≥ 0 and 17 % for g < 0.
     """
     root = _polynomials(2.0 * math.sqrt(albedo) - 1.0, len(SERIES[0]))
     q = 0.0

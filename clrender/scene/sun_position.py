@@ -1,4 +1,4 @@
-"""Where the sun stands, at a place and a time."""
+"""Position of the sun at a place and time."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from clrender.errors import SceneError
 __all__ = ["parsed_time", "sun_position"]
 
 _YEARS: Final = (1901, 2099)
-"""In which the formulas err by no more than about 0.01 degrees."""
+"""Years for which the formulas are accurate to about 0.01 degrees."""
 _DIGITS: Final = 4
-"""Of a degree: the last bits of sines differ between machines."""
+"""Decimal places of degrees: the last bits of sines differ between machines."""
 
 
 def parsed_time(text: str) -> datetime:
-    """A date and time of ISO 8601 with its offset from UTC, such as ``2026-06-21T18:30:00+02:00``.
+    """Parse an ISO 8601 date and time with offset from UTC, such as ``2026-06-21T18:30:00+02:00``.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def parsed_time(text: str) -> datetime:
     Raises
     ------
     ValueError
-        Its message goes on from the name of the key.
+        The message continues after the name of the key.
     """
     cure = "give a date and time with its offset from UTC, such as 2026-06-21T18:30:00+02:00"
     try:
@@ -42,9 +42,9 @@ def parsed_time(text: str) -> datetime:
 
 @lru_cache(maxsize=256)
 def sun_position(latitude: float, longitude: float, time: str) -> tuple[float, float]:
-    """Elevation of the sun's middle over the horizon, and its azimuth from north towards east.
+    """Elevation of the sun's centre above the horizon, and its azimuth from north towards east.
 
-    By the formulas of NOAA's solar calculator (Meeus, "Astronomical Algorithms"), as `astral` has them, with the
+    Uses the formulas of NOAA's solar calculator (Meeus, "Astronomical Algorithms"), as implemented by `astral`, with
     refraction of a mean atmosphere; rounded to 0.0001 degrees.
 
     Parameters
@@ -52,7 +52,7 @@ def sun_position(latitude: float, longitude: float, time: str) -> tuple[float, f
     latitude, longitude : float
         Degrees, to the north and to the east.
     time : str
-        As `parsed_time` takes it.
+        See `parsed_time`.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def sun_position(latitude: float, longitude: float, time: str) -> tuple[float, f
     Raises
     ------
     SceneError
-        Where `astral` is not installed.
+        If `astral` is not installed.
     """
     try:
         from astral import Observer

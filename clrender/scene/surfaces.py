@@ -1,4 +1,4 @@
-"""The shapes of a scene as arrays in world space: vertices, triangles, analytic_shapes, and one row for each shape."""
+"""The shapes of a scene as arrays in world space: vertices, triangles, analytic_shapes, and a row for each shape."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ __all__ = ["SMALLEST", "FlatSurfaces", "flat_surfaces", "triangle_areas"]
 _Rows: TypeAlias = NDArray[np.void]
 _CHUNK: Final = 2**18
 SMALLEST: Final = 1e-18
-"""Radii, and cross products of edges, stay above it: their squares are then normal float32 numbers."""
+"""Lower bound of radii and of cross products of edges: their squares are then normal float32 numbers."""
 
 
 @dataclass(frozen=True)
 class FlatSurfaces:
-    """Arrays as in `clrender.flatten.FlatScene`, but empty where there is nothing.
+    """Arrays as in `clrender.flatten.FlatScene`, but possibly empty.
 
     Attributes
     ----------
     first, count : (S,) int64
-        Primitives of each shape.
+        First primitive and number of primitives of each shape.
     origin : (3,) float
-        World space, metres: what all coordinates are relative to.
+        World space, metres; all coordinates are relative to it.
     attributes : (T + R, 16) float32
-        Texture coordinates and the like of textured primitives (`clrender.scene.attributes`); no rows where there are
-        none.
+        Attributes of textured primitives, such as texture coordinates (`clrender.scene.attributes`); no rows if there
+        are none.
     """
 
     vertices: NDArray[np.float32]
@@ -73,10 +73,10 @@ def flat_surfaces(
     *,
     all_attributes: bool = False,
 ) -> FlatSurfaces:
-    """All shapes of a scene, triangles first.
+    """Arrays of all shapes of a scene, triangles first.
 
-    Shapes of a dielectric that is no boundary (`clrender.scene.media`) and that do not shine have no primitives, so
-    that light passes however it is looked for.
+    Non-emissive shapes whose dielectric is no boundary (`clrender.scene.media`) have no primitives, so that every kind
+    of ray passes them.
 
     Parameters
     ----------
@@ -84,10 +84,9 @@ def flat_surfaces(
     origin : (3,) float
         World space, metres: all coordinates are relative to it, subtracted before they are rounded.
     own_shapes : int, optional
-        So many of the shapes are in world space, all unless it is given; the others are in the space of their group,
-        and the origin does not matter to them.
+        Number of first shapes that are in world space; default: all. The others are in group space, without the origin.
     all_attributes : bool
-        Treat all shapes as if they were textured, so that all have attributes.
+        Whether to give attributes to all shapes, as if they were textured.
 
     Raises
     ------
@@ -181,12 +180,12 @@ def flat_surfaces(
 
 
 def _is_left_out(shape: Shape, no_boundary: frozenset[Solid]) -> bool:
-    """Whether light passes a shape as if there were none, and it does not shine."""
+    """Whether a shape is omitted because it neither affects light nor emits it."""
     return solid_of(shape) in no_boundary and not shape.shines
 
 
 def _relative(transform: Affine, origin: Vector) -> Affine:
-    """The same transform to coordinates relative to `origin`."""
+    """The transform with coordinates relative to `origin`."""
     x, y, z = (o - p for o, p in zip(transform.offset, origin, strict=True))
     return Affine(transform.linear, (x, y, z))
 
@@ -213,7 +212,7 @@ def triangle_areas(vertices: NDArray[np.float32], triangles: NDArray[np.uint32])
 def _normals_of(
     vertices: NDArray[np.float32], triangles: NDArray[np.uint32], kind: type[np.floating]
 ) -> NDArray[np.floating]:
-    """(v1 - v0) x (v2 - v0), in the precision asked for."""
+    """Unnormalised normals (v1 - v0) x (v2 - v0), in the given precision."""
     a, b, c = (vertices[triangles[:, i]].astype(kind) for i in range(3))
     (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
     return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
@@ -228,12 +227,12 @@ def _place_mesh(
     *,
     place: str,
 ) -> None:
-    """Write vertices in world space, and triangles that turn the right way about."""
+    """Write vertices in world space, and triangles with the right orientation."""
     transform.points_into(mesh.vertices, vertices)
     if len(vertices):
         largest = max(float(vertices.max()), -float(vertices.min()))
         _in_range(largest, place)
-    # A mirror turns every triangle round; the front has to stay where it was.
+    # Mirroring reverses the orientation of triangles; the front must stay where it was.
     if flip != (transform.determinant < 0.0):
         triangles[:] = mesh.triangles[:, ::-1]
     else:
@@ -253,7 +252,10 @@ def _sound(
     place: str,
     warnings: list[str] | None,
 ) -> NDArray[np.bool_] | None:
-    """Move triangles with an area to the front; which they are, None for all. Without a list of warnings, all must have one."""  # noqa: E501
+    """Move triangles with an area to the front.
+
+    Returns which ones have an area, or None for all. Without a list of warnings, all must have one.
+    """
     sound = np.empty(len(triangles), dtype=bool)
     for start in range(0, len(triangles), _CHUNK):
         normal = _normals_of(vertices, triangles[start : start + _CHUNK], np.float32)
@@ -280,7 +282,7 @@ def _place_normals(
     *,
     flip: bool,
 ) -> None:
-    """Write unit normals in world space; a vertex whose normal is zero gets the mean of its triangles'."""
+    """Write unit normals in world space; a zero normal is replaced by the mean of the vertex's triangles."""
     transform.normals_into(source, normals)
     if flip:
         np.negative(normals, out=normals)
@@ -294,7 +296,7 @@ def _place_normals(
         np.add.at(total, around[:, corner], faces)
     x, y, z = total.T
     size: NDArray[np.float64] = np.sqrt(x * x + y * y + z * z)
-    # Triangles that cancel out, or a vertex that no triangle uses: any unit vector will do.
+    # The triangles cancel out, or no triangle uses the vertex: any unit vector will do.
     nothing = np.asarray(size == 0.0)
     total[nothing], size[nothing] = (0.0, 0.0, 1.0), 1.0
     normals[blank] = (total / size[:, None])[blank]
@@ -303,7 +305,7 @@ def _place_normals(
 def _turned_away(
     vertices: NDArray[np.float32], triangles: NDArray[np.uint32], normals: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """Which triangles have vertex normals that point to their back; kernels/geometry/rows.cl turns these round."""
+    """Which triangles have vertex normals that point to their back; kernels/geometry/rows.cl flips these."""
     turned = np.empty(len(triangles), bool)
     for start in range(0, len(triangles), _CHUNK):
         some = triangles[start : start + _CHUNK]
@@ -322,7 +324,7 @@ def _analytic_rows(
     no_boundary: frozenset[Solid],
     all_attributes: bool,
 ) -> tuple[_Rows, NDArray[np.float32]]:
-    """Rows of spheres and disks, and of their attributes; notes their primitive numbers, which start at `offset`."""
+    """Rows of spheres and disks, and of their attributes; writes their primitive numbers, which start at `offset`."""
     round_ = [i for i, shape in enumerate(scene.plain_shapes) if isinstance(shape, Sphere | Disk)]
     indices = [i for i in round_ if not _is_left_out(scene.plain_shapes[i], no_boundary)]
     rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))

@@ -1,4 +1,4 @@
-"""Which materials and lights an integrator takes."""
+"""Which materials and lights an integrator supports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["check_materials"]
 
 
 def check_materials(scene: Scene, integrator: str) -> None:
-    """Make sure that an integrator takes the materials of all shapes, and the environment.
+    """Check that an integrator supports the materials of all shapes, and the environment.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def check_materials(scene: Scene, integrator: str) -> None:
     Raises
     ------
     SceneError
-        It names the first shape or light that it does not take, and what to do.
+        The message names the first unsupported shape or light, and a remedy.
     """
     light = scene.environment
     if light is not None and light.file is not None and not INTEGRATORS[integrator].environment_pictures:
@@ -87,7 +87,7 @@ def check_materials(scene: Scene, integrator: str) -> None:
 
 
 def _refuse_masked(scene: Scene, integrator: str) -> None:
-    """Opacity is for integrators that take it; the lights of Whitted's shine from their centres, which may be holes."""
+    """Refuse opacity if unsupported; whitted samples lights at their centres, which may be transparent."""
     for at, shape in scene.all_shapes():
         if shape.material is None or not scene.materials[shape.material].masked:
             continue
@@ -101,7 +101,7 @@ def _refuse_masked(scene: Scene, integrator: str) -> None:
 
 
 def _refuse_media(scene: Scene, integrator: str) -> None:
-    """Media are for integrators that take them."""
+    """Refuse media if unsupported."""
     where = "fog" if scene.fog is not None else None
     filled = (place((*at, "interior")) for at, shape in scene.all_shapes() if shape.interior is not None)
     if (where := next(filled, where)) is not None:

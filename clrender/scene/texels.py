@@ -1,4 +1,4 @@
-"""The pictures that a scene's textures name, as the kernels read them: texels in tiles of 64 bytes, each once."""
+"""The images of a scene's textures, as the kernels read them: texels in tiles of 64 bytes, without duplicates."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from clrender.scene.wording import quoted
 __all__ = ["TILE_BYTES", "StoredPicture", "TexelStore", "coded_values", "picture_sha256", "tile_shape"]
 
 TILE_BYTES: Final = 64
-"""A line of memory."""
+"""A cache line."""
 FILE_LIMIT: Final = 2**32
 _BYTES_LIMIT: Final = 2**36
 """Most bytes of all texels of a scene: tile numbers stay below 2^30."""
@@ -35,7 +35,7 @@ _KINDS: Final[Mapping[str, str]] = {"unorm8": "u1", "unorm16": "<u2", "half": "<
 
 @dataclass(frozen=True)
 class StoredPicture:
-    """A picture in a store.
+    """An image in a store.
 
     Attributes
     ----------
@@ -43,10 +43,10 @@ class StoredPicture:
     channels : int
         1 or 4.
     coding : str
-        As of `clrender.image.pictures.Picture`.
+        See `clrender.image.pictures.Picture`.
     first_tile, tiles : int
     sha256 : str
-        Of all of that but its place, and of its pixels.
+        Hash of its pixels and of these attributes except its position.
     """
 
     width: int
@@ -59,12 +59,12 @@ class StoredPicture:
 
     @property
     def texel_bits(self) -> int:
-        """Logarithm of the bytes of a texel."""
+        """Base-2 logarithm of the bytes per texel."""
         return (_BYTES[self.coding] * self.channels).bit_length() - 1
 
 
 def picture_sha256(picture: Picture | StoredPicture, tiles: NDArray[np.uint8]) -> str:
-    """Hash of a picture by its size, its coding and its tiles."""
+    """Hash of an image's size, coding and tiles."""
     head = f"{picture.width} {picture.height} {picture.channels} {picture.coding}"
     digest = hashlib.sha256(head.encode())
     digest.update(tiles.data)
@@ -72,21 +72,21 @@ def picture_sha256(picture: Picture | StoredPicture, tiles: NDArray[np.uint8]) -
 
 
 def tile_shape(texel_bits: int) -> tuple[int, int]:
-    """Width and height of a tile whose texels have ``2 ** texel_bits`` bytes, as kernels/texture/texel.h has them."""
+    """Width and height of a tile whose texels have ``2 ** texel_bits`` bytes, as in kernels/texture/texel.h."""
     down = (6 - texel_bits) // 2
     return 1 << (6 - texel_bits - down), 1 << down
 
 
 @cache
 def coded_values(coding: str, srgb: bool) -> NDArray[np.float32]:
-    """What each number of 8 or 16 bits stands for, linear.
+    """Linear value of each number of 8 or 16 bits.
 
     Parameters
     ----------
     coding : str
-        As of `clrender.image.pictures.Picture`, but for "float".
+        See `clrender.image.pictures.Picture`; not "float".
     srgb : bool
-        Whether the numbers are encoded as sRGB.
+        Whether the numbers are sRGB-encoded.
     """
     if coding == "half":
         return np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32)
@@ -96,30 +96,30 @@ def coded_values(coding: str, srgb: bool) -> NDArray[np.float32]:
 
 
 class TexelStore:
-    """Pictures by the names that textures give them, and their texels.
+    """Images by their names in textures, and their texels.
 
     Parameters
     ----------
     textures : sequence of (str, texture)
-        The scene's textures, each with its place for messages.
+        The scene's textures, each with its location, for messages.
     base_folder, allow_paths
-        As of `clrender.scene.mesh_io.read_mesh`.
+        See `clrender.scene.mesh_io.read_mesh`.
     given : mapping of str to (StoredPicture, (tiles, 64) uint8)
-        In the place of files of these names.
+        Replace files of these names.
     encoded : mapping of str to (bytes, str)
-        Likewise, but what such files would hold, and the endings that they would have.
+        Likewise, as the content of such files and their extensions.
 
     Attributes
     ----------
     pictures : dict of str to StoredPicture
-        By the name of the file, or what stands for a checker or ramp; those of one content share a picture.
+        By file name, or the key of a checker or ramp; equal contents share an image.
     texels : (tiles, 64) uint8
-        Aligned to a page of memory, so that a processor's driver can use it where it is; one tile at least.
+        Aligned to a memory page, so that a CPU's driver can use it in place; at least one tile.
 
     Raises
     ------
     SceneError
-        A file may not be read, is no sound picture, or there are too many texels.
+        A file may not be read or is not a valid image, or there are too many texels.
     """
 
     def __init__(
@@ -160,19 +160,19 @@ class TexelStore:
         self.texels[self._used :] = 0
 
     def holds(self, textures: Iterable[AnyTexture]) -> bool:
-        """Whether the pictures of these textures are all there."""
+        """Whether it contains the images of all these textures."""
         return all(_name(texture) in self.pictures for texture in textures)
 
     def picture(self, texture: AnyTexture) -> StoredPicture:
-        """The picture of one of the textures."""
+        """The image of one of the textures."""
         return self.pictures[_name(texture)]
 
     def tiles_of(self, picture: StoredPicture) -> NDArray[np.uint8]:
-        """The tiles of one of the pictures, (tiles, 64)."""
+        """The tiles of one of the images, (tiles, 64)."""
         return self.texels[picture.first_tile : picture.first_tile + picture.tiles]
 
     def _add(self, name: str, picture: Picture, label: str) -> None:
-        """Write a picture behind the others, and forget it again if its content is there already."""
+        """Append an image, and discard it again if its content is already present."""
         first, count = self._used, _tiles(picture)
         tiles = self.texels[first : first + count]
         with _Telling(label):
@@ -186,7 +186,7 @@ class TexelStore:
 
 
 class _Files:
-    """Picture files, where a scene may name them, or within it."""
+    """Image files, from disk or from the scene's own contents."""
 
     def __init__(
         self, base_folder: Path, allow_paths: Sequence[Path], encoded: Mapping[str, tuple[bytes, str]]
@@ -195,7 +195,7 @@ class _Files:
 
     @contextmanager
     def opened(self, name: str, label: str) -> Iterator[tuple[BinaryIO, str]]:
-        """A file and its ending."""
+        """A file and its extension."""
         if name in self._encoded:
             data, ending = self._encoded[name]
             yield io.BytesIO(data), ending
@@ -210,7 +210,7 @@ class _Files:
             yield file, ending
 
     def most_tiles(self, name: str, label: str) -> int:
-        """By the header: at most so many tiles."""
+        """Upper bound of the number of tiles, from the file's header."""
         with self.opened(name, label) as (file, ending), _Telling(label):
             width, height, texel = picture_room(file, ending)
         across, down = tile_shape(texel.bit_length() - 1)
@@ -218,7 +218,7 @@ class _Files:
 
 
 class _Telling:
-    """One sentence for whatever an image library raises for damaged files, which is nearly all there is."""
+    """Replaces whatever an image library raises for a damaged file, almost any exception, by one sentence."""
 
     def __init__(self, label: str) -> None:
         self._label = label
@@ -226,7 +226,7 @@ class _Telling:
 
     def __enter__(self) -> None:
         self._quiet.__enter__()
-        warnings.simplefilter("ignore")  # they mend what they warn of
+        warnings.simplefilter("ignore")  # the libraries repair what they warn about
 
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
         self._quiet.__exit__(kind, error, trace)
@@ -239,19 +239,19 @@ class _Telling:
 
 
 def _given(stored: StoredPicture, tiles: NDArray[np.uint8]) -> Picture:
-    """A picture that is in tiles already."""
+    """An image that is already in tiles."""
     return Picture(stored.width, stored.height, stored.channels, stored.coding, lambda: iter((tiles,)))
 
 
 def _name(texture: AnyTexture) -> str:
-    """The file of a picture, or for a checker or ramp what is no name of a file: it ends in no known ending."""
+    """The file name of an image, or a key for a checker or ramp, which has no image extension."""
     if isinstance(texture, Checker):
         return f"checker {texture.checker}"
     return f"ramp {texture.ramp}" if isinstance(texture, Ramp) else texture.texture
 
 
 def _drawn(texture: Checker | Ramp) -> Picture:
-    """A checker as two by two texels, or a ramp as a row of texels: the textures' filters do the rest."""
+    """A checker as 2 x 2 texels, or a ramp as a row of texels: texture filtering does the rest."""
     if isinstance(texture, Checker):
         first, second = texture.checker
         colors = np.array([[second, first], [first, second]], np.float32)
@@ -272,12 +272,12 @@ def _shape(picture: Picture) -> tuple[int, int]:
 
 
 def _fill(tiles: NDArray[np.uint8], picture: Picture) -> None:
-    """Write a picture's tiles, band by band; texels beyond its rims are zero."""
+    """Write an image's tiles, band by band; texels beyond its edges are zero."""
     across, down = _shape(picture)
     columns = -(-picture.width // across)
     at = 0
     for band in picture.bands():
-        if band.ndim == 2:  # tiles already
+        if band.ndim == 2:  # already in tiles
             tiles[:] = band
             return
         rows = -(-len(band) // down)
@@ -293,7 +293,7 @@ def _fill(tiles: NDArray[np.uint8], picture: Picture) -> None:
 
 
 def _aligned(tiles: int) -> NDArray[np.uint8]:
-    """Room for tiles at a multiple of 4096; the system gives memory only where something is written."""
+    """Uninitialised tiles, aligned to 4096 bytes; the system commits memory only where something is written."""
     raw = np.empty(tiles * TILE_BYTES + 4096, np.uint8)
     start = -raw.ctypes.data % 4096
     return raw[start : start + tiles * TILE_BYTES].reshape(tiles, TILE_BYTES)

@@ -1,9 +1,8 @@
-"""Exact means of textures over triangles: integrals along their edges.
+"""Exact means of textures over triangles, by integrals along the edges.
 
-By Green's theorem the integral of f over a triangle is that of F dy along its outline, F being the integral of f along
-the row from a fixed column on. Between two lines of the grid of texels f is constant, or bilinear, so that F is a
-polynomial of a degree that a quadrature of two points integrates exactly. So no texel is missed, and the work grows
-with the outline only.
+By Green's theorem the integral of f over a triangle is that of F dy along its outline, where F is the integral of f
+along the row from a fixed column. Between lines of the texel grid f is constant or bilinear, so that F is a polynomial
+that two-point quadrature integrates exactly. So no texel is missed, and the work grows only with the outline.
 """
 
 from __future__ import annotations
@@ -24,21 +23,21 @@ __all__ = ["reflectance_means"]
 _Floats: TypeAlias = NDArray[np.float64]
 _Ints: TypeAlias = NDArray[np.int64]
 _MOST_LINES: Final = 2**13
-"""Lines of the grid that a triangle may reach over; larger ones see the picture so often that points will do."""
+"""Most grid lines that a triangle may span; larger ones repeat the image so often that point samples suffice."""
 _LEAST_AREA: Final = 1e-9
-"""Of triangles in texels, over their squared extent: slimmer ones have lost their area to rounding."""
+"""Least area of a triangle, relative to its squared extent: that of thinner ones is lost to rounding."""
 _MOST_PIECES: Final = 2**20
-"""Pieces of edges at a time: for each such part of them the rows that it touches are read again."""
+"""Edge pieces processed at a time; each batch reads its rows of texels again."""
 _MOST_TEXELS: Final = 2**18
-"""Of these rows at a time."""
+"""Texels of these rows processed at a time."""
 _GAUSS: Final = (0.5 - math.sqrt(3.0) / 6.0, 0.5 + math.sqrt(3.0) / 6.0)
 
 
 def reflectance_means(texture: TextureMeans, corners: _Floats) -> _Floats:
-    """Mean of a texture, as of a reflectance from 0 to 1, over triangles.
+    """Mean of a texture over triangles, with texels clamped to 0 to 1.
 
-    Exact to rounding, but for triangles that have no area in texture coordinates or see more than some thousand texels
-    along an edge: those take a grid of points (`TextureMeans.triangles`). Texels outside of 0 to 1 count as 0 or 1.
+    Exact to rounding, except for triangles that have no area in texture coordinates or span more than some thousand
+    texels: those use a grid of points (`TextureMeans.triangles`).
 
     Parameters
     ----------
@@ -74,7 +73,7 @@ def _cross(x: _Floats, y: _Floats) -> _Floats:
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Parts of edges, none of which crosses a line of the grid: which triangle's, both ends, cell."""
+    """Pieces of edges that do not cross grid lines: triangle, start, extent and cell."""
 
     triangle: _Ints
     x: _Floats
@@ -86,9 +85,9 @@ class _Pieces:
 
 
 def _integrals(texture: TextureMeans, x: _Floats, y: _Floats) -> _Floats:
-    """Integrals over triangles of texels, (T, 3), negative where their corners run clockwise."""
+    """Integrals of texels over triangles, (T, 3), negative for clockwise corners."""
     wraps, (width, height) = texture.wraps, texture.size
-    half = 0.0 if texture.is_nearest else 0.5  # then the grid's lines run through the middles of texels
+    half = 0.0 if texture.is_nearest else 0.5  # otherwise the grid lines run through texel centres
     x = x - half - _turns(x.min(axis=1), width, wraps[0])[:, None]
     y = y - half - _turns(y.min(axis=1), height, wraps[1])[:, None]
     pieces = _pieces(x, y)
@@ -107,7 +106,7 @@ def _integrals(texture: TextureMeans, x: _Floats, y: _Floats) -> _Floats:
 
 
 def _turns(least: _Floats, count: int, wrap: int) -> _Floats:
-    """By how much to move triangles so that they lie near the picture, where its repetitions allow it."""
+    """Translation that moves triangles close to the image, by multiples of its wrapping period."""
     if wrap == layout.TEXTURE_WRAPS["clamp"]:
         return np.zeros(len(least))
     period = float(count if wrap == layout.TEXTURE_WRAPS["repeat"] else 2 * count)
@@ -116,7 +115,7 @@ def _turns(least: _Floats, count: int, wrap: int) -> _Floats:
 
 
 def _pieces(x: _Floats, y: _Floats) -> _Pieces:
-    """All edges, cut where they cross lines of the grid."""
+    """All edges, split at grid lines."""
     begin_x, begin_y = x.ravel(), y.ravel()
     step_x, step_y = (np.roll(x, -1, axis=1) - x).ravel(), (np.roll(y, -1, axis=1) - y).ravel()
     edges = np.arange(len(begin_x))
@@ -148,7 +147,7 @@ def _pieces(x: _Floats, y: _Floats) -> _Pieces:
 
 
 def _bands(row: _Ints, width: int) -> Iterator[tuple[int, int, _Ints]]:
-    """Rows in bands that fit into memory: the first and the last, and which pieces lie there."""
+    """Bands of rows that fit into memory: first and last row, and the pieces in them."""
     high = max(1, _MOST_TEXELS // width)
     number = row // high
     order = np.argsort(number, kind="stable")
@@ -159,7 +158,7 @@ def _bands(row: _Ints, width: int) -> Iterator[tuple[int, int, _Ints]]:
 
 
 class _Band:
-    """Rows of a texture, and the sums along them."""
+    """Rows of a texture, and their prefix sums."""
 
     def __init__(self, texture: TextureMeans, first: int, count: int) -> None:
         width, height = texture.size
@@ -172,7 +171,7 @@ class _Band:
         np.cumsum(self._values, axis=1, out=self._sums[:, 1:])
 
     def running(self, x: _Floats, y: _Floats, column: _Ints, row: _Ints) -> _Floats:
-        """Integral along the row from column 0 to x, at y, of points in these cells."""
+        """Integral along the row from column 0 to x, at height y, for points in these cells."""
         along, down = (x - column)[:, None], (y - row)[:, None]
         here = self._row(along, column, row - self._first)
         if self._nearest:
@@ -184,7 +183,7 @@ class _Band:
         before = self._before(column, row)
         if self._nearest:
             return before + along * value
-        # Of the trapezia between the middles of texels half of the first is missing, and half of this texel
+        # Trapezoidal rule between texel centres: correct for half of the first texel and half of this one
         before = before + (value - self._value(np.zeros_like(column), row)) / 2.0
         return before + along * (value + along / 2.0 * (self._value(column + 1, row) - value))
 
@@ -194,7 +193,7 @@ class _Band:
         return value
 
     def _before(self, column: _Ints, row: _Ints) -> _Floats:
-        """Sum of the texels from column 0 to the one before this."""
+        """Sum of the texels from column 0 up to, but excluding, this one."""
         if self._clamped:
             inside = np.clip(column, 0, self._period)
             beyond = (column - inside)[:, None].astype(np.float64)

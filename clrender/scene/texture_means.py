@@ -1,4 +1,4 @@
-"""Means of textures over triangles, spheres and disks: how bright lights are that shine as pictures."""
+"""Means of textures over triangles, spheres and disks, for the power of textured lights."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["TextureMeans"]
 _Floats: TypeAlias = NDArray[np.float64]
 _Ints: TypeAlias = NDArray[np.int64]
 _MOST_STEPS: Final = 512
-"""Along an edge: of a larger texture not all texels are looked at."""
+"""Most steps along an edge: larger textures are sampled."""
 _CHUNK: Final = 2**19
 """Points at a time."""
 
@@ -36,16 +36,16 @@ def _wrapped(texel: _Ints, count: int, wrap: int) -> _Ints:
 
 @dataclass(frozen=True)
 class TextureMeans:
-    """One texture, read as kernels/texture/ does, but in double precision and with all four texels around a point.
+    """One texture, evaluated like kernels/texture/, but in double precision and with all four texels around a point.
 
-    Sums run from the first to the last number, so that they are the same on every machine.
+    Sums have a fixed order, for the same bits on every machine.
 
     Attributes
     ----------
     textures : FlatTextures
-        Of a scene.
+        Textures of a scene.
     number : int
-        Which of them.
+        Index of the texture.
     """
 
     textures: FlatTextures
@@ -53,7 +53,7 @@ class TextureMeans:
 
     @property
     def uv_set(self) -> int:
-        """Which of the shape's texture coordinates it takes."""
+        """Index of the set of texture coordinates that it uses."""
         return int(self._bits[3]) >> 14 & 1
 
     def triangles(self, corners: NDArray[np.float32]) -> _Floats:
@@ -78,11 +78,11 @@ class TextureMeans:
         """Mean over a sphere, (3,)."""
         step = self._steps()
         lines = np.array([sin_cos_degrees(180.0 * line / step - 90.0)[0] for line in range(step + 1)])
-        shares = np.diff(lines) / 2.0  # Archimedes: of the area, between two lines of latitude
+        shares = np.diff(lines) / 2.0  # Archimedes: fraction of the area between two circles of latitude
         return self._mean_of_rows(step, lambda row, middles: (middles, shares[row]))
 
     def disk(self) -> _Floats:
-        """Mean over the disk inside the square from 0 to 1, (3,)."""
+        """Mean over the disk inscribed in the unit square, (3,)."""
         step = self._steps()
 
         def within(row: int, middles: _Floats) -> tuple[_Floats, float]:
@@ -92,7 +92,7 @@ class TextureMeans:
         return self._mean_of_rows(step, within)
 
     def whole(self) -> tuple[_Floats, float, float]:
-        """Mean over the picture, (3,), and its least and largest number."""
+        """Mean over the image, (3,), and its smallest and largest number."""
         row, bits = self._row, self._bits
         across, down = tile_shape(int(bits[3]) & 7)
         width, height = int(bits[1]), int(bits[2])
@@ -103,7 +103,7 @@ class TextureMeans:
         for first in range(0, count, at_once):
             last = min(first + at_once, count)
             some = slice((int(bits[0]) + first) * per_tile, (int(bits[0]) + last) * per_tile)
-            values = self._numbers(some) * row[12:15].astype(np.float64)  # beyond the picture's rims zero
+            values = self._numbers(some) * row[12:15].astype(np.float64)  # zero beyond the image's edges
             total += np.cumsum(values, axis=0)[-1]
             least, most = min(least, float(values.min())), max(most, float(values.max()))
         return total / (width * height), least, most
@@ -125,7 +125,7 @@ class TextureMeans:
 
     @property
     def is_nearest(self) -> bool:
-        """Whether a texel's value holds all over it; else values are interpolated between the middles of texels."""
+        """Whether a texel is constant; else values are interpolated between texel centres."""
         return int(self._bits[3]) >> 9 & 3 == layout.TEXTURE_FILTERS["nearest"]
 
     @property
@@ -141,18 +141,18 @@ class TextureMeans:
 
     @property
     def _reach(self) -> float:
-        """Texels that a point looks at, along an edge."""
+        """Texels that a point's filter covers along each axis."""
         return 1.0 if self.is_nearest else 2.0
 
     def _steps(self) -> int:
-        """Steps along the square from 0 to 1, so that all texels are looked at."""
+        """Steps along the unit square that are needed to sample all texels."""
         u, v = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
         x, y = self.place(u, v)
         lengths = np.array([max(abs(x[1] - x[0]) + abs(x[2] - x[0]), abs(y[1] - y[0]) + abs(y[2] - y[0]))])
         return int(np.clip(_power_of_two(lengths / self._reach), 64, _MOST_STEPS)[0])
 
     def _mean_of_rows(self, step: int, weighted: Callable[[int, _Floats], tuple[_Floats, float]]) -> _Floats:
-        """Mean of rows of points in the square, each with its u and its weight."""
+        """Weighted mean of rows of points in the unit square, each with its own u and weight."""
         middles = (np.arange(step) + 0.5) / step
 
         def rows() -> Iterator[tuple[_Floats, float]]:
@@ -181,7 +181,7 @@ class TextureMeans:
         return value
 
     def texels(self, column: _Ints, row: _Ints, width: int, height: int) -> _Floats:
-        """Values of texels, (..., 3), also beyond the rims of the picture."""
+        """Values of texels, (..., 3), also beyond the edges of the image."""
         form = int(self._bits[3])
         x, y = (
             _wrapped(at, size, wrap) for at, size, wrap in zip((column, row), (width, height), self.wraps, strict=True)
@@ -191,7 +191,7 @@ class TextureMeans:
         return self._numbers((tile * down + y % down) * across + x % across) * self._row[12:15].astype(np.float64)
 
     def _numbers(self, index: _Ints | slice) -> _Floats:
-        """What texels stand for, (..., 3), by their places in all tiles of texels of this size."""
+        """Decoded values of texels, (..., 3), by their index among all texels of this size."""
         form = int(self._bits[3])
         four, floats = bool(form & layout.TEXEL_FOUR), bool(form & layout.TEXEL_FLOAT)
         size = (1 << (form & 7)) // (4 if four else 1)
@@ -212,12 +212,12 @@ class TextureMeans:
 
 
 def _power_of_two(lengths: _Floats) -> _Ints:
-    """The least power of two that is not less than each length."""
+    """The smallest power of two not less than each length."""
     return np.int64(1) << np.frexp(np.maximum(np.ceil(np.minimum(lengths, _MOST_STEPS)) - 1.0, 0.0))[1].astype(np.int64)
 
 
 def _centroids(step: int) -> _Floats:
-    """Weights of the second and third corner, (step^2, 2), of the middles of equal parts of a triangle."""
+    """Barycentric weights of B and C, (step^2, 2), of the centroids of a triangle's equal parts."""
     i, j = (each.ravel() for each in np.meshgrid(np.arange(step), np.arange(step), indexing="ij"))
     upright, turned = i + j < step, i + j < step - 1
     points = [
@@ -228,5 +228,5 @@ def _centroids(step: int) -> _Floats:
 
 
 def _sums(values: _Floats) -> _Floats:
-    """Sums over the points, (T, 3), of (T, points, 3)."""
+    """Sums of (T, points, 3) over the points, (T, 3)."""
     return np.asarray(np.cumsum(values, axis=1)[:, -1])

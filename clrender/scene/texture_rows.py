@@ -1,4 +1,4 @@
-"""Textures as the kernels read them: a row for each, and which of them materials and lights have."""
+"""Textures as the kernels read them: a row for each, and the textures of materials and lights."""
 
 from __future__ import annotations
 
@@ -30,29 +30,29 @@ SLOTS: Final[Mapping[str, int]] = {
     "bump_map": layout.TEXTURE_SLOTS["BUMP"],
     **{name.lower(): slot for name, slot in layout.TEXTURE_SLOTS.items()},
 }
-"""Which column of a row of textures a key of a material is."""
+"""Column of a material's texture slots, by key of the material."""
 _COLORS: Final = ("reflectance", "f0", "base_color", "specular_color", "sheen_color", "emission")
-"""Keys that hold colours; a file's 8 or 16 bits are sRGB there if nothing else is said."""
+"""Keys of colours; their files of 8 or 16 bits are sRGB by default."""
 
 
 @dataclass(frozen=True)
 class FlatTextures:
-    """Arrays as in `clrender.flatten.FlatScene`: of a scene without textures, each of one row of zeros.
+    """Arrays as in `clrender.flatten.FlatScene`; without textures, each is one row of zeros.
 
     Attributes
     ----------
     rows : (N, 16) float32
         TEXTURE_ROW_* of kernels/types.h.
     slots : (M, 16) float32
-        Bits: for each material the number of the texture in the place of a parameter, or `layout.NONE`; at the end of
-        those also for shapes without a material, if one of them shines as a texture.
+        Bits: for each material the index of the texture of each parameter, or `layout.NONE`; the last row is for shapes
+        without a material, if one of them has textured emission.
     values : (K,) float32
-        Tables of what numbers of 8 and 16 bits stand for.
+        Decoding tables for numbers of 8 and 16 bits.
     texels : (tiles, 64) uint8
     sha256 : str
-        Of the pictures.
+        Hash of the images.
     emission : mapping of int to int
-        Number of the texture that a shape shines as, by the number of the shape.
+        Index of the emission texture, by index of the shape.
     """
 
     rows: NDArray[np.float32]
@@ -69,7 +69,7 @@ def flat_textures(scene: Scene) -> FlatTextures:
     Raises
     ------
     SceneError
-        A file cannot be read, or a picture of linear light is said to be sRGB.
+        A file cannot be read, or a linear image is declared as sRGB.
     """
     slots = np.full((len(scene.materials) + 1, 16), layout.NONE, np.uint32)
     rows: list[NDArray[np.float32]] = []
@@ -118,14 +118,14 @@ def _is_srgb(texture: AnyTexture, picture: StoredPicture, key: str) -> bool:
 
 
 class _Values:
-    """Tables of what the numbers of pictures stand for, each once."""
+    """Unique decoding tables of images."""
 
     def __init__(self) -> None:
         self._tables: list[NDArray[np.float32]] = []
         self._begins: dict[tuple[str, bool], int] = {}
 
     def of(self, coding: str, srgb: bool) -> int:
-        """Where a table begins; 0 where numbers stand for themselves."""
+        """Offset of a table; 0 if numbers need no decoding."""
         if coding == "float":
             return 0
         if (coding, srgb) not in self._begins:
@@ -135,7 +135,7 @@ class _Values:
 
     @property
     def table(self) -> NDArray[np.float32]:
-        """All of them; one zero where there is none."""
+        """All tables; a single zero if there are none."""
         return np.concatenate(self._tables) if self._tables else np.zeros(1, np.float32)
 
 
@@ -152,7 +152,7 @@ def _row(texture: AnyTexture, picture: StoredPicture, key: str, values: int, alp
     if isinstance(texture, NormalMap):
         filters, channel = texture.filter, None
         step = {"unorm8": 127.0, "unorm16": 32767.0}.get(picture.coding)
-        # In whole numbers the middle of 0 to 2n + 1 is n + 1, which no number between 0 and 1 stands for exactly
+        # In integers the middle of 0 to 2n + 1 is n + 1, which no number between 0 and 1 represents exactly
         spread, bias = (2.0, -1.0) if step is None else ((2.0 * step + 1.0) / step, -(step + 1.0) / step)
         factor = (spread, spread, texture.scale)
     if isinstance(texture, BumpMap):
@@ -177,7 +177,7 @@ def _row(texture: AnyTexture, picture: StoredPicture, key: str, values: int, alp
 
 
 def _mapping(texture: AnyTexture, picture: StoredPicture) -> tuple[Vector, Vector]:
-    """From texture coordinates to column and row of the picture, 0 to 1, with row 0 at its top."""
+    """Map from texture coordinates to column and row of the image, 0 to 1, with row 0 at the top."""
     sine, cosine = sin_cos_degrees(texture.transform.rotate_degrees)
     (su, sv), (ou, ov) = texture.transform.scale, texture.transform.offset
     u, v = (cosine * su, -sine * sv, ou), (sine * su, cosine * sv, ov)

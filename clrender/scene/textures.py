@@ -1,4 +1,4 @@
-"""Textures as a scene file names them: pictures, checkers and ramps in the place of a colour or a number."""
+"""Textures of a scene file: images, checkers and ramps that replace a colour or a number."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _UV_LIMIT: Final = 1e6
 
 
 def _pair(value: Any) -> Any:
-    """One number, or name, stands for both directions."""
+    """Accepts one number, or name, for both directions."""
     return value if isinstance(value, list | tuple) else (value, value)
 
 
 def _triple(value: Any) -> Any:
-    """One number is a grey."""
+    """Accepts one number as a grey."""
     return value if isinstance(value, list | tuple) else (value, value, value)
 
 
@@ -128,7 +128,7 @@ _FORMS: Final[Mapping[str, type[Part]]] = {"texture": ImageTexture, "checker": C
 
 
 def _form(value: Any) -> str:
-    """Which member of the union below a value is meant for: `validation_errors` knows these tags."""
+    """Tag of the union member below that a value is meant for; `validation_errors` knows these tags."""
     if isinstance(value, Part):
         return next((f"<{name}>" for name, table in _FORMS.items() if isinstance(value, table)), "<constant>")
     if isinstance(value, Mapping):
@@ -145,7 +145,7 @@ ShareOrTexture: TypeAlias = Annotated[Annotated[Share, Tag("<constant>")] | _Tex
 
 
 def textures_of(part: Part) -> Iterator[tuple[str, AnyTexture]]:
-    """Textures of a material, by the keys that hold them.
+    """Textures of a material, with their keys.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Turns what the validator found wrong into one sentence that names the place, the problem and the cure."""
+"""Converts validation errors to one sentence that names the location, the problem and the remedy."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _BOUNDS: Final[Mapping[str, tuple[str, str]]] = {
 
 
 def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> SceneError:
-    """The error a user sees for what pydantic found.
+    """The error that a user sees for a pydantic error.
 
     Parameters
     ----------
@@ -55,10 +55,10 @@ def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> S
     Returns
     -------
     SceneError
-        ``source: place: what is wrong and what would be right``; only the first problem is told in full.
+        ``source: place: what is wrong and what would be right``; only the first problem is explained.
     """
     details = error.errors(include_url=False)
-    # A misspelt key also leaves the right one missing: tell the cause, not the consequence.
+    # A misspelt key also leaves the right one missing: report the cause, not the consequence.
     first = next((item for item in details if item["type"] == "extra_forbidden"), details[0])
     location, sentence = _explained(first, details, root)
     others = f" ({len(details) - 1} more problem{'s' if len(details) > 2 else ''} there)" if len(details) > 1 else ""
@@ -69,7 +69,7 @@ def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> S
 
 
 def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseModel]) -> tuple[_Location, str]:
-    """Location without the tags pydantic adds, and the sentence."""
+    """Location without the tags that pydantic adds, and the sentence."""
     kind, context, value = item["type"], item.get("ctx", {}), item["input"]
     location, table, kinds = _resolved(item["loc"], root)
     if "sentence" in context:
@@ -105,14 +105,14 @@ def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseM
 def _resolved(
     location: _Location, root: type[BaseModel]
 ) -> tuple[_Location, type[BaseModel] | None, Mapping[str, type[BaseModel]]]:
-    """The location without the names of union members; the table of its last step; what kinds that could be."""
+    """The location without union member names, the table of its last step, and that step's possible types."""
     table: type[BaseModel] | None = root
     kinds: Mapping[str, type[BaseModel]] = {}
     forms: Mapping[str, type[BaseModel]] | None = None
     kept: list[int | str] = []
     for number, step in enumerate(location):
         if forms is not None and isinstance(step, str) and step.startswith("<"):
-            table, forms = forms.get(step), None  # a texture in the place of a constant (`textures.py`)
+            table, forms = forms.get(step), None  # a texture instead of a constant (`textures.py`)
             continue
         if kinds and step in kinds and len(kept) >= 2:
             table, kinds = kinds[str(step)], {}
@@ -129,7 +129,7 @@ def _resolved(
 
 
 def _tables(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The tables that a field may hold, itself or in a list or table of them."""
+    """The tables that a field may contain, directly or in a list or table."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     elif get_origin(annotation) is not Literal:
@@ -138,7 +138,7 @@ def _tables(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _tags(table: type[BaseModel]) -> tuple[str, ...]:
-    """Values of the key `type` that choose this table."""
+    """Values of the key `type` that select this table."""
     field = table.model_fields.get("type")
     return get_args(field.annotation) if field is not None else ()
 
@@ -148,12 +148,12 @@ def _entries(count: int) -> str:
 
 
 def _plain(bound: float) -> str:
-    """A bound, with all its digits if it is a whole number of few."""
+    """A bound as text, with all digits if it is a small integer."""
     return str(int(bound)) if bound == int(bound) and abs(bound) < 1e10 else f"{bound:g}"
 
 
 def _meaning(table: type[BaseModel] | None, key: str) -> str:
-    """What a missing key would hold."""
+    """Meaning of a missing key."""
     field = table.model_fields.get(key) if table else None
     return f" ({field.description})" if field and field.description else ""
 

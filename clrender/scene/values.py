@@ -1,4 +1,4 @@
-"""The numbers a scene file may hold, with their bounds, and the base of all its tables."""
+"""The number types of a scene file, with their bounds, and the base class of its tables."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ __all__ = [
 ]
 
 COORDINATE_LIMIT: Final = 1e12
-"""Largest magnitude of a coordinate, metres: its cube, which a triangle's distance needs, fits single precision."""
+"""Largest magnitude of a coordinate, metres: its cube, used in ray-triangle intersection, fits single precision."""
 POWER_LIMIT: Final = 1e12
-"""Largest magnitude of a radiometric quantity: seen directly, it is a sample that the film takes (below 2^43)."""
+"""Largest magnitude of a radiometric quantity: if directly visible, the film can store it (below 2^43)."""
 SHAPE_LIMIT: Final = 2**20
 """Most shapes, and most lights, of one scene."""
 INLINE_LIMIT: Final = 2**22
@@ -73,11 +73,11 @@ Matrix: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 NUMBER_OR_TRIPLE: Final[dict[str, Any]] = {
     "anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}]
 }
-"""JSON Schema of what `number_as_triple` takes."""
+"""JSON Schema of the values that `number_as_triple` accepts."""
 
 
 def number_as_triple(value: Any) -> Any:
-    """One number stands for three."""
+    """Accepts one number for three equal ones."""
     return (value, value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
@@ -87,23 +87,23 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     def __init__(self, **values: Any) -> None:
-        # A table built in code fails like one read from a file: with a `SceneError` of one sentence.
+        # A table built in code fails like one read from a file, with a `SceneError` of one sentence.
         try:
             super().__init__(**values)
         except ValidationError as error:
             raise scene_error(error, type(self), type(self).__name__) from None
 
-    # Tables inside of tables are not to be made by this constructor, which would lose their places.
+    # Nested tables must not use this constructor, which would lose their locations.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 def fault(kind: str, message: str, *place: str | int) -> PydanticCustomError:
-    """A validation error worded here: the message goes on from the name of its `place` below the table at hand."""
+    """A custom validation error: the message continues after the name of its `place`, relative to the current table."""
     return PydanticCustomError(kind, "{sentence}", {"sentence": message, "below": place})
 
 
 class SettingValue:
-    """Annotation of a key of the scene file that holds a render's setting: allowed is what the table of settings says.
+    """Annotation of a scene file's key for a render setting: the table of settings defines the allowed values.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class SettingValue:
 
 
 def length(vector: Vector) -> float:
-    """Euclidean length, without overflow or underflow in between."""
+    """Euclidean length, without intermediate overflow or underflow."""
     largest = max(abs(x) for x in vector)
     if largest == 0.0:
         return 0.0

@@ -1,4 +1,4 @@
-"""Colours of a mesh's vertices: how they are encoded in files, and what they are in linear light."""
+"""Vertex colours of meshes: their encoding in files, and conversion to linear light."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from clrender.scene.texels import coded_values
 __all__ = ["VertexColors", "linear_colors"]
 
 VertexColors: TypeAlias = Literal["auto", "srgb", "linear"]
-"""How a shape says that its file's colours are encoded; auto: as files of its kind mostly are."""
+"""Encoding of vertex colours in a shape's file; auto: the usual one of the file format."""
 
 
 def linear_colors(colors: NDArray[np.floating], srgb: bool, label: str) -> NDArray[np.float32]:
-    """Colours of vertices in linear light.
+    """Vertex colours in linear light.
 
     Parameters
     ----------
     colors : (V, 3) float
         From 0 to 1.
     srgb : bool
-        Whether they are encoded as sRGB; then 16 bits of them count. All multiples of 1/255 are among those.
+        Whether they are sRGB-encoded; they are then rounded to 16 bits, which keeps all multiples of 1/255.
     label : str
-        Start of an error message.
+        Prefix of error messages.
 
     Raises
     ------
@@ -40,5 +40,5 @@ def linear_colors(colors: NDArray[np.floating], srgb: bool, label: str) -> NDArr
         raise SceneError(f"{label}: vertex {row} has the colour ({values}), but the numbers must be from 0 to 1")
     if not srgb:
         return colors.astype(np.float32)
-    # A table, since power functions round differently on different machines
+    # Use a table, as power functions round differently on different machines
     return coded_values("unorm16", True)[np.round(colors.astype(np.float64) * 65535.0).astype(np.uint16)]

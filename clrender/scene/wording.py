@@ -1,4 +1,4 @@
-"""Pieces of error sentences: quoted values, places in a file, and the nearest known name."""
+"""Parts of error messages: quoted values, locations in a file, and the nearest known name."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def _shortened(text: str, limit: int) -> str:
 
 
 def quoted(name: str) -> str:
-    """A name in double quotes, on one line, printable anywhere, not too long."""
+    """A name in double quotes, on one line, printable and truncated."""
     inner = ascii(_shortened(name, 60))[1:-1].replace('"', '\\"').replace("\\'", "'")
     return f'"{inner}"'
 
 
 def shown(value: Any) -> str:
-    """A wrong value as it may appear in a sentence."""
+    """An invalid value, formatted for a sentence."""
     if isinstance(value, str):
         return f"the text {quoted(value)}"
     if value is None or isinstance(value, bool):
@@ -33,7 +33,7 @@ def shown(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"a list of {len(value)}" if len(value) != 1 else "a list of one"
     if isinstance(value, int):
-        # Python refuses to write integers of thousands of digits, and nobody would read them.
+        # Python refuses to format integers of thousands of digits, and nobody would read them.
         return str(value) if abs(value) < 10**30 else "an integer of more than 30 digits"
     if isinstance(value, float):
         return repr(value)
@@ -41,7 +41,7 @@ def shown(value: Any) -> str:
 
 
 def suggestion(wrong: object, known: Iterable[str]) -> str:
-    """The end of a sentence: the nearest known name, or all of them when they are few, or nothing."""
+    """The end of a sentence: the nearest known name, or all of them if there are few, or nothing."""
     names = [str(name) for name in known]
     if not names:
         return "; there is none here"
@@ -54,7 +54,7 @@ def suggestion(wrong: object, known: Iterable[str]) -> str:
 
 
 def place(location: Iterable[str | int]) -> str:
-    """Where in a file: ``materials.white.reflectance[1]``."""
+    """A location in a file, such as ``materials.white.reflectance[1]``."""
     text = ""
     for step in location:
         if isinstance(step, int):

@@ -1,4 +1,4 @@
-"""Scheduling: which unit of work goes to whom, and what happens when a device fails."""
+"""Scheduling: assigns units of work to workers, and handles the failure of devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where pieces that came out differently are settled: who is asked what, and what follows."""
+"""Arbitration: decides which worker is wrong when two results for the same piece differ."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from clrender.scheduling.worker import Candidate
 __all__ = ["Arbitration"]
 
 _TIMES: Final = 6
-"""How often each worker does a piece again: one that errs now and then is not to err, or to be right, each time."""
+"""Repetitions of a piece by each worker, enough for one that errs sometimes to give different results."""
 _PROBES: Final = 3
-"""How often each renders the probe's tile, for the same reason."""
+"""Renders of the probe's tile by each worker, for the same reason."""
 
 
 class Arbitration:
-    """Disputes between workers, one after the other.
+    """Settles disputes between workers, one at a time.
 
     Parameters
     ----------
     candidates : sequence of Candidate
     work : Work
-        Through which workers are asked.
+        Used to give orders to workers.
     exclude : callable
-        Told which worker is wrong, and why.
+        Called with a worker that is wrong, and the reason.
     """
 
     def __init__(self, candidates: Sequence[Candidate], work: Work, exclude: Callable[[int, str], None]) -> None:
@@ -42,16 +42,16 @@ class Arbitration:
 
     @property
     def undecided(self) -> str:
-        """Names of those between whom it is still open; empty where nothing is."""
+        """Names of the workers of the open dispute; empty if there is none."""
         return self._names(self._dispute.parties) if self._dispute else ""
 
     def open(self, piece: Piece, other: int, result: UnitSums) -> None:
-        """A piece came out differently when another worker did it."""
+        """Open a dispute, or queue it: another worker's result for a piece differs."""
         self._open(piece, other, digest(result))
 
     def _open(self, piece: Piece, other: int, answer: bytes) -> None:
         if not self._excluded.isdisjoint((piece.worker, other)):
-            return  # what these did is gone; that of one which hangs is not
+            return  # the results of excluded workers are withdrawn already; those of hung workers are not
         if self._dispute is not None:
             self._later.append((piece, other, answer))
             return
@@ -68,7 +68,7 @@ class Arbitration:
             self.left(party)
 
     def hear(self, task: Task, result: UnitSums | bool | None) -> None:
-        """What a worker that was asked answers."""
+        """Take in a worker's answer in the open dispute."""
         dispute = self._dispute
         if dispute is None:
             return
@@ -81,7 +81,7 @@ class Arbitration:
         self._decide()
 
     def left(self, worker: int) -> None:
-        """A worker failed or is gone."""
+        """Note that a worker failed or is gone."""
         if self._dispute is not None:
             self._dispute.left(worker)
             self._decide()

@@ -1,4 +1,4 @@
-"""What a render knows of workers in other processes and on other machines: how to get them, and what they tell."""
+"""Interfaces to workers in other processes or on other machines: how a render gets them, and their statistics."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ __all__ = ["Cluster", "Member", "Team"]
 
 @dataclass(frozen=True)
 class Member:
-    """What the statistics of a render say of one of its workers beside what it did.
+    """Entry of a worker in the statistics of a render, in addition to its tally.
 
     Attributes
     ----------
     name, driver, type : str
-        Of its device.
+        Name, driver and type of its device.
     busy_seconds, build_seconds, compile_seconds : float
     device_bytes : int
-        Allocated there.
+        Memory allocated on the device.
     host : str
-        Machine, where that is not this one or there are several processes.
+        Machine, if it is not this one or there are several processes.
     """
 
     name: str
@@ -42,14 +42,14 @@ class Member:
 
 
 class Team(Protocol):
-    """Workers that are at one job's disposal.
+    """The workers for one job.
 
     Attributes
     ----------
     candidates : sequence of Candidate
-        Some may stand for workers that may join later.
+        Some may stand for workers that join later, or never.
     limits : TimeLimits or None
-        None: as always.
+        None: the default limits.
     """
 
     @property
@@ -59,23 +59,23 @@ class Team(Protocol):
     def limits(self) -> TimeLimits | None: ...
 
     def members(self) -> list[Member | None]:
-        """One for each candidate; None: nobody took its place, or nothing is known of who did."""
+        """One member for each candidate; None if no worker took its place or nothing is known of it."""
 
     def stats(self) -> Mapping[str, Any]:
-        """What else the statistics say, JSON-able."""
+        """Further entries of the statistics, as JSON values."""
 
 
 class Cluster(Protocol):
-    """Workers in other processes, that are there for one render after the other."""
+    """Workers in other processes that serve one render after another."""
 
     def team(self, job: RenderJob, arrays_sha256: str, on_ready: Callable[[], None]) -> AbstractContextManager[Team]:
-        """Workers for a job.
+        """Get the workers for a job.
 
         Parameters
         ----------
         job : RenderJob
         arrays_sha256 : str
-            Hash of the arrays that its scene is here; a worker whose arrays are others would give another image.
+            Hash of the scene's arrays on this machine; a worker with different arrays would render a different image.
         on_ready : callable
-            Told, in any thread, of each worker that is set up.
+            Called, in any thread, after each worker is set up.
         """

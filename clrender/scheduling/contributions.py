@@ -1,4 +1,4 @@
-"""What each worker put into a film, so that it can be taken out again when it turns out to be wrong."""
+"""Per-worker contributions to a film, which can be subtracted again if a worker turns out to be wrong."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from clrender.film.unit import Unit, UnitSums
 __all__ = ["MOST_BYTES", "Contributions"]
 
 MOST_BYTES: Final = 2 << 30
-"""Films of single workers may take so much in all, unless less is allowed."""
+"""Default limit of the memory of all per-worker films together, bytes."""
 
 
 class Contributions:
-    """Beside a film, one for each worker with what that worker put in.
+    """One additional film per worker, with that worker's contributions to the main film.
 
-    Sums are exact, so subtracting a worker's film leaves, to the bit, what the others did. Where these films would take
-    too much memory, nobody's samples are told apart: whoever is found wrong, all is then done again. That takes one
-    film where some samples are from before, and else none.
+    Sums are exact, so subtracting a worker's film leaves exactly the sums of the others. If these films would take too
+    much memory, contributions are not separated: if any worker is found wrong, all units are rendered again. This takes
+    one additional film if the main film held samples before, else none.
 
     Parameters
     ----------
     film : Film
-        It may hold other samples already.
+        The main film; it may already hold other samples.
     workers : int
+        Number of workers.
     most_bytes : int
-        Memory that films of single workers may take.
+        Memory that the per-worker films may take.
     """
 
     def __init__(self, film: Film, workers: int, most_bytes: int = MOST_BYTES) -> None:
@@ -37,7 +38,7 @@ class Contributions:
         self._units: dict[int, list[Unit]] = {number: [] for number in range(workers)}
 
     def commit(self, worker: int, unit: Unit, result: UnitSums) -> int:
-        """Put what a worker did into the film, as `Film.commit` does, and note it."""
+        """Commit a worker's unit to the film, and record it; returns the samples, as `Film.commit`."""
         key = 0 if self._shared else worker
         if key not in self._apart and not self._all:
             self._apart[key] = Film(self._film.width, self._film.height, self._film.request)
@@ -46,7 +47,7 @@ class Contributions:
         return samples
 
     def withdraw(self, worker: int) -> dict[int, list[Unit]]:
-        """Take what a worker did out of the film; gives the units that are to be done again, by who had done them."""
+        """Subtract a worker's contributions from the film; returns the units to render again, by their workers."""
         apart = self._film if self._all else self._apart.pop(0 if self._shared else worker, None)
         if apart is not None:
             self._film.take_out(apart)

@@ -1,9 +1,9 @@
-"""Two workers differ: who is wrong? Asked again, a worker that is broken mostly contradicts itself.
+"""Rules that decide which of two workers is wrong when their results differ.
 
-Order of evidence: whoever contradicts itself or fails at it is wrong. Of the others, those whose answer is that of most
-drivers are right: devices of one driver run the same programs, so they are one witness, unless that driver is all there
-is. Where that leaves a draw, each is put to the probe, whose result is known. Whoever fails it is wrong, if another
-passes. Else nobody can tell.
+All workers repeat the piece; a broken device mostly gives different results each time. A worker that contradicts
+itself, or fails, is wrong. Of the others, those that agree with the majority of drivers are right. Devices of one
+driver run the same programs, so they have one vote, unless there is only one driver. In a tie, each worker renders the
+probe, whose result is known. Those that fail it are wrong, if another passes; otherwise it cannot be decided.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ __all__ = ["Dispute", "judge"]
 
 
 def judge(answers: Mapping[int, Sequence[bytes]], drivers: Sequence[str]) -> tuple[set[int], set[int]]:
-    """Who is wrong, and between whom that cannot be told from their answers.
+    """Find the workers that are wrong, and those between which the answers cannot decide.
 
     Parameters
     ----------
     answers : mapping of int to sequence of bytes
-        All that each worker answered; an empty sequence where it failed.
+        All answers of each worker; an empty sequence if it failed.
     drivers : sequence of str
-        Of all workers.
+        Drivers of all workers.
 
     Returns
     -------
     wrong, undecided : set of int
-        One of them is empty at least, unless some contradict themselves and the others are undecided.
+        At least one of them is empty, unless some workers contradict themselves and the others are undecided.
     """
     wrong = {worker for worker, given in answers.items() if len(set(given)) != 1}
     sides: dict[bytes, set[int]] = defaultdict(set)
@@ -49,19 +49,19 @@ def judge(answers: Mapping[int, Sequence[bytes]], drivers: Sequence[str]) -> tup
 
 @dataclass
 class Dispute:
-    """A piece that came out differently, until it is decided who is wrong.
+    """A piece with two different results, until it is decided which worker is wrong.
 
     Attributes
     ----------
     piece : Piece
-        With the answer of the worker that did it first.
+        The piece, with the result of the worker that rendered it first.
     other : int
-        Who checked it.
+        The worker that checked it.
     answers : dict of int to list of bytes
     waiting : dict of int to int
-        How many answers are still to come from each worker that is asked.
+        Number of pending answers of each worker that was asked.
     passed : dict of int to bool
-        Who was put to the probe, and how that went.
+        Whether each worker that was probed has passed so far.
     """
 
     piece: Piece
@@ -72,21 +72,21 @@ class Dispute:
 
     @property
     def parties(self) -> tuple[int, int]:
-        """Who differs."""
+        """The two workers whose results differ."""
         return self.piece.worker, self.other
 
     @property
     def answered(self) -> bool:
-        """Whether nobody is waited for."""
+        """Whether no answer is pending."""
         return not any(self.waiting.values())
 
     def ask(self, worker: int, times: int) -> None:
-        """So many answers of a worker will come."""
+        """Expect this many answers of a worker."""
         self.waiting[worker] = times
         self.answers.setdefault(worker, [])
 
     def heard(self, worker: int, answer: bytes | bool) -> None:
-        """An answer of a worker: what the piece came to, or how its probe went."""
+        """Record an answer of a worker: the digest of its result, or whether it passed the probe."""
         self.waiting[worker] = max(0, self.waiting.get(worker, 0) - 1)
         if isinstance(answer, bool):
             self.passed[worker] = answer and self.passed.get(worker, True)
@@ -94,7 +94,7 @@ class Dispute:
             self.answers[worker].append(answer)
 
     def left(self, worker: int) -> None:
-        """A worker failed, or is gone: of the two that differ it counts as wrong, others no longer count."""
+        """Note that a worker failed or is gone: one of the two parties counts as wrong; others no longer vote."""
         if self.waiting.pop(worker, 0) == 0 and worker not in self.parties:
             return
         if worker in self.parties:
@@ -104,6 +104,6 @@ class Dispute:
             self.answers.pop(worker, None)
 
     def after_probe(self, undecided: Collection[int]) -> set[int]:
-        """Of those that the probe was put to, who is wrong: all, where it cannot tell."""
+        """The wrong workers among those that were probed; all of them if the probe cannot decide."""
         failed = {worker for worker in undecided if not self.passed.get(worker, False)}
         return failed if 0 < len(failed) < len(undecided) else set(undecided)

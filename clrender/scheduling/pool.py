@@ -17,18 +17,18 @@ __all__ = ["WorkerPool", "most_slots"]
 
 
 _SUMS_BYTES: Final = 96
-"""Of a slot, in one buffer at most: the squares of its replicates."""
+"""Bytes of a slot in the largest buffer: the sums of its squared replicates."""
 
 
 def most_slots(devices: Sequence[Device], limit: int | None, replicates: bool = False) -> int:
-    """Slots of a unit that every device can hold, where each may use so many bytes in all (None: no limit)."""
+    """Most slots of a unit that fit on every device, if each may use `limit` bytes (None: no limit)."""
     room = min((device.max_allocation_bytes // _SUMS_BYTES for device in devices), default=1 << 31)
     allowed = unit_slots(limit, replicates)
     return room if allowed is None else min(room, allowed)
 
 
 class WorkerPool:
-    """Workers on some devices; a context manager that releases those that were made.
+    """Workers on several devices; a context manager that releases those that were created.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ class WorkerPool:
     make : callable
         Sets a device up for the render.
     restart : callable, optional
-        Makes a device that failed ready to be set up again.
+        Resets a device that failed, so that it can be set up again.
     prove : callable, optional
-        Has a device compute something whose result is known; gives whether that came out.
+        Has a device compute something with a known result; returns whether it is correct.
     """
 
     def __init__(
@@ -65,12 +65,12 @@ class WorkerPool:
 
     @property
     def candidates(self) -> list[Candidate]:
-        """In the order of the devices. One that is asked again gives the worker it made."""
+        """Candidates in the order of the devices. A candidate that is set up twice returns the same worker."""
         return [self._candidate(number, device) for number, device in enumerate(self._devices) if not device.lost]
 
     @property
     def workers(self) -> dict[int, DeviceWorker]:
-        """Those that could be set up, by the place of their device."""
+        """The workers that could be set up, by the index of their device."""
         return dict(self._made)
 
     def _candidate(self, number: int, device: Device) -> Candidate:
@@ -88,7 +88,7 @@ class WorkerPool:
         if number not in self._made:
             worker = self._make(device)
             if device.lost:
-                return worker  # it came back when nobody waited any more, and may be used by another thread
+                return worker  # the call returned too late, and another thread may use the device now
             self._made[number] = worker
         return self._made[number]
 

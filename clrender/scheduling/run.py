@@ -1,7 +1,7 @@
-"""Who computes which samples when: workers in threads, a queue, and what happens when a device fails.
+"""The scheduler: workers in threads, a queue of units, and the handling of devices that fail.
 
-No unit is lost: one whose worker failed goes back into the queue for the others, and so does all that a worker did
-whose results turn out to be wrong. The film does not depend on any of it, because its sums are exact.
+No unit is lost. If a worker fails, its unit returns to the queue for the others; if its results turn out to be wrong,
+all its units do. None of this changes the film, because its sums are exact.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ __all__ = ["TIME_LIMITS", "Receiver", "Tally", "WorkerTally", "run"]
 TIME_LIMITS: Final = TimeLimits()
 
 _POLL: Final = 0.05
-"""Seconds between two questions whether to stop, where nothing else happens."""
+"""Seconds between two calls of `should_stop` while there are no events."""
 
 
 class Receiver(Protocol):
-    """Where units go when they are done: a film, or whatever adds them up in another way."""
+    """The destination of finished units: a film, or another accumulator."""
 
     def commit(self, unit: Unit, result: UnitSums) -> int:
-        """Take in what was done of a unit; gives its samples, over all pixels of the image."""
+        """Add the result of a unit; returns its number of samples, over all pixels of the image."""
 
 
 @dataclass(frozen=True)
 class Listeners:
-    """Who is told of a run, and asked. All in the calling thread."""
+    """Callbacks of a run, all called in the calling thread."""
 
     on_progress: Callable[[int, int], None] | None = None
     should_stop: Callable[[], bool] | None = None
@@ -59,7 +59,7 @@ def run(
     limits: TimeLimits | None = None,
     apart_bytes: int = MOST_BYTES,
 ) -> Tally:
-    """Have workers do the work of a plan, and commit it to the film.
+    """Have workers render the units of a plan, and commit them to the film.
 
     Parameters
     ----------
@@ -67,30 +67,32 @@ def run(
     candidates : sequence of Candidate
         At least one; each gets a thread, in which it is set up and works.
     film : Receiver
-        A `clrender.film.Film` of the plan's size, or the like, without any of the plan's samples.
+        A `clrender.film.Film` of the plan's size, or another receiver, without any of the plan's samples.
     on_progress : callable, optional
-        Told, in the calling thread, how many samples and rays are done in all.
+        Called in the calling thread with the total numbers of finished samples and rays; the last call comes after the
+        last commit.
     should_stop : callable, optional
-        Asked in the calling thread, twenty times a second at least; after a yes, the film keeps what is done by then.
+        Called in the calling thread, at least twenty times a second. If it returns True, the run ends and the film
+        keeps the samples taken so far.
     tell : callable, optional
-        Told in a line when a device failed and will be tried again.
+        Called with one line of text when a device failed and will be tried again.
     check_share : float
-        Of the samples, those that a second worker does again for comparison, where there are several and the receiver
-        is a film.
+        Fraction of the samples that a second worker renders again for comparison, if there are several workers and the
+        receiver is a film.
     limits : TimeLimits, optional
     apart_bytes : int
-        Memory for films of single workers, from which what one did can be taken out of the film.
+        Memory for per-worker films, with which a worker's contributions can be subtracted.
 
     Returns
     -------
     Tally
-        `all_failed` when every worker failed; what was finished before is in the film all the same.
+        `all_failed` is True if every worker failed; the film keeps what was finished before.
 
     Raises
     ------
     Exception
-        What `on_progress` or `should_stop` raised, or a worker that is no `ClrenderError`. No thread is left then, but
-        those whose driver does not return.
+        Any exception of `on_progress` or `should_stop`, and any exception of a worker that is no `ClrenderError`. All
+        threads have ended then, except those whose driver call does not return.
     """
     listeners = Listeners(on_progress, should_stop, tell)
     if should_stop is not None and should_stop():
@@ -99,7 +101,7 @@ def run(
 
 
 class _Run:
-    """One run: all that is decided, in the calling thread."""
+    """State and decisions of one run, all in the calling thread."""
 
     def __init__(
         self,
@@ -130,7 +132,7 @@ class _Run:
         self._arbitration = Arbitration(candidates, self._work, self._exclude)
 
     def tally_of_all(self) -> Tally:
-        """Do the work."""
+        """Run until all workers have ended, and return the tally."""
         self._threads.start()
         try:
             while self._alive:
@@ -156,6 +158,8 @@ class _Run:
                 "ended before it was found which are wrong; the image may be"
             )
         tally.complete = tally.samples == self._plan.samples
+        if self._listeners.on_progress is not None and tally.samples:
+            self._listeners.on_progress(tally.samples, tally.rays)
         return tally
 
     def _ask_to_stop(self) -> None:
@@ -168,7 +172,7 @@ class _Run:
             self._listeners.tell(line)
 
     def _deal_with(self, event: Event) -> None:
-        """Take in what a worker's thread says."""
+        """Handle an event of a worker's thread."""
         worker = event.worker
         if worker not in self._alive:
             return
@@ -181,7 +185,7 @@ class _Run:
         elif event.away:
             self._work.pause(worker)
         elif event.back:
-            self._tally.workers[worker].name = self._candidates[worker].name  # known now, of one that joined
+            self._tally.workers[worker].name = self._candidates[worker].name  # a worker that joined has a name only now
             self._work.enlist(worker)
             self._watchdog.start_over(worker)
         elif event.task is None:
@@ -199,7 +203,7 @@ class _Run:
             self._listeners.on_progress(*self._seen)
 
     def _forget_progress(self, worker: int) -> None:
-        """What a worker said of a unit that it will not deliver."""
+        """Subtract the reported progress of a unit that a worker will not deliver."""
         samples, rays = self._told[worker]
         if samples or rays:
             self._advance(worker, -samples, -rays)
@@ -221,7 +225,7 @@ class _Run:
                     self._work.check(piece)
         elif task.kind is Kind.CHECK and task.piece is not None and isinstance(result, UnitSums):
             if not finished(task.piece.unit, result):
-                return  # somebody wants the render to end
+                return  # the render is being stopped
             self._tally.checks += 1
             self._tally.check_samples += task.piece.samples
             self._tally.workers[task.piece.worker].checked += task.piece.samples
@@ -232,7 +236,7 @@ class _Run:
             self._arbitration.hear(task, result)
 
     def _failed(self, event: Event) -> None:
-        """A worker failed: others do what it was doing. It may come back."""
+        """Handle the failure of a worker: its unit is requeued for the others. It may come back."""
         worker, error = event.worker, event.error
         if not isinstance(error, ClrenderError):
             raise error or AssertionError("a worker failed without a reason")
@@ -256,7 +260,7 @@ class _Run:
         self._leaves_arbitration(worker)
 
     def _leaves_arbitration(self, worker: int) -> None:
-        """Where somebody wants the render to end nothing is settled any more."""
+        """Tell the arbitration that a worker left, unless the run is stopping: then no dispute is settled any more."""
         if not self._threads.stopping:
             self._arbitration.left(worker)
 
@@ -286,7 +290,7 @@ class _Run:
             self._leaves_arbitration(worker)
 
     def _exclude(self, worker: int, why: str) -> None:
-        """A worker's results are wrong: what it did is taken out of the film, and done again by others."""
+        """Exclude a worker with wrong results: its units are subtracted from the film, and others render them again."""
         tally = self._tally.workers[worker]
         if tally.state == "wrong":
             return

@@ -1,7 +1,7 @@
-"""Spot checks: a small part of each unit is done again by another worker, and has to come out the same, bit by bit.
+"""Spot checks: another worker renders a small part of each unit again, and the results must be bit-identical.
 
-A part of every unit is better than some units whole: a device that spoils whole units is then found at the first of
-them. What share of its results has to be wrong to be found with which probability is worked out in docs/devices.md.
+Checking a part of every unit is better than checking some whole units: a device that corrupts whole units is then
+detected at the first of them. docs/devices.md derives the probability of detection from the fraction of wrong results.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from clrender.scheduling.policy import Plan
 __all__ = ["SHARE", "Piece", "Sampler", "digest"]
 
 SHARE: Final = 0.01
-"""Of the samples, those that are done twice."""
+"""Fraction of the samples that are rendered twice."""
 
 _APART: Final = 100
-"""Units from one check to the next where each of them needs something that is computed for all pixels of a sample."""
+"""Units between two checks if each check needs something that is computed for all pixels of a sample."""
 
 
 def digest(result: UnitSums | Piece) -> bytes:
-    """What stands for a result: equal for equal bits."""
+    """Hash of a result: equal for bit-identical results."""
     squares = b"" if result.squares is None else result.squares.tobytes()
     return hashlib.sha256(result.sums.tobytes() + result.counts.tobytes() + squares).digest()
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Some blocks of a unit, and what they came to.
+    """Some blocks of a unit, and their result.
 
     Attributes
     ----------
     unit : Unit
-        Of these blocks alone; not of whole tiles.
+        A unit of these blocks only; it need not hold whole tiles.
     worker : int
-        Who did it.
+        The worker that rendered it.
     samples : int
-        Over the pixels of the image.
-    sums, counts, squares : as of UnitSums
+        Number of samples, over the pixels of the image.
+    sums, counts, squares : see UnitSums
     """
 
     unit: Unit
@@ -58,11 +58,11 @@ class Piece:
 
     @property
     def answer(self) -> bytes:
-        """`digest` of what it came to."""
+        """`digest` of the result."""
         return digest(self)
 
     def agrees(self, result: UnitSums) -> bool:
-        """Whether another's result has the same bits."""
+        """Whether another worker's result is bit-identical."""
         return self.answer == digest(result)
 
 
@@ -72,16 +72,16 @@ def finished(unit: Unit, result: UnitSums) -> bool:
 
 
 class Sampler:
-    """Chooses what is done twice.
+    """Chooses the pieces that are rendered twice.
 
-    Each block of a unit has the same chance. Of the first unit of each worker at least one block is checked, however
-    small the unit; from then on the share holds.
+    Each block of a unit has the same probability. At least one block of each worker's first unit is checked, however
+    small the unit; after that, the share holds.
 
     Parameters
     ----------
     plan : Plan
     share : float
-        Of the samples.
+        Fraction of the samples that are checked.
     rng : random.Random, optional
     """
 
@@ -93,7 +93,7 @@ class Sampler:
         self._units: dict[int, int] = defaultdict(int)
 
     def piece(self, worker: int, unit: Unit, result: UnitSums, most: float = math.inf) -> Piece | None:
-        """A part of what a worker has done, of `most` samples, or None where nothing is to be checked this time."""
+        """A part of a worker's unit with at most `most` samples; None if nothing is to be checked this time."""
         if not finished(unit, result) or self._share <= 0.0:
             return None
         pixels = unit.pixels(self._plan.width, self._plan.height)
@@ -106,7 +106,7 @@ class Sampler:
         blocks = min(len(pixels), max(blocks, int(number == 0 and most > 0.0)))
         if blocks < 1 or not pixels.any():
             return None
-        # The unit in runs of so many blocks, and one of these: near the edge of the image it may hold few pixels
+        # Divide the unit into runs of this many blocks and choose one: near the image's edge it may hold few pixels
         inside = sorted(set((np.flatnonzero(pixels) // blocks).tolist()))
         first = self._random.choice(inside) * blocks
         stop = min(first + blocks, len(pixels))

@@ -1,4 +1,4 @@
-"""What a run came to: who did what, what was checked, and who failed."""
+"""Tally of a run: the work of each worker, spot checks, and failures."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ __all__ = ["Tally", "WorkerTally", "failures_told"]
 
 @dataclass
 class WorkerTally:
-    """What one worker did.
+    """Counts of one worker.
 
     Attributes
     ----------
     name : str
     units, samples, rays, shadow_rays, deepest : int
-        Of what it did and what was kept of that.
+        Counts of its work that is in the film.
     requeued : int
-        Units that it had begun or done, and that others had to do.
+        Units that it had started or finished and that others had to render.
     checked : int
-        Samples of its units that another worker did again for comparison.
+        Samples of its units that another worker rendered again for comparison.
     failures : int
-        How often it failed.
+        Number of its failures.
     state : str
-        ``ok``, ``failed``, ``hung`` (a call of its driver never came back) or ``wrong`` (its results were).
+        ``ok``, ``failed``, ``hung`` (a driver call did not return) or ``wrong`` (its results were wrong).
     """
 
     name: str
@@ -43,7 +43,7 @@ class WorkerTally:
     state: str = "ok"
 
     def add(self, result: UnitSums, samples: int) -> None:
-        """A unit of its was committed."""
+        """Count a unit that was committed."""
         self.units += 1
         self.samples += samples
         self.rays += result.rays
@@ -51,38 +51,38 @@ class WorkerTally:
         self.deepest = max(self.deepest, result.deepest)
 
     def absorb(self, later: WorkerTally) -> None:
-        """Add what it did in a run that came after."""
+        """Add the counts of a later run."""
         for name in ("units", "samples", "rays", "shadow_rays", "requeued", "checked", "failures"):
             setattr(self, name, getattr(self, name) + getattr(later, name))
         self.deepest = max(self.deepest, later.deepest)
         self.state = later.state
 
     def withdraw(self, units: list[Unit]) -> None:
-        """All that was kept of its is no longer."""
+        """Reset its counts: its contributions were subtracted from the film and these units are requeued."""
         self.requeued += len(units)
         self.forget()
 
     def forget(self) -> None:
-        """Nothing is kept of what it did."""
+        """Reset the counts of its work in the film."""
         self.units = self.samples = self.rays = self.shadow_rays = self.deepest = 0
 
 
 @dataclass
 class Tally:
-    """What a run came to.
+    """Tally of a run.
 
     Attributes
     ----------
     complete : bool
-        Every sample of the plan was taken.
+        Whether every sample of the plan was taken.
     workers : list of WorkerTally
-        In the order given.
+        In the order of the candidates.
     failures : list of ClrenderError
-        Why workers ended before the work did, each with the name of its device in the message.
+        Errors that ended workers before the work was done, each with the name of its device in the message.
     recovered : list of ClrenderError
-        What failed, and then worked again.
+        Errors of workers that later worked again.
     check_samples, checks, differences : int
-        Samples that were done twice, in how many pieces, and how many of those came out differently.
+        Samples that were rendered twice, the number of pieces, and the number of pieces whose results differ.
     """
 
     complete: bool = False
@@ -94,7 +94,7 @@ class Tally:
     differences: int = 0
 
     def take_back(self) -> None:
-        """All that was kept of all workers is no longer."""
+        """Withdraw the work of all workers."""
         for each in self.workers:
             each.requeued += each.units
             each.forget()
@@ -102,12 +102,12 @@ class Tally:
 
     @property
     def samples(self) -> int:
-        """Samples committed."""
+        """Number of committed samples."""
         return sum(each.samples for each in self.workers)
 
     @property
     def rays(self) -> int:
-        """Rays of all kinds that they took."""
+        """Rays of all kinds of these samples."""
         return sum(each.rays for each in self.workers)
 
     @property
@@ -117,16 +117,16 @@ class Tally:
 
     @property
     def deepest(self) -> int:
-        """Most scattering events of a path."""
+        """Largest number of scattering events of a path."""
         return max((each.deepest for each in self.workers), default=0)
 
     @property
     def all_failed(self) -> bool:
-        """Whether nobody is left who could go on."""
+        """Whether every worker has failed."""
         return all(each.state != "ok" for each in self.workers)
 
     def absorb(self, later: Tally, numbers: Sequence[int]) -> None:
-        """Add a run that came after this one, in which the workers of these numbers took part."""
+        """Add a later run; `numbers` are the indices, in this tally, of its workers."""
         self.complete = later.complete
         for number, more in zip(numbers, later.workers, strict=True):
             self.workers[number].absorb(more)
@@ -137,13 +137,13 @@ class Tally:
         self.differences += later.differences
 
     def raise_failure(self) -> None:
-        """Raise why the last worker failed, where all did before the work was done."""
+        """Raise the last failure, if all workers failed before the work was done."""
         if self.all_failed and not self.complete:
             raise self.failures[-1]
 
 
 def failures_told(tally: Tally) -> list[str]:
-    """What the end of a render says of devices that failed, a line each."""
+    """Messages about failed devices for the end of a render, one line each."""
     lines = [f"warning: {error}; its work was done by the others" for error in tally.failures]
     lines += [f"warning: {error}; it worked again when it was set up anew" for error in tally.recovered]
     return [line if times == 1 else f"{line} ({times} times)" for line, times in Counter(lines).items()]

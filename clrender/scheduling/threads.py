@@ -1,4 +1,4 @@
-"""The workers' threads: each sets its device up, takes tasks, does them, and says what came of it."""
+"""Worker threads: each sets up its device, takes tasks, executes them and reports events."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from clrender.scheduling.worker import Candidate, Worker
 __all__ = ["Event", "WorkerThreads"]
 
 _UNREAD: Final = 8
-"""Events that may wait to be dealt with: results are large, and a fast device must not pile up an image of them."""
+"""Most events in the queue: results are large, and a fast device must not fill the memory with them."""
 
 _PRESENCE_SECONDS: Final = 0.25
-"""From one question whether a worker is there to the next."""
+"""Interval at which a worker's presence is polled, seconds."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something a worker's thread says.
+    """An event of a worker's thread.
 
     Attributes
     ----------
     worker : int
     progress : (int, int) or None
-        Samples and rays more.
+        Additional samples and rays.
     task : Task or None
-        That is done, or was being done when it failed; None with nothing else: the thread ends.
+        The task that is done, or that was in progress at a failure. If all other fields are unset too, the thread ends.
     result : UnitSums, bool or None
-        Of the task.
+        Result of the task.
     error : exception or None
     retry : float or None
         Seconds after which a worker that failed tries again.
     back : bool
-        It tries again now.
+        The worker tries again now.
     away : bool
-        It is not there; nobody should wait for it.
+        The worker is absent and should not be waited for.
     """
 
     worker: int
@@ -69,7 +69,7 @@ class WorkerThreads:
     Attributes
     ----------
     events : queue.Queue
-        What they say.
+        The events of all threads.
     """
 
     def __init__(self, candidates: Sequence[Candidate], work: Work, limits: TimeLimits) -> None:
@@ -78,30 +78,30 @@ class WorkerThreads:
         self._work = work
         self._limits = limits
         self._stop = threading.Event()
-        # A thread whose driver does not return cannot be ended; the process can, and does not wait for it
+        # Daemon threads: one whose driver call does not return cannot be ended, and the process must not wait for it
         self._threads = [
             threading.Thread(target=self._live, args=(number,), daemon=True) for number in range(len(candidates))
         ]
 
     def start(self) -> None:
-        """Begin."""
+        """Start the threads."""
         for thread in self._threads:
             thread.start()
 
     @property
     def stopping(self) -> bool:
-        """Whether they were told to end."""
+        """Whether the threads were told to end."""
         return self._stop.is_set()
 
     def stop(self) -> None:
-        """Tell all to end with what they have done by then."""
+        """Tell all threads to end after their current slice."""
         self._stop.set()
         self._work.end()
 
     def end(self, which: Collection[int]) -> bool:
-        """Wait a moment for threads to end, and give whether some are left.
+        """Wait briefly for threads to end; returns whether some are left.
 
-        Nobody listens any more, but none may be kept waiting for that.
+        Events are no longer handled, but the queue is emptied so that no thread blocks on it.
         """
         for number in which:
             if self._threads[number].is_alive():
@@ -112,7 +112,7 @@ class WorkerThreads:
         return any(self._threads[number].is_alive() for number in which)
 
     def _live(self, number: int) -> None:
-        """Life of a thread."""
+        """Main function of a thread."""
         failures = 0
         task: Task | None = None
         while True:
@@ -142,7 +142,7 @@ class WorkerThreads:
         self._post(Event(number))
 
     def _await_presence(self, number: int) -> bool:
-        """Wait until a worker is there; gives whether there is still something to do."""
+        """Wait until a worker is present; returns whether there is still work to do."""
         present = self._candidates[number].present
         if present is None or present():
             return True
@@ -154,10 +154,10 @@ class WorkerThreads:
         return True
 
     def _retries(self, error: BaseException) -> int:
-        """How many failures in a row are forgiven, given the last one."""
+        """Number of consecutive failures after which the worker is still retried, given the last error."""
         if isinstance(error, DeviceFailure):
             return self._limits.retries
-        # A compiler that refuses a kernel will do so again, unless it lacked memory or room
+        # A compiler that rejects a kernel will do so again, unless it lacked memory or disk space
         return min(1, self._limits.retries) if isinstance(error, DeviceError) else 0
 
     def _do(self, worker: Worker, task: Task) -> None:
@@ -174,7 +174,7 @@ class WorkerThreads:
             (lambda samples, rays: self._post(Event(number, progress=(samples, rays)))) if of_image else None,
             lambda: self._stop.is_set() or self._work.dismissed(number),
         )
-        # Before anybody has dealt with the result: this thread wants its next unit now
+        # Recorded before the result is handled, as this thread takes its next unit at once
         seconds = time.perf_counter() - begin
         if of_image:
             self._work.measured(number, task.unit, seconds)
@@ -183,7 +183,7 @@ class WorkerThreads:
         self._post(Event(number, task=task, result=result))
 
     def _post(self, event: Event) -> None:
-        """Say something, as long as somebody listens to this worker."""
+        """Post an event, unless this worker is no longer listened to."""
         while True:
             try:
                 self.events.put(event, timeout=0.2)

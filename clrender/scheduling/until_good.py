@@ -1,4 +1,4 @@
-"""A run that ends when the image is good enough: look after look, each with all samples up to there in the film."""
+"""A run that ends when the error criterion is met. It is tested at fixed sample counts."""
 
 from __future__ import annotations
 
@@ -28,32 +28,32 @@ def run_until_good(
     take: Callable[..., Tally] = run,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Tally, Convergence]:
-    """Do the work of a plan until enough pixels have small enough errors, or all of it.
+    """Render the samples of a plan until enough pixels have small enough errors, or until all are taken.
 
-    What is decided at a look follows from the film, which then has exactly the samples up to there. So the render stops
-    after the same samples whoever computed them, and however often it was interrupted: looks that a resumed film is
-    beyond have been taken. A worker that turns out to be wrong after a look to which it has contributed spoils all that
-    was done for looks before: that is taken back, and begun anew by the others.
+    Each test depends only on the film, which then holds exactly the samples up to that test. So the render stops at the
+    same sample count whichever workers took part and however often it was interrupted. Tests at lower sample counts
+    than those of a resumed film are skipped. If a worker turns out to be wrong after it contributed to an earlier test,
+    all samples of this run are withdrawn, and the other workers start over.
 
     Parameters
     ----------
     plan : Plan
         All samples of the render, from 0 on.
     candidates, on_progress
-        As of `run`.
+        See `run`.
     film : Film
-        With replicates; it may hold some of the samples.
+        A film with replicates; it may already hold some of the samples.
     settings : RenderSettings
-        With an error.
+        Settings with `error`.
     take : callable
-        `run`, with whatever else it is to be given.
+        `run`, with its other arguments bound.
 
     Returns
     -------
     Tally
-        Complete when enough pixels are good, or there are no more samples to take.
+        Complete if the error criterion is met or all samples are taken.
     Convergence
-        Of what is in the film now.
+        Convergence of the film at the end.
     """
     tally = Tally(complete=True, workers=[WorkerTally(candidate.name) for candidate in candidates])
     able = list(range(len(candidates)))
@@ -77,7 +77,7 @@ def run_until_good(
             wrong = [number for number in able if tally.workers[number].state == "wrong"]
             able = [number for number in able if tally.workers[number].state == "ok"]
             if any(tally.workers[number].samples for number in wrong):
-                # Of earlier looks it is not known who did what
+                # The contributions of each worker to earlier tests are not known
                 _take_back(film, before)
                 tally.take_back()
                 ahead = deque(looks(settings) if able else ())
@@ -97,7 +97,7 @@ def _copy(film: Film) -> Film:
 
 
 def _take_back(film: Film, before: Film | None) -> None:
-    """Leave in a film what was there before, if anything was."""
+    """Reset a film to an earlier copy, or to an empty film."""
     film.take_out(film)
     if before is not None:
         film.merge(before)

@@ -1,4 +1,4 @@
-"""Watch over calls that do not come back: how long a worker has been silent, against what it took before."""
+"""Watchdog for driver calls that do not return: compares a worker's silence with its earlier call durations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 __all__ = ["TimeLimits", "Watchdog"]
 
 _LONGEST_STEP: Final = 1.0
-"""Seconds that count between two looks. More have passed where this process itself was stopped or starved."""
+"""Most seconds that count between two checks. More time passes only if this process itself was stopped or starved."""
 _BETWEEN: Final = 0.02
 
 
@@ -21,19 +21,19 @@ class TimeLimits:
     Attributes
     ----------
     call : float
-        Seconds that one call of a driver may always take, once the device has shown how fast it is.
+        Seconds that any driver call may take, after the first slice of samples.
     factor : float
-        Or so many times the longest call so far, if that is more.
+        A call may also take this many times as long as the longest call so far.
     compile : float
-        Seconds that its compiler may take, as may setting up and the first slice of samples, which say nothing yet.
+        Seconds that compilation, set-up and the first slice of samples may take, before speeds are known.
     hurry : float
-        In place of `call` when somebody wants the render to end.
+        Replaces `call` while the render is being stopped.
     pause : float
-        Seconds before a device that failed is set up again; twice as long each time.
+        Seconds before a device that failed is set up again; doubled each time.
     retries : int
-        How often in a row.
+        Most retries in a row.
     steady : int
-        Units after which a device no longer counts as one that failed.
+        Units after which the earlier failures of a device are forgotten.
     """
 
     call: float = 60.0
@@ -46,9 +46,9 @@ class TimeLimits:
 
 
 class Watchdog:
-    """How long workers have been silent.
+    """Measures how long workers have been silent.
 
-    Signs of life are the calls of a device that begin or end, and whatever a worker's thread says.
+    Signs of life are driver calls that begin or end, and the events of a worker's thread.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Watchdog:
         One for each worker.
     limits : TimeLimits
     clock : callable
-        Seconds; one that stands still while the machine sleeps.
+        Clock in seconds, which should not advance while the machine sleeps.
     """
 
     def __init__(
@@ -75,14 +75,14 @@ class Watchdog:
         self._seen: list[tuple[int, bool] | None] = [None] * len(pulses)
 
     def beat(self, worker: int, *, slice_done: bool = False) -> None:
-        """A worker's thread said something; `slice_done`: that some samples are done."""
+        """Note an event of a worker's thread; `slice_done` means that some samples are done."""
         if self._known[worker]:
             self._longest[worker] = max(self._longest[worker], self._silent[worker])
         self._known[worker] |= slice_done
         self._silent[worker] = 0.0
 
     def start_over(self, worker: int) -> None:
-        """A worker is set up again: nothing is known of it."""
+        """Forget the history of a worker, which is set up again."""
         self._known[worker], self._silent[worker] = False, 0.0
 
     def silent(self, busy: Collection[int], *, waited_for: bool = False, hurry: bool = False) -> list[int]:
@@ -91,11 +91,11 @@ class Watchdog:
         Parameters
         ----------
         busy : collection of int
-            Those that have something to do.
+            Workers that have work to do.
         waited_for : bool
-            All others have nothing left to do: compiling gets no more time than a call.
+            Whether all others have nothing left to do. Compiling then gets no more time than a call.
         hurry : bool
-            Somebody wants the render to end.
+            Whether the render is being stopped.
         """
         now = self._clock()
         step = now - self._last

@@ -1,4 +1,4 @@
-"""The work that workers' threads share: units, pieces to check, and who is busy with what."""
+"""The work shared by the worker threads: units, pieces to check, and the tasks in progress."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from clrender.scheduling.spot_check import Piece
 __all__ = ["Kind", "Task", "Work"]
 
 _MOST_CHECKS: Final = 64
-"""Pieces that may wait to be checked."""
+"""Most pieces that may wait to be checked."""
 _CHECK_SECONDS: Final = (0.3, 1.0)
-"""What pieces that wait may take the fastest worker that may check them. Between these, a share of the time so far."""
+"""Bounds of the seconds that the fastest checker may need for the waiting pieces; between them, a share of the run."""
 _CHECK_SHARE: Final = 0.02
 _LAST_CHECK_SHARE: Final = 0.01
-"""Of the time so far, what checks may take once all units are taken: nobody has anything else to do then."""
+"""Share of the run time that checks may take after all units are taken, when all workers wait for them."""
 _CHECK_SAMPLES: Final = 1 << 18
-"""What they may have while nobody knows how fast the others are."""
+"""Most samples of the waiting pieces while the speed of the other workers is unknown."""
 
 
 class Kind(Enum):
-    """What a worker is to do."""
+    """Kind of a task."""
 
     UNIT = "unit"
     CHECK = "check"
@@ -40,19 +40,19 @@ class Kind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Something that one worker was given to do.
+    """A task of one worker.
 
     Attributes
     ----------
     number : int
-        No other task of the run has it.
+        Unique number within the run.
     worker : int
     kind : Kind
         A unit; a piece of another's unit, to check it or to settle a dispute; or a probe.
     unit : Unit or None
         None for a probe.
     piece : Piece or None
-        That the unit is of.
+        The piece that `unit` belongs to.
     """
 
     number: int
@@ -63,10 +63,10 @@ class Task:
 
 
 class Work:
-    """Work shared by the workers' threads. One that has nothing to do waits while there may yet be something.
+    """Work shared by the worker threads. An idle worker waits as long as there may be further work.
 
-    Threads take tasks; all else is said by whoever commits results. A task is out from being taken until it is settled
-    or given back, so that none is counted twice, and none lost.
+    Worker threads take tasks; the thread that commits results reports everything else. A task is outstanding from when
+    it is taken until it is settled or given back, so that none is counted twice or lost.
     """
 
     def __init__(self, remaining: Remaining, workers: int) -> None:
@@ -90,10 +90,10 @@ class Work:
         self._ended = False
         self._changed = threading.Condition()
 
-    # Asked by workers' threads
+    # Called by worker threads
 
     def take(self, worker: int) -> Task | None:
-        """The next task of a worker; waits for it. None when it is to end."""
+        """Wait for a worker's next task and take it; None if the worker should end."""
         with self._changed:
             self._waiting.add(worker)
             while not self._ended and worker not in self._dismissed:
@@ -110,7 +110,7 @@ class Work:
             return None
 
     def rest(self, worker: int, seconds: float) -> bool:
-        """Wait before trying again; gives whether there is still something to try for."""
+        """Wait before a retry; returns whether there is still work for the worker."""
         end = time.monotonic() + seconds
         with self._changed:
             self._resting.add(worker)
@@ -120,29 +120,29 @@ class Work:
             return not self._ended and worker not in self._dismissed
 
     def measured(self, worker: int, unit: Unit, seconds: float) -> None:
-        """How long a worker took for a unit."""
+        """Record the time that a worker took for a unit."""
         with self._changed:
             self._rates[worker] = unit.slot_count * unit.sample_count / max(seconds, 1e-6)
             self._remaining.measured(worker, unit, seconds)
 
     def timed(self, worker: int, samples: int, seconds: float) -> None:
-        """How long it took to check a piece: some devices take long for however few samples."""
+        """Record the time of a check: some devices need long even for few samples."""
         with self._changed:
             self._check_rates[worker] = samples / max(seconds, 1e-6)
             self._check_overheads[worker] = max(seconds - samples / self._check_rate(worker), 0.0)
 
     def dismissed(self, worker: int) -> bool:
-        """Whether nobody wants anything of this worker any more."""
+        """Whether this worker was dismissed."""
         return worker in self._dismissed
 
-    # Said by whoever commits results
+    # Called by the thread that commits results
 
     def is_out(self, task: Task) -> bool:
-        """Whether this is the one who does it."""
+        """Whether a task is outstanding."""
         return task.number in self._out
 
     def settle(self, task: Task) -> None:
-        """A task is done, and all that follows from it is said."""
+        """Note that a task is done and its result has been handled."""
         with self._changed:
             self._out.pop(task.number, None)
             if task.kind is Kind.UNIT:
@@ -150,7 +150,7 @@ class Work:
             self._changed.notify_all()
 
     def give_back(self, task: Task) -> bool:
-        """A task was not done; gives whether it was this worker's to do."""
+        """Requeue a task that was not done; returns whether it was outstanding."""
         with self._changed:
             mine = self._out.pop(task.number, None) is not None
             if mine:
@@ -159,14 +159,14 @@ class Work:
         return mine
 
     def redo(self, units: Collection[Unit]) -> None:
-        """Units whose results are no longer there."""
+        """Requeue units whose results were withdrawn."""
         with self._changed:
             for unit in reversed(list(units)):
                 self._remaining.put_back(unit)
             self._changed.notify_all()
 
     def room(self, worker: int) -> float:
-        """Samples of a worker that others can check in good time, beside those that they have yet to check."""
+        """Samples of a worker that the others can check in time, in addition to its waiting pieces."""
         with self._changed:
             others = self._in_service - {worker}
             if not others or len(self._checks) >= _MOST_CHECKS:
@@ -179,32 +179,32 @@ class Work:
             return max(most, 0.0 if waiting else 1.0) - sum(waiting)
 
     def check(self, piece: Piece) -> None:
-        """Have another worker do a piece again."""
+        """Queue a spot check: another worker renders this piece again."""
         with self._changed:
             self._checks.append(piece)
             self._changed.notify_all()
 
     def dispute(self, is_open: bool) -> None:
-        """While it is open who is wrong, nobody is let go: what that worker did will have to be done again."""
+        """Note whether a dispute is open. Meanwhile no worker ends, as units may have to be rendered again."""
         self._change(lambda: setattr(self, "_disputed", is_open))
 
     def order(self, worker: int, kind: Kind, piece: Piece | None = None) -> None:
-        """Have this very worker do something, before all else."""
+        """Give a task to a particular worker, ahead of all others."""
         self._change(lambda: self._orders[worker].append((kind, piece)))
 
     def pause(self, worker: int) -> None:
-        """A worker failed and may come back: nobody waits for it."""
+        """Note that a worker is absent but may come back: it is not waited for."""
         with self._changed:
             self._in_service.discard(worker)
             self._orders[worker].clear()
             self._changed.notify_all()
 
     def enlist(self, worker: int) -> None:
-        """It is back."""
+        """Note that a worker is back."""
         self._change(lambda: self._in_service.add(worker))
 
     def retire(self, worker: int) -> None:
-        """A worker takes no more work."""
+        """Note that a worker takes no more work."""
         self.pause(worker)
         with self._changed:
             if worker not in self._retired:
@@ -212,9 +212,9 @@ class Work:
                 self._remaining.retire(worker)
 
     def dismiss(self, worker: int) -> list[Task]:
-        """Let a worker go, whatever it is doing; gives what it was, which others will do.
+        """Dismiss a worker at once; its outstanding tasks are requeued for others, and returned.
 
-        What it has done already is checked all the same.
+        Pieces that it has already rendered are still checked.
         """
         with self._changed:
             tasks = [task for task in self._out.values() if task.worker == worker]
@@ -227,18 +227,18 @@ class Work:
         return tasks
 
     def cancel_checks(self, worker: int) -> None:
-        """Nothing that a worker did is there to be checked any more."""
+        """Remove the waiting checks of a worker's pieces."""
         with self._changed:
             self._checks = deque(piece for piece in self._checks if piece.worker != worker)
             self._changed.notify_all()
 
     @property
     def ended(self) -> bool:
-        """Whether nobody gets anything to do any more."""
+        """Whether no more tasks are given out."""
         return self._ended
 
     def end(self) -> None:
-        """Nobody gets anything to do any more."""
+        """Give out no more tasks."""
         self._change(lambda: setattr(self, "_ended", True))
 
     def in_service(self) -> set[int]:
@@ -247,7 +247,7 @@ class Work:
             return set(self._in_service)
 
     def busy(self, workers: Collection[int]) -> tuple[set[int], bool]:
-        """Those of some workers that have something to do, and whether all others wait for them, or no longer do."""
+        """The busy ones among some workers, and whether all others wait for a single one or the work has ended."""
         with self._changed:
             busy = set(workers) - self._waiting - self._resting
             return busy, self._ended or (len(busy) == 1 < len(workers) and not self._resting)
@@ -264,7 +264,7 @@ class Work:
             kind, piece = self._orders[worker].popleft()
             return self._task(worker, kind, piece)
         check = next((piece for piece in self._checks if self._may_check(worker, piece)), None)
-        # A check between two units at most: a slow worker has units of its own to do
+        # At most one check between two units, as a slow worker has units of its own to render
         known = worker in self._rates or worker in self._check_rates
         check_first = check is not None and known and worker not in self._checked_last
         unit = None if check_first else self._remaining.take(worker)
@@ -281,7 +281,7 @@ class Work:
         return None
 
     def _drop_checks(self, worker: int) -> None:
-        """Where a worker turns out to be slow, it checks less than was planned, the latest pieces last."""
+        """Drop the waiting pieces, latest first, that this worker could not check in time."""
         allowed = self._check_seconds() * self._check_rate(worker)
         for piece in [each for each in self._checks if each.worker != worker]:
             allowed -= piece.samples
@@ -289,7 +289,7 @@ class Work:
                 self._checks.remove(piece)
 
     def _may_check(self, worker: int, piece: Piece) -> bool:
-        """Whether a worker may check a piece: another's, in the time there is, or the first of who did it."""
+        """Whether a worker may check a piece: it must be another's, and that one's first or checkable in time."""
         if piece.worker == worker:
             return False
         if piece.worker not in self._checked:
@@ -297,13 +297,13 @@ class Work:
         return self._overhead(worker) + piece.samples / self._check_rate(worker) <= self._last_seconds()
 
     def _check_seconds(self) -> float:
-        """How long the pieces that wait may take."""
+        """Seconds that the waiting pieces may take."""
         least, most = _CHECK_SECONDS
         planned = min(max(least, _CHECK_SHARE * (time.monotonic() - self._begin)), most)
         return min(planned, self._last_seconds())
 
     def _last_seconds(self) -> float:
-        """How long all may still wait for checks; endless while there are units to take."""
+        """Seconds that the run may still wait for checks; infinite while there are units to take."""
         if not self._remaining.is_empty:
             return math.inf
         now = time.monotonic()
@@ -311,11 +311,11 @@ class Work:
         return _LAST_CHECK_SHARE * (now - self._begin) - waited
 
     def _check_rate(self, worker: int) -> float:
-        """Samples a second of a worker that checks: that of its units, if it has done any."""
+        """Samples a second of a worker in checks: its speed for units, if it has rendered any."""
         return self._rates.get(worker, self._check_rates.get(worker, math.inf))
 
     def _overhead(self, worker: int) -> float:
-        """Seconds that a worker takes for a piece, beside those for its samples."""
+        """Seconds that a worker takes for a piece, in addition to those for its samples."""
         return self._check_overheads.get(worker, 0.0)
 
     def _task(self, worker: int, kind: Kind, piece: Piece | None) -> Task:
@@ -328,7 +328,7 @@ class Work:
             self._checks.append(task.piece)
 
     def _over(self) -> bool:
-        """Whether nothing can come any more: nothing is out or open, and nobody may check what waits."""
+        """Whether no more tasks can arise: none is outstanding, no dispute is open, no waiting piece may be checked."""
         if self._out or self._disputed or any(self._orders.values()):
             return False
         return not any(self._may_check(each, piece) for piece in self._checks for each in self._in_service)

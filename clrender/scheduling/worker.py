@@ -1,4 +1,4 @@
-"""What scheduling knows of a worker: its name, that it can be set up, and that it then does units of work."""
+"""Interface of workers to the scheduler: candidates with a name and a set-up, and workers that render units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Candidate", "Worker"]
 
 
 class Worker(Protocol):
-    """Whatever can do a unit."""
+    """An object that can render a unit."""
 
     def render(
         self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
@@ -23,14 +23,14 @@ class Worker(Protocol):
         ----------
         unit : Unit
         on_slice : callable, optional
-            Told now and then how many samples and rays were added since it was last told.
+            Called now and then with the numbers of samples and rays since the last call.
         should_stop : callable, optional
-            When it says yes, what is done so far is returned.
+            If it returns True, the result so far is returned.
 
         Raises
         ------
         ClrenderError
-            When the device failed. The unit then counts as not done.
+            When the device failed. The unit is then not done.
         """
 
 
@@ -41,24 +41,25 @@ class Candidate:
     Attributes
     ----------
     name : str
-        For messages and statistics.
+        Name in messages and statistics.
     set_up : callable
-        Compiles, uploads and builds what the render needs, and gives the worker. It is called in the worker's own
-        thread: one device that fails there, with a `ClrenderError`, leaves the others to do the work.
+        Compiles, uploads and builds what the render needs, and returns the worker. It is called in the worker's own
+        thread, so if a device fails there with a `ClrenderError`, the others still do the work.
     driver : str
-        Whose compiler makes its programs: devices of one driver make the same mistakes. Known once it is set up.
+        Driver that compiles its programs: devices of one driver share its errors. Known after the set-up.
     restart : callable, optional
-        Before it is set up once more after a failure: forget what was on the device.
+        Called before a new set-up after a failure: releases everything on the device.
     pulse : callable, optional
-        As `clrender.device.Device.pulse`; asked in any thread.
+        See `clrender.device.Device.pulse`; called in any thread.
     lose : callable, optional
-        A call never came back: ask the driver for nothing more.
+        Called when a driver call did not return: the driver must not be called again.
     prove : callable, optional
-        Do something whose result is known, and say whether that came out.
+        Computes something with a known result, and returns whether it is correct.
     present : callable, optional
-        Whether it is there to be set up; asked until it is. Raises a `ClrenderError` when it never will be.
+        Whether the device is present and can be set up; polled until it is. Raises a `ClrenderError` if it never will
+        be.
     give_up : callable, optional
-        The work is done, or nobody wants it any more: whatever `set_up` is waiting for, it is to return at once.
+        Called when the work is done or no longer needed: `set_up` must stop waiting and return at once.
     """
 
     name: str

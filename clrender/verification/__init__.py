@@ -1,4 +1,4 @@
-"""Is an image what it says it is: random parts of it rendered again, and their bits compared."""
+"""Verifies an image: renders random parts of it again and compares their bits."""
 
 from __future__ import annotations
 

@@ -31,29 +31,29 @@ if TYPE_CHECKING:
 __all__ = ["Verification", "verify"]
 
 TILE: Final = 16
-"""Side of the squares of pixels that are drawn and judged: small, so that a share of them says much of the rest."""
+"""Side of the sampled tiles, pixels: small, so that a fraction of them is informative about the rest."""
 
 _ANIMATED: Final = (".gltf", ".glb")
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What came of it.
+    """Result of a verification.
 
     Attributes
     ----------
     tiles : int
-        Squares of 16 by 16 pixels that have samples.
+        Number of tiles of 16 by 16 pixels that have samples.
     checked : int
-        Of them, drawn at random and rendered again.
+        Number of tiles that were drawn at random and rendered again.
     differing : tuple of (int, int, int, int)
-        Those that differ: the first column and row, and those after the last.
+        Tiles that differ: the first column and row, and those after the last.
     pixels : tuple of (int, int)
-        Pixels of them that differ, column and row.
+        Pixels in them that differ, column and row.
     faults : tuple of str
-        What is wrong with the file, in sentences; empty where nothing is.
+        Sentences about what is wrong with the file; empty if nothing is.
     samples : int
-        Rendered again, over all pixels.
+        Number of samples rendered again, over all pixels.
     """
 
     tiles: int
@@ -65,16 +65,16 @@ class Verification:
 
     @property
     def sound(self) -> bool:
-        """Whether nothing is wrong, as far as was looked."""
+        """Whether nothing was found to be wrong."""
         return not self.faults
 
     def detection(self, wrong: int) -> float:
-        """Probability that a fault would have been found in an image of which so many tiles are wrong.
+        """Probability that a fault would have been found in an image with `wrong` wrong tiles.
 
         Parameters
         ----------
         wrong : int
-            Tiles of 16 by 16 pixels.
+            Number of tiles of 16 by 16 pixels.
 
         Returns
         -------
@@ -83,12 +83,12 @@ class Verification:
         return detection_probability(self.tiles, self.checked, wrong)
 
     def detected(self, confidence: float = 0.95) -> int:
-        """The least number of wrong tiles that would have been noticed with that probability.
+        """The smallest number of wrong tiles that would have been found with this probability.
 
         Parameters
         ----------
         confidence : float
-            That probability.
+            The probability.
 
         Returns
         -------
@@ -114,21 +114,21 @@ def verify(
     Parameters
     ----------
     path : path
-        A `.film`, or an `.exr` or `.png` that was finished.
+        A `.film`, or an `.exr` or `.png` of a finished render.
     fraction : float
-        Of the tiles that have samples, above 0 and at most 1; of one at least.
+        Fraction of the tiles with samples to check, above 0 and at most 1; at least one tile is checked.
     scene : Scene or path, optional
-        What the image was made from; by default the scene that it names, from the working folder or beside it.
+        The image's scene; by default the one that it names, from the working folder or beside the image.
     environment : path or float, optional
-        Likewise, where the render was given one.
+        The environment that was given to the render; default as for `scene`.
     allow_paths : sequence of path
-        As of `clrender.load`.
+        See `clrender.load`.
     device : str, int, Device, sequence of them, optional
-        As of `clrender.render`; any will do.
+        See `clrender.render`; any device will do.
     seed : int, optional
-        Of the choice of tiles; by default the system's randomness, which nobody can foresee.
+        Seed of the choice of tiles; by default unpredictable, from the system's randomness.
     on_progress, notify : callable, optional
-        As of `clrender.render`.
+        See `clrender.render`.
 
     Returns
     -------
@@ -137,9 +137,9 @@ def verify(
     Raises
     ------
     UsageError
-        The file does not say how it was made, its scene is not here, or is another one, or the kernels here are others.
+        The file does not record how it was made, its scene is missing or different, or the kernels are different.
     SceneError, DeviceError, RenderError
-        As of `clrender.render`.
+        See `clrender.render`.
     """
     path = Path(path)
     if not 0.0 < fraction <= 1.0:
@@ -165,7 +165,7 @@ def _across(claim: Claim) -> int:
 
 
 def _tile_of_blocks(claim: Claim) -> npt.NDArray[np.int64]:
-    """Of every block the number of its tile, row by row."""
+    """Index of the tile of every block, row by row."""
     row, column = np.divmod(np.arange(len(claim.ledger.taken())), blocks_across(claim.ledger.width))
     numbers: npt.NDArray[np.int64] = row * BLOCK // TILE * _across(claim) + column * BLOCK // TILE
     return numbers
@@ -180,7 +180,7 @@ def _blocks_of(claim: Claim, tiles: npt.NDArray[np.int64]) -> npt.NDArray[np.boo
 
 
 def _rectangle(claim: Claim, tile: int) -> tuple[int, int, int, int]:
-    """Of a tile, the first column and row, and those after the last."""
+    """First column and row of a tile, and those after the last."""
     row, column = divmod(tile, _across(claim))
     right, bottom = min((column + 1) * TILE, claim.ledger.width), min((row + 1) * TILE, claim.ledger.height)
     return column * TILE, row * TILE, right, bottom
@@ -215,7 +215,7 @@ def _scene(
 
 
 def _origin(claim: Claim) -> dict[str, Any]:
-    """Arguments of `clrender.load`, as far as a file names such."""
+    """Arguments of `clrender.load` that a file records."""
     said = claim.provenance.get("scene")
     kinds = {"name": (str,), "time_at": (int, float), "variant": (str,), "environment": (str, int, float)}
     if not isinstance(said, Mapping):
@@ -224,10 +224,10 @@ def _origin(claim: Claim) -> dict[str, Any]:
 
 
 def _found(path: Path, name: str, option: str) -> str | Path:
-    """A file that an image names: from the working folder, or beside the image; or the name of a built-in scene."""
+    """A file that an image names, from the working folder or beside the image; or the name of a built-in scene."""
     if option == "--scene" and name in builtin_names():
         return name
-    with suppress(OSError, ValueError):  # of names that are none
+    with suppress(OSError, ValueError):  # invalid file names
         for place in (Path(name), path.parent / name, path.parent / Path(name).name):
             if place.is_file():
                 return place
@@ -235,7 +235,7 @@ def _found(path: Path, name: str, option: str) -> str | Path:
 
 
 def _job(path: Path, claim: Claim, scene: Scene) -> RenderJob:
-    """The render that made a file, of this scene."""
+    """The render job that made a file, for this scene."""
     said = {name: value for name, value in claim.request.items() if name not in _NOT_SETTINGS}
     size = said.pop("width", None), said.pop("height", None)
     try:
@@ -248,7 +248,7 @@ _NOT_SETTINGS: Final = ("scene_sha256", "kernel_sha256", "sampler_sha256", "arra
 
 
 def _check(path: Path, claim: Claim, here: Mapping[str, Any]) -> None:
-    """Make sure that a render here is of the same image, as far as the file says what it is of."""
+    """Check that a render here would make the same image, as far as the file's records tell."""
     found = differences(claim.request, {key: here[key] for key in claim.request if key in here})
     if "scene_sha256" in found:
         raise UsageError(

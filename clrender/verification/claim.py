@@ -1,4 +1,4 @@
-"""What a file says of the image that it holds, and the bits that a render of that has to give."""
+"""What a file claims about its image, and the bits that a render must therefore produce."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ _Mask = npt.NDArray[np.bool_]
 
 
 class Claim(ABC):
-    """What a file says.
+    """A file's claim about its image.
 
     Attributes
     ----------
     request : dict
-        What made the image, as of `clrender.job.RenderJob.request`, as far as the file knows it.
+        How the image was made, as far as recorded; see `clrender.job.RenderJob.request`.
     ledger : Ledger
-        The samples that it holds.
+        The samples that it contains.
     provenance : mapping
     faults : list of str
-        Where it contradicts itself, a sentence each.
+        Its contradictions, a sentence each.
     """
 
     def __init__(self, request: Mapping[str, Any], ledger: Ledger, provenance: Mapping[str, Any]) -> None:
@@ -54,31 +54,31 @@ class Claim(ABC):
 
     @property
     def samples_end(self) -> int:
-        """The first sample number after all that it holds."""
+        """The first sample number after all that it contains."""
         sets, numbers = self.ledger.sets_of(np.arange(len(self.ledger.taken())))
         return max((sets[number][-1][1] for number in np.unique(numbers).tolist() if sets[number]), default=0)
 
     @abstractmethod
     def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
-        """Hold a rectangle against what was rendered anew.
+        """Compare a rectangle with a new render.
 
         Parameters
         ----------
         film : Film
-            Holds the same samples of these pixels.
+            Contains the same samples of these pixels.
         rows, columns : slice
 
         Returns
         -------
         differs : (h, w) bool
-            Pixels whose bits are others.
+            Pixels whose bits differ.
         pair : (2, h, w, 3) float64
-            Pixels of the file and of the film, to tell how far apart they are.
+            Pixels of the file and of the film, to measure their difference.
         """
 
 
 class FilmClaim(Claim):
-    """Of a `.film`: exact sums, and the ledger of the samples in them."""
+    """Claim of a `.film`: exact sums, and the ledger of their samples."""
 
     def __init__(self, path: Path) -> None:
         self._film = Film.load(path)
@@ -108,7 +108,7 @@ class FilmClaim(Claim):
 
 
 class ImageClaim(Claim):
-    """Of an `.exr` or `.png` with the settings that made it: pixels that have all samples of a render."""
+    """Claim of an `.exr` or `.png` with its settings: pixels that have all samples of a render."""
 
     def __init__(self, path: Path, provenance: Mapping[str, Any]) -> None:
         missing = [key for key in ("settings", "first_sample", "sample_count", *_HASHES) if key not in provenance]
@@ -148,7 +148,7 @@ class ImageClaim(Claim):
             self.faults.append("the hash of the pixels does not match its image_sha256")
 
     def _check_stored(self, path: Path) -> None:
-        """Its numbers are those of the render, or follow from them."""
+        """Check that the file stores the render's numbers, or such as follow from them."""
         stored = self._stored
         known = stored.get("exr_type", "float") in ("float", "half")
         if self._display:
@@ -174,12 +174,12 @@ class ImageClaim(Claim):
 
 
 def claim_of(path: Path) -> Claim:
-    """What a file says of its image.
+    """The claim of a file.
 
     Raises
     ------
     UsageError
-        It cannot be read, does not say how it was made, or is no longer what a render gives.
+        It cannot be read, does not record how it was made, or its pixels were changed after the render.
     """
     ending = path.suffix.lower()
     if ending not in (*FILM_ENDINGS, ".exr", ".png"):

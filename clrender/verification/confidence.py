@@ -1,4 +1,4 @@
-"""What a sample without a fault says of the whole: the hypergeometric distribution."""
+"""What a sample without faults implies for the whole: the hypergeometric distribution."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ def detection_probability(total: int, checked: int, wrong: int) -> float:
     Parameters
     ----------
     total : int
-        Parts there are.
+        Number of parts.
     checked : int
-        Of them, different ones, drawn at random.
+        Number of parts drawn at random, without replacement.
     wrong : int
-        Of all.
+        Number of wrong parts.
 
     Returns
     -------
@@ -27,19 +27,19 @@ def detection_probability(total: int, checked: int, wrong: int) -> float:
     if wrong > total - checked:
         return 1.0
     missed = 1.0
-    # Each of the wrong parts in turn is not among the checked ones; the formula is symmetric in both numbers
+    # Probability that each wrong part in turn is not checked; the formula is symmetric in both numbers
     for number in range(min(wrong, checked)):
         missed *= (total - max(wrong, checked) - number) / (total - number)
     return 1.0 - missed
 
 
 def least_detected(total: int, checked: int, confidence: float) -> int:
-    """The least number of wrong parts of which one is found with a probability of at least `confidence`.
+    """The smallest number of wrong parts of which one is found with probability of at least `confidence`.
 
     Parameters
     ----------
     total, checked : int
-        As of `detection_probability`; at least one is checked.
+        See `detection_probability`; at least one is checked.
     confidence : float
         Below 1.
     """

@@ -1,4 +1,4 @@
-"""What differs between an image and its render, and what that looks like."""
+"""Differences between an image and its new render, and their likely cause."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ _FEW: Final = 8
 
 @dataclass(frozen=True)
 class Comparison:
-    """Tiles of an image beside the same ones rendered anew.
+    """Tiles of an image compared with the same tiles rendered again.
 
     Attributes
     ----------
     checked : int
         Tiles.
     differing : tuple of Rectangle
-        Those with pixels whose bits are others.
+        Tiles with pixels whose bits differ.
     pixels : tuple of (int, int)
-        Such pixels: column and row.
+        Pixels whose bits differ: column and row.
     means : (checked, 2) float64
-        Of each tile in the file and in the render.
+        Mean of each tile in the file and in the render.
     relative : float
-        Median relative difference of the channels that differ at all.
+        Median relative difference of the channels that differ.
     """
 
     checked: int
@@ -68,7 +68,7 @@ class Comparison:
 
 
 def explanation(comparison: Comparison) -> str:
-    """One sentence on what differs, and, where most does, on what that looks like."""
+    """A sentence on what differs, and, if most does, on the likely cause."""
     wrong, checked = len(comparison.differing), comparison.checked
     left, top, right, bottom = comparison.differing[0]
     where = f"columns {left} to {right - 1} of rows {top} to {bottom - 1}"
@@ -88,7 +88,7 @@ def explanation(comparison: Comparison) -> str:
 
 
 def _like_noise(means: npt.NDArray[np.float64]) -> bool:
-    """Whether tiles differ no more on average than chance would have it."""
+    """Whether the means of tiles differ no more than by chance."""
     difference = means[:, 0] - means[:, 1]
     spread = float(difference.std(ddof=1)) / math.sqrt(len(difference))
     return abs(float(difference.mean())) <= _NOISE * spread

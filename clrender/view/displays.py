@@ -1,4 +1,4 @@
-"""Outputs of a notebook that display one view: each a viewer of its own, all over the messages of one widget.
+"""Outputs of a notebook that display one view: a viewer for each, over the messages of one widget.
 
 What comes in is ``{"display": name, "text": message}``, without a text where an output only begins or says that it is
 still there, and with ``"leaves": true`` where it goes. What goes out has the same ``display``, and a ``text``, or one
@@ -22,8 +22,8 @@ from clrender.view.viewer import Viewer
 __all__ = ["Displays"]
 
 _SILENT_SECONDS: Final = 150.0
-"""Who says nothing for so long is gone; browsers let a hidden page speak once a minute, and it comes back by that."""
-_LOOK_SECONDS: Final = 0.5
+"""An output without a message for so long is gone. A hidden page sends one a minute, and is connected again by it."""
+_TICK_SECONDS: Final = 0.5
 _NAME_LENGTH: Final = 64
 
 
@@ -41,30 +41,30 @@ class Displays:
     engine : Engine
     send : callable
         Takes a JSON-able message, and ``buffers``, a list of bytes; called in a thread.
-    look : callable
+    on_tick : callable
         Called twice a second, in the same thread.
     """
 
-    def __init__(self, engine: Engine, send: Callable[..., None], look: Callable[[], None]) -> None:
-        self._engine, self._send_message, self._look = engine, send, look
+    def __init__(self, engine: Engine, send: Callable[..., None], on_tick: Callable[[], None]) -> None:
+        self._engine, self._send_message, self._on_tick = engine, send, on_tick
         self._displays: dict[str, _Display] = {}
         self._lock = threading.RLock()
         self._awake = threading.Event()
         self._left: float | None = None
         self._closed = False
-        self._thread = threading.Thread(target=self._live, name="clrender displays", daemon=True)
+        self._thread = threading.Thread(target=self._send_loop, name="clrender displays", daemon=True)
         self._thread.start()
 
     def __len__(self) -> int:
         return len(self._displays)
 
     @property
-    def alone_for(self) -> float:
+    def unwatched_seconds(self) -> float:
         """Seconds since the last output went away; 0 where there is one, or was none yet."""
         return 0.0 if self._left is None else time.monotonic() - self._left
 
-    def hear(self, content: Any) -> None:
-        """Take in a message of an output, in any thread; what makes no sense is passed over."""
+    def receive(self, content: Any) -> None:
+        """Handle a message of an output, in any thread; a malformed one is ignored."""
         name = content.get("display") if isinstance(content, dict) else None
         if not isinstance(name, str) or not 0 < len(name) <= _NAME_LENGTH:
             return
@@ -82,12 +82,12 @@ class Displays:
                 display.viewer.receive(text)
 
     def close(self) -> None:
-        """Send what there is, the engine's goodbye among it, and then no more."""
+        """Send what is queued, the engine's goodbye included, and end the thread."""
         with self._lock:
             self._closed = True
         self._awake.set()
         if threading.current_thread() is not self._thread:
-            self._thread.join(_LOOK_SECONDS)
+            self._thread.join(_TICK_SECONDS)
 
     def _join(self, name: str) -> _Display | None:
         try:
@@ -107,37 +107,40 @@ class Displays:
 
     # --- the thread ---
 
-    def _live(self) -> None:
-        looked = 0.0
+    def _send_loop(self) -> None:
+        ticked = 0.0
         while not self._closed:
-            self._awake.wait(_LOOK_SECONDS)
+            self._awake.wait(_TICK_SECONDS)
             self._awake.clear()
             self._deliver()
-            if time.monotonic() - looked > _LOOK_SECONDS:
-                looked = time.monotonic()
-                self._part(looked - _SILENT_SECONDS)
+            if time.monotonic() - ticked > _TICK_SECONDS:
+                ticked = time.monotonic()
+                self._forget_silent(ticked - _SILENT_SECONDS)
                 with contextlib.suppress(Exception):  # whatever it trips over, sending goes on
-                    self._look()
+                    self._on_tick()
         self._deliver()
         for name in list(self._displays):
             self._send(name, ended=True)
             self._forget(name)
 
     def _deliver(self) -> None:
-        """Send each output what there is for it; a slow one has not acknowledged its frame, and gets no other."""
+        """Send each output what is queued for it; a slow one has not acknowledged its frame, and gets no other."""
         for name, display in list(self._displays.items()):
-            while (item := display.viewer.take()) is not None:
-                if isinstance(item, str):
-                    self._send(name, text=item)
-                else:
-                    self._send(name, [item])
+            try:
+                while (item := display.viewer.take()) is not None:
+                    if isinstance(item, str):
+                        self._send(name, text=item)
+                    else:
+                        self._send(name, [item])
+            except Exception as error:  # of one output: the others are sent to all the same
+                display.viewer.end(f"{type(error).__name__}: {error}")
             if display.viewer.closed is not None and not self._closed:
                 self._send(name, ended=True)
                 with self._lock:
                     self._forget(name)
 
-    def _part(self, since: float) -> None:
-        """Forget those who have said nothing for long. The view goes on: they may be asleep."""
+    def _forget_silent(self, since: float) -> None:
+        """Disconnect outputs without a message for long. The view goes on: their pages may be asleep."""
         with self._lock:
             for name, display in list(self._displays.items()):
                 if display.heard < since:

@@ -1,4 +1,4 @@
-"""What viewers see: the newest pixels of a layer, and the binary message that carries them."""
+"""Frames: the newest pixels of a layer, and the binary message that carries them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ import json
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from clrender.aov import GUIDES, LAYER_KINDS
 from clrender.errors import ClrenderError
@@ -19,10 +18,10 @@ from clrender.film.replicates import standard_error
 from clrender.film.running import RunningFilm
 from clrender.image.denoise import Denoiser
 from clrender.image.tone_map import LUMINANCE
+from clrender.view.image_state import ImageState, Pixels
 
-__all__ = ["LAYERS", "Frame", "Frames", "Shot", "encode", "first_hits_of"]
+__all__ = ["LAYERS", "Frame", "Frames", "encode", "first_hit_layers_of"]
 
-_Pixels = npt.NDArray[np.float32]
 
 LAYERS: Final[Mapping[str, tuple[str, str]]] = {
     "image": ("Image", "radiance"),
@@ -48,74 +47,32 @@ _DARK: Final = 0.1
 """Of the mean luminance: what is darker is as far off as if it had this, as of `clrender.film.convergence`."""
 _HALF_MOST: Final = 65504.0
 _SHARE: Final = 8.0
-"""A layer is made anew after so many times what making it took: watching must not slow the render down."""
+"""Between two frames of a layer there is so many times what the first took: viewers must not slow the render down."""
 _LEAST_SECONDS: Final = 1.0 / 30.0
 _MOST_SECONDS: Final = 2.0
-
-
-@dataclass
-class Shot:
-    """An image in the making. One thread fills it in, others look at it.
-
-    Attributes
-    ----------
-    revision : int
-    width, height : int
-        Pixels.
-    spp : int
-        Asked for.
-    preview : (h, w, 3) float32 or None
-        A picture of fewer pixels.
-    film : RunningFilm or None
-    layers : dict of str to (h, w, c) float32
-        Of what is seen first; those of fewer pixels are replaced.
-    moves : dict of int to (int, str or None)
-        Of each viewer, the `id` of its newest camera message that the image shows.
-    changes : int
-        Grows whenever there is something new to see.
-    sha256 : str or None
-        Of the finished image.
-    still : bool
-        Nothing new comes for the time being.
-    """
-
-    revision: int
-    width: int
-    height: int
-    spp: int
-    preview: _Pixels | None = None
-    film: RunningFilm | None = None
-    layers: dict[str, _Pixels] = field(default_factory=dict)
-    moves: Mapping[int, int | str | None] = field(default_factory=dict)
-    changes: int = 0
-    sha256: str | None = None
-    still: bool = False
-
-    @property
-    def samples(self) -> float:
-        """Of a pixel, mean."""
-        return 0.0 if self.film is None else self.film.ledger.samples / (self.width * self.height)
+_MOST_KEPT: Final = 32
+"""Frames that are kept: sixteen viewers show two layers each."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Pixels of a layer, and what they are of.
+    """Pixels of a layer at one moment.
 
     Attributes
     ----------
-    shot : Shot
+    state : ImageState
     layer : str
     pixels : (h, w, c) float32
     changes : int
-        Of the shot, when they were taken.
+        That of the image state when they were taken.
     samples : float
         Of a pixel, mean.
     coarse, final : bool
     """
 
-    shot: Shot
+    state: ImageState
     layer: str
-    pixels: _Pixels
+    pixels: Pixels
     changes: int
     samples: float
     coarse: bool
@@ -123,20 +80,23 @@ class Frame:
 
 
 class Frames:
-    """The newest frame of each layer, made when somebody asks and kept for the next; may be asked in any thread."""
+    """Makes frames when viewers ask for them, and caches the newest of each layer and size. Any thread may ask.
+
+    The cache holds frames of one image only: one of an earlier image would keep that image's film in memory.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: dict[tuple[str, int], Frame] = {}
+        self._kept: dict[tuple[str, int], Frame] = {}  # by layer and size; the one made last is last
         self._not_before: dict[tuple[str, int], float] = {}
         self._denoiser: Denoiser | None = None
 
-    def newest(self, shot: Shot, layer: str, most: int, seen: tuple[int, int]) -> Frame | None:
-        """A frame that is newer than what was seen, if there is one and it is time for it.
+    def newest(self, state: ImageState, layer: str, most: int, seen: tuple[int, int]) -> Frame | None:
+        """A frame that is newer than the viewer's, if there is one and it is time for it.
 
         Parameters
         ----------
-        shot : Shot
+        state : ImageState
         layer : str
             Of `LAYERS`.
         most : int
@@ -144,92 +104,99 @@ class Frames:
         seen : (int, int)
             Revision and changes of the frame before.
         """
-        if (shot.revision, shot.changes) == seen:
+        if (state.revision, state.changes) == seen:
             return None
         key = (layer, most)
         with self._lock:
             kept = self._kept.get(key)
-            if kept is not None and kept.shot is shot and kept.changes == shot.changes:
+            if kept is not None and kept.state is state and kept.changes == state.changes:
                 return kept
-            again = kept is not None and kept.shot is shot and not kept.coarse
-            if again and not shot.still and time.monotonic() < self._not_before.get(key, 0.0):
-                return kept if kept is not None and (shot.revision, kept.changes) != seen else None
+            again = kept is not None and kept.state is state and not kept.coarse
+            if again and not state.idle and time.monotonic() < self._not_before.get(key, 0.0):
+                return kept if kept is not None and (state.revision, kept.changes) != seen else None
             begin = time.monotonic()
-            frame = self._made(shot, layer, most)
+            frame = self._made(state, layer, most)
             if frame is not None:
-                self._kept[key] = frame
+                self._keep(key, frame)
                 now = time.monotonic()
                 self._not_before[key] = now + min(max(_LEAST_SECONDS, _SHARE * (now - begin)), _MOST_SECONDS)
             return frame
 
     def release(self) -> None:
-        """Give memory back."""
+        """Release the cache and the denoiser."""
         with self._lock:
             self._kept.clear()
             if self._denoiser is not None:
                 self._denoiser.release()
                 self._denoiser = None
 
-    def _made(self, shot: Shot, layer: str, most: int) -> Frame | None:
-        changes, samples, final = shot.changes, shot.samples, shot.sha256 is not None
-        step = max(1, -(-max(shot.width, shot.height) // most))
-        film = shot.film
+    def _keep(self, key: tuple[str, int], frame: Frame) -> None:
+        self._kept = {other: kept for other, kept in self._kept.items() if other != key and kept.state is frame.state}
+        self._kept[key] = frame
+        if len(self._kept) > _MOST_KEPT:
+            del self._kept[next(iter(self._kept))]
+        self._not_before = {other: when for other, when in self._not_before.items() if other in self._kept}
+
+    def _made(self, state: ImageState, layer: str, most: int) -> Frame | None:
+        changes, samples, final = state.changes, state.samples, state.sha256 is not None
+        step = max(1, -(-max(state.width, state.height) // most))
+        film = state.film
         coarse = False
-        if layer == "image" or (layer == "denoised" and not self._can_denoise(shot)):
-            pixels, coarse = _image(shot, step)
+        if layer == "image" or (layer == "denoised" and not self._can_denoise(state)):
+            pixels, coarse = _image(state, step)
         elif layer == "denoised":
             assert film is not None
-            whole = Film.snapshot(film, max(shot.width, shot.height))
-            pixels = self._denoised(whole, shot)[::step, ::step]
+            whole = Film.snapshot(film, max(state.width, state.height))
+            pixels = self._denoised(whole, state)[::step, ::step]
         elif layer == "samples":
             pixels = None if film is None else film.counts[::step, ::step, None].astype(np.float32)
         elif layer in ("stderr", "error"):
             known = film is not None and film.replicate_spp is not None
             pixels = _errors(film, layer == "error")[::step, ::step] if film is not None and known else None
         else:
-            found = shot.layers.get(layer)
-            coarse = found is not None and found.shape[:2] != (shot.height, shot.width)
+            found = state.layers.get(layer)
+            coarse = not state.is_whole(layer)
             pixels = found if found is None or coarse else found[::step, ::step]
-        return None if pixels is None else Frame(shot, layer, pixels, changes, samples, coarse, final)
+        return None if pixels is None else Frame(state, layer, pixels, changes, samples, coarse, final)
 
-    def _can_denoise(self, shot: Shot) -> bool:
-        if shot.film is None or int(shot.film.counts.min()) == 0:
+    def _can_denoise(self, state: ImageState) -> bool:
+        if state.film is None or int(state.film.counts.min()) == 0:
             return False
-        return all(guide in shot.layers and len(shot.layers[guide]) == shot.height for guide in GUIDES)
+        return all(map(state.is_whole, GUIDES))
 
-    def _denoised(self, linear: _Pixels, shot: Shot) -> _Pixels:
+    def _denoised(self, linear: Pixels, state: ImageState) -> Pixels:
         try:
             self._denoiser = self._denoiser or Denoiser()
-            return self._denoiser(linear, *(shot.layers[guide] for guide in GUIDES))
+            return self._denoiser(linear, *(state.layers[guide] for guide in GUIDES))
         except ClrenderError:
             return linear  # `Engine.hello` says that there is no denoiser
 
 
-def first_hits_of(layer: str) -> tuple[str, ...]:
-    """The layers of what is seen first that a layer is made from."""
+def first_hit_layers_of(layer: str) -> tuple[str, ...]:
+    """First-hit layers that a layer is made from."""
     if layer == "denoised":
         return GUIDES
     return (layer,) if layer in LAYER_KINDS or layer in ("object", "material") else ()
 
 
-def _image(shot: Shot, step: int) -> tuple[_Pixels | None, bool]:
+def _image(state: ImageState, step: int) -> tuple[Pixels | None, bool]:
     """The image, with the preview where there is no sample yet."""
-    film, preview = shot.film, shot.preview
+    film, preview = state.film, state.preview
     if film is None or not film.changes:
         return preview, preview is not None
     empty = film.counts[::step, ::step] == 0  # before the sums: they only gain samples meanwhile
-    pixels = film.snapshot(-(-max(shot.width, shot.height) // step))
+    pixels = film.snapshot(-(-max(state.width, state.height) // step))
     if preview is not None and empty.any():
         rows, columns = np.nonzero(empty)
         height, width = preview.shape[:2]
         pixels[rows, columns] = preview[
-            np.minimum(rows * step * height // shot.height, height - 1),
-            np.minimum(columns * step * width // shot.width, width - 1),
+            np.minimum(rows * step * height // state.height, height - 1),
+            np.minimum(columns * step * width // state.width, width - 1),
         ]
     return pixels, False
 
 
-def _errors(film: RunningFilm, relative: bool) -> _Pixels:
+def _errors(film: RunningFilm, relative: bool) -> Pixels:
     """Standard errors of radiance, or, of luminance, as a share of it."""
     copy = RunningFilm(film.width, film.height, {"replicate_spp": film.replicate_spp})
     film.copy_to(copy)
@@ -258,13 +225,13 @@ def encode(frame: Frame, number: int, half: bool, answers: int | str | None) -> 
     height, width, channels = pixels.shape
     header: dict[str, Any] = {
         "frame": number,
-        "revision": frame.shot.revision,
+        "revision": frame.state.revision,
         "layer": frame.layer,
         "channels": channels,
         "width": width,
         "height": height,
-        "image_width": frame.shot.width,
-        "image_height": frame.shot.height,
+        "image_width": frame.state.width,
+        "image_height": frame.state.height,
         "samples": round(frame.samples, 3),
         "coarse": frame.coarse,
         "final": frame.final,
@@ -279,7 +246,7 @@ def encode(frame: Frame, number: int, half: bool, answers: int | str | None) -> 
     return b"".join((len(text).to_bytes(4, "little"), text, np.ascontiguousarray(numbers).data))
 
 
-def _range(pixels: _Pixels) -> list[float] | None:
+def _range(pixels: Pixels) -> list[float] | None:
     """Lowest and highest finite number."""
     finite = pixels[np.isfinite(pixels)]
     return [float(finite.min()), float(finite.max())] if finite.size else None

@@ -1,4 +1,4 @@
-"""What waits for the thread that renders: messages of viewers, and calls of other threads."""
+"""The queue of the render thread: messages of viewers, and calls of other threads."""
 
 from __future__ import annotations
 
@@ -23,22 +23,23 @@ _Result = TypeVar("_Result")
 
 
 class Inbox:
-    """A queue whose reader has other things to do, too.
+    """A queue that the render thread empties between launches; other threads fill it.
 
     Attributes
     ----------
     closed : bool
-        Whether the reader is to end.
+        Whether the render thread is to end.
     """
 
     def __init__(self) -> None:
         self.closed = False
         self._messages: deque[tuple[Viewer, Message]] = deque()
         self._calls: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._woken = False
         self._changed = threading.Condition()
 
     def post(self, viewer: Viewer, message: Message) -> None:
-        """A message; a camera that waits is replaced by a newer one of the same viewer.
+        """Queue a message; a camera message that waits is merged with a newer one of the same viewer.
 
         Raises
         ------
@@ -57,7 +58,7 @@ class Inbox:
             self._changed.notify_all()
 
     def call(self, function: Callable[[], _Result]) -> Future[_Result]:
-        """Have the reader call something; cancelled when it ends before."""
+        """Have the render thread call a function; cancelled when the thread ends before."""
         future: Future[_Result] = Future()
         with self._changed:
             if self.closed:
@@ -67,37 +68,44 @@ class Inbox:
                 self._changed.notify_all()
         return future
 
+    def wake(self) -> None:
+        """Have the render thread look for what is wanted now; several of these that wait are one."""
+        with self._changed:
+            self._woken = True
+            self._changed.notify_all()
+
     def close(self) -> None:
-        """Have the reader end."""
+        """Have the render thread end."""
         with self._changed:
             self.closed = True
             self._changed.notify_all()
 
-    # --- the reader ---
+    # --- the render thread ---
 
     @property
-    def urgent(self) -> bool:
+    def pending(self) -> bool:
         """Whether something waits."""
-        return bool(self._messages or self._calls) or self.closed
+        return bool(self._messages or self._calls) or self._woken or self.closed
 
-    def follow(self, answer: Callable[[Viewer, Message], None]) -> None:
-        """Have all that waits answered, or called."""
-        while self.urgent and not self.closed:
+    def process(self, handle: Callable[[Viewer, Message], None]) -> None:
+        """Handle all messages, and run all calls."""
+        while self.pending and not self.closed:
             with self._changed:
+                self._woken = False
                 call = self._calls.popleft() if self._calls else None
                 posted = self._messages.popleft() if call is None and self._messages else None
             if call is not None:
                 _resolve(*call)
             if posted is not None:
-                answer(*posted)
+                handle(*posted)
 
     def wait(self) -> None:
-        """Wait until there is something."""
+        """Block until something waits."""
         with self._changed:
-            self._changed.wait_for(lambda: self.urgent)
+            self._changed.wait_for(lambda: self.pending)
 
     def refuse_all(self) -> None:
-        """The reader has ended: nothing is called any more."""
+        """Close, and cancel the calls that wait."""
         self.close()
         while self._calls:
             self._calls.popleft()[1].cancel()

@@ -31,9 +31,9 @@ _FIRST_SECONDS: Final = 10.0
 """What a display waits for a first picture, at most."""
 _LAST_SECONDS: Final = 10.0
 """What is waited at the end for the last picture, at most."""
-_ALONE_SECONDS: Final = 10.0
+_UNWATCHED_SECONDS: Final = 10.0
 """How long a view that nobody displays any more goes on: a cell that runs again takes its output away for a moment."""
-_LOOK_SECONDS: Final = 0.05
+_POLL_SECONDS: Final = 0.05
 
 
 class View:
@@ -87,12 +87,12 @@ class View:
         self._engine = Engine(scene, device=device, outputs=outputs, **settings)
         self._widget = widget(still=self._key, height=height)
         self._stills: list[Any] = []
-        self._shown: object = None
+        self._drawn: str | None = None
         self._last: RenderedImage | None = None
         self._closing = threading.Lock()
         self._closed = False
-        self._displays = Displays(self._engine, self._widget.send, self._look)
-        self._widget.on_msg(lambda _widget, content, _buffers: self._displays.hear(content))
+        self._displays = Displays(self._engine, self._widget.send, self._on_tick)
+        self._widget.on_msg(lambda _widget, content, _buffers: self._displays.receive(content))
         atexit.register(self.close)
 
     def __enter__(self) -> View:
@@ -102,9 +102,9 @@ class View:
         self.close()
 
     def __repr__(self) -> str:
-        subject = self._engine.subject
-        settings = subject.job.settings
-        name = subject.scene.title or subject.scene.source
+        edited = self._engine.edited_scene
+        settings = edited.job.settings
+        name = edited.scene.title or edited.scene.source
         return f"<clrender.View of {name}, {settings.width} x {settings.height}{', closed' if self._closed else ''}>"
 
     @property
@@ -115,7 +115,7 @@ class View:
     @property
     def scene(self) -> Scene:
         """The scene as it is now: with the camera and the materials of the view."""
-        return self._engine.subject.job.scene
+        return self._engine.edited_scene.job.scene
 
     @property
     def image(self) -> RenderedImage | None:
@@ -147,12 +147,12 @@ class View:
         """
         end = None if seconds is None else time.monotonic() + seconds
         while not self._closed and (end is None or time.monotonic() < end):
-            shot = self._engine.shot
-            if shot is not None and shot.sha256 is not None:
+            state = self._engine.image_state
+            if state is not None and state.sha256 is not None:
                 break
             if (problem := self._engine.problem) is not None:
                 raise RenderError(problem)
-            time.sleep(_LOOK_SECONDS)
+            time.sleep(_POLL_SECONDS)
         image = self.image
         if image is None:
             raise RenderError("the view has no sample yet")
@@ -180,18 +180,19 @@ class View:
         while (image := self.image) is None and not self._closed and time.monotonic() < end:
             if self._engine.problem is not None:
                 break
-            time.sleep(_LOOK_SECONDS)
+            time.sleep(_POLL_SECONDS)
         self._stills.append(display(self._still(image), raw=True, display_id=True))
 
     # --- the thread that sends ---
 
-    def _look(self) -> None:
-        """Bring the pictures up to date when an image is finished, and end when nobody displays the view any more."""
-        shot = self._engine.shot
-        if shot is not None and shot.sha256 is not None and shot is not self._shown and self._stills:
-            self._shown = shot
+    def _on_tick(self) -> None:
+        """Update the pictures when an image is finished, and end the view when no output displays it any more."""
+        state = self._engine.image_state
+        finished = None if state is None else state.sha256
+        if finished is not None and finished != self._drawn and self._stills:
+            self._drawn = finished
             self._draw(self.image)
-        if self._displays.alone_for > _ALONE_SECONDS:
+        if self._displays.unwatched_seconds > _UNWATCHED_SECONDS:
             threading.Thread(target=self.close, name="clrender view ends").start()
 
     def _draw(self, image: RenderedImage | None) -> None:

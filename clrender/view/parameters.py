@@ -78,7 +78,7 @@ def parameters(material: Material) -> list[dict[str, Any]]:
         table.append(
             {
                 "name": name,
-                "value": value if plain else _told(value),
+                "value": value if plain else _described(value),
                 "kind": kinds[schema["type"]] if plain else "fixed",
                 "schema": {key: each for key, each in schema.items() if key != "description"},
                 "help": schema["description"],
@@ -87,11 +87,11 @@ def parameters(material: Material) -> list[dict[str, Any]]:
     for name in _STRUCTURE[1:]:
         value = getattr(material, name, None)
         if value is not None:
-            table.append({"name": name, "value": _told(value), "kind": "fixed", "schema": {}, "help": ""})
+            table.append({"name": name, "value": _described(value), "kind": "fixed", "schema": {}, "help": ""})
     return table
 
 
-def _told(value: Any) -> str:
+def _described(value: Any) -> str:
     """A value that cannot be changed here, in a few words."""
     texture = getattr(value, "texture", None)
     if isinstance(texture, str):

@@ -1,4 +1,4 @@
-"""What is known of one pixel: its radiance with its error, and what its first sample sees."""
+"""The pixel probe: radiance with its error, and the first hit of the pixel."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from clrender.film.replicates import standard_error_of
 from clrender.view.parameters import parameters
 
 if TYPE_CHECKING:
+    from clrender.view.edited_scene import EditedScene
     from clrender.view.progressive import Progressive
-    from clrender.view.subject import Subject
 
 __all__ = ["probe"]
 
 
-def probe(progressive: Progressive, subject: Subject, x: int, y: int) -> dict[str, Any]:
+def probe(progressive: Progressive, edited: EditedScene, x: int, y: int) -> dict[str, Any]:
     """The answer to a page that asks for a pixel.
 
     Parameters
     ----------
     progressive : Progressive
         Which does not render meanwhile.
-    subject : Subject
+    edited : EditedScene
     x, y : int
         Column and row, (0, 0) top left.
 
@@ -35,18 +35,18 @@ def probe(progressive: Progressive, subject: Subject, x: int, y: int) -> dict[st
     UsageError
         There is no such pixel, or no image.
     """
-    shot = progressive.shot
-    if shot is None:
+    state = progressive.image_state
+    if state is None:
         raise UsageError("there is no image yet")
-    if x >= shot.width or y >= shot.height:
-        raise UsageError(f"there is no pixel ({x}, {y}) in an image of {shot.width} x {shot.height}")
+    if x >= state.width or y >= state.height:
+        raise UsageError(f"there is no pixel ({x}, {y}) in an image of {state.width} x {state.height}")
     seen = progressive.probed(x, y)
-    film = shot.film
+    film = state.film
     samples = 0 if film is None else int(film.counts[y, x])
-    told: dict[str, Any] = {
+    reply: dict[str, Any] = {
         "x": x,
         "y": y,
-        "revision": shot.revision,
+        "revision": state.revision,
         "samples": samples,
         "radiance": None,
         "standard_error": None,
@@ -59,28 +59,28 @@ def probe(progressive: Progressive, subject: Subject, x: int, y: int) -> dict[st
         "focus_distance": None,
     }
     if film is not None and samples:
-        told["radiance"] = film.mean_of(slice(y, y + 1), slice(x, x + 1))[0, 0].tolist()
+        reply["radiance"] = film.mean_of(slice(y, y + 1), slice(x, x + 1))[0, 0].tolist()
         if film.replicate_spp:
-            told["standard_error"] = _finite(standard_error_of(film, slice(y, y + 1))[0, x].tolist())
+            reply["standard_error"] = _finite(standard_error_of(film, slice(y, y + 1))[0, x].tolist())
     if not seen or seen["object"][0] < 0:
-        return told
-    scene = subject.checked.scene
+        return reply
+    scene = edited.checked.scene
     number = int(seen["object"][0])
     shape = scene.shapes[number]
-    told["object"] = {"index": number, "name": getattr(shape, "name", None), "type": shape.type}
+    reply["object"] = {"index": number, "name": getattr(shape, "name", None), "type": shape.type}
     if (place := int(seen["material"][0])) >= 0:
         name = list(scene.materials)[place]
-        told["material"], told["parameters"] = name, parameters(scene.materials[name])
-    told["depth"] = _finite(seen["depth"].tolist()[:1])
-    told["depth"] = told["depth"][0] if told["depth"] else None
-    told["position"] = _finite(seen["position"].tolist())
-    told["normal"] = _finite(seen["normal"].tolist())
-    if told["position"] is not None:
-        camera = subject.camera
+        reply["material"], reply["parameters"] = name, parameters(scene.materials[name])
+    reply["depth"] = _finite(seen["depth"].tolist()[:1])
+    reply["depth"] = reply["depth"][0] if reply["depth"] else None
+    reply["position"] = _finite(seen["position"].tolist())
+    reply["normal"] = _finite(seen["normal"].tolist())
+    if reply["position"] is not None:
+        camera = edited.camera
         view = np.subtract(camera.target, camera.position)
-        along = float(np.dot(np.subtract(told["position"], camera.position), view / np.linalg.norm(view)))
-        told["focus_distance"] = along if along > 0.0 else None
-    return told
+        along = float(np.dot(np.subtract(reply["position"], camera.position), view / np.linalg.norm(view)))
+        reply["focus_distance"] = along if along > 0.0 else None
+    return reply
 
 
 def _finite(numbers: Iterable[float]) -> list[float] | None:

@@ -1,4 +1,4 @@
-"""An image that refines: coarse pictures first, then sample by sample; of one job after the other, on one session."""
+"""Progressive rendering: coarse previews first, then sample by sample; one job after the other, on one session."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.film.replicates import relative_error
+from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.session import Session
-from clrender.view.frames import Shot
+from clrender.view.image_state import ImageState
 
 if TYPE_CHECKING:
     from clrender.job import RenderJob
@@ -22,41 +23,41 @@ if TYPE_CHECKING:
 __all__ = ["PROBED", "Progressive"]
 
 _PREVIEW_SECONDS: Final = 0.06
-"""What the first picture may take: with what comes before and after it, it is there within a tenth of a second."""
+"""What the first preview may take, so that with all around it, it is shown within a tenth of a second."""
 _COARSEST: Final = 32
 """Side of the square of pixels that are one pixel of a preview, at most."""
 _FIRST_RATE: Final = 3e5
-"""Pixels a second of a preview, while nobody knows."""
+"""Pixels a second of a preview, before it is measured."""
 _LAYER_SAMPLES: Final = 4
-"""Of the layers that are shown."""
+"""Samples per pixel of first-hit layers."""
 _PROBE_PIXELS: Final = 1 << 20
-"""Pixels of the layers that are looked up, at most."""
+"""Pixels of the layers that the probe reads, at most."""
 PROBED: Final = ("object", "material", "depth", "position", "normal")
 
 
 class Progressive:
-    """Renders what it is told, a piece at a time, until all samples are taken; one thread calls it.
+    """Renders a job step by step until all samples are taken. The render thread alone calls it.
 
     Parameters
     ----------
     session : Session
     changed : callable
-        Called whenever there is something new to see.
+        Called whenever the image state has changed.
     advanced : callable
-        Told how far the render is, after each launch.
+        Called with the progress after each launch.
 
     Attributes
     ----------
-    shot : Shot or None
-        What there is to see; another one for each image.
+    state : ImageState or None
+        Of the image that is rendered; another object for each image.
     running : bool
-        Whether samples are taken beyond the first picture.
+        Whether samples are taken beyond the preview.
     wanted : set of str
-        Layers of what is seen first that somebody looks at.
+        First-hit layers that viewers show.
     """
 
     def __init__(self, session: Session, changed: Callable[[], None], advanced: Callable[[Progress], None]) -> None:
-        self.shot: Shot | None = None
+        self.image_state: ImageState | None = None
         self.running = True
         self.wanted: set[str] = set()
         self.seconds = 0.0
@@ -66,8 +67,10 @@ class Progressive:
         self._steps: list[int] = []
         self._rate = _FIRST_RATE
         self._warm = False
-        self._error: tuple[Shot | None, float, float | None] = (None, 0.0, None)
-        self._probed: tuple[Shot | None, int, dict[str, npt.NDArray[np.float32]]] = (None, 1, {})
+        self._failed = False
+        # Both know their image by its revision: the image itself would keep its film when another one has begun.
+        self._error: tuple[int, float, float | None] = (0, 0.0, None)
+        self._probed: tuple[int, int, dict[str, npt.NDArray[np.float32]]] = (0, 1, {})
 
     @property
     def session(self) -> Session:
@@ -76,83 +79,97 @@ class Progressive:
 
     def use(self, session: Session) -> None:
         """Render with another session from now on; the image begins anew with the next `restart`."""
-        self._session.close()
-        self._session, self._rate, self._warm = session, _FIRST_RATE, False
+        before, self._session = self._session, session
+        self._rate, self._warm = _FIRST_RATE, False
+        before.close()
 
-    def restart(self, job: RenderJob, moves: Mapping[int, int | str | None], *, moved: bool = False) -> None:
+    def restart(self, job: RenderJob, camera_ids: Mapping[int, int | str | None], *, only_camera: bool = False) -> None:
         """Begin another image.
 
         Parameters
         ----------
         job : RenderJob
-        moves : mapping
-            As of `Shot.moves`.
-        moved : bool
+        camera_ids : mapping
+            As of `ImageState.camera_ids`.
+        only_camera : bool
             Whether only the camera is another: what is known of the speed holds.
         """
-        revision = 1 if self.shot is None else self.shot.revision + 1
+        revision = 1 if self.image_state is None else self.image_state.revision + 1
         settings = job.settings
-        self._job, self.seconds, self._warm = job, 0.0, self._warm and moved
-        self.shot = Shot(revision, settings.width, settings.height, settings.spp, moves=dict(moves))
+        self._job, self.seconds, self._warm, self._failed = job, 0.0, self._warm and only_camera, False
+        self.image_state = ImageState(
+            revision, settings.width, settings.height, settings.spp, camera_ids=dict(camera_ids)
+        )
         self._steps = self._previews(job)
 
-    def extend(self, job: RenderJob, moves: Mapping[int, int | str | None]) -> None:
+    def extend(self, job: RenderJob, camera_ids: Mapping[int, int | str | None]) -> None:
         """Go on with the same image, of which more or fewer samples are wanted."""
-        shot = self.shot
-        if shot is not None and shot.moves != moves:
-            shot.moves, shot.changes = dict(moves), shot.changes + 1
-            self._changed()
-        taken = 0 if shot is None or shot.film is None else int(shot.film.ledger.taken().max(initial=0))
-        if shot is None or job.settings.spp < taken:
-            self.restart(job, moves, moved=True)
-        else:
-            self._job, shot.spp, shot.sha256, shot.still = job, job.settings.spp, None, False
+        state = self.image_state
+        taken = 0 if state is None or state.film is None else int(state.film.ledger.taken().max(initial=0))
+        if state is None or job.settings.spp < taken:
+            self.restart(job, camera_ids, only_camera=True)
+            return
+        self._job, self._failed = job, False
+        state.camera_ids, state.spp, state.sha256, state.idle = dict(camera_ids), job.settings.spp, None, False
+        self._publish(state)
 
     def step(self, should_stop: Callable[[], bool]) -> bool:
-        """Do what comes next, or as much of it as there is time for; gives whether there was something to do.
+        """Do the next piece of work, until it is done or to stop; returns whether there was any.
 
         Raises
         ------
         ClrenderError
             As of `Session.render`. The image keeps what was finished.
         """
-        job, shot = self._job, self.shot
-        if job is None or shot is None:
+        job, state = self._job, self.image_state
+        if job is None or state is None or self._failed:
             return False
         if self._steps:
-            self._preview(job, shot, self._steps[0], should_stop)
+            self._preview(job, state, self._steps[0], should_stop)
             return True
-        if missing := [name for name in sorted(self.wanted) if not self._is_whole(shot, name)]:
-            self._layers(job, shot, missing, should_stop)
+        if missing := [name for name in sorted(self.wanted) if not state.is_whole(name)]:
+            self._layers(job, state, missing, should_stop)
             return True
-        if not self.running or shot.sha256 is not None:
-            if not shot.still:
-                shot.still = True
+        if not self.running or state.sha256 is not None:
+            if not state.idle:
+                state.idle = True
                 self._changed()
             return False
-        shot.still = False
-        self._refine(job, shot, should_stop)
+        state.idle = False
+        self._refine(job, state, should_stop)
         return True
 
     def give_up(self) -> None:
-        """The image cannot be rendered: leave it as it is."""
-        self._job, self._steps = None, []
+        """Stop after a failure; the image stays as it is until the next `restart`."""
+        self._failed = True
+        if self.image_state is not None:
+            self.image_state.idle = True
+            self._publish(self.image_state)
 
-    def developed(self, aov: tuple[str, ...] = ()) -> RenderedImage | None:
-        """The image so far with its numbers, if there is a sample."""
-        job, shot = self._job, self.shot
-        if job is None or shot is None or shot.film is None or not shot.film.ledger.samples:
+    def developed(self) -> RenderedImage | None:
+        """The image so far with its numbers, if there is a sample. It shares the film to which samples are added."""
+        job, state = self._job, self.image_state
+        if job is None or state is None or state.film is None or not state.film.ledger.samples:
             return None
-        return self._session.develop(dataclasses.replace(job, aov=aov), shot.film)
+        return self._session.develop(job, state.film)
+
+    def copied(self) -> RenderedImage | None:
+        """The same with a copy of the film, for other threads: later samples do not change it."""
+        image = self.developed()
+        if image is None:
+            return None
+        film = RunningFilm(image.film.width, image.film.height, image.film.request)
+        image.film.copy_to(film)
+        return dataclasses.replace(image, film=film)
 
     def probed(self, x: int, y: int) -> dict[str, Any]:
         """What the pixel's first sample sees: numbers of `PROBED`, each an array."""
-        job, shot = self._job, self.shot
-        if job is None or shot is None:
+        job, state = self._job, self.image_state
+        if job is None or state is None or self._failed:
             return {}
-        if self._probed[0] is not shot:
-            step = max(1, round((shot.width * shot.height / _PROBE_PIXELS) ** 0.5))
-            self._probed = shot, step, self._session.layers(_smaller(job, step, 1, PROBED))
+        if self._probed[0] != state.revision:
+            step = max(1, round((state.width * state.height / _PROBE_PIXELS) ** 0.5))
+            self._probed = state.revision, step, self._session.layers(_smaller(job, step, 1, PROBED))
         _, step, layers = self._probed
         height, width = layers["depth"].shape[:2]
         row, column = min(y // step, height - 1), min(x // step, width - 1)
@@ -160,17 +177,17 @@ class Progressive:
 
     def error(self) -> float | None:
         """The error of the image as `clrender.film.replicates.relative_error` has it, worked out now and then only."""
-        shot, film = self.shot, None if self.shot is None else self.shot.film
-        if shot is None or film is None:
+        state, film = self.image_state, None if self.image_state is None else self.image_state.film
+        if state is None or film is None:
             return None
         now = time.monotonic()
-        if self._error[0] is not shot or shot.still or now >= self._error[1]:
+        if self._error[0] != state.revision or state.idle or now >= self._error[1]:
             error = relative_error(film)
-            self._error = shot, now + max(1.0, 20.0 * (time.monotonic() - now)), error
+            self._error = state.revision, now + max(1.0, 20.0 * (time.monotonic() - now)), error
         return self._error[2]
 
     def _previews(self, job: RenderJob) -> list[int]:
-        """Sides of the squares of pixels that are one in the pictures to come."""
+        """Sides, in pixels, of the squares that are one pixel of the previews to come."""
         if job.integrator.preparation and not job.integrator.pipeline.sample_by_sample:
             return []  # what it prepares takes longer than all samples of a pixel
         pixels = job.settings.width * job.settings.height
@@ -182,66 +199,66 @@ class Progressive:
             return [each for each in steps if each > 1]
         return [*steps, 1] if steps[-1] > 1 else steps
 
-    def _preview(self, job: RenderJob, shot: Shot, step: int, should_stop: Callable[[], bool]) -> None:
-        """A picture of fewer pixels. The first is made whatever comes, so that a moving camera shows something."""
-        first = shot.preview is None
+    def _preview(self, job: RenderJob, state: ImageState, step: int, should_stop: Callable[[], bool]) -> None:
+        """Render a preview. The first of an image is not stopped, so that a moving camera shows something."""
+        first = state.preview is None
         begin = time.perf_counter()
-        stopped = _Asked(should_stop)
+        stopped = _StopRequest(should_stop)
         small = _smaller(job, step, 1)
         film = self._session.refine(small, should_stop=None if first else stopped)
         if self.wanted and not stopped.yes:
             layers = self._session.layers(_smaller(job, step, 1, tuple(sorted(self.wanted))))
-            shot.layers |= {name: layer for name, layer in layers.items() if not self._is_whole(shot, name)}
+            state.layers |= {name: layer for name, layer in layers.items() if not state.is_whole(name)}
         seconds = time.perf_counter() - begin
         if stopped.yes:
             return
         self._steps.pop(0)
-        shot.preview = film.mean()
-        shot.changes += 1
+        state.preview = film.mean()
+        self._publish(state)
         pixels = small.settings.width * small.settings.height
         if self._warm and pixels >= 4096:
             self._rate = pixels / seconds
         self._warm = True
-        self._changed()
 
-    def _layers(self, job: RenderJob, shot: Shot, names: list[str], should_stop: Callable[[], bool]) -> None:
-        stopped = _Asked(should_stop)
+    def _layers(self, job: RenderJob, state: ImageState, names: list[str], should_stop: Callable[[], bool]) -> None:
+        stopped = _StopRequest(should_stop)
         layers = self._session.layers(_smaller(job, 1, _LAYER_SAMPLES, tuple(names)), stopped)
         if not stopped.yes:
-            shot.layers |= layers
-            shot.changes += 1
-            self._changed()
+            state.layers |= layers
+            self._publish(state)
 
-    def _refine(self, job: RenderJob, shot: Shot, should_stop: Callable[[], bool]) -> None:
-        """Take samples until somebody wants something else, or all are there."""
+    def _refine(self, job: RenderJob, state: ImageState, should_stop: Callable[[], bool]) -> None:
+        """Take samples until all are taken, or it is to stop."""
         before, seen = self.seconds, 0
 
         def advance(progress: Progress) -> None:
             nonlocal seen
-            shot.film = progress.film  # type: ignore[assignment]  # of `Session.refine` it is a `RunningFilm`
+            state.film = progress.film  # type: ignore[assignment]  # of `Session.refine` it is a `RunningFilm`
             self.seconds = before + progress.seconds
-            if shot.film is not None and shot.film.changes != seen:
-                seen = shot.film.changes
-                shot.changes += 1
-                self._changed()
+            if state.film is not None and state.film.changes != seen:
+                seen = state.film.changes
+                self._publish(state)
             self._advanced(progress)
 
-        stopped = _Asked(should_stop)
-        film = self._session.refine(job, shot.film, on_progress=advance, should_stop=stopped)
+        stopped = _StopRequest(should_stop)
+        film = self._session.refine(job, state.film, on_progress=advance, should_stop=stopped)
         if film.changes:
-            shot.film = film
+            state.film = film
         if not stopped.yes and (job.settings.error is not None or film.ledger.holds(0, job.settings.spp)):
-            shot.sha256, shot.still = image_sha256(film.mean()), True
-        # Last: a frame that is made meanwhile has the number before, and so is not taken for the finished image.
-        shot.changes += 1
+            state.sha256, state.idle = image_sha256(film.mean()), True
+        self._publish(state)
+
+    def _publish(self, state: ImageState) -> None:
+        """Publish the image state, after all its fields are set.
+
+        A frame is cached under the number of changes until there is a higher one, so it must hold all that is new.
+        """
+        state.changes += 1
         self._changed()
 
-    def _is_whole(self, shot: Shot, name: str) -> bool:
-        return name in shot.layers and shot.layers[name].shape[:2] == (shot.height, shot.width)
 
-
-class _Asked:
-    """A question whether to stop that remembers a yes."""
+class _StopRequest:
+    """Asks whether to stop, and remembers a yes."""
 
     def __init__(self, ask: Callable[[], bool]) -> None:
         self._ask = ask

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import importlib.resources
 import secrets
 import socket
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any, Final
 
 from clrender.errors import ClrenderError, UsageError
+from clrender.rendered_image import RenderedImage
+from clrender.view.edited_scene import camera_toml
 from clrender.view.engine import Engine
 from clrender.view.guard import CONTENT_POLICY, Guard
 from clrender.view.messages import MESSAGE_BYTES
-from clrender.view.subject import camera_toml
 
 try:
     import uvicorn
@@ -28,8 +27,9 @@ try:
     from starlette.responses import PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
-    from starlette.websockets import WebSocket, WebSocketDisconnect
     from uvicorn.protocols.http.h11_impl import H11Protocol
+
+    from clrender.view.page_socket import serve_page
 except ImportError as missing:
     raise UsageError(
         f"the live view needs {missing.name or 'a web server'}, which is not installed; pip install 'clrender[view]'"
@@ -38,11 +38,11 @@ except ImportError as missing:
 __all__ = ["listen", "serve"]
 
 _MOST_CONNECTIONS: Final = 128
-"""At the same time, whatever they ask; more are hung up on."""
+"""Open at the same time; a new one beyond them is closed at once."""
 _GOODBYE_SECONDS: Final = 2.0
-"""For what is still to be sent at the end."""
+"""To send what is queued at the end."""
 _SILENT_SECONDS: Final = 10.0
-"""How long a connection may stay open without having asked anything."""
+"""A connection without a request is closed after so long."""
 _TYPES: Final = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -63,38 +63,38 @@ _DOWNLOADS: Final = {"image.png": "image/png", "image.exr": "image/x-exr", "imag
 
 
 class _Connection(H11Protocol):
-    """A connection that is one of not too many, and that asks something soon."""
+    """An HTTP connection with limits: on how many there are, and on the time until its first request."""
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
         if len(self.connections) > _MOST_CONNECTIONS:
             transport.abort()
         else:
-            self.loop.call_later(_SILENT_SECONDS, self._hang_up_on_silence)
+            self.loop.call_later(_SILENT_SECONDS, self._close_if_silent)
 
-    def _hang_up_on_silence(self) -> None:
+    def _close_if_silent(self) -> None:
         if self.cycle is None and not self.transport.is_closing() and self in self.connections:
             self.transport.abort()
 
 
 class _Server(uvicorn.Server):
-    """Says goodbye before it hangs up."""
+    """A server that sends viewers the end of the view before it closes their sockets."""
 
     def __init__(self, config: uvicorn.Config, engine: Engine) -> None:
         super().__init__(config)
         self._engine = engine
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._engine.say_goodbye()
+        self._engine.send_goodbye()
         end = time.monotonic() + _GOODBYE_SECONDS
-        while not self._engine.told and time.monotonic() < end:
+        while not self._engine.drained and time.monotonic() < end:
             await asyncio.sleep(0.02)
-        await asyncio.sleep(0.05)  # what was taken goes out
+        await asyncio.sleep(0.05)  # for the sockets to send what was taken
         await super().shutdown(sockets)
 
 
 class _Guarded:
-    """Answers only those whom the guard lets pass, and adds what browsers are to keep to."""
+    """ASGI middleware: refuses what the guard does not allow, and adds the security headers."""
 
     def __init__(self, app: ASGIApp, guard: Guard) -> None:
         self._app, self._guard = app, guard
@@ -126,7 +126,7 @@ class _Guarded:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that a server can use.
+    """Open a listening socket.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def serve(
         Route("/", _page),
         Route("/page/{name}", _page_file),
         Route("/download/{name}", _download),
-        WebSocketRoute("/socket", _socket),
+        WebSocketRoute("/socket", serve_page),
     ]
     app = Starlette(routes=routes)
     app.state.engine = engine
@@ -223,14 +223,22 @@ async def _download(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     name = request.path_params["name"]
     if name == "camera.toml":
-        return Response(camera_toml(engine.subject.camera), media_type="application/toml", headers=_as_file(name))
+        return Response(camera_toml(engine.edited_scene.camera), media_type="application/toml", headers=_as_file(name))
     if name not in _DOWNLOADS:
         return PlainTextResponse("404: there is no such file\n", 404)
     try:
         exposure = float(request.query_params.get("exposure", "0"))
-        data = await asyncio.to_thread(_saved, engine, name, request.query_params.get("tone_map", "srgb"), exposure)
-    except (ClrenderError, ValueError, CancelledError) as error:
+        # Awaited here: threads that wait for the renderer would be missing where frames are made for viewers.
+        image = await asyncio.wrap_future(engine.image())
+        if image is None:
+            raise UsageError("there is no sample yet, and so nothing to save")
+        data = await asyncio.to_thread(_saved, image, name, request.query_params.get("tone_map", "srgb"), exposure)
+    except (ClrenderError, ValueError) as error:
         return PlainTextResponse(f"400: {error}\n", 400)
+    except asyncio.CancelledError:
+        if not engine.ended:
+            raise
+        return PlainTextResponse("400: the view has ended\n", 400)
     return Response(data, media_type=_DOWNLOADS[name], headers=_as_file(name))
 
 
@@ -238,57 +246,9 @@ def _as_file(name: str) -> dict[str, str]:
     return {"content-disposition": f'attachment; filename="{name}"'}
 
 
-def _saved(engine: Engine, name: str, tone_map: str, exposure: float) -> bytes:
-    """The image so far as a file, by way of a folder that is gone afterwards."""
-    image = engine.image().result()
-    if image is None:
-        raise UsageError("there is no sample yet, and so nothing to save")
+def _saved(image: RenderedImage, name: str, tone_map: str, exposure: float) -> bytes:
+    """The bytes of an image file, written to a temporary folder."""
     with tempfile.TemporaryDirectory(prefix="clrender-view-") as folder:
         path = Path(folder) / name
         image.save(path, tone_map, exposure)
         return path.read_bytes()
-
-
-async def _socket(page: WebSocket) -> None:
-    """A page's socket: what comes in goes to its viewer, what the viewer has goes out."""
-    engine: Engine = page.app.state.engine
-    loop, awake = asyncio.get_running_loop(), asyncio.Event()
-
-    def wake() -> None:
-        with contextlib.suppress(RuntimeError):  # the loop has ended
-            loop.call_soon_threadsafe(awake.set)
-
-    await page.accept()
-    try:
-        viewer = engine.connect(wake)
-    except UsageError as error:
-        await page.close(1013, str(error))
-        return
-
-    async def send() -> None:
-        while True:
-            awake.clear()
-            while (item := await asyncio.to_thread(viewer.take)) is not None:
-                await (page.send_text(item) if isinstance(item, str) else page.send_bytes(item))
-            if viewer.closed is not None:
-                await page.close(1008, viewer.closed[:100])
-                return
-            await awake.wait()
-
-    sending = asyncio.create_task(send())
-    try:
-        while not sending.done():
-            message = await page.receive()
-            if message["type"] == "websocket.disconnect":
-                break
-            if message.get("text") is None:
-                await page.close(1003, "messages are texts")
-                break
-            viewer.receive(message["text"])
-    except (WebSocketDisconnect, RuntimeError):  # the latter: it was closed from this side meanwhile
-        pass
-    finally:
-        viewer.close()
-        sending.cancel()
-        with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
-            await sending

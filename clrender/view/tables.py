@@ -1,4 +1,4 @@
-"""What a page is told of the table of settings, the layers, the devices and the scene, as JSON-able values."""
+"""Contents of messages to the page: settings, layers, devices, scene and state, as JSON-able values."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from clrender.image.tone_map import TONE_MAPS
 from clrender.integrators import INTEGRATORS
 from clrender.settings import IMAGE, SETTINGS
 from clrender.version import __version__
+from clrender.view.edited_scene import NOT_LIVE, EditedScene, camera_toml
 from clrender.view.frames import LAYERS
 from clrender.view.messages import MESSAGE_BYTES, PROTOCOL
 from clrender.view.parameters import parameters
-from clrender.view.subject import NOT_LIVE, Subject, camera_toml
 
 __all__ = ["MOST_MATERIALS", "devices", "hello", "scene", "state"]
 
 MOST_MATERIALS: Final = 500
-"""Materials that are listed; any other is told when a pixel of it is probed."""
+"""Materials that are listed; a probe of a pixel has any other."""
 
 
 def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, Any]:
@@ -85,9 +85,9 @@ def devices() -> list[dict[str, Any]]:
     return [{key: each[key] for key in keys} for each in found if each["probe"] == "ok"]
 
 
-def scene(subject: Subject) -> dict[str, Any]:
+def scene(edited: EditedScene) -> dict[str, Any]:
     """What is in a scene, with the materials as they are now."""
-    now = subject.checked.scene
+    now = edited.checked.scene
     listed = list(now.materials.items())[:MOST_MATERIALS]
     return {
         "title": now.title,
@@ -99,19 +99,19 @@ def scene(subject: Subject) -> dict[str, Any]:
     }
 
 
-def state(subject: Subject) -> dict[str, Any]:
+def state(edited: EditedScene) -> dict[str, Any]:
     """Camera and settings as they are now."""
-    settings = subject.checked.settings
+    settings = edited.checked.settings
     return {
         "width": settings.width,
         "height": settings.height,
-        "camera": subject.camera.model_dump(mode="json"),
-        "camera_toml": camera_toml(subject.camera),
-        "camera_stops": photographic_stops(**(subject.camera.exposure or {})),
+        "camera": edited.camera.model_dump(mode="json"),
+        "camera_toml": camera_toml(edited.camera),
+        "camera_stops": photographic_stops(**(edited.camera.exposure or {})),
         "settings": {name: getattr(settings, name) for name in SETTINGS if name not in NOT_LIVE},
         "changed": [
-            *(["camera"] if subject.camera != subject.scene.camera else []),
-            *sorted(subject.settings),
-            *(f"materials.{name}" for name in sorted(subject.materials)),
+            *(["camera"] if edited.camera != edited.scene.camera else []),
+            *sorted(edited.settings),
+            *(f"materials.{name}" for name in sorted(edited.materials)),
         ],
     }

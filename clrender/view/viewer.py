@@ -1,4 +1,4 @@
-"""One page or widget that looks on: what it is still to be sent, and no more of it than it takes."""
+"""One connected page or widget: its queue of messages, and the flow control of its frames."""
 
 from __future__ import annotations
 
@@ -15,35 +15,38 @@ from clrender.view.messages import Ack, Message, Show, parse
 
 if TYPE_CHECKING:
     from clrender.view.engine import Engine
-    from clrender.view.frames import Shot
+    from clrender.view.image_state import ImageState
 
 __all__ = ["Viewer"]
 
 _MOST_REPLIES: Final = 256
-"""Replies that may wait; who does not take them is not listened to any more."""
+"""Replies that may wait; a viewer that does not take them is closed."""
 _MOST_MALFORMED: Final = 100
 
 
 @dataclass(eq=False)
-class _Shown:
-    """A layer that is shown.
+class _LayerStream:
+    """The frames of one layer that a viewer shows: one at a time is under way.
 
     Attributes
     ----------
     layer : str
-    seen : (int, int)
+    sent : (int, int)
         Revision and changes of the newest frame that was sent.
-    under_way : int or None
+    unacknowledged : int or None
         Number of a frame that is not acknowledged yet.
     """
 
     layer: str
-    seen: tuple[int, int] = (-1, -1)
-    under_way: int | None = None
+    sent: tuple[int, int] = (-1, -1)
+    unacknowledged: int | None = None
 
 
 class Viewer:
-    """What a transport talks to; made by `Engine.connect`. All may be called in any thread.
+    """A client of the engine; made by `Engine.connect`, and driven by a transport.
+
+    The transport calls `receive`, `take` and `close`. The render thread queues messages with `send`, `reply` and
+    `refuse`. Methods may be called in any thread, `take` in one at a time.
 
     Parameters
     ----------
@@ -52,26 +55,34 @@ class Viewer:
         Of the viewer.
     wake : callable
         Called, in any thread, when there may be something to `take`.
+
+    Attributes
+    ----------
+    closed : str or None
+        Why the transport is to close the connection; None: it is open.
+    camera_id : int, str or None
+        The `id` of its newest camera message that was followed; set by the render thread.
     """
 
     def __init__(self, engine: Engine, number: int, wake: Callable[[], None]) -> None:
         self.number = number
         self.closed: str | None = None
+        self.camera_id: int | str | None = None
         self._engine, self._wake = engine, wake
         self._lock = threading.Lock()
         self._replies: deque[str] = deque()
         self._newest: dict[str, str] = {}
-        self._shown = [_Shown("image")]
-        self._half, self._most = True, 2048
+        self._streams = [_LayerStream("image")]
+        self._half, self._max_side = True, 2048
         self._frames = self._malformed = 0
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """Names of what it shows."""
-        return tuple(shown.layer for shown in self._shown)
+        """Names of the layers that it shows."""
+        return tuple(stream.layer for stream in self._streams)
 
     def receive(self, text: str | bytes) -> None:
-        """Take in a message of the page; what is wrong with it is replied, and never raised."""
+        """Handle a message of the page. An error is sent as a reply, and never raised."""
         message = None
         try:
             if not isinstance(text, str):
@@ -81,7 +92,7 @@ class Viewer:
                 self._acknowledge(message.frame)
             elif isinstance(message, Show):
                 self._show(message)
-                self._engine.nudge()
+                self._engine.wake_renderer()
             else:
                 self._engine.post(self, message)
         except ClrenderError as error:
@@ -91,36 +102,36 @@ class Viewer:
             self.refuse(message, str(error))
 
     def take(self) -> str | bytes | None:
-        """What is to be sent next, if there is anything; a frame is made here, which takes some milliseconds.
+        """The next message or frame to send, or None.
 
-        One thread at a time.
+        A frame is made here, which takes some milliseconds. One thread at a time may call.
         """
         with self._lock:
             for kind in list(self._newest):
                 return self._newest.pop(kind)
             if self._replies:
                 return self._replies.popleft()
-            wanted = [shown for shown in self._shown if shown.under_way is None]
-        shot = self._engine.shot
-        return None if shot is None else self._frame(shot, wanted)
+            wanted = [stream for stream in self._streams if stream.unacknowledged is None]
+        state = self._engine.image_state
+        return None if state is None else self._frame(state, wanted)
 
     @property
-    def told(self) -> bool:
-        """Whether all that it is told has been taken."""
+    def drained(self) -> bool:
+        """Whether no message is left to take."""
         with self._lock:
             return not self._replies and not self._newest
 
     def close(self) -> None:
-        """It looks on no more."""
+        """Disconnect, from the transport's side."""
         self._engine.disconnect(self)
 
     def end(self, reason: str) -> None:
-        """Close it from the engine's side: the transport is to hang up."""
+        """Disconnect, from the engine's side: the transport is to close the connection."""
         self.closed = self.closed or reason
         self._wake()
 
-    def tell(self, kind: str, content: Mapping[str, Any], *, newest: bool = True) -> None:
-        """Have a message sent.
+    def send(self, kind: str, content: Mapping[str, Any], *, newest: bool = True) -> None:
+        """Queue a message.
 
         Parameters
         ----------
@@ -129,7 +140,7 @@ class Viewer:
         content : mapping
             JSON-able.
         newest : bool
-            Whether it takes the place of one of its type that was not taken yet.
+            Whether it replaces one of its type that was not taken yet.
         """
         text = json.dumps({"type": kind, **content}, separators=(",", ":"))
         with self._lock:
@@ -142,24 +153,24 @@ class Viewer:
         self._wake()
 
     def reply(self, kind: str, message: Message | None, content: Mapping[str, Any]) -> None:
-        """Answer a message; the answer has its `id`."""
+        """Queue the reply to a message, with its `id`."""
         number = None if message is None else message.id
-        self.tell(kind, content if number is None else {**content, "id": number}, newest=False)
+        self.send(kind, content if number is None else {**content, "id": number}, newest=False)
 
     def refuse(self, message: Message | None, why: str) -> None:
-        """Say that a message was not followed, and why."""
+        """Queue the reply that a message was refused, and why."""
         self.reply("refused", message, {"to": getattr(message, "type", None), "message": why})
 
-    def notice_frame(self) -> None:
-        """There may be a newer frame."""
-        if any(shown.under_way is None for shown in self._shown):
+    def frame_available(self) -> None:
+        """Wake the transport, unless all its frames are unacknowledged: there may be a newer one."""
+        if any(stream.unacknowledged is None for stream in self._streams):
             self._wake()
 
     def _acknowledge(self, frame: int) -> None:
         with self._lock:
-            for shown in self._shown:
-                if shown.under_way == frame:
-                    shown.under_way = None
+            for stream in self._streams:
+                if stream.unacknowledged == frame:
+                    stream.unacknowledged = None
         self._wake()
 
     def _show(self, message: Show) -> None:
@@ -167,24 +178,23 @@ class Viewer:
             if layer not in LAYERS:
                 raise UsageError(f"there is no layer {layer[:40]!r}; there are {', '.join(LAYERS)}")
         with self._lock:
-            before = {shown.layer: shown for shown in self._shown}
-            same = (self._half, self._most) == (message.format == "float16", message.max_side)
+            before = {stream.layer: stream for stream in self._streams}
+            same = (self._half, self._max_side) == (message.format == "float16", message.max_side)
             names = tuple(dict.fromkeys(message.layers))
-            self._shown = [before[name] if same and name in before else _Shown(name) for name in names]
-            self._half, self._most = message.format == "float16", message.max_side
+            self._streams = [before[name] if same and name in before else _LayerStream(name) for name in names]
+            self._half, self._max_side = message.format == "float16", message.max_side
         self._wake()
 
-    def _frame(self, shot: Shot, wanted: list[_Shown]) -> bytes | None:
-        """The newest frame of one of these layers; nobody waits for the lock while it is made."""
-        for shown in wanted:
-            frame = self._engine.frames.newest(shot, shown.layer, self._most, shown.seen)
+    def _frame(self, state: ImageState, wanted: list[_LayerStream]) -> bytes | None:
+        """The newest frame of one of these layers; the lock is not held while it is made."""
+        for stream in wanted:
+            frame = self._engine.frames.newest(state, stream.layer, self._max_side, stream.sent)
             if frame is None:
                 continue
             with self._lock:
                 self._frames += 1
-                shown.seen, shown.under_way = (shot.revision, frame.changes), self._frames
-                if shown in self._shown:  # its turn comes last next time
-                    self._shown.remove(shown)
-                    self._shown.append(shown)
-            return encode(frame, self._frames, self._half, shot.moves.get(self.number))
+                stream.sent, stream.unacknowledged = (state.revision, frame.changes), self._frames
+                if stream in self._streams:  # its turn comes last next time; another list, as others may read this one
+                    self._streams = [*(each for each in self._streams if each is not stream), stream]
+            return encode(frame, self._frames, self._half, state.camera_ids.get(self.number))
         return None

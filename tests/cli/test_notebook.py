@@ -262,7 +262,7 @@ def test_the_example_of_the_documentation_runs(execute: Callable[..., Any], monk
 def test_a_view_that_no_output_shows_any_more_ends(execute: Callable[..., Any]) -> None:
     async def talk(kernel: Kernel) -> None:
         model = kernel.client.nb.cells[1].outputs[0].data[WIDGET]["model_id"]
-        await kernel.run("clrender.view.notebook._ALONE_SECONDS = 0.3")
+        await kernel.run("clrender.view.notebook._UNWATCHED_SECONDS = 0.3")
         for name in ("first", "second"):
             kernel.say(model, {"display": name})
             await kernel.received(model, name, lambda m: m.kind == "hello")

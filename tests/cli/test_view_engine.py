@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,29 +14,30 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from view_clients import Onlooker
+from view_clients import EngineClient
 
 import clrender
 from clrender.device import Buffer, Device
-from clrender.errors import SceneError, UsageError
+from clrender.errors import RenderError, SceneError, UsageError
 from clrender.film.film import Film
 from clrender.film.replicates import standard_error
+from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.view import Engine
-from clrender.view.audience import MOST_VIEWERS
+from clrender.view.broadcaster import MOST_VIEWERS
 
 SIZE = {"width": 96, "height": 64}
 
 
 @pytest.fixture
-def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, Onlooker]]]:
-    """Makes an engine, and who looks on; ends it after the test."""
+def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, EngineClient]]]:
+    """Opens an engine with a client; ends it after the test."""
     engines: list[Engine] = []
 
-    def open_(scene: Any = "room", **options: Any) -> tuple[Engine, Onlooker]:
+    def open_(scene: Any = "room", **options: Any) -> tuple[Engine, EngineClient]:
         description = clrender.load(scene) if isinstance(scene, (str, Path)) else scene
         engines.append(Engine(description, device=device, **{**SIZE, "spp": 4, **options}))
-        return engines[-1], Onlooker(engines[-1])
+        return engines[-1], EngineClient(engines[-1])
 
     yield open_
     for engine in engines:
@@ -82,7 +85,7 @@ def test_it_is_so_after_a_camera_that_moved_and_a_render_that_stopped_and_went_o
         page.say("run", run=False)
         page.say("probe", id=stop, x=0, y=0)
         page.until_kind("probe", id=stop)  # by then it has stopped
-    spp = int(engine.shot.film.ledger.taken().max()) + 3
+    spp = int(engine.image_state.film.ledger.taken().max()) + 3
     page.say("set", settings={"spp": spp})
     page.say("run", run=True)
     scene = clrender.load("room")
@@ -96,8 +99,8 @@ def test_more_samples_are_added_to_those_that_are_there(
     taken: list[int] = []
     commit = Film.commit
 
-    def counted(film: Film, unit: Any, result: Any) -> int:
-        taken.append(commit(film, unit, result))
+    def counted(film: Film, unit: Any, result: Any, part: Film | None = None) -> int:
+        taken.append(commit(film, unit, result, part))
         return taken[-1]
 
     engine, page = opened(spp=4)
@@ -108,10 +111,10 @@ def test_more_samples_are_added_to_those_that_are_there(
     assert sum(taken) == 5 * 96 * 64  # those that were there are not taken again
     monkeypatch.undo()
     assert digest == rendered(device, spp=9)
-    revision = engine.shot.revision
+    revision = engine.image_state.revision
     page.say("set", settings={"spp": 4})  # fewer than there are: anew
     assert page.until_done() == rendered(device)
-    assert engine.shot.revision == revision + 1
+    assert engine.image_state.revision == revision + 1
 
 
 def test_who_looks_just_before_the_end_sees_the_end_too(
@@ -124,8 +127,8 @@ def test_who_looks_just_before_the_end_sees_the_end_too(
     def hashed(linear: Any) -> str:
         is_open.wait()
         frame = None
-        while frame is None or frame.changes != engine.shot.changes:  # it may not be time for another yet
-            frame = engine.frames.newest(engine.shot, "image", 2048, (-1, -1))
+        while frame is None or frame.changes != engine.image_state.changes:  # it may not be time for another yet
+            frame = engine.frames.newest(engine.image_state, "image", 2048, (-1, -1))
         early.append(frame.final)
         return image_sha256(linear)
 
@@ -161,7 +164,7 @@ def test_a_camera_that_moves_uploads_nothing_else_and_compiles_nothing(
     for number in range(5):
         page.say("camera", id=number, camera={"position": [0.1 * number, 2.0, 5.0]})
         page.until(lambda m, wanted=number: m.kind == "frame" and m.content["answers"] == wanted and m.content["final"])
-    assert engine.shot.revision > 5
+    assert engine.image_state.revision > 5
     assert device.builds == builds
     assert not uploads
     assert writes
@@ -207,7 +210,7 @@ def test_a_pixel_is_told_as_it_is_in_the_film(opened: Callable[..., Any], device
         assert 0.0 < told["focus_distance"] <= told["depth"] * 1.001
     page.say("probe", x=96, y=0)
     assert "no pixel" in page.until_kind("refused", to="probe").content["message"]
-    assert engine.shot.sha256
+    assert engine.image_state.sha256
 
 
 def test_every_layer_is_shown(opened: Callable[..., Any], device: Device) -> None:
@@ -268,7 +271,7 @@ def test_a_scene_file_that_changes_is_read_again_and_a_broken_one_is_told(
     assert told["problem"]["where"] == "scene"
     assert "line" in told["problem"]["message"]
     assert told["status"] == "done"  # the last good image stays
-    assert engine.shot.film is not None
+    assert engine.image_state.film is not None
     other = text.replace("[0.63, 0.065, 0.05]", "[0.05, 0.065, 0.63]")
     path.write_text(other)
     digest = page.until_done()
@@ -316,7 +319,7 @@ def test_who_takes_nothing_slows_nobody(opened: Callable[..., Any]) -> None:
 
 def test_there_are_not_too_many_viewers(opened: Callable[..., Any]) -> None:
     engine, page = opened()
-    more = [Onlooker(engine) for _ in range(MOST_VIEWERS - 1)]
+    more = [EngineClient(engine) for _ in range(MOST_VIEWERS - 1)]
     with pytest.raises(UsageError, match="viewers"):
         engine.connect(lambda: None)
     more[0].viewer.close()
@@ -356,6 +359,153 @@ def test_a_failing_device_is_told_and_the_view_goes_on(
         assert told["problem"] == {"where": "render", "message": "made up"}
     page.say("reset", what="settings")
     assert page.until_done() == digest
+
+
+def test_what_was_finished_before_a_failure_can_be_saved(
+    opened: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refine = clrender.Session.refine
+
+    def failing(session: Any, job: Any, film: Any = None, *, on_progress: Any = None, **how: Any) -> Any:
+        def advance(progress: Any) -> None:
+            on_progress(progress)
+            if progress.film.changes:
+                raise RenderError("made up")
+
+        return refine(session, job, film, on_progress=on_progress and advance, **how)
+
+    monkeypatch.setattr(clrender.Session, "refine", failing)
+    path = tmp_path / "a.film"
+    _, page = opened(outputs=[path], spp=2**12)
+    page.until_kind("state", status="failed")
+    page.say("save", name=str(path))
+    assert page.until_kind("saved").content["bytes"] == path.stat().st_size
+    assert 0 < Film.load(path).ledger.samples < 2**12 * 96 * 64
+
+
+def test_an_image_that_is_handed_out_stays_as_its_numbers_say(opened: Callable[..., Any]) -> None:
+    engine, page = opened(spp=2**16)
+    page.until(lambda m: m.kind == "frame" and m.content["samples"] > 0)
+    image = engine.image().result(60)
+    page.until(lambda m: m.kind == "frame" and m.content["samples"] * 96 * 64 > image.stats["samples"])
+    assert image.film.ledger.samples == image.stats["samples"]
+    assert image_sha256(image.film.mean()) == image.stats["image_sha256"]
+
+
+def test_a_finished_image_that_gets_more_samples_is_final_no_more(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, page = opened()
+    page.until_done()
+    waits, goes_on = threading.Event(), threading.Event()
+    refine = clrender.Session.refine
+
+    def waiting(*arguments: Any, **how: Any) -> Any:
+        waits.set()
+        goes_on.wait()
+        return refine(*arguments, **how)
+
+    monkeypatch.setattr(clrender.Session, "refine", waiting)
+    page.say("set", settings={"spp": 9})
+    assert waits.wait(60)
+    try:
+        assert not EngineClient(engine).until_kind("frame").content["final"]
+    finally:
+        goes_on.set()
+    assert page.until_done()
+
+
+def test_nothing_is_kept_of_earlier_images_and_of_viewers_that_are_gone(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, page = opened(replicate_spp=1)
+    page.until_done()
+    page.say("probe", id=1, x=3, y=3)
+    page.until_kind("probe", id=1)
+    page.say("show", layers=["depth"])
+    page.until(lambda m: m.kind == "frame" and m.content["layer"] == "depth")
+    film = weakref.ref(engine.image_state.film)
+    page.say("show", layers=["image"])
+    other = EngineClient(engine)
+    waits, goes_on = threading.Event(), threading.Event()
+
+    def waiting() -> None:
+        waits.set()
+        goes_on.wait()
+
+    engine._inbox.call(waiting)
+    assert waits.wait(60)
+    other.say("camera", id="other", camera={"position": [0.1, 2.0, 5.0]})
+    other.viewer.close()  # before what it said is followed
+    goes_on.set()
+    page.say("camera", id=2, camera={"position": [0.2, 2.0, 5.0]})
+    page.until(lambda m: m.kind == "frame" and m.content["answers"] == 2)
+    gc.collect()
+    assert film() is None
+    assert engine.image_state.camera_ids == {page.viewer.number: 2}
+
+
+def test_a_broken_scene_file_neither_hides_a_failure_nor_costs_samples(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, page = opened()
+    page.until_done()
+    revision = engine.image_state.revision
+    engine._inbox.call(lambda: engine._problems.add("scene", "made up"))
+    page.say("set", settings={"spp": 9})
+    page.until_done()
+    assert engine.image_state.revision == revision
+
+    def failing(*_: Any, **__: Any) -> Any:
+        raise RenderError("no more")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(clrender.Session, "refine", failing)
+        page.say("restart")
+        page.until_kind("state", status="failed")
+        engine._inbox.call(lambda: engine._problems.add("scene", "made up again"))
+        told = page.until(lambda m: m.kind == "state" and "again" in m.content["problem"]["message"]).content
+        assert told["status"] == "failed"
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_viewers_hear_of_a_renderer_that_dies(opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    engine, page = opened()
+    page.until_done()
+
+    def failing(*_: Any) -> Any:
+        raise RuntimeError("made up")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("clrender.view.tables.state", failing)
+        page.say("restart")
+        assert "made up" in page.until_kind("bye").content["reason"]
+    assert "made up" in engine.problem
+    assert engine.ended
+
+
+def test_a_view_that_ends_before_its_first_picture_looks_for_no_devices(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[int] = []
+
+    def devices() -> list[Any]:
+        looked.append(1)
+        return []
+
+    def slow(*_: Any, **__: Any) -> RunningFilm:
+        time.sleep(1.0)
+        return RunningFilm(96, 64)
+
+    monkeypatch.setattr("clrender.view.tables.devices", devices)
+    monkeypatch.setattr(clrender.Session, "refine", slow)
+    before = set(threading.enumerate())
+    engine, _ = opened()
+    started = set(threading.enumerate()) - before
+    engine.close()
+    for thread in started:
+        thread.join(30)
+    assert not looked
 
 
 def test_another_device_gives_the_same_image(opened: Callable[..., Any]) -> None:

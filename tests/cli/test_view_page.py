@@ -313,6 +313,22 @@ def test_a_changed_scene_file_is_read_again_and_a_broken_one_told_of(browser: An
         assert (_image(view) == before).all()
 
 
+def test_the_reply_of_a_probe_is_not_lost_among_cameras(browser: Any, server: Server) -> None:
+    """Cameras have no reply; those of a drag must not push out the question that has one."""
+    with view_of(browser, server, "hub") as view:
+        answered = view.run("""
+            const { createHub } = await import('/page/hub.js');
+            const transport = { send: () => {} };
+            const hub = createHub(transport);
+            let answered = 0;
+            const id = hub.send({ type: 'probe', x: 0, y: 0 }, () => (answered += 1));
+            for (let i = 0; i < 200; i += 1) hub.send({ type: 'camera', camera: {} }, () => false);
+            transport.onmessage(JSON.stringify({ type: 'probe', id }));
+            return answered;
+        """)
+        assert answered == 1
+
+
 def test_a_slow_browser_slows_nobody(browser: Any, server: Server) -> None:
     with view_of(browser, server, "fast") as fast, view_of(browser, server, "slow") as slow:
         slow.wait("view.picture.frame() !== undefined")

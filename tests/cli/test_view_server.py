@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import re
@@ -10,8 +11,10 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -22,8 +25,10 @@ from websockets.sync.client import connect
 
 import clrender
 from clrender.film import Film
-from clrender.view.audience import MOST_VIEWERS
+from clrender.view import server as view_server
+from clrender.view.broadcaster import MOST_VIEWERS
 from clrender.view.messages import MESSAGE_BYTES
+from clrender.view.page_socket import serve_page
 
 ARGUMENTS = ("room", "--size", "96x64", "--spp", "8", "-d", "cpu")
 
@@ -352,3 +357,59 @@ def test_a_page_that_comes_later_is_told_all(server: Server) -> None:
         assert page.until_kind("scene").content["materials"]
         assert answers(page.until_kind("state").content)
         assert page.until_kind("frame").content["final"]
+
+
+# --- without a process of its own ---
+
+
+def test_downloads_that_wait_take_no_thread_from_viewers() -> None:
+    """A download waits for the renderer, which may take a minute; frames are made in the loop's threads meanwhile."""
+    pending: list[Future[Any]] = []
+
+    class Busy:
+        ended = False
+
+        def image(self) -> Future[Any]:
+            pending.append(Future())
+            return pending[-1]
+
+    async def ask() -> list[int]:
+        app = SimpleNamespace(state=SimpleNamespace(engine=Busy()))
+        request: Any = SimpleNamespace(app=app, path_params={"name": "image.png"}, query_params={})
+        downloads = [asyncio.create_task(view_server._download(request)) for _ in range(64)]
+        while len(pending) < len(downloads):
+            await asyncio.sleep(0.01)
+        try:
+            await asyncio.wait_for(asyncio.to_thread(lambda: None), 20.0)
+        finally:
+            for each in pending:
+                each.set_result(None)
+        return [(await download).status_code for download in downloads]
+
+    assert asyncio.run(ask()) == [400] * 64
+
+
+def test_a_socket_whose_viewer_fails_is_hung_up_on() -> None:
+    """A page that only looks says nothing: its socket must not wait for a message before it ends."""
+    left: list[str] = []
+
+    def take() -> str:
+        raise ValueError("made up")
+
+    async def never() -> dict[str, Any]:
+        await asyncio.Event().wait()
+        return {}
+
+    async def accept() -> None:
+        pass
+
+    viewer = SimpleNamespace(take=take, closed=None, close=lambda: left.append("viewer"))
+    app = SimpleNamespace(state=SimpleNamespace(engine=SimpleNamespace(connect=lambda wake: viewer)))
+    page: Any = SimpleNamespace(app=app, accept=accept, receive=never)
+
+    async def talk() -> None:
+        await asyncio.wait_for(serve_page(page), 20.0)
+
+    with pytest.raises(ValueError, match="made up"):
+        asyncio.run(talk())
+    assert left == ["viewer"]

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import pytest
-from view_clients import Onlooker, Received
+from view_clients import EngineClient, Received
 
 import clrender
 from clrender.device import Device
@@ -41,7 +41,7 @@ def test_ten_minutes_of_a_moving_camera_grow_by_less_than_two_per_cent(device: D
     def answers(message: Received) -> bool:
         return message.kind == "frame" and bool(message.content["answers"] == number)
 
-    def look_around(page: Onlooker, moves: int) -> None:
+    def look_around(page: EngineClient, moves: int) -> None:
         nonlocal number
         for _ in range(moves):
             number += 1
@@ -50,10 +50,10 @@ def test_ten_minutes_of_a_moving_camera_grow_by_less_than_two_per_cent(device: D
             page.until(answers)
 
     with Engine(clrender.load("room"), device=device, width=320, height=180, spp=256) as engine:
-        first = Onlooker(engine)
+        first = EngineClient(engine)
         begin, rounds = time.monotonic(), 0
         while time.monotonic() - begin < SECONDS or len(grown) < 8:
-            other = Onlooker(engine)
+            other = EngineClient(engine)
             other.say("show", layers=["normal", "image"], format="float32")
             look_around(first, 40)
             other.until_kind("frame", layer="normal")

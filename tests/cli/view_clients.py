@@ -1,4 +1,4 @@
-"""Who looks on at a view in tests: a viewer of an engine without a transport, and a page without a screen."""
+"""Clients of a view in tests: a viewer of an engine without a transport, and a page without a screen."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from websockets.sync.client import ClientConnection, connect
 import clrender
 from clrender.view import Engine
 
-__all__ = ["Onlooker", "Page", "Received", "Server"]
+__all__ = ["EngineClient", "Page", "Received", "Server"]
 
 _SECONDS = 600.0
 """Longer than anything should take here, and a test that waits so long has failed."""
@@ -60,8 +60,8 @@ class Received:
         return cls("frame", header, np.frombuffer(data[start:], kind).reshape(shape).astype(np.float32))
 
 
-class _Talks:
-    """What both have: messages until one that is waited for."""
+class _Client:
+    """What both have: they receive messages until one that is waited for."""
 
     def __init__(self) -> None:
         self.newest: dict[str, Received] = {}
@@ -100,7 +100,7 @@ class _Talks:
         return str(told["sha256"])
 
 
-class Onlooker(_Talks):
+class EngineClient(_Client):
     """A viewer of an engine."""
 
     def __init__(self, engine: Engine) -> None:
@@ -121,7 +121,7 @@ class Onlooker(_Talks):
                 raise TimeoutError(f"nothing came; so far {list(self.newest)}")
 
 
-class Page(_Talks):
+class Page(_Client):
     """A page's socket."""
 
     def __init__(self, address: str, **options: Any) -> None:

@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,9 +14,10 @@ import pytest
 import clrender
 from clrender.errors import UsageError
 from clrender.view import displays as module
-from clrender.view.audience import Audience
+from clrender.view.broadcaster import Broadcaster
 from clrender.view.bundle import widget_module
 from clrender.view.displays import Displays
+from clrender.view.image_state import ImageState
 from clrender.view.viewer import Viewer
 
 
@@ -23,21 +25,21 @@ class FakeEngine:
     """Viewers alone: those of an engine, which render nothing."""
 
     def __init__(self) -> None:
-        self.audience = Audience()
-        self.audience.tell("hello", {"protocol": 1})
-        self.shot = None
+        self.broadcaster = Broadcaster()
+        self.broadcaster.send("hello", {"protocol": 1})
+        self.image_state = None
         self.posted: list[Any] = []
 
     def connect(self, wake: Callable[[], None]) -> Viewer:
-        return self.audience.join(self, wake)  # type: ignore[arg-type]
+        return self.broadcaster.connect(self, wake)  # type: ignore[arg-type]
 
     def disconnect(self, viewer: Viewer) -> None:
-        self.audience.leave(viewer)
+        self.broadcaster.disconnect(viewer)
 
     def post(self, viewer: Viewer, message: Any) -> None:
         self.posted.append(message)
 
-    def nudge(self) -> None:
+    def wake_renderer(self) -> None:
         pass
 
 
@@ -78,13 +80,13 @@ def notebook() -> Iterator[Notebook]:
 
 
 def test_each_output_is_a_viewer_of_its_own(notebook: Notebook) -> None:
-    assert notebook.displays.alone_for == 0.0
-    notebook.displays.hear({"display": "a"})
-    notebook.displays.hear({"display": "b"})
+    assert notebook.displays.unwatched_seconds == 0.0
+    notebook.displays.receive({"display": "a"})
+    notebook.displays.receive({"display": "b"})
     assert notebook.wait_kind("a", "hello") == notebook.wait_kind("b", "hello")
-    assert len(notebook.engine.audience) == 2
-    notebook.displays.hear({"display": "a", "text": '{"type": "restart"}'})
-    notebook.displays.hear({"display": "a", "text": '{"type": "nonsense", "id": 7}'})
+    assert len(notebook.engine.broadcaster) == 2
+    notebook.displays.receive({"display": "a", "text": '{"type": "restart"}'})
+    notebook.displays.receive({"display": "a", "text": '{"type": "nonsense", "id": 7}'})
     assert notebook.wait_kind("a", "refused")["to"] is None
     assert len(notebook.engine.posted) == 1
     assert len(notebook.displays) == 2
@@ -92,29 +94,29 @@ def test_each_output_is_a_viewer_of_its_own(notebook: Notebook) -> None:
 
 def test_the_last_output_that_goes_is_noticed(notebook: Notebook) -> None:
     for name in ("a", "b"):
-        notebook.displays.hear({"display": name})
-    notebook.displays.hear({"display": "a", "leaves": True})
-    assert notebook.displays.alone_for == 0.0
-    notebook.displays.hear({"display": "b", "leaves": True})
+        notebook.displays.receive({"display": name})
+    notebook.displays.receive({"display": "a", "leaves": True})
+    assert notebook.displays.unwatched_seconds == 0.0
+    notebook.displays.receive({"display": "b", "leaves": True})
     time.sleep(0.01)
-    assert notebook.displays.alone_for > 0.0
-    assert len(notebook.engine.audience) == 0
-    notebook.displays.hear({"display": "c"})
-    assert notebook.displays.alone_for == 0.0
+    assert notebook.displays.unwatched_seconds > 0.0
+    assert len(notebook.engine.broadcaster) == 0
+    notebook.displays.receive({"display": "c"})
+    assert notebook.displays.unwatched_seconds == 0.0
 
 
 def test_an_output_that_fell_silent_is_forgotten_and_comes_back(
     notebook: Notebook, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    notebook.displays.hear({"display": "a"})
+    notebook.displays.receive({"display": "a"})
     monkeypatch.setattr(module, "_SILENT_SECONDS", 0.0)
     end = time.monotonic() + 30
     while len(notebook.displays) and time.monotonic() < end:
         time.sleep(0.02)
-    assert len(notebook.displays) == 0 == len(notebook.engine.audience)
-    assert notebook.displays.alone_for == 0.0  # asleep, perhaps: the view goes on
+    assert len(notebook.displays) == 0 == len(notebook.engine.broadcaster)
+    assert notebook.displays.unwatched_seconds == 0.0  # asleep, perhaps: the view goes on
     monkeypatch.setattr(module, "_SILENT_SECONDS", 150.0)
-    notebook.displays.hear({"display": "a"})
+    notebook.displays.receive({"display": "a"})
     assert len(notebook.displays) == 1
 
 
@@ -122,31 +124,31 @@ def test_an_output_that_fell_silent_is_forgotten_and_comes_back(
     "content", [None, 3, [], {}, {"display": 4}, {"display": ""}, {"display": "x" * 65}, {"text": "{}"}]
 )
 def test_what_makes_no_sense_is_passed_over(notebook: Notebook, content: Any) -> None:
-    notebook.displays.hear(content)
+    notebook.displays.receive(content)
     assert len(notebook.displays) == 0
 
 
 @pytest.mark.parametrize("text", [5, [], {"type": "restart"}, "{", "[]", "x" * 100_000])
 def test_what_is_no_message_is_refused(notebook: Notebook, text: Any) -> None:
-    notebook.displays.hear({"display": "a", "text": text})
+    notebook.displays.receive({"display": "a", "text": text})
     assert notebook.wait_kind("a", "refused")["message"]
     assert not notebook.engine.posted
 
 
 def test_who_is_one_too_many_is_told(notebook: Notebook) -> None:
     for number in range(17):
-        notebook.displays.hear({"display": f"d{number}"})
+        notebook.displays.receive({"display": f"d{number}"})
     assert "16 viewers" in notebook.wait_kind("d16", "refused")["message"]
     assert len(notebook.displays) == 16
 
 
 def test_all_are_told_the_end_and_nobody_comes_after_it(notebook: Notebook) -> None:
-    notebook.displays.hear({"display": "a"})
-    notebook.engine.audience.say_goodbye("the end")
+    notebook.displays.receive({"display": "a"})
+    notebook.engine.broadcaster.send_goodbye("the end")
     notebook.displays.close()
     notebook.wait_kind("a", "bye")
     notebook.wait(lambda message: message == {"display": "a", "ended": True})
-    notebook.displays.hear({"display": "b"})
+    notebook.displays.receive({"display": "b"})
     assert len(notebook.displays) == 0
 
 
@@ -157,10 +159,45 @@ def test_a_front_end_that_is_gone_ends_nothing() -> None:
         raise OSError("the socket is closed")
 
     displays = Displays(engine, send, lambda: None)  # type: ignore[arg-type]
-    displays.hear({"display": "a"})
-    displays.hear({"display": "a", "text": '{"type": "restart"}'})
+    displays.receive({"display": "a"})
+    displays.receive({"display": "a", "text": '{"type": "restart"}'})
     assert len(engine.posted) == 1
     displays.close()
+
+
+def test_an_output_that_fails_ends_alone(notebook: Notebook, monkeypatch: pytest.MonkeyPatch) -> None:
+    take = Viewer.take
+
+    def failing(viewer: Viewer) -> Any:
+        if viewer.number == 1:
+            raise MemoryError("made up")
+        return take(viewer)
+
+    monkeypatch.setattr(Viewer, "take", failing)
+    notebook.displays.receive({"display": "a"})
+    notebook.wait(lambda message: message == {"display": "a", "ended": True})
+    notebook.displays.receive({"display": "b"})
+    assert notebook.wait_kind("b", "hello")
+    assert len(notebook.engine.broadcaster) == 1
+
+
+def test_the_picture_below_a_view_is_drawn_for_each_finished_image() -> None:
+    """Also where more samples of the same image are asked for, which finishes it a second time."""
+    from clrender.view.notebook import View
+
+    drawn: list[Any] = []
+    view = SimpleNamespace(
+        _engine=SimpleNamespace(image_state=ImageState(1, 8, 4, 4)),
+        _displays=SimpleNamespace(unwatched_seconds=0.0),
+        _stills=["picture"],
+        _drawn=None,
+        _draw=drawn.append,
+        image="image",
+    )
+    for digest, count in ((None, 0), ("a", 1), ("a", 1), (None, 1), ("b", 2)):
+        view._engine.image_state.sha256 = digest
+        View._on_tick(view)  # type: ignore[arg-type]
+        assert len(drawn) == count
 
 
 def test_without_the_extra_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

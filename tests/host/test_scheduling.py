@@ -498,6 +498,23 @@ def test_a_fault_of_the_program_is_not_taken_for_a_dead_device() -> None:
     assert no_threads_left(before)
 
 
+@pytest.mark.parametrize("stops_after", [None, 2])
+def test_progress_is_told_last_when_the_film_has_all_that_was_done(stops_after: int | None) -> None:
+    plan = plan_for(16, 16, 8, 8)
+    film = Film(16, 16)
+    told: list[tuple[int, int, int]] = []
+    with cut_as(lambda plan: small_units(plan, 4)):
+        tally = go(
+            plan,
+            [FakeWorker(plan, "a")],
+            film,
+            lambda samples, rays: told.append((samples, rays, film.ledger.samples)),
+            None if stops_after is None else lambda: len(told) >= stops_after,
+        )
+    assert tally.complete == (stops_after is None)
+    assert told[-1] == (tally.samples, tally.rays, tally.samples)
+
+
 def test_progress_never_counts_what_was_lost() -> None:
     plan = plan_for(16, 16, 8, 8)
     told: list[tuple[int, int]] = []

@@ -15,6 +15,7 @@ from test_scheduling import FakeWorker, assert_whole, cut_as, no_threads_left, p
 
 from clrender.errors import DeviceFailure, RenderError, UsageError
 from clrender.film import Film
+from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling import run as scheduling
 from clrender.scheduling.contributions import MOST_BYTES, Contributions
@@ -76,6 +77,22 @@ def test_what_a_worker_did_is_withdrawn(shared: bool, resumed: bool) -> None:
     np.testing.assert_array_equal(film.bands()[0], expected.bands()[0])
     np.testing.assert_array_equal(film.counts, expected.counts)
     assert not any(apart.withdraw(0).values())
+
+
+def test_a_running_film_notices_a_merge() -> None:
+    """A film that gets back what it held before is saved, unless the merge broke off half-way."""
+    film, other, unit = RunningFilm(16, 16), Film(16, 16), Unit(0, 256, 0, 4, 16)
+    other.commit(unit, sums(unit))
+    film.merge(other)
+    assert film.changes == 1 and film.intact
+    with pytest.raises(UsageError, match="overlap"):
+        film.merge(other)
+    assert film.changes == 1 and film.intact
+    other.ledger = Film(16, 16).ledger
+    other.develop()
+    with pytest.raises(RenderError, match="developed"):
+        film.merge(other)
+    assert not film.intact
 
 
 # --- what is checked -------------------------------------------------------------------------------------------------

@@ -357,7 +357,11 @@ def test_files_that_say_nothing(folder: Path) -> None:
     write_image("a.exr", np.zeros((4, 4, 3), np.float32))
     write_image("b.exr", np.zeros((4, 4, 3), np.float32), {"seed": 1})
     write_image("c.npy", np.zeros((4, 4, 3), np.float32))
-    for name, words in (("a.exr", "does not contain its settings"), ("b.exr", "settings is missing"), ("c.npy", "only .film, .exr")):
+    for name, words in (
+        ("a.exr", "does not contain its settings"),
+        ("b.exr", "settings is missing"),
+        ("c.npy", "only .film, .exr"),
+    ):
         with pytest.raises(UsageError, match=words):
             verify(name)
     for fraction in (0.0, 1.1, math.nan):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,15 +22,18 @@ import clrender
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.film.ledger import Ledger
 from clrender.film.running import RunningFilm
+from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.settings import SETTINGS
 from clrender.view import tables
-from clrender.view.frames import Frame, Frames, Shot, encode
+from clrender.view.broadcaster import MOST_VIEWERS
+from clrender.view.edited_scene import NOT_LIVE, EditedScene, camera_toml
+from clrender.view.frames import Frame, Frames, encode
 from clrender.view.guard import Guard
+from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
 from clrender.view.messages import MESSAGE_BYTES, MoveCamera, Probe, Restart, parse
 from clrender.view.parameters import changeable, parameters
-from clrender.view.subject import NOT_LIVE, Subject, camera_toml
 from clrender.view.viewer import Viewer
 from clrender.view.watch import Watcher
 
@@ -51,13 +56,13 @@ MATERIALS: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture(scope="module")
-def subject() -> Subject:
-    return Subject.of(clrender.load("room"), {"width": 64, "height": 48})
+def edited() -> EditedScene:
+    return EditedScene.of(clrender.load("room"), {"width": 64, "height": 48})
 
 
-def of_materials() -> Subject:
+def of_materials() -> EditedScene:
     camera = {"position": [0, 0, 3], "target": [0, 0, 0]}
-    return Subject.of(clrender.Scene.model_validate({"camera": camera, "materials": MATERIALS}), {})
+    return EditedScene.of(clrender.Scene.model_validate({"camera": camera, "materials": MATERIALS}), {})
 
 
 # --- messages ---
@@ -125,42 +130,42 @@ def test_no_text_does_more_than_be_refused(text: str) -> None:
         lambda s: s.with_material("glass", {"ior": None}),
     ],
 )
-def test_what_cannot_be_rendered_is_refused(subject: Subject, change: Callable[[Subject], Subject]) -> None:
+def test_what_cannot_be_rendered_is_refused(edited: EditedScene, change: Callable[[EditedScene], EditedScene]) -> None:
     with pytest.raises(ClrenderError) as refused:
-        change(subject)
+        change(edited)
     assert str(refused.value).count("\n") == 0
 
 
-def test_only_what_makes_another_image_restarts_it(subject: Subject) -> None:
-    assert not subject.set({"spp": 1000}).restarts(subject)
-    assert not subject.set({"tile": 32}).restarts(subject)
-    assert not subject.moved({}).restarts(subject)
-    assert subject.set({"seed": 1}).restarts(subject)
-    assert subject.set({"width": 65}).restarts(subject)
-    assert subject.moved({"position": [0.0, 2.0, 5.5]}).restarts(subject)
-    assert subject.with_material("white", {"reflectance": [0.1, 0.1, 0.1]}).restarts(subject)
+def test_only_what_makes_another_image_restarts_it(edited: EditedScene) -> None:
+    assert not edited.set({"spp": 1000}).restarts(edited)
+    assert not edited.set({"tile": 32}).restarts(edited)
+    assert not edited.moved({}).restarts(edited)
+    assert edited.set({"seed": 1}).restarts(edited)
+    assert edited.set({"width": 65}).restarts(edited)
+    assert edited.moved({"position": [0.0, 2.0, 5.5]}).restarts(edited)
+    assert edited.with_material("white", {"reflectance": [0.1, 0.1, 0.1]}).restarts(edited)
 
 
-def test_a_moved_camera_is_that_of_the_job_and_checks_nothing_else(subject: Subject) -> None:
-    moved = subject.moved({"position": [0.5, 2.0, 5.0], "aperture_radius": 0.1})
+def test_a_moved_camera_is_that_of_the_job_and_checks_nothing_else(edited: EditedScene) -> None:
+    moved = edited.moved({"position": [0.5, 2.0, 5.0], "aperture_radius": 0.1})
     assert moved.job.scene.camera.position == (0.5, 2.0, 5.0)
-    assert moved.job.scene.shapes is subject.scene.shapes
-    assert moved.checked is subject.checked
+    assert moved.job.scene.shapes is edited.scene.shapes
+    assert moved.checked is edited.checked
     assert moved.moved({"aperture_radius": None}).camera.aperture_radius == 0.0
-    assert moved.reset("camera").camera == subject.camera
+    assert moved.reset("camera").camera == edited.camera
 
 
-def test_settings_of_another_integrator_are_forgotten(subject: Subject) -> None:
-    photons = subject.set({"integrator": "photon", "photons": 1000})
+def test_settings_of_another_integrator_are_forgotten(edited: EditedScene) -> None:
+    photons = edited.set({"integrator": "photon", "photons": 1000})
     assert photons.set({"integrator": "path"}).settings == {"integrator": "path"}
-    absorbing = subject.set({"roulette": "absorption", "absorption": 0.5})
+    absorbing = edited.set({"roulette": "absorption", "absorption": 0.5})
     assert absorbing.set({"roulette": None}).settings == {}
     assert absorbing.set({"absorption": None}).settings == {"roulette": "absorption"}
 
 
-def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(subject: Subject) -> None:
-    moved = subject.moved({"position": [0.5, 2.0, 5.0]}).with_material("white", {"reflectance": [0, 0, 0]})
-    scene = subject.scene
+def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(edited: EditedScene) -> None:
+    moved = edited.moved({"position": [0.5, 2.0, 5.0]}).with_material("white", {"reflectance": [0, 0, 0]})
+    scene = edited.scene
     again = moved.reread(scene.model_copy())
     assert again.camera == moved.camera
     assert not again.materials
@@ -177,8 +182,8 @@ def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(subje
         {"type": "orthographic", "vertical_fov": None, "height": 3.0, "mirrored": True},
     ],
 )
-def test_the_camera_as_toml_is_that_camera(subject: Subject, keys: dict[str, Any]) -> None:
-    camera = subject.moved(keys).camera
+def test_the_camera_as_toml_is_that_camera(edited: EditedScene, keys: dict[str, Any]) -> None:
+    camera = edited.moved(keys).camera
     text = camera_toml(camera)
     assert type(camera).model_validate(tomllib.loads(text)["camera"]) == camera
     assert text.startswith("[camera]\n")
@@ -187,33 +192,33 @@ def test_the_camera_as_toml_is_that_camera(subject: Subject, keys: dict[str, Any
 
 @pytest.mark.parametrize("name", MATERIALS)
 def test_every_number_of_a_material_can_be_given_back(name: str) -> None:
-    subject = of_materials()
-    material = subject.scene.materials[name]
+    edited = of_materials()
+    material = edited.scene.materials[name]
     table = {each["name"]: each for each in json.loads(json.dumps(parameters(material)))}
     assert table
     assert {each["kind"] for each in table.values()} <= {"number", "integer", "color", "flag", "choice", "fixed"}
     same = {key: table[key]["value"] for key in changeable(material) if table[key]["kind"] != "fixed"}
     given = {key: value for key, value in same.items() if key in material.model_fields_set}
-    assert subject.with_material(name, given).checked.scene.materials[name] == material
+    assert edited.with_material(name, given).checked.scene.materials[name] == material
 
 
 def test_textures_and_structure_cannot_be_changed() -> None:
-    subject = of_materials()
-    kinds = {each["name"]: each["kind"] for each in parameters(subject.scene.materials["checked"])}
+    edited = of_materials()
+    kinds = {each["name"]: each["kind"] for each in parameters(edited.scene.materials["checked"])}
     assert kinds["reflectance"] == "fixed"
-    kinds = {each["name"]: each["kind"] for each in parameters(subject.scene.materials["mixed"])}
+    kinds = {each["name"]: each["kind"] for each in parameters(edited.scene.materials["mixed"])}
     assert kinds["materials"] == "fixed"
     with pytest.raises(UsageError, match="materials"):
-        subject.with_material("mixed", {"materials": ["gold", "glass"]})
+        edited.with_material("mixed", {"materials": ["gold", "glass"]})
 
 
-def test_a_page_is_told_of_every_setting_that_it_may_change(subject: Subject) -> None:
+def test_a_page_is_told_of_every_setting_that_it_may_change(edited: EditedScene) -> None:
     told = json.loads(json.dumps(tables.hello([], ["a.png"]), allow_nan=False))
     assert [each["name"] for each in told["settings"]] == [name for name in SETTINGS if name not in NOT_LIVE]
     assert told["saves"] == ["a.png"]
-    state = json.loads(json.dumps(tables.state(subject), allow_nan=False))
+    state = json.loads(json.dumps(tables.state(edited), allow_nan=False))
     assert set(state["settings"]) == {each["name"] for each in told["settings"]}
-    assert set(json.loads(json.dumps(tables.scene(subject)))["materials"]) == set(subject.scene.materials)
+    assert set(json.loads(json.dumps(tables.scene(edited)))["materials"]) == set(edited.scene.materials)
 
 
 # --- who may talk to it ---
@@ -258,8 +263,8 @@ def test_the_guard_lets_nobody_else_pass(headers: dict[str, str], token: str | N
 
 def test_a_frame_says_what_it_holds() -> None:
     pixels = np.array([[[1.0, -2.0, 1e9], [0.5, np.inf, np.nan]]], np.float32)
-    shot = Shot(7, 4, 2, 16)
-    data = encode(Frame(shot, "normal", pixels, 3, 1.5, True, False), 9, True, "a")
+    state = ImageState(7, 4, 2, 16)
+    data = encode(Frame(state, "normal", pixels, 3, 1.5, True, False), 9, True, "a")
     start = 4 + int.from_bytes(data[:4], "little")
     header = json.loads(data[4:start])
     assert start % 8 == 0
@@ -270,19 +275,19 @@ def test_a_frame_says_what_it_holds() -> None:
     sent = np.frombuffer(data[start:], "<f2").reshape(1, 2, 3)
     assert sent[0, 0].tolist() == [1.0, -2.0, 65504.0]
     assert np.isnan(sent[0, 1, 2])
-    exact = encode(Frame(shot, "depth", pixels[..., :1] + 1e-4, 3, 1.5, False, True), 1, True, None)
+    exact = encode(Frame(state, "depth", pixels[..., :1] + 1e-4, 3, 1.5, False, True), 1, True, None)
     assert json.loads(exact[4 : 4 + int.from_bytes(exact[:4], "little")])["format"] == "float32"
 
 
-class _Stage:
+class _FakeEngine:
     """What a viewer needs of an engine, without one that renders."""
 
     def __init__(self) -> None:
         self.frames = Frames()
-        self.shot = Shot(1, 8, 8, 4, preview=np.ones((2, 2, 3), np.float32), changes=1)
+        self.image_state = ImageState(1, 8, 8, 4, preview=np.ones((2, 2, 3), np.float32), changes=1)
         self.posted: list[Any] = []
 
-    def nudge(self) -> None:
+    def wake_renderer(self) -> None:
         pass
 
     def post(self, viewer: Viewer, message: Any) -> None:
@@ -297,15 +302,15 @@ def frame_of(taken: str | bytes | None) -> dict[str, Any] | None:
 
 
 def test_who_does_not_acknowledge_gets_one_frame_and_then_the_newest() -> None:
-    stage = _Stage()
-    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    engine = _FakeEngine()
+    viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
     first = frame_of(viewer.take())
     assert first is not None
     for change in range(2, 6):
-        stage.shot.changes = change
+        engine.image_state.changes = change
         assert viewer.take() is None
-    stage.shot.preview = np.full((4, 4, 3), 2.0, np.float32)
-    stage.shot.changes = 6
+    engine.image_state.preview = np.full((4, 4, 3), 2.0, np.float32)
+    engine.image_state.changes = 6
     viewer.receive(json.dumps({"type": "ack", "frame": first["frame"] + 1}))  # of no frame
     assert viewer.take() is None
     viewer.receive(json.dumps({"type": "ack", "frame": first["frame"]}))
@@ -317,33 +322,33 @@ def test_who_does_not_acknowledge_gets_one_frame_and_then_the_newest() -> None:
 
 
 def test_state_that_nobody_took_is_replaced_and_replies_are_not() -> None:
-    stage = _Stage()
-    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    engine = _FakeEngine()
+    viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
     for number in range(100):
-        viewer.tell("state", {"number": number})
-        viewer.tell("probe", {"number": number}, newest=False)
+        viewer.send("state", {"number": number})
+        viewer.send("probe", {"number": number}, newest=False)
     taken = [json.loads(each) for each in iter(viewer.take, None) if isinstance(each, str)]
     assert [each["number"] for each in taken if each["type"] == "state"] == [99]
     assert [each["number"] for each in taken if each["type"] == "probe"] == list(range(100))
 
 
 def test_who_takes_no_replies_is_hung_up_on() -> None:
-    stage = _Stage()
-    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    engine = _FakeEngine()
+    viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
     for _ in range(1000):
-        viewer.tell("probe", {}, newest=False)
+        viewer.send("probe", {}, newest=False)
     assert viewer.closed
     assert sum(1 for _ in iter(viewer.take, None)) <= 257
 
 
 def test_malformed_messages_are_replied_to_and_then_end_it() -> None:
-    stage = _Stage()
-    viewer = Viewer(stage, 1, lambda: None)  # type: ignore[arg-type]
+    engine = _FakeEngine()
+    viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
     for text in ("{", b"\x00", '{"type": "show", "layers": ["depht"]}', '{"type": "probe", "x": 1, "y": 1, "id": 5}'):
         viewer.receive(text)
     refused = [json.loads(each) for each in iter(viewer.take, None) if isinstance(each, str)]
     assert [each["to"] for each in refused] == [None, None, "show"]
-    assert len(stage.posted) == 1
+    assert len(engine.posted) == 1
     assert viewer.closed is None
     for _ in range(200):
         viewer.receive("nonsense")
@@ -365,7 +370,7 @@ def test_a_camera_that_waits_is_replaced_by_a_newer_one_of_the_same_viewer() -> 
     inbox.post(other, moved(-1.0, 1))  # type: ignore[arg-type]
     inbox.post(one, MoveCamera(type="camera", camera={"vertical_fov": 30.0}))  # type: ignore[arg-type]
     inbox.post(one, MoveCamera(type="camera", id="z", camera={"up": [0, 1, 0]}))  # type: ignore[arg-type]
-    inbox.follow(lambda viewer, message: followed.append((viewer, message)))
+    inbox.process(lambda viewer, message: followed.append((viewer, message)))
     assert [message.id for _, message in followed] == [9999, 1, "z"]
     assert followed[2][1].camera == {"vertical_fov": 30.0, "up": [0, 1, 0]}
 
@@ -377,7 +382,7 @@ def test_too_many_messages_are_refused_and_calls_are_cancelled_at_the_end() -> N
             inbox.post(one, Restart(type="restart"))  # type: ignore[arg-type]
     called = inbox.call(lambda: 3)
     failing = inbox.call(lambda: int("x"))
-    inbox.follow(lambda viewer, message: None)
+    inbox.process(lambda viewer, message: None)
     assert called.result(1) == 3
     assert isinstance(failing.exception(1), ValueError)
     late = inbox.call(lambda: 4)
@@ -386,11 +391,56 @@ def test_too_many_messages_are_refused_and_calls_are_cancelled_at_the_end() -> N
     assert inbox.call(lambda: 5).cancelled()
 
 
+def test_wake_ups_that_wait_are_one() -> None:
+    inbox = Inbox()
+    for _ in range(1000):
+        inbox.wake()
+    assert inbox.pending
+    inbox.wait()
+    inbox.process(lambda viewer, message: None)
+    assert not inbox.pending
+
+
+def test_a_reader_of_the_layers_that_are_shown_misses_none_while_their_turns_change() -> None:
+    """The render thread reads them while a transport takes a frame, which puts its layer last."""
+    engine = _FakeEngine()
+    engine.image_state.layers = {"normal": np.ones((8, 8, 3), np.float32)}
+    viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
+    viewer.receive(json.dumps({"type": "show", "layers": ["image", "normal"]}))
+    reader = iter(viewer._streams)
+    names = {next(reader).layer}
+    assert frame_of(viewer.take()) is not None
+    names |= {each.layer for each in reader}
+    assert names == {"image", "normal"}
+
+
 def test_the_reader_is_woken() -> None:
     inbox = Inbox()
     threading.Timer(0.05, lambda: inbox.post(SimpleNamespace(), Probe(type="probe", x=0, y=0))).start()  # type: ignore[arg-type]
     inbox.wait()
-    assert inbox.urgent
+    assert inbox.pending
+
+
+def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text("1")
+    told: list[str] = []
+    is_read_again = threading.Event()
+
+    def read() -> None:
+        told.append(path.read_text())
+        if len(told) == 1:
+            path.write_text("333")
+        else:
+            is_read_again.set()
+
+    watcher = Watcher(lambda: [path], read)
+    try:
+        path.write_text("22")
+        assert is_read_again.wait(30.0)
+        assert told == ["22", "333"]
+    finally:
+        watcher.close()
 
 
 def test_a_file_that_changes_is_noticed_once_it_is_whole(tmp_path: Path) -> None:
@@ -442,10 +492,10 @@ def test_what_is_left_after_a_stop_is_taken_gradually_too() -> None:
     assert ledger.holds(0, 8)
 
 
-def test_the_scene_of_a_refused_material_is_not_kept(subject: Subject) -> None:
+def test_the_scene_of_a_refused_material_is_not_kept(edited: EditedScene) -> None:
     with pytest.raises(SceneError):
-        subject.with_material("white", {"opacity_cutoff": 0.5})
-    assert subject.checked.scene.materials["white"].opacity_cutoff is None
+        edited.with_material("white", {"opacity_cutoff": 0.5})
+    assert edited.checked.scene.materials["white"].opacity_cutoff is None
 
 
 def test_pixels_without_a_sample_show_the_coarse_picture_also_where_one_comes_meanwhile() -> None:
@@ -459,7 +509,61 @@ def test_pixels_without_a_sample_show_the_coarse_picture_also_where_one_comes_me
 
     film = Busy(8, 4)
     film.counts[:, :4], film.changes = 1, 1
-    shot = Shot(1, 8, 4, 4, preview=np.full((2, 4, 3), 3.0, np.float32), film=film, changes=1)
-    frame = Frames().newest(shot, "image", 16, (0, 0))
+    state = ImageState(1, 8, 4, 4, preview=np.full((2, 4, 3), 3.0, np.float32), film=film, changes=1)
+    frame = Frames().newest(state, "image", 16, (0, 0))
     assert frame is not None and not frame.coarse
     assert (frame.pixels[:, :4] == 0.0).all() and (frame.pixels[:, 4:] == 3.0).all()
+
+
+def test_what_a_frame_says_of_the_samples_can_be_asked_while_samples_come() -> None:
+    """A ledger that is read while it grows has blocks whose set of samples the reader does not know yet."""
+    film = RunningFilm(64, 64)
+    state = ImageState(1, 64, 64, 4096, film=film)
+    failures: list[Exception] = []
+    is_over = threading.Event()
+
+    def ask() -> None:
+        try:
+            while not is_over.is_set():
+                assert state.samples <= 40.0
+        except Exception as error:
+            failures.append(error)
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    asking = threading.Thread(target=ask)
+    asking.start()
+    try:
+        for number in range(4 * 256):
+            unit = Unit(16 * (number % 256), 16, number // 256, 1, 64)
+            nothing = UnitSums.nothing(unit)
+            nothing.done[:] = 1
+            film.commit(unit, nothing)
+            if failures:
+                break
+    finally:
+        is_over.set()
+        asking.join()
+        sys.setswitchinterval(before)
+    assert not failures
+
+
+def test_frames_of_an_earlier_image_do_not_keep_its_film() -> None:
+    frames = Frames()
+    pixels = np.zeros((4, 8, 3), np.float32)
+    first = ImageState(1, 8, 4, 4, preview=pixels, layers={"normal": pixels}, changes=1)
+    for layer in ("normal", "image"):
+        assert frames.newest(first, layer, 16, (0, 0)) is not None
+    assert frames.newest(ImageState(2, 8, 4, 4, preview=pixels, changes=1), "image", 16, (0, 0)) is not None
+    gone = weakref.ref(first)
+    del first
+    gc.collect()
+    assert gone() is None
+
+
+def test_frames_of_many_sizes_are_not_all_kept() -> None:
+    frames = Frames()
+    state = ImageState(1, 8, 4, 4, preview=np.zeros((4, 8, 3), np.float32), changes=1)
+    made = [weakref.ref(frames.newest(state, "image", most, (0, 0))) for most in range(16, 1016)]
+    gc.collect()
+    assert sum(each() is not None for each in made) <= 2 * MOST_VIEWERS

@@ -1,4 +1,4 @@
-"""glTF 2.0 (Khronos; ISO/IEC 12113:2022) and its extensions, read into our own kind of scene."""
+"""glTF 2.0 (Khronos; ISO/IEC 12113:2022) and its extensions, imported as our own scenes."""
 
 from __future__ import annotations
 

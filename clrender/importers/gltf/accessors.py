@@ -1,4 +1,4 @@
-"""Reads accessors as arrays: interleaved, sparse, normalised, matrices; without copies where that is possible."""
+"""Reads accessors as arrays: interleaved, sparse, normalised, matrices; without copies where possible."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["Accessors"]
 _KINDS: Final = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _LARGEST: Final = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}
 _WITHOUT_DATA: Final = 2**22
-"""Most elements of an accessor that has no bytes in the file, which could say any number."""
+"""Most elements of an accessor without bytes in the file, whose count is not limited by the file's size."""
 _LOOSE: Final = 1e-5
-"""How far beyond its bounds a float may be, of their size: exporters round bounds to few digits."""
+"""Relative tolerance of the bounds of floats: exporters round bounds to few digits."""
 
 
 class Accessors:
@@ -42,7 +42,7 @@ class Accessors:
         self._arrays: dict[int, NDArray[Any]] = {}
 
     def view(self, index: int) -> memoryview:
-        """The bytes of a buffer view."""
+        """Bytes of a buffer view."""
         view = self._document.items("bufferViews")[index]
         start = view.get("byteOffset", 0)
         data = self._buffers[view["buffer"]]
@@ -53,21 +53,21 @@ class Accessors:
         return part
 
     def raw(self, index: int) -> NDArray[Any]:
-        """Numbers as the file has them: (count,), (count, n) of vectors, (count, rows, columns) of matrices.
+        """Numbers as stored in the file: (count,), (count, n) for vectors, (count, rows, columns) for matrices.
 
-        Do not write into it.
+        The array must not be modified.
         """
         if index not in self._arrays:
             self._arrays[index] = self._read(index)
         return self._arrays[index]
 
     def provide(self, index: int, numbers: NDArray[Any]) -> None:
-        """Take these numbers for an accessor whose own data an extension has."""
+        """Set the numbers of an accessor whose data an extension contains."""
         kind = np.dtype(_KINDS[self._document.items("accessors")[index]["componentType"]])
         self._arrays[index] = numbers if numbers.dtype.kind in "ui" and kind.kind == "u" else numbers.astype(kind)
 
     def floats(self, index: int) -> NDArray[np.float32]:
-        """The same as float32, normalised where the file says so."""
+        """Numbers as float32, normalised if the file says so."""
         accessor = self._document.items("accessors")[index]
         numbers = self.raw(index)
         if not accessor.get("normalized"):
@@ -78,19 +78,19 @@ class Accessors:
         return held
 
     def check(self) -> None:
-        """All of them have finite numbers within their bounds.
+        """Check that all accessors have finite numbers within their bounds.
 
         Raises
         ------
         SceneError
-            With the first that has not.
+            For the first one that does not.
         """
         for index, accessor in enumerate(self._document.items("accessors")):
             if self.known(index):
                 self._check(index, accessor)
 
     def known(self, index: int) -> bool:
-        """Whether there are bytes for an accessor that say anything."""
+        """Whether an accessor has data."""
         accessor = self._document.items("accessors")[index]
         if "type" not in accessor or not ("bufferView" in accessor or "sparse" in accessor):
             return False
@@ -109,7 +109,7 @@ class Accessors:
         for key, found, sign in (("min", low, 1.0), ("max", high, -1.0)):
             if key not in accessor:
                 continue
-            # Matrices stand column by column in the file, and their bounds likewise
+            # Matrices, and their bounds, are stored column by column
             given = np.asarray(accessor[key])
             there = np.asarray(np.atleast_1d(found.T if found.ndim == 2 else found), np.float64).reshape(-1)
             slack = _LOOSE * np.maximum(np.abs(given), np.abs(there)) + 1e-9 if numbers.dtype.kind == "f" else 0.0
@@ -146,7 +146,7 @@ class Accessors:
         return found
 
     def _strided(self, data: memoryview, accessor: dict[str, Any], count: int, stride: int | None) -> NDArray[Any]:
-        """Elements that lie a stride apart; the data may end right behind the last."""
+        """Elements a stride apart; the data may end right after the last one."""
         columns, rows = COMPONENTS[accessor["type"]]
         kind = np.dtype(_KINDS[accessor["componentType"]])
         _, step, column = element_bytes(accessor)
@@ -169,7 +169,7 @@ class Accessors:
 
 
 def _extremes(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Least and greatest number of each component; NaN where there is one."""
+    """Minimum and maximum of each component; NaN if it contains one."""
     if numbers.ndim != 2:
         return numbers.min(axis=0), numbers.max(axis=0)
     columns = [numbers[:, column] for column in range(numbers.shape[1])]  # several times as fast as along rows
@@ -177,7 +177,7 @@ def _extremes(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def _buffers(document: Document) -> list[memoryview | None]:
-    """The bytes of all buffers; None for one that nobody can read and nobody uses."""
+    """Bytes of all buffers; None for one that is neither readable nor used."""
     used = {view["buffer"] for view in document.items("bufferViews")}
     found: list[memoryview | None] = []
     for index, buffer in enumerate(document.items("buffers")):
@@ -185,7 +185,7 @@ def _buffers(document: Document) -> list[memoryview | None]:
         size = buffer["byteLength"]
         if uri is None:
             data = document.binary if index == 0 else None
-            if data is None:  # stands for what an extension brings, such as of meshoptimizer
+            if data is None:  # a placeholder of an extension, such as meshoptimizer's
                 found.append(None)
                 continue
             if len(data) > size + 3:

@@ -1,4 +1,4 @@
-"""What an animation says about a moment: translations, rotations, scales and weights of morph targets."""
+"""Evaluates an animation at a time: translations, rotations, scales and weights of morph targets."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from clrender.scene.wording import quoted
 __all__ = ["Moved", "moved_at"]
 
 Moved: TypeAlias = dict[tuple[int, str], list[float]]
-"""Values by node and path."""
+"""Animated values, by node and path."""
 
 
 def moved_at(document: Document, accessors: Accessors, seconds: float | None) -> Moved:
-    """The values of the file's first animation; before its first and after its last key frame these hold.
+    """Values of the file's first animation; constant before its first and after its last key frame.
 
     Parameters
     ----------
     document, accessors
         Checked.
     seconds : float, optional
-        From the start of the animation; default: nothing is moved.
+        Time from the start of the animation; default: nothing is animated.
     """
     animations = document.items("animations")
     if seconds is None:
@@ -49,11 +49,11 @@ def moved_at(document: Document, accessors: Accessors, seconds: float | None) ->
 
 
 def _value(accessors: Accessors, sampler: dict[str, Any], path: str, seconds: float) -> list[float]:
-    """Interpolated as appendix C of the specification says."""
+    """A value interpolated according to appendix C of the specification."""
     times = accessors.raw(sampler["input"]).astype(np.float64)
     kind = sampler.get("interpolation", "LINEAR")
     values = accessors.floats(sampler["output"]).astype(np.float64)
-    # (frames, 1 or 3, numbers): a spline has a tangent before and behind each value
+    # (frames, 1 or 3, numbers): a spline has a tangent before and after each value
     values = values.reshape(len(times), 3 if kind == "CUBICSPLINE" else 1, -1)
     middle = values[:, values.shape[1] // 2]
     after = int(np.searchsorted(times, seconds, "right"))
@@ -83,7 +83,7 @@ def _unit(value: NDArray[np.float64], path: str) -> list[float]:
 
 
 def _between(a: NDArray[np.float64], b: NDArray[np.float64], t: float) -> list[float]:
-    """Spherical interpolation of quaternions, the short way."""
+    """Spherical linear interpolation of quaternions, along the shorter arc."""
     dot = sum(float(x * y) for x, y in zip(a, b, strict=True))
     sign = -1.0 if dot < 0.0 else 1.0
     angle = math.acos(min(abs(dot), 1.0))

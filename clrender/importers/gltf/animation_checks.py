@@ -1,4 +1,4 @@
-"""Checks animations: samplers and channels fit what they move, times grow, rotations are rotations."""
+"""Checks animations: samplers and channels fit their targets, times ascend, rotations are unit quaternions."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["check_animations", "target_count"]
 
 _TYPES: Final = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
 _NOT_UNIT: Final = 0.02
-"""How far from 1 a quaternion's length may be: that of normalised bytes is off by a hundredth."""
+"""Tolerance of a quaternion's length: that of normalised bytes has an error of a hundredth."""
 
 
 def target_count(document: Document, node: dict[str, Any]) -> int:
-    """How many morph targets the mesh of a node has."""
+    """Number of morph targets of a node's mesh."""
     if "mesh" not in node:
         return 0
     return len(document.items("meshes")[node["mesh"]]["primitives"][0].get("targets", []))
 
 
 def check_animations(document: Document, accessors: Accessors) -> None:
-    """Check all animations, whether they are used or not.
+    """Check all animations, used or not.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The camera of a glTF scene: the first that it shows."""
+"""The camera of a glTF scene: the first one in it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from clrender.scene.wording import quoted
 __all__ = ["add_camera"]
 
 _LONG_SIDE: Final = 800
-"""Pixels of an image whose shape the camera says."""
+"""Longer side of an image whose aspect ratio the camera gives, pixels."""
 
 
 def add_camera(document: Document, nodes: Nodes) -> None:
-    """Put the camera and the shape of its image into the draft's description, if there is a camera.
+    """Add the camera and the size of its image to the draft's description, if there is a camera.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def add_camera(document: Document, nodes: Nodes) -> None:
 
 
 def _made(document: Document, number: int, world: Matrix, node: int) -> tuple[dict[str, Any], float] | None:
-    """A camera that looks along the node's -z, and width by height of its image, 0 where that is open."""
+    """A camera that looks along the node's -z, and its image's aspect ratio, 0 if unspecified."""
     source, at = document.items("cameras")[number], f"/cameras/{number}"
     kind = source.get("type")
     if kind is None:
@@ -59,7 +59,7 @@ def _made(document: Document, number: int, world: Matrix, node: int) -> tuple[di
         document.note(f"{at} was left out: the transform of /nodes/{node} flattens it")
         return None
     position = [world[row][3] for row in range(3)]
-    # Far enough that the direction survives the rounding of large coordinates
+    # Far enough for the direction to survive the rounding of large coordinates
     away = max(1.0, *(abs(x) for x in position))
     target = [p + away * f for p, f in zip(position, forward, strict=True)]
     camera: dict[str, Any] = {"position": position, "target": target, "up": up}

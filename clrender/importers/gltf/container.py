@@ -1,4 +1,4 @@
-"""Takes a file apart: the JSON of a `.gltf`, the chunks of a `.glb` (glTF 2.0 specification, section 4)."""
+"""Reads the container: the JSON of a `.gltf`, or the chunks of a `.glb` (glTF 2.0 specification, section 4)."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
 def opened(path: Path, files: AssetFiles, draft: Draft) -> Document:
-    """The parts of a file; which of the two kinds it is, its first bytes say.
+    """The parts of a file, whose first bytes tell `.gltf` from `.glb`.
 
     Parameters
     ----------
     path : pathlib.Path
     files : AssetFiles
     draft : Draft
-        Gets the notes.
+        Receives the notes.
 
     Raises
     ------
     SceneError
-        It cannot be read, is cut off, or its JSON is none.
+        It cannot be read, is truncated, or has invalid JSON.
     """
     data = memoryview(files.scene(path))
     if bytes(data[:4]) == _MAGIC:
@@ -82,7 +82,7 @@ def _constant(name: str) -> Any:
 
 
 def _parsed(text: bytes, source: str) -> dict[str, Any]:
-    """The root object of JSON in UTF-8."""
+    """Root object of JSON in UTF-8."""
     if text[:3] == b"\xef\xbb\xbf":
         raise SceneError(
             f"{source}: byte 0: the JSON begins with a byte order mark, which glTF forbids; save without it"
@@ -100,7 +100,7 @@ def _parsed(text: bytes, source: str) -> dict[str, Any]:
         raise SceneError(f"{source}: the JSON is nested too deeply; export it again") from None
     except _NoJson as error:
         raise SceneError(f"{source}: the JSON is damaged: {error}; export it again") from None
-    except ValueError:  # of integers with thousands of digits
+    except ValueError:  # integers with thousands of digits
         raise SceneError(f"{source}: the JSON holds a number that is too long; export it again") from None
     if not isinstance(root, dict):
         raise SceneError(f"{source}: the root of its JSON is {shown(root)}, but must be an object; export it again")

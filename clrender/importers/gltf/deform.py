@@ -1,4 +1,4 @@
-"""Morph targets and skins: where vertices are at rest, or at a moment of an animation."""
+"""Morph targets and skins: deforms vertices for the rest pose, or a moment of an animation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _Points = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Surface:
-    """What of a primitive's vertices moves.
+    """The vertex attributes of a primitive that deform.
 
     Attributes
     ----------
@@ -34,16 +34,16 @@ class Surface:
     tangents: _Points | None = None
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is told where meshes are checked
+@np.errstate(over="ignore", invalid="ignore")  # mesh validation reports non-finite values
 def morphed(accessors: Accessors, primitive: dict[str, Any], weights: list[float], surface: Surface) -> Surface:
-    """A surface with the morph targets of its primitive added.
+    """A surface deformed by the morph targets of its primitive.
 
     Parameters
     ----------
     accessors : Accessors
     primitive : dict
     weights : list of float
-        Of its targets; those that are missing are 0.
+        Weights of its targets; missing ones are 0.
     surface : Surface
     """
     positions, normals, tangents = surface.positions, surface.normals, surface.tangents
@@ -61,12 +61,12 @@ def morphed(accessors: Accessors, primitive: dict[str, Any], weights: list[float
 
 
 def joint_transforms(document: Document, accessors: Accessors, index: int, world: list[Matrix]) -> list[Matrix]:
-    """Of a skin's joints: from where vertices were bound to the world.
+    """Transforms of a skin's joints, from the bind pose to world space.
 
     Raises
     ------
     SceneError
-        The inverse bind matrices are none.
+        The inverse bind matrices are invalid.
     """
     skin, at = document.items("skins")[index], f"/skins/{index}/inverseBindMatrices"
     joints = [world[joint] for joint in skin["joints"]]
@@ -83,7 +83,7 @@ def joint_transforms(document: Document, accessors: Accessors, index: int, world
     return [product(joint, from_columns(each)) for joint, each in zip(joints, columns, strict=True)]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is told where meshes are checked
+@np.errstate(over="ignore", invalid="ignore")  # mesh validation reports non-finite values
 def skinned(
     document: Document,
     accessors: Accessors,
@@ -92,7 +92,7 @@ def skinned(
     joints: list[Matrix],
     surface: Surface,
 ) -> Surface:
-    """A surface in world space, each vertex carried by the weighted sum of its joints' transforms.
+    """A surface skinned to world space: each vertex is transformed by the weighted sum of its joints' transforms.
 
     Parameters
     ----------
@@ -100,13 +100,13 @@ def skinned(
     at : str
         JSON pointer of the primitive.
     joints : list of Matrix
-        As of `joint_transforms`.
+        See `joint_transforms`.
     surface : Surface
 
     Raises
     ------
     SceneError
-        Vertices name joints that the skin does not have.
+        Vertices refer to joints that the skin lacks.
     """
     positions, normals, tangents = surface.positions, surface.normals, surface.tangents
     table = np.array(joints)[:, :3]
@@ -142,7 +142,7 @@ def skinned(
         carried = (linear * tangents[:, None, :3]).sum(axis=2)
         tangents = np.concatenate([carried, tangents[:, 3:]], axis=1, dtype=np.float32)
     if normals is not None:
-        # Cofactors carry normals as the inverse transpose does; a mirror turns them round
+        # Cofactors transform normals like the inverse transpose; mirroring flips them
         a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
         cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
         sign = np.sign((a * cofactors[:, 0]).sum(axis=1))[:, None]

@@ -1,4 +1,4 @@
-"""A glTF file on its way in: its JSON, its binary chunk, and how to say what is wrong with it."""
+"""A glTF file during import: its JSON, its binary chunk, and its error messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Document", "escaped"]
 
 
 def escaped(step: str) -> str:
-    """One step of a JSON pointer (RFC 6901), printable anywhere and not too long."""
+    """A step of a JSON pointer (RFC 6901), printable and truncated."""
     return quoted(step.replace("~", "~0").replace("/", "~1"))[1:-1]
 
 
@@ -25,9 +25,9 @@ class Document:
     Attributes
     ----------
     root : dict
-        The JSON object; `clrender.importers.gltf.validator.validate` has it checked.
+        The JSON object, after `clrender.importers.gltf.validator.validate`.
     binary : memoryview or None
-        The binary chunk of a GLB, empty if it has none; of a `.gltf` None.
+        The binary chunk of a GLB, empty if it has none; None for a `.gltf`.
     files : AssetFiles
     draft : Draft
         What becomes of it.
@@ -39,11 +39,11 @@ class Document:
     draft: Draft
 
     def fault(self, pointer: str, sentence: str) -> SceneError:
-        """The error of a place, which the sentence goes on from."""
+        """An error at a JSON pointer, after which the sentence continues."""
         return SceneError(f"{self.files.source}: {pointer or 'the root of its JSON'} {sentence}")
 
     def note(self, sentence: str) -> None:
-        """Say something once, of what was done instead of what the file asks for."""
+        """Add a note about a deviation from the file, unless it is a duplicate."""
         self.draft.note(sentence)
 
     def items(self, collection: str) -> list[Any]:
@@ -52,6 +52,6 @@ class Document:
         return found
 
     def extension(self, holder: dict[str, Any], name: str) -> dict[str, Any] | None:
-        """The object of an extension, if there is one there."""
+        """The object of an extension, if the holder has it."""
         found: dict[str, Any] | None = holder.get("extensions", {}).get(name)
         return found

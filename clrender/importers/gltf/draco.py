@@ -1,4 +1,4 @@
-"""Meshes compressed by Draco (KHR_draco_mesh_compression), by the library DracoPy, where it is installed."""
+"""Meshes compressed by Draco (KHR_draco_mesh_compression), decoded by the library DracoPy, if installed."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ __all__ = ["DRACO", "decode_draco", "draco_is_there"]
 DRACO: Final = "KHR_draco_mesh_compression"
 _CURE: Final = "install what reads it with pip install 'clrender[gltf]', or export it without Draco compression"
 _SECONDS: Final = 20.0
-"""Of the process, beside what it may compute: to start it on a busy machine."""
+"""Time allowed for starting the process on a busy machine, in addition to its computation."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A primitive whose vertices only Draco's data have."""
+    """A primitive that has only Draco-compressed vertices."""
 
     at: str
     primitive: dict[str, Any]
@@ -44,7 +44,7 @@ def draco_is_there() -> bool:
 
 
 def decode_draco(document: Document, accessors: Accessors) -> None:
-    """Fill the accessors of compressed primitives; of those that the file holds without compression as well it is not done.
+    """Fill the accessors of compressed primitives, except those that the file also contains uncompressed.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def decode_draco(document: Document, accessors: Accessors) -> None:
     Raises
     ------
     SceneError
-        DracoPy is not installed, or the data are damaged or not what the accessors say.
-    """  # noqa: E501
+        DracoPy is not installed, or the data are damaged or do not match the accessors.
+    """
     parts = list(_parts(document, accessors))
     if not parts:
         return
@@ -80,7 +80,7 @@ def _parts(document: Document, accessors: Accessors) -> Iterator[_Part]:
 
 
 def _decoded(document: Document, parts: list[_Part]) -> list[dict[str, NDArray[Any]]]:
-    """What a process of its own makes of the data; the first that it does not answer is at fault."""
+    """Decode the data in a separate process; the first mesh without an answer is at fault."""
     child = Path(__file__).with_name("draco_child.py")
     data = b"".join(struct.pack("<Q", len(part.data)) + part.data for part in parts)
     more = len(data) / 100_000
@@ -114,7 +114,7 @@ def _fill(document: Document, accessors: Accessors, part: _Part, decoded: dict[s
         accessors.provide(part.primitive["indices"], faces.reshape(-1))
     elif len(faces):
         raise document.fault(part.at, "belongs to a primitive without indices, which Draco needs; export it again")
-    part.primitive["mode"] = 4  # Draco has triangles, whatever they were before
+    part.primitive["mode"] = 4  # Draco stores triangles, whatever the mode was
     for name, unique in part.attributes.items():
         at = f"{part.at}/attributes/{name}"
         number = part.primitive["attributes"].get(name)

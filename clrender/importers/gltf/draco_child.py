@@ -1,8 +1,8 @@
-"""Decodes Draco meshes in a process of its own: damaged data may crash it or take all memory.
+"""Decodes Draco meshes in a separate process: damaged data may crash it or exhaust memory.
 
-Run as a file, so that nothing of clrender is loaded. On stdin: for each mesh its size (8 bytes, little-endian) and its
-bytes, until the end. On stdout for each, as soon as it is done: the size and bytes of an ``.npz`` with ``faces`` and,
-by their unique numbers, the attributes.
+Run as a file, so that nothing of clrender is loaded. Stdin: for each mesh its size (8 bytes, little-endian) and its
+bytes, until the end. Stdout, for each mesh as soon as it is decoded: the size and bytes of an ``.npz`` with ``faces``
+and the attributes by unique id.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _BYTES_IN_A_SECOND = 500_000
 
 
 def main() -> None:
-    """Decode what comes in; a mesh that cannot be ends it all, with a word on stderr."""
+    """Decode meshes from stdin; stops at the first one that fails, with a message on stderr."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     data = sys.stdin.buffer.read()
     memory, seconds = _MEMORY + _MEMORY_OF_A_BYTE * len(data), 4 + len(data) // _BYTES_IN_A_SECOND

@@ -1,4 +1,4 @@
-"""The objects of the extensions that are read, as tables; see `clrender.importers.gltf.extensions` for all others."""
+"""Schema tables of supported extensions; see `clrender.importers.gltf.extensions` for all others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which extensions are read, which are refused, and what is done instead of the others."""
+"""Which extensions are supported, which are refused, and fallbacks for the others."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _READ: Final = frozenset(
         "KHR_mesh_quantization",
         "KHR_node_visibility",
         "KHR_texture_transform",
-        # Said about the file, not about the picture
+        # About the file, not about the image
         "KHR_xmp",
         "KHR_xmp_json_ld",
     }
@@ -46,7 +46,7 @@ _CURES: Final[Mapping[str, str]] = {
     "KHR_materials_pbrSpecularGlossiness": "materials by specular and glossiness are not read; convert them to "
     "metallic and roughness (gltf-transform metalrough)",
 }
-"""Why some of those that files require are refused."""
+"""Why some required extensions are refused."""
 _INSTEAD: Final[Mapping[str, str]] = {
     "EXT_meshopt_compression": "buffers are read where the file holds them without compression as well",
     "KHR_meshopt_compression": "buffers are read where the file holds them without compression as well",
@@ -63,12 +63,12 @@ _INSTEAD: Final[Mapping[str, str]] = {
 
 
 def check_required(document: Document) -> None:
-    """Refuse a file that requires an extension which is not read.
+    """Refuse a file that requires an unsupported extension.
 
     Raises
     ------
     SceneError
-        So it does, or the lists of extensions do not fit each other.
+        It requires one, or its lists of extensions are inconsistent.
     """
     walk = Walk(document)
     for key in ("extensionsUsed", "extensionsRequired"):
@@ -85,18 +85,18 @@ def check_required(document: Document) -> None:
 
 
 def check_declared(walk: Walk, document: Document) -> None:
-    """Note which extensions of a file are left out.
+    """Note which extensions of a file are ignored.
 
     Parameters
     ----------
     walk : Walk
-        After the whole file.
+        After it has visited the whole file.
     document : Document
 
     Raises
     ------
     SceneError
-        An extension is there that the file does not declare.
+        The file uses an extension that it does not declare.
     """
     used = document.items("extensionsUsed")
     for name, at in walk.met.items():

@@ -1,6 +1,6 @@
 """Instances of a node's mesh (EXT_mesh_gpu_instancing): all transforms of a node at once, in NumPy.
 
-The arithmetic is that of `clrender.importers.gltf.matrices`, operation by operation, so both give the same bits.
+Uses the operations of `clrender.importers.gltf.matrices` in the same order, for the same bits.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ def instance_maps(document: Document, accessors: Accessors, index: int) -> _Arra
     Returns
     -------
     maps : (n, 3, 4) float64
-        None where the node has no instances.
+        None if the node has no instances.
 
     Raises
     ------
     SceneError
-        Their numbers differ, or they are of another kind.
+        Their counts differ, or their types are invalid.
     """
     instancing = document.extension(document.items("nodes")[index], "EXT_mesh_gpu_instancing")
     if instancing is None:
@@ -79,7 +79,7 @@ def _composed(moves: _Array, turns: _Array, sizes: _Array) -> _Array:
 
 
 def placed(world: Matrix, maps: _Array) -> _Array:
-    """First each of the `maps`, (n, 3, 4), then `world`; (n, 3, 4)."""
+    """Composition of each of the `maps`, (n, 3, 4), then `world`; (n, 3, 4)."""
     product = np.empty_like(maps)
     for i, (p, q, r, s) in enumerate(world[:3]):
         product[:, i] = p * maps[:, 0] + q * maps[:, 1] + r * maps[:, 2]
@@ -88,7 +88,7 @@ def placed(world: Matrix, maps: _Array) -> _Array:
 
 
 def flattening(maps: _Array) -> NDArray[np.bool_]:
-    """Which of the maps, (n, 3, 4), flatten things, as `clrender.scene.Transform` sees it; (n,) bool."""
+    """Which of the maps, (n, 3, 4), are singular, by the criterion of `clrender.scene.Transform`; (n,) bool."""
     a, b, c = maps[:, 0, :3].T, maps[:, 1, :3].T, maps[:, 2, :3].T
     volume = np.abs(
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])

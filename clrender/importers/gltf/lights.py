@@ -12,12 +12,12 @@ from clrender.importers.gltf.nodes import Nodes
 __all__ = ["LUMENS_PER_WATT", "add_lights"]
 
 LUMENS_PER_WATT: Final = 683.0
-"""Of candela and lux; as of IES lamps, a light of 683 cd has 1 W/sr in each channel."""
+"""Conversion of candela and lux; as for IES lights, 683 cd is 1 W/sr in each channel."""
 _LEAST_CONE: Final = 0.01
 
 
 def add_lights(document: Document, nodes: Nodes) -> None:
-    """Put the lights of the scene into the draft's description.
+    """Add the lights of the scene to the draft's description.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def _made(document: Document, light: dict[str, Any], world: Matrix, at: str) -> 
     if inner >= outer:
         document.note(f"{at}/spot/innerConeAngle is not below outerConeAngle; the edge is sharp")
         inner = outer
-    # The share of the cone's solid angle that is not fully lit
+    # The fraction of the cone's solid angle that is not fully lit
     blend = (math.cos(inner) - math.cos(outer)) / (1.0 - math.cos(outer)) if outer > 1e-6 else 0.0
     return {
         "type": "spot",

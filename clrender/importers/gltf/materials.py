@@ -1,4 +1,4 @@
-"""Materials of a glTF file as `principled` ones, with the extensions that these have."""
+"""Converts glTF materials and their supported extensions to `principled` materials."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from clrender.scene.wording import quoted, suggestion
 __all__ = ["Materials", "Used"]
 
 _LEAST_LEFT: Final = 1e-3
-"""In the place of 0 in an attenuation colour, which no thickness of a medium has."""
+"""Replaces 0 in an attenuation colour, which no finite medium has."""
 _HIGH_INDEX: Final = 1000.0
 
 
@@ -26,15 +26,15 @@ class Used:
     Attributes
     ----------
     name : str
-        In the draft.
+        Name in the draft.
     uv_sets : frozenset of int
-        Texture coordinates that its textures need.
+        Sets of texture coordinates that its textures need.
     tangent_uv_set : int or None
-        Those of its normal map, or of what makes it anisotropic; None: it needs no tangents.
+        Set of its normal map, or of its anisotropy; None: it needs no tangents.
     colored : bool
-        Whether colours of vertices multiply its colour.
+        Whether vertex colours multiply its colour.
     transparent : bool
-        Whether alpha counts.
+        Whether alpha is used.
     place : str
         JSON pointer.
     """
@@ -48,7 +48,7 @@ class Used:
 
 
 class Materials:
-    """Makes materials when a primitive uses them.
+    """Converts materials when a primitive uses them.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Materials:
         self._variant = _variant_number(document, variant)
 
     def of(self, primitive: dict[str, Any]) -> Used:
-        """The material of a primitive, in the variant asked for."""
+        """The material of a primitive, in the chosen variant."""
         index: int | None = primitive.get("material")
         variants = self._document.extension(primitive, "KHR_materials_variants")
         for mapping in variants["mappings"] if variants and self._variant is not None else ():
@@ -113,7 +113,7 @@ def _variant_number(document: Document, variant: str | None) -> int | None:
 
 
 class _Material:
-    """One of them on its way."""
+    """A material under construction."""
 
     def __init__(self, document: Document, textures: Textures, source: dict[str, Any], at: str) -> None:
         self._document, self._textures = document, textures
@@ -122,7 +122,7 @@ class _Material:
         self.made_of: dict[str, Any] = {"type": "principled"}
 
     def made(self) -> dict[str, Any]:
-        """The material as a scene file of our own would say it."""
+        """The material in the form of our own scene files."""
         base = self._base()
         if "KHR_materials_unlit" in self._extensions:
             self._unlit(base)
@@ -144,7 +144,7 @@ class _Material:
         return self._extensions.get(f"KHR_materials_{name}", {})
 
     def _number(self, key: str, factor: float, info: dict[str, Any] | None, at: str, channel: str) -> None:
-        """A number, times one channel of a texture if there is one."""
+        """Set a number, multiplied by one channel of a texture if there is one."""
         texture = self._textures.made(info, f"{self._at}{at}") if factor else None
         if texture is not None:
             texture |= {"channel": channel, "color_space": "linear", "scale": [factor] * 3}
@@ -197,7 +197,7 @@ class _Material:
         ior = self._extension("ior").get("ior", 1.5)
         if not 1.0 <= ior <= _HIGH_INDEX:
             used = _HIGH_INDEX if ior == 0.0 or ior > 1.0 else 1.0
-            if ior != 0.0:  # stands for a surface that reflects all light
+            if ior != 0.0:  # 0 means a surface that reflects all light
                 self._note(f"/extensions/KHR_materials_ior/ior is {ior:g}; {used:g} is taken instead")
             ior = used
         self.made_of["ior"] = ior
@@ -278,7 +278,7 @@ class _Material:
             self._document.note("double-sided materials shine from their fronts only; they reflect on both sides")
 
     def _alpha(self, base: dict[str, Any]) -> None:
-        """The modes of alpha: of a mask what is not a hole is whole."""
+        """Alpha modes; a mask makes the surface fully opaque or fully transparent."""
         mode, alpha = self._source.get("alphaMode", "OPAQUE"), base.get("baseColorFactor", [1.0] * 4)[3]
         if mode == "OPAQUE":
             return
@@ -305,7 +305,7 @@ class _Material:
             self.made_of["normal_map"] = texture | {"scale": min(max(info.get("scale", 1.0), -100.0), 100.0)}
 
     def _unlit(self, base: dict[str, Any]) -> None:
-        """What takes no light sends out its colour."""
+        """An unlit material emits its colour."""
         self.made_of |= {"base_color": [0.0] * 3, "specular": 0.0, "metallic": 0.0, "roughness": 1.0}
         at = "/pbrMetallicRoughness/baseColorTexture"
         self._color("emission", base.get("baseColorFactor", [1.0] * 4)[:3], base.get("baseColorTexture"), at)

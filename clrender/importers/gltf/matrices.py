@@ -1,4 +1,4 @@
-"""Small matrices in plain Python, whose bits do not depend on a BLAS: transforms of nodes, 4 x 4, by rows."""
+"""Node transforms as 4 x 4 matrices, row by row, in plain Python, whose bits do not depend on a BLAS."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ IDENTITY: Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 
 
 
 def from_columns(numbers: Sequence[float]) -> Matrix:
-    """Sixteen numbers, column by column."""
+    """A matrix from sixteen numbers, column by column."""
     return tuple(tuple(float(numbers[4 * column + row]) for column in range(4)) for row in range(4))
 
 
@@ -34,7 +34,7 @@ def composed(translation: Sequence[float], rotation: Sequence[float], scale: Seq
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
-    """First `b`, then `a`; both affine."""
+    """Composition of affine maps: first `b`, then `a`."""
     rows = []
     for p, q, r, s in a[:3]:
         rows.append(

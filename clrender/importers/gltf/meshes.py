@@ -1,4 +1,4 @@
-"""Primitives as triangles: lists, strips and fans, with normals, tangents, texture coordinates and colours."""
+"""Converts primitives to triangles: lists, strips and fans, with their vertex attributes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ __all__ = ["Meshes", "Part"]
 _MODES: Final = ("points", "lines", "lines", "lines", "triangles", "a strip", "a fan")
 _TYPES: Final = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "TANGENT": ("VEC4",), "COLOR_0": ("VEC3", "VEC4")}
 _TARGET_TYPES: Final = {**_TYPES, "TANGENT": ("VEC3",)}
-"""Of morph targets, which do not change how a tangent is turned."""
+"""Types of morph targets, which do not change a tangent's handedness."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A primitive that became a mesh.
+    """A primitive converted to a mesh.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Part:
 
 
 class Meshes:
-    """Makes meshes when a node uses them, each once.
+    """Converts meshes when a node uses them, each once.
 
     Parameters
     ----------
@@ -65,18 +65,18 @@ class Meshes:
         Parameters
         ----------
         index : int
-            Of the mesh.
+            Index of the mesh.
         weights : list of float
-            Of its morph targets.
+            Weights of its morph targets.
         joints : list of Matrix, optional
-            Of the node's skin; the meshes are then in world space.
+            Joint transforms of the node's skin; the meshes are then in world space.
         node : int
-            That has the mesh.
+            Index of the node that has the mesh.
 
         Raises
         ------
         SceneError
-            A primitive is unsound.
+            A primitive is invalid.
         """
         found: list[Part] = []
         for number, primitive in enumerate(self._document.items("meshes")[index]["primitives"]):
@@ -129,7 +129,7 @@ class Meshes:
         return Part(name, material, colors is not None)
 
     def _tangents(self, primitive: dict[str, Any], at: str) -> NDArray[np.float32] | None:
-        """Tangents of vertices with their handedness, which count beside normals only."""
+        """Vertex tangents with their handedness, which are used only together with normals."""
         tangents = self._attribute(primitive, "TANGENT")
         if tangents is None or "NORMAL" not in primitive["attributes"]:
             return None
@@ -140,9 +140,9 @@ class Meshes:
     def _corner_tangents(
         self, primitive: dict[str, Any], material: Used, surface: Surface, triangles: NDArray[np.uint32]
     ) -> NDArray[np.float32] | None:
-        """Tangents of corners where the material needs them: the file's, or else those of MikkTSpace.
+        """Tangents of corners, if the material needs them: the file's, or else those of MikkTSpace.
 
-        Without normals triangles are flat, and have the directions of their texture coordinates.
+        Without normals, triangles are flat and derive their tangents from texture coordinates.
         """
         if material.tangent_uv_set is None or surface.normals is None:
             return None
@@ -155,7 +155,7 @@ class Meshes:
         return mikktspace(surface.positions, surface.normals, upward, triangles)
 
     def _check(self, primitive: dict[str, Any], at: str) -> None:
-        """Attributes are of their types, and as many as there are vertices."""
+        """Check that attributes have the right types and as many elements as there are vertices."""
         accessors = self._document.items("accessors")
         count = accessors[primitive["attributes"]["POSITION"]]["count"]
         groups = [(primitive["attributes"], f"{at}/attributes", _TYPES)]
@@ -177,7 +177,7 @@ class Meshes:
         return None if number is None else self._accessors.floats(number)
 
     def _triangles(self, primitive: dict[str, Any], mode: int, count: int, at: str) -> NDArray[np.uint32] | None:
-        """Corners of the triangles; None where there are none."""
+        """Corners of the triangles; None if there are none."""
         if "indices" in primitive:
             accessor = self._document.items("accessors")[primitive["indices"]]
             if accessor.get("type") != "SCALAR" or accessor["componentType"] not in (5121, 5123, 5125):
@@ -207,7 +207,7 @@ class Meshes:
     def _uvs(
         self, primitive: dict[str, Any], number: int, material: Used, triangles: NDArray[np.uint32], at: str
     ) -> NDArray[np.float32] | None:
-        """Texture coordinates of corners, with (0, 0) in the lower left, where the material needs them."""
+        """Texture coordinates of corners, with (0, 0) in the lower left, if the material needs them."""
         if number not in material.uv_sets:
             return None
         key = f"TEXCOORD_{number}"
@@ -241,7 +241,7 @@ class Meshes:
 
 
 def _are_flat(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> bool:
-    """Whether no triangle has an area; mostly the first few say so."""
+    """Whether no triangle has an area; usually the first few disprove it."""
     for start in (0, 64):
         some = triangles[start : 64 if start == 0 else None]
         a, b, c = (positions[some[:, i]].astype(np.float32) for i in range(3))

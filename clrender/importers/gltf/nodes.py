@@ -13,25 +13,25 @@ from clrender.scene.values import COORDINATE_LIMIT
 __all__ = ["TRS", "Nodes"]
 
 TRS: Final = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
-"""What moves a node, and its values by default."""
+"""Transform properties of a node, and their defaults."""
 
 
 class Nodes:
-    """Where all nodes are, and which of them the scene shows.
+    """World transforms of all nodes, and which nodes are in the scene.
 
     Parameters
     ----------
     document : Document
         Validated.
     moved : Moved
-        What an animation says in the place of the nodes' own values.
+        Animated values, which replace the nodes' own.
 
     Attributes
     ----------
     world : list of Matrix
         Transform of each node to world space.
     shown : list of int
-        The nodes of the scene in the order of a walk down its tree.
+        The nodes of the scene in depth-first order.
     """
 
     def __init__(self, document: Document, moved: Moved) -> None:
@@ -63,7 +63,7 @@ class Nodes:
         return roots
 
     def _walk(self, roots: list[int], hidden: bool = False) -> Iterator[int]:
-        """Nodes from parents to children; on the first walk their places in the world are found."""
+        """Nodes from parents to children; the first traversal computes their world transforms."""
         stack = list(reversed(roots))
         while stack:
             index = stack.pop()

@@ -1,4 +1,4 @@
-"""Reads glTF 2.0: a `.gltf` with what lies beside it, or a `.glb`."""
+"""Reads glTF 2.0: a `.gltf` with its external files, or a `.glb`."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
     path : pathlib.Path
     files : AssetFiles
     choices : Choices, optional
-        The moment of its animation, and the variant of its materials.
+        Moment of its animation, and material variant.
 
     Raises
     ------
     SceneError
-        With the JSON pointer of what is wrong.
+        With the JSON pointer of the fault.
     """
     choices = choices or Choices()
-    # What shines in a glTF file is mostly a detail of a model that viewers light by themselves
+    # Emission in glTF is mostly a detail of a model that viewers light themselves
     document = opened(path, files, Draft(wants_light=True))
     validate(document)
     accessors = Accessors(document)
@@ -73,12 +73,12 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
 def _add_shapes(
     document: Document, accessors: Accessors, nodes: Nodes, skins: list[list[Matrix]], meshes: Meshes, index: int
 ) -> None:
-    """The shapes of a node's mesh, of its instances each."""
+    """Add the shapes of a node's mesh, for each of its instances."""
     node, shapes = document.items("nodes")[index], document.draft.description["shapes"]
     joints = skins[node["skin"]] if "skin" in node else None
     weights = nodes.weights(index, document.items("meshes")[node["mesh"]])
     parts = meshes.parts(node["mesh"], weights, joints, index)
-    # Skinned vertices are in the world already, wherever their node is
+    # Skinned vertices are already in world space, independent of their node
     world = IDENTITY if joints else nodes.world[index]
     name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]
     maps = instance_maps(document, accessors, index)
@@ -100,7 +100,7 @@ def _add_shapes(
 
 
 def _shape(part: Part) -> dict[str, Any]:
-    """A primitive, without its place and name."""
+    """Description of a primitive's shape, without transform and name."""
     shape: dict[str, Any] = {"type": "mesh", "file": part.mesh, "material": part.material.name}
     return {**shape, "vertex_colors": "linear"} if part.colored else shape
 

@@ -1,4 +1,4 @@
-"""Rules for JSON: what a value may be; each raises the sentence that names its place, or gives back the value."""
+"""Validation rules for JSON values; each returns the value, or raises an error that names its location."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from clrender.scene.wording import quoted, shown
 __all__ = ["LEFT_OUT", "Rule", "Table", "Walk", "choice", "flag", "integer", "many", "named", "number", "ref", "text"]
 
 LEFT_OUT: Final = object()
-"""In the place of a value that nobody knows, and that may be left out: its key is removed."""
+"""Marks an unknown value that may be ignored: its key is removed."""
 
 
 class Walk:
-    """What rules have at hand.
+    """Context of the rules.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Walk:
     root : dict
         The JSON object.
     met : dict of str to str
-        Names of the extensions that were met, each with the first place.
+        Names of the extensions found, each with its first location.
     """
 
     def __init__(self, document: Document) -> None:
@@ -38,17 +38,17 @@ class Walk:
         self._unknown: set[tuple[str, str]] = set()
 
     def fault(self, at: str, sentence: str) -> SceneError:
-        """As of `Document`."""
+        """See `Document.fault`."""
         return self.document.fault(at, sentence)
 
     def unknown(self, at: str, key: str, table: str) -> None:
-        """Notes a property that no table of the specification has, the first of its name in such objects."""
+        """Note a property that is not in the specification, once per name and kind of object."""
         if (table, key) not in self._unknown:
             self._unknown.add((table, key))
             self.document.note(f"{at}/{escaped(key)} is no property that glTF 2.0 knows there; it was left out")
 
     def size(self, collection: str) -> int:
-        """How many objects one of the root's arrays has."""
+        """Number of objects in one of the root's arrays."""
         found = self.root.get(collection)
         return len(found) if isinstance(found, list) else 0
 
@@ -57,7 +57,7 @@ Rule: TypeAlias = Callable[[Walk, Any, str], Any]
 
 
 def number(low: float = -math.inf, high: float = math.inf, above: float = -math.inf) -> Rule:
-    """A finite number, as a float."""
+    """Rule: a finite number, as a float."""
 
     def rule(walk: Walk, value: Any, at: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -77,7 +77,7 @@ def number(low: float = -math.inf, high: float = math.inf, above: float = -math.
 
 
 def integer(low: int = 0, high: int = 2**53, among: tuple[int, ...] = ()) -> Rule:
-    """A whole number; 1.0 is one."""
+    """Rule: an integer; 1.0 counts as one."""
 
     def rule(walk: Walk, value: Any, at: str) -> int:
         if isinstance(value, float) and value.is_integer():
@@ -95,7 +95,7 @@ def integer(low: int = 0, high: int = 2**53, among: tuple[int, ...] = ()) -> Rul
 
 
 def text() -> Rule:
-    """Any text."""
+    """Rule: any text."""
 
     def rule(walk: Walk, value: Any, at: str) -> str:
         if not isinstance(value, str):
@@ -106,7 +106,7 @@ def text() -> Rule:
 
 
 def choice(*names: str) -> Rule:
-    """One of some texts; another one is noted and left out, as extensions may bring more."""
+    """Rule: one of these texts; others are noted and ignored, as extensions may add more."""
 
     def rule(walk: Walk, value: Any, at: str) -> Any:
         text()(walk, value, at)
@@ -119,7 +119,7 @@ def choice(*names: str) -> Rule:
 
 
 def flag() -> Rule:
-    """True or false."""
+    """Rule: true or false."""
 
     def rule(walk: Walk, value: Any, at: str) -> bool:
         if not isinstance(value, bool):
@@ -130,7 +130,7 @@ def flag() -> Rule:
 
 
 def ref(collection: str) -> Rule:
-    """The index of an object in one of the root's arrays."""
+    """Rule: the index of an object in one of the root's arrays."""
     whole = integer()
 
     def rule(walk: Walk, value: Any, at: str) -> int:
@@ -145,7 +145,7 @@ def ref(collection: str) -> Rule:
 
 
 def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = False) -> Rule:
-    """An array."""
+    """Rule: an array."""
 
     def rule(walk: Walk, value: Any, at: str) -> list[Any]:
         if not isinstance(value, list):
@@ -168,7 +168,7 @@ def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = F
 
 
 def named(each: Rule, least: int = 1) -> Rule:
-    """An object with names of the file's own choice."""
+    """Rule: an object with arbitrary keys."""
 
     def rule(walk: Walk, value: Any, at: str) -> dict[str, Any]:
         if not isinstance(value, dict):
@@ -188,17 +188,17 @@ def _anything(walk: Walk, value: Any, at: str) -> Any:
 
 @dataclass(frozen=True)
 class Table:
-    """An object with known properties, itself a rule.
+    """Rule: an object with known properties.
 
     Attributes
     ----------
     name : str
-        What such an object is.
+        Kind of object, for messages.
     properties : mapping of str to Rule
-        Besides ``name``, ``extensions`` and ``extras``, which all have.
+        Besides ``name``, ``extensions`` and ``extras``, which all objects may have.
     required : tuple of str
     extensions : mapping of str to Rule
-        Those that are known there.
+        Extensions that are known there.
     """
 
     name: str
@@ -207,7 +207,7 @@ class Table:
     extensions: Mapping[str, Rule] = field(default_factory=dict)
 
     def __call__(self, walk: Walk, value: Any, at: str) -> dict[str, Any]:
-        """Check an object and all that it holds."""
+        """Check an object and everything in it."""
         if not isinstance(value, dict):
             raise walk.fault(at, f"is {shown(value)}, but must be an object")
         for key in self.required:

@@ -1,4 +1,4 @@
-"""The objects of glTF 2.0 as tables: which properties they have, and what these may be (specification, section 5)."""
+"""Schema tables of glTF 2.0: the properties of objects, and their valid values (specification, section 5)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COMPONENTS: Final = {
     "MAT3": (3, 3),
     "MAT4": (4, 4),
 }
-"""Columns, and components of a column, by the type of an accessor."""
+"""Columns, and components per column, by accessor type."""
 _COUNT: Final = integer(1)
 
 _SPARSE = Table(

@@ -1,4 +1,4 @@
-"""Textures of materials: pictures, samplers and transforms of texture coordinates."""
+"""Textures of materials: images, samplers and transforms of texture coordinates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _KTX2: Final = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
 class Textures:
-    """Makes our textures of references to theirs; reads each picture once, when it is needed.
+    """Converts texture references to our textures; reads each image once, when it is needed.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Textures:
         self._document, self._accessors = document, accessors
 
     def made(self, info: dict[str, Any] | None, at: str) -> dict[str, Any] | None:
-        """A texture as in a scene file, without channel and colour space; None where there is none to be read.
+        """A texture as in a scene file, without channel and colour space; None if there is none that can be read.
 
         Parameters
         ----------
@@ -41,7 +41,7 @@ class Textures:
         Raises
         ------
         SceneError
-            Its picture cannot be read.
+            Its image cannot be read.
         """
         if info is None:
             return None
@@ -76,7 +76,7 @@ class Textures:
         return source
 
     def _picture(self, index: int) -> str:
-        """Name of a picture in the draft: its JSON pointer, which messages then say."""
+        """Name of an image in the draft: its JSON pointer, which messages then show."""
         name = f"/images/{index}"
         if name not in self._document.draft.pictures:
             image = self._document.items("images")[index]
@@ -100,10 +100,10 @@ class Textures:
 
 
 def _transform(transform: dict[str, Any]) -> dict[str, Any]:
-    """From coordinates whose v goes down from the upper edge to ours, whose v goes up from the lower edge.
+    """Convert a transform of coordinates whose v goes down from the top edge to ours, whose v goes up from the bottom.
 
-    With F the flip of v, ours are w = F uv + (0, 1). Theirs are turned by R into R S uv + t, counter-clockwise as seen
-    on the picture, which is what our own turn by the same angle is: so F R S F = R' S, and the flip moves the offset.
+    With F the flip of v, ours are w = F uv + (0, 1). glTF maps uv to R S uv + t; R rotates counter-clockwise as seen on
+    the image, like our own rotation R' by the same angle. So F R S F = R' S, and the flip changes the offset.
     """
     angle = transform.get("rotation", 0.0)
     (x, y), (u, v) = transform.get("offset", (0.0, 0.0)), transform.get("scale", (1.0, 1.0))

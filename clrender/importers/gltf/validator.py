@@ -1,4 +1,4 @@
-"""Checks a glTF file as a whole: each object by itself, and whether those that name each other fit."""
+"""Validates a glTF file: each object by itself, and whether references are consistent."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from clrender.scene.wording import quoted
 __all__ = ["BYTES", "element_bytes", "validate"]
 
 BYTES: Final = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-"""Of a component, by its type."""
+"""Bytes of a component, by its type."""
 _VERSION: Final = re.compile(r"([0-9]{1,9})\.([0-9]{1,9})\Z")
 
 
 def validate(document: Document) -> None:
-    """Check all but the content of buffers and of pictures, and put defaults of numbers' types right.
+    """Validate everything except the content of buffers and images, and normalise the types of numbers.
 
     Raises
     ------
@@ -88,10 +88,10 @@ def _check_view(document: Document, view: dict[str, Any], at: str) -> None:
 
 
 def element_bytes(accessor: dict[str, Any]) -> tuple[int, int, int]:
-    """Of an accessor: bytes of an element without padding behind it, from one to the next without stride, and of a column.
+    """Bytes of an accessor's element without trailing padding, from one to the next without stride, and of a column.
 
     Columns of matrices begin at multiples of 4 bytes.
-    """  # noqa: E501
+    """
     columns, rows = COMPONENTS[accessor["type"]]
     column = rows * BYTES[accessor["componentType"]]
     padded = -(-column // 4) * 4 if columns > 1 else column
@@ -126,7 +126,7 @@ def _check_accessor(document: Document, accessor: dict[str, Any], at: str) -> No
 
 
 def _check_room(document: Document, accessor: dict[str, Any], at: str, matrix: bool) -> None:
-    """An accessor lies in its view, at places where numbers of its type may lie."""
+    """Check that an accessor lies within its view, with the alignment of its type."""
     view = document.items("bufferViews")[accessor["bufferView"]]
     size, start = BYTES[accessor["componentType"]], accessor.get("byteOffset", 0)
     tight, step, _ = element_bytes(accessor)
@@ -148,7 +148,7 @@ def _check_room(document: Document, accessor: dict[str, Any], at: str, matrix: b
 def _check_part(
     document: Document, part: dict[str, Any], count: int, step: int, padding: int, at: str, multiple: int | None = None
 ) -> None:
-    """Indices or values of a sparse accessor lie in their view."""
+    """Check that indices or values of a sparse accessor lie within their view."""
     view, start = document.items("bufferViews")[part["bufferView"]], part.get("byteOffset", 0)
     if "byteStride" in view or "target" in view:
         raise document.fault(f"{at}/bufferView", "names a view with byteStride or target, which must have none")
@@ -176,7 +176,7 @@ def _check_camera(document: Document, camera: dict[str, Any], at: str) -> None:
 
 
 def _check_tree(document: Document) -> None:
-    """No node has two parents, or is its own ancestor, and scenes name nodes without any."""
+    """Check that no node has two parents or is its own ancestor, and that scenes refer to root nodes."""
     nodes = document.items("nodes")
     parents: dict[int, int] = {}
     for index, node in enumerate(nodes):

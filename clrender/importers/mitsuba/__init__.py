@@ -1,4 +1,4 @@
-"""Scenes of Mitsuba 3 (and 2), and those of 0.6 where they say the same: XML."""
+"""Importer of the XML scenes of Mitsuba 3 (and 2), and of 0.6 as far as their meaning is the same."""
 
 from __future__ import annotations
 

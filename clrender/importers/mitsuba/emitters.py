@@ -1,4 +1,4 @@
-"""Mitsuba's emitters that are no shapes, as our lights."""
+"""Converts Mitsuba's emitters that are not shapes to our lights."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from clrender.scene.wording import quoted
 __all__ = ["EmitterReader"]
 
 _SKY_NANOMETRES: Final = 106.75
-"""What the sky model's radiance in RGB is divided by in Mitsuba, and not in clrender."""
+"""Mitsuba divides the sky model's RGB radiance by this, clrender does not."""
 
 
 class EmitterReader:
-    """Makes lights.
+    """Converts lights.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class EmitterReader:
         return {"type": "environment", "file": f"{file} (turned)", "scale": scale}
 
     def _sky(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
-        """Upward is z there, before `to_world`, and y here; the sun's direction is that in the world."""
+        """Sun and sky: up is z in Mitsuba, before `to_world`, and y here; the sun's direction is in world space."""
         up = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
         if up[1] < 1.0 - 1e-6 or handedness(matrix) < 0.0:
             self._staging.note(f"{plugin.label} whose sky is not above +y is left out; turn its to_world")

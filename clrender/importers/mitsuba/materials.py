@@ -1,4 +1,4 @@
-"""Mitsuba's BSDFs as our materials."""
+"""Converts Mitsuba's BSDFs to our materials."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["MaterialReader"]
 
 
 class MaterialReader:
-    """Makes materials of BSDFs, each once.
+    """Converts BSDFs to materials, each once.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class MaterialReader:
         self._depth = 0
 
     def name(self, plugin: Plugin, two_sided: bool = False) -> str | None:
-        """The name of the material; None for a surface that is not seen.
+        """The name of the material; None for an invisible surface.
 
         Raises
         ------
@@ -43,7 +43,7 @@ class MaterialReader:
         """
         key = (id(plugin), two_sided)
         if key not in self._made:
-            self._kept.append(plugin)  # so that nothing else gets its identity
+            self._kept.append(plugin)  # so that no other object gets its id
             described = self._guarded(plugin, two_sided)
             name = None if described is None else self._staging.material(plugin.id or plugin.type, described)
             self._made[key] = name
@@ -92,13 +92,13 @@ class MaterialReader:
         return {"type": "lambert", "reflectance": [0.5, 0.5, 0.5], "two_sided": two_sided}
 
     def _nested(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
-        """The description of the one BSDF inside; None where it is not seen."""
+        """The description of the one nested BSDF; None if it is invisible."""
         inside = plugin.children_of("bsdf")
         if len(inside) != 1:
             raise plugin.fault(f"{plugin.label} has {len(inside)} BSDFs inside, but must have one")
         return self._guarded(inside[0], two_sided)
 
-    # --- those that hold others
+    # --- nested BSDFs
 
     def _twosided(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
         inside = plugin.children_of("bsdf")
@@ -146,7 +146,7 @@ class MaterialReader:
         return self._mix(plugin, inside, self._textures.share(plugin, "weight", 0.5), two_sided)
 
     def _mixture(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
-        """Of 0.6: any number, each with a weight."""
+        """A mixture of 0.6: any number of BSDFs, each with a weight."""
         inside = plugin.children_of("bsdf")
         weights = [
             float(x) for x in plugin.text("weights").replace(",", " ").split() if x.replace(".", "", 1).isdigit()

@@ -1,4 +1,4 @@
-"""Mitsuba's participating media as ours."""
+"""Converts Mitsuba's participating media to ours."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MOST_G = 0.99
 
 
 class MediumReader:
-    """Makes media, each once.
+    """Converts media, each once.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class MediumReader:
         self._kept: list[Plugin] = []
 
     def name(self, plugin: Plugin) -> str | None:
-        """The name of a medium; None for one that is not known."""
+        """The name of a medium; None for an unsupported one."""
         if plugin.type != "homogeneous":
             self._staging.note(f"{plugin.label} is not known and left out")
             return None

@@ -1,4 +1,4 @@
-"""What Mitsuba's XML describes: objects with a type, values by name, and objects inside of them."""
+"""The objects that Mitsuba's XML describes: a type, values by name, and nested objects."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ __all__ = ["Plugin", "Spectrum", "Value"]
 
 @dataclass(frozen=True)
 class Spectrum:
-    """A colour, still to be told whether of light or of a surface.
+    """A colour, which is later interpreted as that of light or of a surface.
 
     Attributes
     ----------
     color : three floats, or None
-        Linear Rec. 709, where the file says one.
+        Linear Rec. 709, if the file gives one.
     wavelengths, values : tuples of floats
-        Else nanometres, and what is linear between them. A single value at no wavelength is the same everywhere.
+        Else nanometres, and values, which are interpolated linearly. A single value without wavelength is constant.
     """
 
     color: Color | None = None
@@ -35,7 +35,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Value:
-    """A value that an object has by name.
+    """A named value of an object.
 
     Attributes
     ----------
@@ -63,11 +63,11 @@ class Plugin:
         Its element: ``shape bsdf emitter texture sensor film rfilter sampler integrator medium phase volume spectrum``.
     type : str
     name : str
-        By which the object around it knows it; may be empty.
+        Name by which the parent refers to it; may be empty.
     id : str
-        By which references do; may be empty.
+        Id by which references refer to it; may be empty.
     source : str
-        File for messages.
+        File, for messages.
     line : int
     values : dict of str to Value
     children : list of Plugin
@@ -86,7 +86,7 @@ class Plugin:
 
     @property
     def label(self) -> str:
-        """What notes call it."""
+        """Name of the object in notes."""
         return f"the {self.kind} of type {quoted(self.type)}"
 
     def fault(self, sentence: str, line: int | None = None) -> SceneError:
@@ -94,27 +94,27 @@ class Plugin:
         return SceneError(f"{self.source}: line {line or self.line}: {sentence}")
 
     def has(self, *names: str) -> bool:
-        """Whether it has a value of any of these names, or such an object inside."""
+        """Whether it has a value or nested object of any of these names."""
         return any(name in self.values or any(child.name == name for child in self.children) for name in names)
 
     def ignore(self, *names: str) -> None:
-        """Of no meaning here, and none is lost by it."""
+        """Mark names as used: they have no meaning here, and nothing is lost."""
         self.used.update(names)
 
     def unused(self) -> Iterator[str]:
-        """Names of values, and kinds of objects inside, that nobody asked for."""
+        """Names of values, and kinds of nested objects, that were not used."""
         yield from (name for name in self.values if name not in self.used)
         for child in self.children:
             if child.name not in self.used and f"<{child.kind}>" not in self.used:
                 yield child.name or child.kind
 
     def children_of(self, *kinds: str) -> list[Plugin]:
-        """The objects of these kinds inside."""
+        """The nested objects of these kinds."""
         self.used.update(f"<{kind}>" for kind in kinds)
         return [child for child in self.children if child.kind in kinds]
 
     def child(self, *names: str) -> Plugin | None:
-        """The object inside of one of these names."""
+        """The nested object of one of these names."""
         self.used.update(names)
         return next((child for child in self.children if child.name in names), None)
 
@@ -128,7 +128,7 @@ class Plugin:
         return found.value
 
     def number(self, name: str, default: float) -> float:
-        """A number; of a grey spectrum that of it, too."""
+        """A number, or that of a grey spectrum."""
         value = self._get(name, ("float", "integer", "spectrum"), "a number")
         if isinstance(value, Spectrum):
             if value.color is not None:
@@ -137,7 +137,7 @@ class Plugin:
         return default if value is None else float(value)
 
     def whole(self, name: str, default: int) -> int:
-        """A whole number."""
+        """An integer."""
         value = self._get(name, ("integer", "float"), "a whole number")
         if value is None:
             return default
@@ -161,7 +161,7 @@ class Plugin:
         return np.array(default, np.float64) if value is None else value
 
     def matrix(self, name: str = "to_world") -> Matrix:
-        """A transform; the identity where there is none."""
+        """A transform; the identity if there is none."""
         value = self._get(name, ("transform",), "a transform")
         return identity() if value is None else value
 

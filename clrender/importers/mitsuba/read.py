@@ -1,4 +1,4 @@
-"""Reads a scene of Mitsuba's into a draft."""
+"""Reads a Mitsuba scene into a draft."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["read"]
 
 _SPP_LIMIT: Final = 2**20
 _FILM_DIAGONAL: Final = math.hypot(36.0, 24.0)
-"""Millimetres, of the film that focal lengths are meant for."""
+"""Diagonal of the film that focal lengths refer to, millimetres."""
 _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
 _PATHS: Final = frozenset(
     ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
@@ -47,7 +47,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     Raises
     ------
     SceneError
-        It is no sound scene, with its line.
+        It is not a valid scene; the message names the line.
     """
     staging = Staging(files)
     scene, old = scene_tree(files.scene(path, FILE_LIMIT), files, staging.note)
@@ -65,7 +65,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
 
 
 class _Settings:
-    """Camera, size of the image, and defaults of the render."""
+    """Camera, size of the image, and default render settings."""
 
     def __init__(self, staging: Staging, media: MediumReader) -> None:
         self._staging, self._media = staging, media
@@ -163,7 +163,7 @@ class _Settings:
     def _integrator(self, plugin: Plugin) -> None:
         inner = plugin.children_of("integrator")
         if inner and plugin.type not in _PATHS:
-            plugin = inner[0]  # what it shows beside the image has options of its own here
+            plugin = inner[0]  # additional outputs are options of the command line here
         if plugin.type == "direct":
             self._render()["max_depth"] = 1
         elif plugin.type not in _PATHS:

@@ -1,4 +1,4 @@
-"""Mitsuba's shapes as ours, at their places."""
+"""Converts Mitsuba's shapes to ours, with their transforms."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ from clrender.scene.wording import quoted
 __all__ = ["ShapeReader"]
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-"""From our sphere to Mitsuba's: u runs from 0 at +x, v from 0 at +z. It mirrors: v runs the other way there."""
+"""From our sphere to Mitsuba's: u runs from 0 at +x, v from 0 at +z. It mirrors, as v runs the other way there."""
 _GROUP_DEPTH: Final = 4
 
 
 class ShapeReader:
-    """Makes shapes.
+    """Converts shapes.
 
     Parameters
     ----------
@@ -67,15 +67,15 @@ class ShapeReader:
         self._count = 0
 
     def read(self, plugin: Plugin, place: Matrix | None = None, depth: int = 0) -> None:
-        """Add a shape, or all that a group holds.
+        """Add a shape, or all shapes of a group.
 
         Parameters
         ----------
         plugin : Plugin
         place : (4, 4) float64, optional
-            Of the instance that it is part of.
+            Transform of the instance that it is part of.
         depth : int
-            How many instances are around it.
+            Nesting depth of instances around it.
 
         Raises
         ------
@@ -96,7 +96,7 @@ class ShapeReader:
             for child in plugin.children_of("shape"):
                 self.read(child, place, depth + 1)
         elif plugin.type == "shapegroup":
-            pass  # it is only seen where an instance of it is
+            pass  # only its instances are visible
         else:
             self._one(plugin, place)
 
@@ -138,7 +138,7 @@ class ShapeReader:
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
 
     def _surface(self, plugin: Plugin) -> dict[str, Any] | None:
-        """Material, emission and interior; None where nothing of it is seen."""
+        """Material, emission and interior; None if it is invisible."""
         described: dict[str, Any] = {}
         bsdfs, emitters = plugin.children_of("bsdf"), plugin.children_of("emitter")
         seen = True
@@ -159,7 +159,7 @@ class ShapeReader:
                 emitters[0].ignore("sampling_weight")
                 self._tell_unused(emitters[0])
         interior = plugin.child("interior")
-        plugin.child("exterior")  # what is outside follows from the shapes here
+        plugin.child("exterior")  # here the exterior follows from the shapes
         if interior is not None and self._may_be_filled(described.get("material")):
             medium = self._media.name(interior)
             if medium is not None:
@@ -169,7 +169,7 @@ class ShapeReader:
         return described
 
     def _default(self) -> str:
-        """Shapes without a BSDF are a diffuse grey."""
+        """Name of the diffuse grey material of shapes without a BSDF."""
         return self._staging.material("default", {"type": "lambert", "reflectance": [0.5] * 3, "two_sided": False})
 
     def _may_be_filled(self, material: str | None) -> bool:
@@ -187,7 +187,7 @@ class ShapeReader:
     def _sphere(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         x, y, z = plugin.vector("center", (0.0, 0.0, 0.0))
         matrix = matrix @ translation(x, y, z)
-        # A mirror turns Mitsuba's sphere inside out
+        # Mirroring turns Mitsuba's sphere inside out
         inside_out = flip != (handedness(matrix) < 0.0)
         described = {**described, "flip_normals": True} if inside_out else described
         self._staging.sphere(described, plugin.number("radius", 1.0), matrix @ _POLES, plugin.line)
@@ -239,11 +239,11 @@ class ShapeReader:
         def serialized(name: str, folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
             nonlocal faceted
             mesh, wanted = read_serialized_mesh(name, folder, allow_paths, place, index)
-            faceted = wanted and self._old  # Mitsuba 3 does not look at it
+            faceted = wanted and self._old  # Mitsuba 3 ignores it
             return without_normals(mesh) if faceted else mesh
 
         def adapted(mesh: MeshData) -> MeshData:
-            if turned != self._old:  # in 0.6 pictures stand upright by the file's own numbers
+            if turned != self._old:  # in 0.6 images are upright with the file's own numbers
                 mesh = flipped_v(mesh)
             if flat or faceted:
                 return without_normals(mesh)
@@ -252,13 +252,13 @@ class ShapeReader:
         kind = f"{plugin.type}{f' {index}' if index else ''}{', flat' if flat else ''}{', turned' if turned else ''}"
         read = serialized if plugin.type == "serialized" else read_mesh
         name, had_normals = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
-        # The winding decides where the file has no normals, and a mirror turns it round
+        # Without normals in the file, the winding decides, and mirroring reverses it
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(matrix) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
 
     def _is_textured(self, described: dict[str, Any]) -> bool:
-        """Whether anything on it depends on the place."""
+        """Whether anything on it varies over its surface."""
         name = described.get("material")
         parts = [name] if name else []
         if isinstance(described.get("emission"), dict):

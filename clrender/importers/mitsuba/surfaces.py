@@ -1,4 +1,4 @@
-"""Mitsuba's BSDFs that hold no others, as our materials."""
+"""Converts Mitsuba's BSDFs without nested ones to our materials."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BECKMANN: Final = (
 
 
 class SurfaceReader:
-    """Describes materials.
+    """Converts BSDFs.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class SurfaceReader:
         return DIELECTRICS[material]
 
     def _microfacets(self, plugin: Plugin) -> dict[str, Any]:
-        """Of rough metal and glass, which lose the light that meets a second facet there."""
+        """Options of rough metal and glass, which lose light by multiple scattering in Mitsuba."""
         distribution = plugin.text("distribution", "beckmann").lower()
         if distribution not in ("beckmann", "ggx"):
             self._staging.note(f"microfacets of the distribution {quoted(distribution)} are read as Beckmann's")
@@ -71,7 +71,7 @@ class SurfaceReader:
         return {"roughness": self._roughness(plugin), "microfacets": distribution, "multiple_scattering": False}
 
     def _roughness(self, plugin: Plugin) -> float:
-        """Ours; for a texture of alpha that of 0.1."""
+        """Our roughness; for a texture of alpha that of 0.1."""
         if any(plugin.child(name) is not None for name in ("alpha", "alpha_u", "alpha_v")):
             self._staging.note("textures of alpha are left out: alpha is 0.1 there")
             return roughness_of(0.1)
@@ -100,7 +100,7 @@ class SurfaceReader:
         return made
 
     def _metal(self, plugin: Plugin) -> tuple[Color, Color]:
-        """Complex index of refraction, relative to what is outside."""
+        """Complex index of refraction, relative to the exterior."""
         name = plugin.text("material", "Cu" if self._old else "none")
         if not plugin.has("eta") and name not in CONDUCTORS:
             raise plugin.fault(f"the metal {quoted(name)} is not known{suggestion(name, CONDUCTORS)}; give eta and k")
@@ -145,7 +145,7 @@ class SurfaceReader:
         return made
 
     def dimmed(self, plugin: Plugin, whole: dict[str, Any], share: float) -> dict[str, Any]:
-        """Exactly a share of what a material reflects: a mixture with black."""
+        """Exactly a fraction of a material's reflectance: a mixture with black."""
         name = self._staging.material(f"{plugin.id or plugin.type}, undimmed", whole)
         black = self._staging.material("black", dict(_BLACK))
         return {"type": "mix", "materials": [name, black], "weight": 1.0 - share}
@@ -180,7 +180,7 @@ class SurfaceReader:
         }
 
     def principled(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
-        """Disney's material as glTF's."""
+        """Disney's principled BSDF as glTF's."""
         self._staging.note(
             "\"principled\" is Disney's there and glTF's here: alike, but not equal, in sheen, coat and tints"
         )
@@ -200,11 +200,11 @@ class SurfaceReader:
         if transmission != 0.0:
             made["transmission"] = transmission
             made["thin"] = plugin.type == "principledthin"
-            # What is clear has two sides
+            # Transmissive materials have two sides
             made.pop("two_sided")
         coat = share(plugin, "clearcoat", 0.0)
         if coat != 0.0:
-            # Disney's coat has a quarter of the strength, and alpha from 0.1 to 0.001
+            # Disney's clear coat has a quarter of the strength, and alpha from 0.1 to 0.001
             made["coat"] = coat if isinstance(coat, dict) else 0.25 * coat
             gloss = self._staging.share(plugin.number("clearcoat_gloss", 0.0), "clearcoat_gloss")
             made["coat_roughness"] = roughness_of(0.1 + (0.001 - 0.1) * gloss)

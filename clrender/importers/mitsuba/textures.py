@@ -1,4 +1,4 @@
-"""Mitsuba's colours and textures as ours."""
+"""Converts Mitsuba's colours and textures to ours."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _FILTERS: Final = {"bilinear": "linear", "nearest": "nearest", "trilinear": "lin
 
 
 class TextureReader:
-    """Reads colours, or textures in their place.
+    """Reads colours, or textures instead of them.
 
     Parameters
     ----------
     staging : Staging
     old : bool
-        Whether the file is one of 0.6, whose pictures stand upright.
+        Whether the file is one of 0.6, whose images are upright.
     """
 
     def __init__(self, staging: Staging, old: bool) -> None:
@@ -43,13 +43,13 @@ class TextureReader:
         return self.light_of(plugin.spectrum(name), default)
 
     def light_of(self, spectrum: Spectrum | None, default: float) -> Color:
-        """The colour of a light whose spectrum that is."""
+        """The colour of a light with this spectrum."""
         if spectrum is None:
             return (default,) * 3
         if spectrum.color is not None:
             return spectrum.color
         if not spectrum.wavelengths:
-            # The same power at all wavelengths, which is reddish beside D65
+            # Equal power at all wavelengths, which is reddish compared with D65
             return light_color([300.0, 900.0], [spectrum.values[0]] * 2)
         return light_color(spectrum.wavelengths, spectrum.values)
 
@@ -63,12 +63,12 @@ class TextureReader:
         if nested.type in ("d65", "uniform", "rgb", "srgb"):
             key = "scale" if nested.type == "d65" else "value" if nested.has("value") else "color"
             return self.light_of(nested.spectrum(key), 1.0)
-            # D65 is the white of Rec. 709
+            # D65 is the white point of Rec. 709
         self._staging.note(f"{nested.label} is not known: white in its place")
         return 1.0, 1.0, 1.0
 
     def color(self, plugin: Plugin, name: str, default: float, texture: bool = True) -> Any:
-        """A reflectance: a colour, or a texture of ours where one may be.
+        """A reflectance: a colour, or one of our textures if allowed.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class TextureReader:
         name : str
         default : float
         texture : bool
-            Whether one may be.
+            Whether a texture is allowed.
         """
         nested = plugin.child(name)
         if nested is not None and nested.kind == "texture" and texture:
@@ -92,7 +92,7 @@ class TextureReader:
         return self._staging.reflectance(color, f"{quoted(name)} of {plugin.label}")
 
     def surface_of(self, spectrum: Spectrum | None, default: float) -> Color:
-        """The colour of a surface whose spectrum that is."""
+        """The colour of a surface with this spectrum."""
         if spectrum is None:
             return (default,) * 3
         if spectrum.color is not None:
@@ -102,7 +102,7 @@ class TextureReader:
         return reflectance_color(spectrum.wavelengths, spectrum.values)
 
     def share(self, plugin: Plugin, name: str, default: float) -> Any:
-        """A number between 0 and 1, or a texture of ours."""
+        """A number between 0 and 1, or one of our textures."""
         nested = plugin.child(name)
         if nested is not None and nested.kind == "texture":
             found = self.texture(nested, number=True)
@@ -110,20 +110,20 @@ class TextureReader:
         return self._staging.share(plugin.number(name, default), f"{quoted(name)} of {plugin.label}")
 
     def emission(self, plugin: Plugin) -> Any:
-        """What an area light shines with: a colour, or a texture."""
+        """Radiance of an area light: a colour, or a texture."""
         nested = plugin.child("radiance")
         if nested is not None and nested.kind == "texture":
             return self.texture(nested, light=True)
         return list(self.light(plugin, "radiance", 1.0))
 
     def texture(self, plugin: Plugin, number: bool = False, light: bool = False) -> Any:
-        """A texture as ours, or a colour in its place.
+        """One of our textures, or a colour.
 
         Parameters
         ----------
         plugin : Plugin
         number : bool
-            Whether it stands for a number, whose pictures are linear unless they say otherwise.
+            Whether it is a number, whose images are linear by default.
         light : bool
             Whether its colours are those of light.
         """
@@ -153,7 +153,7 @@ class TextureReader:
         return made
 
     def picture(self, plugin: Plugin) -> dict[str, Any] | None:
-        """A bitmap as a normal or bump map takes it; None where it is something else."""
+        """A bitmap for a normal or bump map; None for other textures."""
         if plugin.type != "bitmap":
             self._staging.note(f"{plugin.label} cannot be a map of normals or heights: it is left out")
             return None
@@ -185,7 +185,7 @@ class TextureReader:
     def _transform(self, plugin: Plugin, upside_down: bool) -> dict[str, Any]:
         """Our transform of texture coordinates.
 
-        Mitsuba 3 has v = 0 at the upper edge of a picture, we (and 0.6) at the lower one: its v is 1 - v of ours.
+        Mitsuba 3 has v = 0 at the top edge of an image, we (and 0.6) at the bottom: its v is 1 - ours.
         """
         if self._old:
             scale = [plugin.number(f"{axis}scale", 1.0) for axis in "uv"]
@@ -193,7 +193,7 @@ class TextureReader:
             plane = np.array([[scale[0], 0.0, offset[0]], [0.0, scale[1], offset[1]]])
         else:
             matrix: Matrix = plugin.matrix("to_uv")
-            # The third column of a matrix of a plane may be the shift, or the fourth
+            # The translation of a 2D matrix may be in the third column, or in the fourth
             plane = np.array([[matrix[i, 0], matrix[i, 1], matrix[i, 3] + matrix[i, 2]] for i in (0, 1)])
         if upside_down:
             plane[1] = -plane[1]
@@ -201,14 +201,14 @@ class TextureReader:
         return self._as_steps(plugin, plane)
 
     def _as_steps(self, plugin: Plugin, plane: Any) -> dict[str, Any]:
-        """Scale, then rotation, then shift; or what comes nearest."""
+        """Decompose a matrix into scale, then rotation, then translation, at least approximately."""
         first, second = plane[:, 0], plane[:, 1]
         along, turn = float(np.hypot(*first)), math.atan2(float(first[1]), float(first[0]))
         across = float(-math.sin(turn) * second[0] + math.cos(turn) * second[1])
         skew = float(math.cos(turn) * second[0] + math.sin(turn) * second[1])
         if abs(skew) > 1e-6 * max(along, abs(across)):
             self._staging.note(f"the transform of {plugin.label} is skewed, which is not known here: without the skew")
-        if abs(turn) > 3.0:  # half a turn is a scale, and so reads better
+        if abs(turn) > 3.0:  # half a turn is a scale, which is easier to read
             along, across, turn = -along, -across, 0.0 if abs(abs(turn) - math.pi) < 1e-9 else turn - math.pi
         shift = [float(plane[0, 2]), float(plane[1, 2])]
         if (along, across, turn, shift) == (1.0, 1.0, 0.0, [0.0, 0.0]):

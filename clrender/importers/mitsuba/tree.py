@@ -1,4 +1,4 @@
-"""From XML to objects: defaults, includes, references and the names of 0.6."""
+"""Builds objects from XML: defaults, includes, references and the names of 0.6."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ _KINDS: Final = frozenset(
 )
 _OTHER_NAMES: Final = {"camera": "sensor", "luminaire": "emitter"}
 _LEFT_OUT: Final = frozenset(["mode", "hide"])
-"""Elements of other programs, without meaning for Mitsuba 0.6 in practice."""
+"""Elements of other programs, which Mitsuba 0.6 ignores in practice."""
 _INCLUDE_DEPTH: Final = 8
 _INCLUDES: Final = 256
 _TEXT_LIMIT: Final = 2**20
 _LENGTH: Final = 2**22
-"""Most characters of all attributes after their parameters are put in."""
+"""Most characters of all attributes after parameter substitution."""
 _ALIASES: Final = 64
 _PARAMETER: Final = re.compile(r"\$([A-Za-z_][A-Za-z0-9_]*)")
 
 
 class _Builder:
-    """Goes through the elements once."""
+    """Builds objects in one pass over the elements."""
 
     def __init__(self, files: AssetFiles, note: Callable[[str], None]) -> None:
         self._files, self._note = files, note
@@ -119,12 +119,12 @@ class _Builder:
         return made
 
     def _refer(self, plugin: Plugin, element: Element, values: ValueReader) -> None:
-        """A mark in the place of what is referred to, which may come later."""
+        """Insert a placeholder for a reference, whose target may come later."""
         name = self._renamed(element.attributes.get("name", ""))
         plugin.children.append(Plugin("ref", "ref", name, values.attribute(element, "id"), plugin.source, element.line))
 
     def resolve(self, scene: Plugin) -> None:
-        """Put objects in the places of the references to them."""
+        """Replace references by their targets."""
         ahead, seen = [scene], {id(scene)}
         while ahead:
             plugin = ahead.pop()
@@ -148,7 +148,7 @@ class _Builder:
             raise mark.fault(f"refers to {quoted(mark.id)}, whose aliases go round in a circle")
         if not mark.name or mark.name == found.name:
             return found
-        # The same object under another name; `children` is one list, which is put right in one of them
+        # The same object under another name; they share the list `children`, so its references are replaced once
         return dataclasses.replace(found, name=mark.name)
 
     def _include(self, plugin: Plugin, element: Element, values: ValueReader, depth: int) -> None:
@@ -164,7 +164,7 @@ class _Builder:
         plugin.values.update(inner.values)
 
     def _put_steps_in(self, element: Element, values: ValueReader) -> None:
-        """Parameters in what is inside of a value, such as the steps of a transform."""
+        """Substitute parameters in the children of a value, such as the steps of a transform."""
         for child in element.children:
             child.attributes = {
                 key: self._with_parameters(values, child, text) for key, text in child.attributes.items()
@@ -188,7 +188,7 @@ class _Builder:
         return replaced
 
     def _renamed(self, name: str) -> str:
-        """Names of 0.6 as those since."""
+        """The current name for one of 0.6."""
         return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower() if self.old else name
 
     def _text_file(self, name: str, line: int) -> str:
@@ -196,15 +196,15 @@ class _Builder:
 
 
 def scene_tree(data: bytes, files: AssetFiles, note: Callable[[str], None]) -> tuple[Plugin, bool]:
-    """The scene as objects.
+    """Parse a scene into objects.
 
     Parameters
     ----------
     data : bytes
-        Of the file.
+        Content of the file.
     files : AssetFiles
     note : callable
-        Takes a sentence about what is done instead of something.
+        Called with a sentence about a deviation from the file.
 
     Returns
     -------
@@ -215,7 +215,7 @@ def scene_tree(data: bytes, files: AssetFiles, note: Callable[[str], None]) -> t
     Raises
     ------
     SceneError
-        It is no sound XML, or not one of Mitsuba's.
+        It is not valid XML, or not a Mitsuba scene.
     """
     builder = _Builder(files, note)
     scene = builder.scene(data, files.source)

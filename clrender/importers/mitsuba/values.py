@@ -1,4 +1,4 @@
-"""Turns the elements of Mitsuba's XML that hold values into them: numbers, colours, vectors, transforms."""
+"""Parses the value elements of Mitsuba's XML: numbers, colours, vectors, transforms."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ class ValueReader:
     source : str
         For messages.
     note : callable
-        Takes a sentence about what is done instead of something.
+        Called with a sentence about a deviation from the file.
     file : callable
-        The content of a text file that the scene names at a line, for spectra.
+        Returns the content of a text file that the scene names at a line, for spectra.
     """
 
     def __init__(self, source: str, note: Callable[[str], None], file: Callable[[str, int], str]) -> None:
@@ -98,7 +98,7 @@ class ValueReader:
         return Value(tag, int(number) if tag == "integer" else number, element.line)
 
     def attribute(self, element: Element, name: str) -> str:
-        """An attribute that has to be there."""
+        """A required attribute."""
         if name not in element.attributes:
             raise self.fault(element, f"<{element.tag}> has no {quoted(name)}; give it")
         return element.attributes[name]
@@ -163,7 +163,7 @@ class ValueReader:
         return Spectrum(wavelengths=tuple(waves), values=tuple(values))
 
     def _transform(self, element: Element) -> Matrix:
-        """Its steps, each after those before it."""
+        """Composition of its steps, in order."""
         whole = identity()
         for step in element.children:
             tag = step.tag.lower()

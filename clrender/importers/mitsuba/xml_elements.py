@@ -1,4 +1,4 @@
-"""XML as a tree of elements with line numbers: without document types and entities, and not too deep or large."""
+"""Parses XML to a tree of elements with line numbers; refuses document types, entities, and excessive depth or size."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clrender.scene.wording import quoted
 __all__ = ["FILE_LIMIT", "Element", "parsed"]
 
 FILE_LIMIT: Final = 2**26
-"""Largest XML file, bytes: meshes have files of their own."""
+"""Largest XML file, bytes: meshes are in separate files."""
 _DEPTH: Final = 32
 _COUNT: Final = 2**20
 """Most elements of a file."""
@@ -20,7 +20,7 @@ _COUNT: Final = 2**20
 
 @dataclass
 class Element:
-    """One of the file.
+    """An XML element.
 
     Attributes
     ----------
@@ -38,11 +38,11 @@ class Element:
 
 
 class _Refused(Exception):
-    """What stops the parser, with the line and the sentence."""
+    """Stops the parser, with the line and the sentence."""
 
 
 class _Tree:
-    """Takes what the parser finds."""
+    """Builds the tree from the parser's events."""
 
     def __init__(self) -> None:
         self.root: Element | None = None
@@ -80,7 +80,7 @@ class _Tree:
 
     def _text(self, text: str) -> None:
         if text.strip():
-            # The parser has it whole and stands behind it
+            # The parser has read the whole element and is positioned after it
             leading = len(text) - len(text.lstrip())
             line = self.parser.CurrentLineNumber - text.count("\n") + text[:leading].count("\n")
             sentence = f"has the text {quoted(text.strip())} between elements; give values as attributes"
@@ -99,7 +99,7 @@ def parsed(data: bytes, source: str) -> Element:
     Raises
     ------
     SceneError
-        It is no XML, or has what is refused.
+        It is not XML, or has refused content.
     """
     tree = _Tree()
     try:
@@ -112,7 +112,7 @@ def parsed(data: bytes, source: str) -> Element:
         raise SceneError(
             f"{source}: line {error.lineno}: is no sound XML ({problem}); mend or export it again"
         ) from None
-    except (LookupError, ValueError):  # of an encoding that Python has not
+    except (LookupError, ValueError):  # an encoding that Python lacks
         raise SceneError(f"{source}: line 1: is in an encoding that is not known; save it as UTF-8") from None
     assert tree.root is not None
     return tree.root

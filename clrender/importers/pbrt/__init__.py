@@ -1,4 +1,4 @@
-"""Scenes of pbrt-v4."""
+"""Importer of pbrt-v4 scenes."""
 
 from __future__ import annotations
 

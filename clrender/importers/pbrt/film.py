@@ -1,4 +1,4 @@
-"""pbrt's camera, film, sampler and integrator as ours."""
+"""Converts pbrt's camera, film, sampler and integrator to ours."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ _PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "bd
 
 @dataclass(frozen=True)
 class Camera:
-    """What the file says of it.
+    """The camera in the file.
 
     Attributes
     ----------
     directive : Directive
     matrix : (4, 4) float64
-        Into the world.
+        From camera space to world space.
     """
 
     directive: Directive
@@ -43,7 +43,7 @@ class Camera:
 
 
 class Settings:
-    """Collects what comes before the world.
+    """Collects the directives before the world block.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Settings:
             self._staging.note(f"{quoted(unknown)} of the {what} is not understood and does nothing")
 
     def film(self, directive: Directive) -> None:
-        """Its size; its exposure is asked for when the world begins."""
+        """Size of the image; its exposure is evaluated when the world block begins."""
         parameters = directive.parameters
         width, height = parameters.whole("xresolution", 1280), parameters.whole("yresolution", 720)
         if not (1 <= width <= 65536 and 1 <= height <= 65536):
@@ -78,7 +78,7 @@ class Settings:
         self._tell_unused(parameters, "film")
 
     def brightness(self) -> float:
-        """The imaging ratio: the time that the shutter is open times the speed over 100 (PBR 4ed, 5.4.2)."""
+        """The imaging ratio: exposure time times ISO speed / 100 (PBR 4ed, 5.4.2)."""
         ratio = 1.0
         if self._film is not None:
             parameters = self._film.parameters
@@ -106,7 +106,7 @@ class Settings:
         parameters.ignore("seed", "randomization", "jitter")
 
     def integrator(self, directive: Directive) -> None:
-        """The greatest depth, which counts scattering events as ours does."""
+        """The maximum depth, which counts scattering events like ours."""
         kind, parameters = directive.text(0, "type"), directive.parameters
         if kind not in _PATHS:
             self._staging.note(f'the integrator {quoted(kind)} is read as "path"')
@@ -117,7 +117,7 @@ class Settings:
         self._tell_unused(parameters, "integrator")
 
     def pixel_filter(self, directive: Directive) -> None:
-        """The nearest of ours."""
+        """Our closest pixel filter."""
         kind, parameters = directive.text(0, "type"), directive.parameters
         near = _FILTERS.get(kind, "gaussian")
         radius = parameters.number("xradius", _RADII[near])
@@ -130,7 +130,7 @@ class Settings:
         self._render["filter"] = near
 
     def finish(self) -> None:
-        """Write all of it into the draft."""
+        """Write everything to the draft."""
         description = self._staging.draft.description
         description["render"] = self._render
         description["image"] = {"width": self._size[0], "height": self._size[1]}
@@ -144,7 +144,7 @@ class Settings:
         if kind not in ("perspective", "orthographic"):
             self._staging.note(f"a camera of type {quoted(kind)} is not known: another one in its place")
             return
-        # Without a window of its own the shorter side of the image goes from -1 to 1
+        # Without a screen window, the shorter side of the image spans -1 to 1
         aspect = parameters.number("frameaspectratio", width / height)
         if abs(aspect - width / height) > 1e-6 * aspect:
             self._staging.note('"frameaspectratio" is left out: pixels are square')

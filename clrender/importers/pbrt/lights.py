@@ -1,4 +1,4 @@
-"""pbrt's lights as ours."""
+"""Converts pbrt's lights to ours."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["LightReader"]
 
 
 class LightReader:
-    """Makes lights.
+    """Converts lights.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class LightReader:
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
         self.brightness = 1.0
-        """Of the film: factor of all light."""
+        """The film's factor of all light."""
 
     def read(self, kind: str, parameters: Parameters, matrix: Matrix) -> None:
         """Add a light.
@@ -40,7 +40,7 @@ class LightReader:
         kind : str
         parameters : Parameters
         matrix : (4, 4) float64
-            From the light's coordinates into the world.
+            From the light's space to world space.
         """
         known: dict[str, Callable[[Parameters, Matrix], dict[str, Any]]] = {
             "point": self._point,
@@ -78,7 +78,7 @@ class LightReader:
             raise parameters.fault(f'"coneangle" is {cone:g}, but must be above 0 and below 180 degrees', "coneangle")
         edge, inner = math.cos(math.radians(cone)), math.cos(math.radians(max(cone - delta, 0.0)))
         power = parameters.number("power", -1.0)
-        # Of a cone whose smooth step covers half of its fall-off (PBR 4ed, 12.2.2)
+        # For a cone with a smoothstep falloff, whose mean is one half (PBR 4ed, 12.2.2)
         flux = 2.0 * math.pi * ((1.0 - inner) + (inner - edge) / 2.0)
         return {
             "type": "spot",
@@ -93,7 +93,7 @@ class LightReader:
         start, end = parameters.vector("from", (0.0, 0.0, 0.0)), parameters.vector("to", (0.0, 0.0, 1.0))
         lux = parameters.number("illuminance", -1.0)
         irradiance = self._color(parameters, "L", lux if lux > 0.0 else 1.0)
-        # pbrt's light shines from `from` towards `to`
+        # pbrt's light shines in the direction from `from` to `to`
         direction = [float(x) for x in matrix[:3, :3] @ (end - start)]
         return {"type": "directional", "direction": direction, "irradiance": irradiance}
 
@@ -119,7 +119,7 @@ class LightReader:
 
 
 def _illuminance(pixels: Any) -> float:
-    """Irradiance of the upper half of a picture, as luminance, on a floor below it."""
+    """Irradiance, as luminance, of a floor below the upper half of an environment map."""
     height = len(pixels)
     theta = (np.arange(height) + 0.5) / height * np.pi
     weight = np.maximum(np.cos(theta), 0.0) * np.sin(theta) * (np.pi / height) ** 2

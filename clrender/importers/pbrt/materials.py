@@ -1,4 +1,4 @@
-"""pbrt's materials as ours."""
+"""Converts pbrt's materials to ours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["MaterialReader"]
 
 
 class MaterialReader:
-    """Makes materials, and knows them by pbrt's names.
+    """Converts materials, and maps pbrt's names to them.
 
     Parameters
     ----------
@@ -34,18 +34,18 @@ class MaterialReader:
         return self._named[name]
 
     def define(self, name: str, parameters: Parameters) -> None:
-        """Remember a material of the file under its name."""
+        """Define a named material."""
         self._named[name] = self.made(parameters.text("type", "diffuse"), parameters, name)
 
     def made(self, kind: str, parameters: Parameters, wanted: str = "") -> str | None:
-        """The name of a new material; None for a surface that is not seen.
+        """The name of a new material; None for an invisible surface.
 
         Parameters
         ----------
         kind : str
         parameters : Parameters
         wanted : str
-            The name, if it is free.
+            Preferred name, used if it is free.
         """
         known: dict[str, Callable[[Parameters], dict[str, Any]]] = {
             "diffuse": self._diffuse,
@@ -99,7 +99,7 @@ class MaterialReader:
         return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.25)}
 
     def _microfacets(self, parameters: Parameters, prefix: str = "") -> dict[str, Any]:
-        """Of metal and glass, which lose the light that meets a second facet there."""
+        """Options of metal and glass, which lose light by multiple scattering in pbrt."""
         roughness = roughness_of(self._textures.alpha(parameters, prefix))
         return {"roughness": roughness, "multiple_scattering": False} if roughness else {"roughness": 0.0}
 

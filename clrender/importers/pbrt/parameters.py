@@ -17,7 +17,7 @@ __all__ = ["Parameter", "Parameters"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One of a directive.
+    """A parameter of a directive.
 
     Attributes
     ----------
@@ -34,12 +34,12 @@ class Parameter:
 
 @dataclass
 class Parameters:
-    """Those of one directive; which of them were asked for is remembered.
+    """The parameters of a directive; records which of them were used.
 
     Attributes
     ----------
     source : str
-        File for messages.
+        File, for messages.
     line : int
     values : dict of str to Parameter
     """
@@ -60,11 +60,11 @@ class Parameters:
         return self.values.get(name)
 
     def unused(self) -> Iterator[str]:
-        """Names that nobody asked for."""
+        """Names of parameters that were not used."""
         yield from (name for name in self.values if name not in self.used)
 
     def ignore(self, *names: str) -> None:
-        """Of no meaning here, and none is lost by it."""
+        """Mark names as used: they have no meaning here, and nothing is lost."""
         self.used.update(names)
 
     def numbers(self, name: str, group: int = 1) -> NDArray[np.float64] | None:
@@ -85,7 +85,7 @@ class Parameters:
         return values.reshape(-1, group) if group > 1 else values
 
     def indices(self, name: str, group: int, count: int) -> NDArray[np.int64] | None:
-        """Whole numbers below `count`, in rows.
+        """Integers below `count`, in rows.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class Parameters:
         return float(found[0])
 
     def vector(self, name: str, default: tuple[float, ...]) -> NDArray[np.float64]:
-        """As many numbers as the default has."""
+        """A vector of the default's length."""
         found = self.numbers(name)
         if found is None:
             return np.array(default, np.float64)
@@ -117,7 +117,7 @@ class Parameters:
         return found
 
     def whole(self, name: str, default: int) -> int:
-        """One whole number."""
+        """One integer."""
         value = self.number(name, default)
         if value != int(value):
             raise self.fault(f"{quoted(name)} is {value:g}, but must be a whole number", name)
@@ -140,7 +140,7 @@ class Parameters:
         return found[0] if found else default
 
     def flag(self, name: str, default: bool) -> bool:
-        """True or false, in quotes or not."""
+        """True or false, with or without quotes."""
         text = self.text(name, "true" if default else "false").lower()
         if text not in ("true", "false"):
             raise self.fault(f"{quoted(name)} is {quoted(text)}, but must be true or false", name)

@@ -1,4 +1,4 @@
-"""Puts pbrt's shapes at their places, with the light that they send out."""
+"""Places pbrt's shapes in the scene, with their emission."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from clrender.scene.wording import quoted
 __all__ = ["Part", "Placer"]
 
 _APART: Final = 1e-5
-"""Of the size of a two-sided light, between its two sides."""
+"""Distance between the sides of a two-sided light, as a fraction of its size."""
 
 
 @dataclass
 class Part:
-    """A shape, wherever it will stand.
+    """A shape that is not placed yet.
 
     Attributes
     ----------
     described : dict
-        As `clrender.importers.pbrt.shapes.ShapeReader.read` makes them.
+        As returned by `clrender.importers.pbrt.shapes.ShapeReader.read`.
     emission : Parameters or None
-        Of its area light.
+        Parameters of its area light.
     matrix : (4, 4) float64
     line : int
     """
@@ -52,16 +52,16 @@ class Placer:
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
         self.brightness = 1.0
-        """Of the film: factor of all light."""
+        """The film's factor of all light."""
 
     def put(self, part: Part, matrix: Matrix) -> None:
-        """Add a shape, with the light that it sends out.
+        """Add a shape, with its emission.
 
         Parameters
         ----------
         part : Part
         matrix : (4, 4) float64
-            Its place; that of the part itself does not count.
+            Its transform to world space; that of the part itself is ignored.
         """
         described = dict(part.described)
         if part.emission is None:
@@ -94,7 +94,7 @@ class Placer:
 
 
 def _placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: int) -> None:
-    """Add a description of `ShapeReader` at its place."""
+    """Add a description of `ShapeReader` with its transform."""
     described = dict(described)
     own = described.pop("own", None)
     if described["type"] == "sphere":
@@ -109,7 +109,7 @@ def _placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: i
 
 
 def _area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> float:
-    """Area of a shape in the world, square metres."""
+    """Area of a shape in world space, square metres."""
     scale = abs(float(np.linalg.det(matrix[:3, :3]))) ** (1.0 / 3.0)
     if described["type"] == "sphere":
         return float(4.0 * np.pi * (described["radius"] * scale) ** 2)
@@ -120,7 +120,7 @@ def _area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> flo
 
 
 def _face_areas(staging: Staging, described: dict[str, Any], matrix: Matrix) -> NDArray[np.float64]:
-    """Vector areas of a mesh's triangles in the world."""
+    """Vector areas of a mesh's triangles in world space."""
     mesh = staging.draft.meshes[described["file"]]
     vertices = np.asarray(mesh.vertices, np.float64) @ matrix[:3, :3].T
     a, b, c = (vertices[mesh.triangles[:, i]] for i in range(3))
@@ -128,7 +128,7 @@ def _face_areas(staging: Staging, described: dict[str, Any], matrix: Matrix) -> 
 
 
 def _other_side(staging: Staging, described: dict[str, Any], matrix: Matrix) -> tuple[dict[str, Any], Matrix] | None:
-    """The back of a flat light that shines to both sides, a little behind its front; None for what is not flat."""
+    """The back of a flat two-sided light, slightly behind its front; None if it is not flat."""
     if described["type"] == "sphere":
         return None
     if described["type"] == "disk":

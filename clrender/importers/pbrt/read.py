@@ -1,4 +1,4 @@
-"""Reads a scene of pbrt-v4 into a draft: carries out its directives one after the other."""
+"""Reads a pbrt-v4 scene into a draft by executing its directives in order."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     Raises
     ------
     SceneError
-        It is no sound scene, with its line.
+        It is not a valid scene; the message names the line.
     """
     world = _World(files)
     world.run(files.scene(path, FILE_LIMIT), files.source, 0)
@@ -63,7 +63,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
 
 
 class _World:
-    """Carries out directives."""
+    """Executes directives."""
 
     def __init__(self, files: AssetFiles) -> None:
         self.staging = Staging(files)
@@ -85,7 +85,7 @@ class _World:
         self._included = 0
 
     def run(self, data: bytes, source: str, depth: int) -> None:
-        """Carry out all of a file."""
+        """Execute all directives of a file."""
         known: dict[str, Callable[[Directive], None]] = {
             "WorldBegin": self._world_begin,
             "AttributeBegin": self._begin,
@@ -130,7 +130,7 @@ class _World:
                 raise directive.fault(f"{quoted(name)} is no directive of pbrt-v4{suggestion(name, names)}")
 
     def finish(self) -> None:
-        """After the last directive."""
+        """Complete the scene after the last directive."""
         if self._stack:
             self.staging.note("blocks of attributes are left open at the end of the file")
         self._settings.finish()
@@ -164,7 +164,7 @@ class _World:
         self._state = replace(self._state, defaults={**self._state.defaults, what: own})
 
     def _parameters(self, directive: Directive, what: str) -> Parameters:
-        """Those of a directive, and what ``Attribute`` says where it says nothing."""
+        """The parameters of a directive, with the defaults of ``Attribute``."""
         values = {**self._state.defaults.get(what, {}), **directive.parameters.values}
         return replace(directive.parameters, values=values)
 
@@ -190,7 +190,7 @@ class _World:
         if directive.text(0, "name") != "srgb":
             self.staging.note(f"colours of the colour space {quoted(directive.texts[0])} are read as those of srgb")
 
-    # --- what is seen
+    # --- scene contents
 
     def _camera(self, directive: Directive) -> None:
         into_world = inverse(self._state.matrix)

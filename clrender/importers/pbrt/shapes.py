@@ -1,4 +1,4 @@
-"""pbrt's shapes as ours."""
+"""Converts pbrt's shapes to ours."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.
 
 
 class ShapeReader:
-    """Makes shapes.
+    """Converts shapes.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class ShapeReader:
         self._count = 0
 
     def read(self, kind: str, parameters: Parameters, state: Graphics, interior: str | None) -> list[dict[str, Any]]:
-        """A shape as descriptions without a transform; several for a light with two sides, none for what is left out.
+        """A shape as descriptions without a transform; several for a two-sided light, none for an omitted shape.
 
         Parameters
         ----------
@@ -44,7 +44,7 @@ class ShapeReader:
         parameters : Parameters
         state : Graphics
         interior : str or None
-            Name of the medium in it.
+            Name of the medium inside it.
         """
         known: dict[str, Callable[[Parameters], dict[str, Any]]] = {
             "sphere": self._sphere,
@@ -90,7 +90,7 @@ class ShapeReader:
         return made
 
     def _with_alpha(self, material: str, parameters: Parameters) -> str:
-        """The material, with holes where the shape has some."""
+        """The material, with the shape's alpha."""
         if parameters.get("alpha") is None:
             return material
         alpha = self._textures.share(parameters, "alpha", 1.0)
@@ -171,7 +171,7 @@ class ShapeReader:
         return self._mesh("patches", faced_by_normals(mesh))
 
     def _vertices(self, parameters: Parameters) -> tuple[NDArray[np.float64], Any, Any]:
-        """Points, normals or None, and texture coordinates or None; as many of each."""
+        """Points, normals or None, and texture coordinates or None, of equal length."""
         places = parameters.numbers("P", 3)
         if places is None or not len(places):
             raise parameters.fault('the mesh has no points "P"; give them')

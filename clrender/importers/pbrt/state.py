@@ -1,4 +1,4 @@
-"""What pbrt's directives change, for the shapes and lights behind them: the transform, the material, the emission."""
+"""pbrt's graphics state, which applies to later shapes and lights: transform, material, emission."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ __all__ = ["TRANSFORMS", "Graphics", "moved"]
 
 @dataclass(frozen=True)
 class Graphics:
-    """The state of one moment.
+    """The current graphics state.
 
     Attributes
     ----------
     matrix : (4, 4) float64
-        From the coordinates of what comes into the world's (into the camera's before ``WorldBegin``).
+        From current object space to world space (to camera space before ``WorldBegin``).
     material : str or None
         Name of the current one; None for ``interface``.
     emission : Parameters or None
-        Of the current area light.
+        Parameters of the current area light.
     inside, outside : str
         Names of media; empty for none.
     reversed : bool
     defaults : mapping of str to Parameters
-        Of ``Attribute``, by what they are for.
+        Defaults of ``Attribute``, by target.
     """
 
     matrix: Matrix = field(default_factory=identity)
@@ -80,7 +80,7 @@ def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> 
     Raises
     ------
     SceneError
-        It has not the numbers that it needs, or makes a transform that cannot be inverted.
+        It lacks numbers, or its transform is not invertible.
     """
     name = directive.name
     if name == "CoordinateSystem":

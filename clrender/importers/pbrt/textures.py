@@ -1,4 +1,4 @@
-"""pbrt's spectra and textures as our colours and textures."""
+"""Converts pbrt's spectra and textures to our colours and textures."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ __all__ = ["TextureReader"]
 _WRAPS: Final = {"repeat": "repeat", "clamp": "clamp", "black": "clamp", "octahedralsphere": "clamp"}
 _TEXT_LIMIT: Final = 2**20
 _SODIUM: Final = 587.6
-"""Nanometres at which a dispersive index is taken."""
+"""Wavelength at which a dispersive index is evaluated, nanometres."""
 
 
 class TextureReader:
-    """Reads spectra, and textures by their names.
+    """Reads spectra and named textures.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ class TextureReader:
     # --- spectra
 
     def light(self, parameters: Parameters, name: str) -> Color:
-        """The colour of a light; white where none is given.
+        """The colour of a light; white if none is given.
 
-        pbrt scales the spectra of lights to a luminance of 1, but for colours, whose white has it.
+        pbrt scales the spectra of lights to a luminance of 1, except for colours, where white has that luminance.
         """
         found = parameters.get(name)
         if found is None:
@@ -71,7 +71,7 @@ class TextureReader:
         return red, green, blue
 
     def _spectrum(self, parameters: Parameters, name: str, found: Parameter) -> tuple[list[float], list[float]]:
-        """Wavelengths and values, of the file itself or of another."""
+        """Wavelengths and values, from the scene file or another one."""
         numbers = found.values
         if isinstance(numbers, list):
             file = numbers[0] if numbers else ""
@@ -133,7 +133,7 @@ class TextureReader:
     # --- reflectances and numbers, or textures
 
     def color(self, parameters: Parameters, name: str, default: float) -> Any:
-        """A reflectance: a colour, or a texture of ours."""
+        """A reflectance: a colour, or one of our textures."""
         found = parameters.get(name)
         if found is None:
             return [default] * 3
@@ -161,7 +161,7 @@ class TextureReader:
         return (parameters.number(name, 0.0),) * 3
 
     def share(self, parameters: Parameters, name: str, default: float) -> Any:
-        """A number between 0 and 1, or a texture of ours."""
+        """A number between 0 and 1, or one of our textures."""
         found = parameters.get(name)
         if found is not None and found.kind == "texture":
             value = self._named(parameters, name, "float")
@@ -171,7 +171,7 @@ class TextureReader:
         return self._staging.share(parameters.number(name, default), quoted(name))
 
     def alpha(self, parameters: Parameters, prefix: str = "", default: float = 0.0) -> float:
-        """Width of a microfacet distribution: the root of the roughness, unless that is not to be remapped."""
+        """Alpha of a microfacet distribution: the square root of the roughness, unless remapping is off."""
         remapped = parameters.flag("remaproughness", True)
         both = self._one(parameters, f"{prefix}roughness", default)
         u, v = (self._one(parameters, f"{prefix}{axis}roughness", both) for axis in "uv")
@@ -184,7 +184,7 @@ class TextureReader:
     # --- textures
 
     def define(self, name: str, kind: str, made_of: str, parameters: Parameters) -> None:
-        """Remember a texture of the file.
+        """Define a named texture.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Splits pbrt's text into directives: a name, what it takes, and parameters with their types."""
+"""Splits pbrt's text into directives: a name, its arguments, and parameters with their types."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["FILE_LIMIT", "Directive", "directives"]
 FILE_LIMIT: Final = 2**29
 """Largest file, bytes."""
 _COUNT: Final = 2**22
-"""Most values of a list that are no plain numbers."""
+"""Most values of a list that are not plain numbers."""
 _TOKEN: Final = re.compile(r'[\s]+|#[^\n]*|"(?:[^"\\\n]|\\.)*"|[\[\]]|[^\s"#\[\]]+')
 _NUMBERS_ONLY: Final = re.compile(r"[-+0-9.eE\s]*\Z")
 _NUMERIC: Final = frozenset(
@@ -46,18 +46,18 @@ _ESCAPES: Final = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f"}
 
 @dataclass(frozen=True)
 class Directive:
-    """One of the file.
+    """A directive of the file.
 
     Attributes
     ----------
     name : str
     texts : tuple of str
-        In quotes, behind the name.
+        Quoted arguments after the name.
     numbers : tuple of float
-        Behind the name.
+        Numeric arguments after the name.
     parameters : Parameters
     source : str
-        File for messages.
+        File, for messages.
     line : int
         From 1.
     """
@@ -74,20 +74,20 @@ class Directive:
         return SceneError(f"{self.source}: line {self.line}: {sentence}")
 
     def text(self, index: int, what: str) -> str:
-        """One of the texts, which has to be there."""
+        """One of the texts, which is required."""
         if index >= len(self.texts):
             raise self.fault(f"{self.name} has no {what} in quotes; give it")
         return self.texts[index]
 
     def floats(self, count: int) -> tuple[float, ...]:
-        """All of its numbers, which have to be so many."""
+        """All of its numbers, of which there must be `count`."""
         if len(self.numbers) != count:
             raise self.fault(f"{self.name} has {len(self.numbers)} numbers, but must have {count}")
         return self.numbers
 
 
 class _Text:
-    """The text, token by token."""
+    """Tokenizer of the text."""
 
     def __init__(self, text: str, source: str) -> None:
         self.text, self.source = text, source
@@ -99,7 +99,7 @@ class _Text:
         return SceneError(f"{self.source}: line {self.line}: {sentence}")
 
     def peek(self) -> str | None:
-        """The next token, which stays; None at the end."""
+        """The next token, without consuming it; None at the end."""
         while self._ahead is None and self.at < len(self.text):
             match = _TOKEN.match(self.text, self.at)
             if match is None:
@@ -115,13 +115,13 @@ class _Text:
         return self._ahead
 
     def take(self) -> str | None:
-        """The next token."""
+        """Consume and return the next token."""
         token = self.peek()
         self._ahead = None
         return token
 
     def plain_numbers(self) -> NDArray[np.float64] | None:
-        """After an opening bracket: all numbers up to the closing one, at once; None where it holds anything else."""
+        """After an opening bracket: all numbers up to the closing one, at once; None if there is anything else."""
         if self._ahead is not None:
             return None
         end = self.text.find("]", self.at)
@@ -154,7 +154,7 @@ def _number(text: _Text, token: str) -> float:
 
 
 def _list(text: _Text) -> tuple[list[str], NDArray[np.float64] | None]:
-    """Tokens of a value: one, or those between brackets; or its numbers."""
+    """Tokens of a value, of which there may be several in brackets; or its numbers."""
     token = text.take()
     if token is None:
         raise text.fault("the file ends where a value should be; complete it")
@@ -198,7 +198,7 @@ def _parameter(text: _Text) -> tuple[str, Parameter]:
 
 
 def directives(data: bytes, source: str) -> Iterator[Directive]:
-    """The directives of a file, one after the other.
+    """The directives of a file, in order.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def directives(data: bytes, source: str) -> Iterator[Directive]:
     Raises
     ------
     SceneError
-        Something is written as pbrt does not write it.
+        The syntax is invalid.
     """
     text = _Text(data.decode("utf-8", "replace"), source)
     while (name := text.take()) is not None:
@@ -222,7 +222,7 @@ def directives(data: bytes, source: str) -> Iterator[Directive]:
         while (token := text.peek()) is not None:
             if token[0] == '"':
                 words = _unquoted(token).split()
-                # Names of media may have two words, too
+                # Names of media may also have two words
                 if len(words) == 2 and texts and (name != "MediumInterface" or words[0] in _TYPES):
                     key, parameter = _parameter(text)
                     parameters.values[key] = parameter

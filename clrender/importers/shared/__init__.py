@@ -1,4 +1,4 @@
-"""What readers of other renderers' scene files have in common."""
+"""Code shared by the importers of other renderers' scene files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Our camera from another renderer's: a matrix into the world, an angle and whose angle it is."""
+"""Converts another renderer's camera to ours: its matrix, its angle and the axis of that angle."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _LEAST: Final = 1e-3
 
 
 def vertical_angle(degrees: float, axis: str, width: int, height: int) -> float:
-    """The angle from the lower to the upper edge of an image.
+    """Vertical field of view of an image, degrees.
 
     Parameters
     ----------
     degrees : float
-        Between the two edges, or corners, that the axis names.
+        Field of view along the axis.
     axis : {"x", "y", "diagonal", "smaller", "larger"}
     width, height : int
         Pixels.
@@ -36,29 +36,29 @@ def vertical_angle(degrees: float, axis: str, width: int, height: int) -> float:
 
 
 def camera_keys(matrix: Matrix, rightward: bool, distance: float | None = None) -> dict[str, Any]:
-    """Where a camera stands that looks along its own +z, with +y up.
+    """Position, target and up vector of a camera that looks along its own +z, with +y up.
 
     Parameters
     ----------
     matrix : (4, 4) float64
-        From the camera into the world; affine.
+        From camera space to world space; affine.
     rightward : bool
-        Whether its +x is the image's right, as in pbrt, or its left, as in Mitsuba.
+        Whether its +x points to the image's right, as in pbrt, or left, as in Mitsuba.
     distance : float, optional
-        Of the plane of focus, along the view.
+        Distance of the plane of focus, along the view.
     """
     position, forward, up = matrix[:3, 3], matrix[:3, 2], matrix[:3, 1]
     forward = forward / np.linalg.norm(forward)
     far = distance or 1.0
     target = position + far * forward
-    if not (target - position).any():  # so far from the origin that a step of this length is rounded away
+    if not (target - position).any():  # so far from the origin that a step of this length is lost to rounding
         target = position + forward * max(1.0, float(np.abs(position).max()) * _LEAST)
     keys: dict[str, Any] = {
         "position": [float(x) for x in position],
         "target": [float(x) for x in target],
         "up": [float(x) for x in up / np.linalg.norm(up)],
     }
-    # Our right is forward x up, z x y, which is -x of a right-handed camera
+    # Our right is forward x up = z x y, which is -x of a right-handed camera
     if (handedness(matrix) > 0.0) == rightward:
         keys["mirrored"] = True
     return keys

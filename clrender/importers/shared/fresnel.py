@@ -1,4 +1,4 @@
-"""Mean reflectance of smooth boundaries between clear media."""
+"""Mean Fresnel reflectance of smooth boundaries between dielectrics."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ _POINTS = 4096
 
 
 def external_reflectance(ior: float) -> float:
-    """Share of diffuse light that a smooth boundary reflects, met from outside.
+    """Fraction of diffuse light that a smooth boundary reflects on its outside.
 
     Parameters
     ----------
     ior : float
-        Of what is behind it, over that outside; at least 1.
+        Index of refraction inside relative to that outside; at least 1.
 
     Notes
     -----
-    The integral over the cosine's square, from 0 to 1, of Fresnel's formula, by the midpoint rule.
+    The integral of the Fresnel reflectance over the squared cosine, from 0 to 1, by the midpoint rule.
     """
     cosine = np.sqrt((np.arange(_POINTS) + 0.5) / _POINTS)
     inner = np.sqrt(1.0 - (1.0 - cosine * cosine) / (ior * ior))
@@ -29,5 +29,5 @@ def external_reflectance(ior: float) -> float:
 
 
 def internal_reflectance(ior: float) -> float:
-    """The same from inside: 1 - (1 - external) / ior^2."""
+    """Like `external_reflectance`, on the inside: 1 - (1 - external) / ior^2."""
     return 1.0 - (1.0 - external_reflectance(max(ior, 1.0))) / max(ior, 1.0) ** 2

@@ -1,4 +1,4 @@
-"""Affine maps as 4x4 matrices of float64 that act on columns: what transforms in other scene files are made of."""
+"""Affine maps as 4x4 matrices of float64 that act on column vectors, for the transforms of other scene files."""
 
 from __future__ import annotations
 
@@ -30,29 +30,29 @@ _EVEN: Final = 1e-6
 
 
 def identity() -> Matrix:
-    """The map that changes nothing."""
+    """The identity."""
     return np.eye(4)
 
 
 def translation(x: float, y: float, z: float) -> Matrix:
-    """A shift."""
+    """A translation."""
     made = np.eye(4)
     made[:3, 3] = x, y, z
     return made
 
 
 def scaling(x: float, y: float, z: float) -> Matrix:
-    """A factor for each axis."""
+    """A scaling along each axis."""
     return np.diag([x, y, z, 1.0])
 
 
 def rotation(axis: Any, degrees: float) -> Matrix:
-    """By the right-hand rule about an axis of any length above 0 (Rodrigues' formula).
+    """A right-handed rotation about an axis of any length above 0 (Rodrigues' formula).
 
     Raises
     ------
     ValueError
-        The axis has no direction.
+        The axis is zero.
     """
     direction = np.asarray(axis, np.float64)
     size = float(np.linalg.norm(direction))
@@ -67,9 +67,9 @@ def rotation(axis: Any, degrees: float) -> Matrix:
 
 
 def look_at(origin: Any, target: Any, up: Any) -> Matrix:
-    """From a camera that looks along its own +z, with +y up, into the world: its +x is up x forward.
+    """From the space of a camera that looks along its own +z, with +y up, to world space; its +x is up x forward.
 
-    In a right-handed world that is the left of what a viewer sees.
+    In right-handed world space, +x points to the left of the image.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def look_at(origin: Any, target: Any, up: Any) -> Matrix:
     Raises
     ------
     ValueError
-        There is no such view.
+        The view is degenerate.
     """
     origin, target, up = (np.asarray(each, np.float64) for each in (origin, target, up))
     forward = target - origin
@@ -93,9 +93,9 @@ def look_at(origin: Any, target: Any, up: Any) -> Matrix:
 
 
 def frame_along(origin: Any, direction: Any) -> Matrix:
-    """To a place, with +z along a direction of any length above 0; the identity for +z at the origin.
+    """A frame at `origin`, with +z along a direction of any length above 0; the identity for +z at the origin.
 
-    Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1) 2017, as Mitsuba has it.
+    Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1) 2017, as in Mitsuba.
     """
     x, y, z = np.asarray(direction, np.float64) / np.linalg.norm(direction)
     sign = math.copysign(1.0, z)
@@ -109,12 +109,12 @@ def frame_along(origin: Any, direction: Any) -> Matrix:
 
 
 def inverse(matrix: Matrix) -> Matrix:
-    """The map back; the matrix can be inverted."""
+    """The inverse of an invertible matrix."""
     return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def is_affine(matrix: Matrix) -> bool:
-    """Whether it is finite, has the last row 0 0 0 1, and flattens nothing."""
+    """Whether it is finite, has the last row 0 0 0 1, and is invertible."""
     if not np.isfinite(matrix).all() or not np.allclose(matrix[3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=1e-6):
         return False
     rows = matrix[:3, :3]
@@ -125,24 +125,24 @@ def is_affine(matrix: Matrix) -> bool:
 
 
 def handedness(matrix: Matrix) -> float:
-    """1, or -1 for a map that mirrors."""
+    """1, or -1 if the map mirrors."""
     rows = matrix[:3, :3]
     return -1.0 if float(np.dot(rows[0], np.cross(rows[1], rows[2]))) < 0.0 else 1.0
 
 
 def is_similarity(matrix: Matrix) -> bool:
-    """Whether it scales all directions alike."""
+    """Whether it scales uniformly."""
     gram = matrix[:3, :3].T @ matrix[:3, :3]
     return bool(np.abs(gram - gram[0, 0] * np.eye(3)).max() <= _EVEN * gram[0, 0])
 
 
 def is_identity(matrix: Matrix) -> bool:
-    """Whether it changes nothing at all."""
+    """Whether it is exactly the identity."""
     return bool((matrix == np.eye(4)).all())
 
 
 def transform_key(matrix: Matrix) -> dict[str, Any]:
-    """The key of a shape that carries it there: none for the identity."""
+    """The key `transform` of a shape for this matrix; no key for the identity."""
     if is_identity(matrix):
         return {}
     rows = [[float(x) for x in row] for row in matrix[:3]]

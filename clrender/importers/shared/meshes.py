@@ -1,4 +1,4 @@
-"""Meshes that shapes of other renderers become, and meshes of files as these renderers take them."""
+"""Meshes for other renderers' shapes, and these renderers' conventions for mesh files."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _CUBE: Final = (
     ((-1, -1, 1), (-1, 1, 1), (-1, 1, -1), (-1, -1, -1)),
     ((1, 1, -1), (1, -1, -1), (-1, -1, -1), (-1, 1, -1)),
 )
-"""Corners of each face of Mitsuba's cube, outward, beginning at (0, 1) of the texture."""
+"""Corners of each face of Mitsuba's cube, facing outward, beginning at texture coordinates (0, 1)."""
 _CUBE_UVS: Final = ((0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0))
 _AROUND: Final = 128
 _ALONG: Final = 64
 
 
 def cube_mesh() -> MeshData:
-    """From -1 to 1 along each axis; each face shows the texture once, as Mitsuba's does."""
+    """A cube from -1 to 1 along each axis; each face shows the texture once, as in Mitsuba."""
     vertices = np.array(_CUBE, np.float64).reshape(-1, 3)
     return quads_mesh(vertices, np.arange(24).reshape(6, 4), np.array(_CUBE_UVS * 6, np.float64))
 
@@ -46,13 +46,13 @@ def cube_mesh() -> MeshData:
 def quads_mesh(
     vertices: _Floats, quads: NDArray[np.int64], uvs: _Floats | None, normals: _Floats | None = None
 ) -> MeshData:
-    """Quadrilaterals as two triangles each.
+    """Split quadrilaterals into two triangles each.
 
     Parameters
     ----------
     vertices : (V, 3) float64
     quads : (Q, 4) integers
-        Corners one after the other, anticlockwise from the front.
+        Corners in order, counter-clockwise seen from the front.
     uvs : (V, 2) float64 or None
     normals : (V, 3) float64 or None
     """
@@ -69,7 +69,7 @@ def _grid(across: int, along: int) -> NDArray[np.int64]:
 
 
 def sphere_mesh(radius: float) -> MeshData:
-    """A sphere about the origin, for transforms that make an ellipsoid of it: u is the longitude about +z, v runs from +z to -z."""  # noqa: E501
+    """A sphere about the origin, to be made an ellipsoid: u is the longitude about +z, v runs from +z to -z."""
     u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, _ALONG + 1))
     phi, theta = 2.0 * np.pi * u.ravel(), np.pi * v.ravel()
     normals = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
@@ -78,7 +78,7 @@ def sphere_mesh(radius: float) -> MeshData:
 
 
 def cylinder_mesh(radius: float, low: float, high: float) -> MeshData:
-    """A tube about +z without ends: u goes around, v from `low` to `high`; the front is outside."""
+    """An open cylinder about +z: u runs around, v from `low` to `high`; the front is outside."""
     u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, 2))
     phi = 2.0 * np.pi * u.ravel()
     normals = np.stack([np.cos(phi), np.sin(phi), np.zeros(phi.size)], axis=1)
@@ -89,7 +89,7 @@ def cylinder_mesh(radius: float, low: float, high: float) -> MeshData:
 
 
 def disk_mesh(radius: float) -> MeshData:
-    """A disk about the origin across +z, for transforms that make an ellipse of it; the texture lies flat on it."""
+    """A disk about the origin perpendicular to +z, to be made an ellipse, with planar texture coordinates."""
     phi = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
     rim = np.stack([np.cos(phi), np.sin(phi), np.zeros(_AROUND)], axis=1)
     vertices = np.concatenate([np.zeros((1, 3)), rim])
@@ -100,12 +100,12 @@ def disk_mesh(radius: float) -> MeshData:
 
 
 def without_normals(mesh: MeshData) -> MeshData:
-    """The same, flat."""
+    """The mesh without normals."""
     return dataclasses.replace(mesh, normals=None)
 
 
 def flipped_v(mesh: MeshData) -> MeshData:
-    """The same, with 1 - v for v."""
+    """The mesh with v replaced by 1 - v."""
     if mesh.uvs is None:
         return mesh
     uvs = mesh.uvs.copy()
@@ -119,7 +119,7 @@ def _face_normals(mesh: MeshData) -> _Floats:
 
 
 def faced_by_normals(mesh: MeshData) -> MeshData:
-    """The same, its triangles turned round where they face away from their vertices' normals."""
+    """The mesh with triangles flipped that face away from their vertices' normals."""
     if mesh.normals is None:
         return mesh
     toward = np.asarray(mesh.normals, np.float64)[mesh.triangles].sum(axis=1)
@@ -145,11 +145,11 @@ def faced_by_normals(mesh: MeshData) -> MeshData:
 
 
 def smoothed(mesh: MeshData) -> MeshData:
-    """The same with normals of its vertices, as Mitsuba gives them to a mesh without: the mean of the triangles around, by their angles.
+    """The mesh with Mitsuba's default vertex normals: the angle-weighted mean of the adjacent triangles.
 
-    Vertices count as one only where their texture coordinates are the same. (Thürmer and Wüthrich, "Computing Vertex
+    Vertices are shared only if their texture coordinates are equal. (Thürmer and Wüthrich, "Computing Vertex
     Normals from Polygonal Facets", JGT 3(1) 1998.)
-    """  # noqa: E501
+    """
     mesh = _split_at_seams(mesh)
     corners = [np.asarray(mesh.vertices, np.float64)[mesh.triangles[:, i]] for i in range(3)]
     faces = _face_normals(mesh)

@@ -1,4 +1,4 @@
-"""Refractive indices by the names that Mitsuba and pbrt know."""
+"""Refractive indices by their names in Mitsuba and pbrt."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ CONDUCTORS: Final[Mapping[str, tuple[Color, Color]]] = {
     "none": ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)),
 }
 """Real and imaginary part of the index of refraction: measured spectra (Palik, "Handbook of Optical Constants"; SOPRA;
-luxpop) as Mitsuba 3 turns them into RGB, which is by their XYZ as if they were light. `CuZn`, brass, is at 650, 550 and
+luxpop) converted to RGB like in Mitsuba 3, which treats them as light spectra. `CuZn`, brass, is at 650, 550 and
 450 nm; `none` reflects everything."""
 
 DIELECTRICS: Final[Mapping[str, float]] = {
@@ -76,7 +76,7 @@ DIELECTRICS: Final[Mapping[str, float]] = {
     "pet": 1.5750,
     "diamond": 2.419,
 }
-"""Mitsuba's names, at 589 nm."""
+"""Indices by Mitsuba's names, at 589 nm."""
 
 GLASSES: Final[Mapping[str, float]] = {
     "glass-BK7": 1.5168,
@@ -87,4 +87,4 @@ GLASSES: Final[Mapping[str, float]] = {
     "glass-F10": 1.6228,
     "glass-F11": 1.6206,
 }
-"""pbrt's names, at 588 nm (n_d of Schott's catalogue): clrender has no dispersion."""
+"""Indices by pbrt's names, at 588 nm (n_d of Schott's catalogue): clrender has no dispersion."""

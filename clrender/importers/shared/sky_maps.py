@@ -1,4 +1,4 @@
-"""Pictures of environments of other renderers in our latitude and longitude: turned, or unfolded from a square."""
+"""Converts other renderers' environment maps to our equirectangular ones: by rotation, or from equal-area squares."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ __all__ = ["turn_about_y", "turned_picture", "unfolded_picture"]
 
 _EVEN: Final = 1e-5
 _LARGEST: Final = 4096
-"""Rows of a picture that is made."""
+"""Most rows of a converted map."""
 
 
 def turn_about_y(matrix: Matrix) -> float | None:
-    """Degrees by which a matrix turns about +y; None where it does something else, too (scale does not count)."""
+    """Degrees by which a matrix rotates about +y; None if it is not such a rotation (scale is ignored)."""
     linear = matrix[:3, :3] / np.linalg.norm(matrix[:3, 1])
     angle = math.atan2(float(linear[0, 2]), float(linear[0, 0]))
     expected = [[math.cos(angle), 0.0, math.sin(angle)], [0.0, 1.0, 0.0], [-math.sin(angle), 0.0, math.cos(angle)]]
@@ -30,7 +30,7 @@ def turn_about_y(matrix: Matrix) -> float | None:
 
 
 def _directions(height: int) -> NDArray[np.float64]:
-    """Of the pixels of one of our pictures, (height, 2 height, 3): middle column at +z, the one a quarter on at -x."""
+    """Directions of the pixels of our maps, (height, 2 height, 3): middle column at +z, a quarter further at -x."""
     theta = (np.arange(height) + 0.5) / height * np.pi
     phi = (np.arange(2 * height) + 0.5) / (2 * height) * 2.0 * np.pi
     made = np.empty((height, 2 * height, 3))
@@ -41,7 +41,7 @@ def _directions(height: int) -> NDArray[np.float64]:
 
 
 def _looked_up(pixels: NDArray[np.float32], x: Any, y: Any, around: bool) -> NDArray[np.float32]:
-    """Bilinear; x and y in pixels from the centre of the first."""
+    """Bilinear lookup; x and y in pixels from the centre of the first one."""
     height, width = pixels.shape[:2]
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     total = np.zeros((*x.shape, 3), np.float64)
@@ -54,7 +54,7 @@ def _looked_up(pixels: NDArray[np.float32], x: Any, y: Any, around: bool) -> NDA
 
 
 def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> EnvironmentPicture:
-    """A picture in latitude and longitude, turned or mirrored by a matrix.
+    """An equirectangular map, rotated or mirrored by a matrix.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
     place : str
         For messages.
     matrix : (4, 4) float64
-        From the picture's own directions into the world.
+        From the map's own directions to world space.
     """
     pixels = _read(files, name, place)
     height, width = pixels.shape[:2]
@@ -82,9 +82,9 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
 
 
 def unfolded_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> EnvironmentPicture:
-    """A square picture of the sphere by the equal-area map of Clarberg (JGT 13(1), 2008), as pbrt-v4 has them.
+    """Convert a square environment map of Clarberg's equal-area mapping (JGT 13(1), 2008), as used by pbrt-v4.
 
-    Parameters as of `turned_picture`.
+    For the parameters see `turned_picture`.
     """
     pixels = _read(files, name, place)
     side = len(pixels)
@@ -101,7 +101,7 @@ def unfolded_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -
 
 
 def square_place(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where unit vectors lie on the square, each coordinate 0 to 1: +z is in its middle, -z at its corners."""
+    """Map unit vectors to the square, each coordinate 0 to 1: +z is at the centre, -z at the corners."""
     x, y, z = np.abs(directions).T
     radius = np.sqrt(np.maximum(1.0 - z, 0.0))
     larger, smaller = np.maximum(x, y), np.minimum(x, y)

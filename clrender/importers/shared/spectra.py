@@ -1,4 +1,4 @@
-"""Spectra as linear Rec. 709 colours: lights by themselves, reflectances as daylight shows them."""
+"""Converts spectra to linear Rec. 709: those of lights directly, reflectances under illuminant D65."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _Floats: TypeAlias = NDArray[np.float64]
 _TO_REC709: Final = np.array(
     [[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]]
 )
-"""From XYZ, for the white point D65 (ITU-R BT.709)."""
+"""Matrix from XYZ, for the white point D65 (ITU-R BT.709)."""
 _STEP: Final = 5.0
 _HC_OVER_K: Final = 0.014387768775
-"""Metre kelvin, CODATA 2018."""
+"""h c / k, metre kelvin, CODATA 2018."""
 _TWO_HC2: Final = 1.191042972e-16
-"""Watt square metre per steradian, CODATA 2018."""
+"""2 h c², watt square metre per steradian, CODATA 2018."""
 _LUMINANCE: Final = (0.212671, 0.715160, 0.072169)
 
 
 @cache
 def _table() -> tuple[_Floats, _Floats, _Floats]:
-    """Wavelengths, the observer's functions (n, 3) and the illuminant D65."""
+    """Wavelengths, colour matching functions (n, 3) and the illuminant D65."""
     text = resources.files(__package__).joinpath("cie_1931.txt").read_text(encoding="ascii")
     rows = np.array([line.split() for line in text.splitlines() if not line.startswith("#")], np.float64)
     return rows[:, 0], rows[:, 1:4], rows[:, 4]
@@ -41,18 +41,18 @@ def luminance(color: Color) -> float:
 
 
 def light_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
-    """The colour of light of a spectrum, such that an equal-energy spectrum of 1 has the luminance 1.
+    """The colour of light with a spectrum, normalised so that an equal-energy spectrum of 1 has luminance 1.
 
     Parameters
     ----------
     wavelengths : (n,) floats, nanometres, ascending
     values : (n,) floats
-        Linear between, and zero beyond.
+        Interpolated linearly; zero outside.
 
     Returns
     -------
     three floats
-        Not below 0: colours that Rec. 709 has not are clipped.
+        Not negative: colours outside the Rec. 709 gamut are clipped.
     """
     _, observer, _ = _table()
     sampled = _sampled(wavelengths, values)
@@ -60,10 +60,10 @@ def light_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
 
 
 def reflectance_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
-    """The colour of a surface of such reflectance, or another share, in the light of D65: of a constant one that constant.
+    """The colour of a reflectance, or another fraction, under illuminant D65; a constant stays the same.
 
-    Parameters and result as of `light_color`.
-    """  # noqa: E501
+    For the parameters and the result see `light_color`.
+    """
     _, observer, daylight = _table()
     weights = observer * daylight[:, None]
     sampled = _sampled(wavelengths, values)
@@ -71,7 +71,7 @@ def reflectance_color(wavelengths: Sequence[float], values: Sequence[float]) -> 
 
 
 def blackbody_color(kelvin: float) -> Color:
-    """The radiance of a black body by Planck's law, W/(m2 sr nm), as `light_color` gives it.
+    """The radiance of a black body by Planck's law, W/(m2 sr nm), converted by `light_color`.
 
     Parameters
     ----------
@@ -86,12 +86,12 @@ def blackbody_color(kelvin: float) -> Color:
 
 
 def value_at(wavelengths: Sequence[float], values: Sequence[float], nanometres: float) -> float:
-    """What a spectrum is at a wavelength, linear between its numbers and constant beyond."""
+    """Value of a spectrum at a wavelength: interpolated linearly, constant outside."""
     return float(np.interp(nanometres, wavelengths, values))
 
 
 def _sampled(wavelengths: Sequence[float], values: Sequence[float]) -> _Floats:
-    """Means of a spectrum about the table's wavelengths: none of its peaks is missed."""
+    """Means of a spectrum around the table's wavelengths, so that no peak is missed."""
     at, _, _ = _table()
     given, shares = np.asarray(wavelengths, np.float64), np.asarray(values, np.float64)
     if len(given) == 1:

@@ -1,4 +1,4 @@
-"""Collects what a reader finds, in the terms of our own scene files: materials, shapes with matrices, meshes, notes."""
+"""Collects an importer's results in the form of our scene files: materials, shapes with matrices, meshes, notes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NAME_LIMIT: Final = 160
 
 
 def roughness_of(alpha: float) -> float:
-    """Our roughness of a microfacet distribution's width alpha, which is the square of it."""
+    """Our roughness for a microfacet alpha, which is its square."""
     return math.sqrt(min(max(alpha, 0.0), 1.0))
 
 
@@ -56,7 +56,7 @@ class Staging:
         self._read: dict[tuple[str, str], tuple[str, bool]] = {}
 
     def note(self, sentence: str) -> None:
-        """Say once what was done instead of something."""
+        """Add a note about a deviation from the file, without duplicates."""
         self.draft.note(sentence)
 
     def fault(self, line: int, sentence: str, source: str | None = None) -> SceneError:
@@ -68,12 +68,12 @@ class Staging:
             From 1.
         sentence : str
         source : str, optional
-            Of an included file.
+            Name of an included file.
         """
         return SceneError(f"{source or self.files.source}: line {line}: {sentence}")
 
     def material(self, wanted: str, described: dict[str, Any]) -> str:
-        """Add a material; its name, which is the one wanted if that is free."""
+        """Add a material; returns its name, which is `wanted` if that is free."""
         materials = self.draft.description["materials"]
         wanted = wanted[:_NAME_LIMIT] or described["type"]
         name, number = wanted, 2
@@ -85,12 +85,12 @@ class Staging:
         return name
 
     def shape(self, described: dict[str, Any], matrix: Matrix, line: int) -> None:
-        """Add a shape, carried to its place.
+        """Add a shape with a transform.
 
         Raises
         ------
         SceneError
-            There are too many, or the matrix flattens it.
+            There are too many, or the matrix is singular.
         """
         shapes = self.draft.description["shapes"]
         if len(shapes) >= SHAPE_LIMIT:
@@ -100,7 +100,7 @@ class Staging:
         shapes.append({**described, **transform_key(matrix)})
 
     def sphere(self, described: dict[str, Any], radius: float, matrix: Matrix, line: int) -> None:
-        """Add a sphere about the origin; of triangles where the matrix makes an ellipsoid of it."""
+        """Add a sphere about the origin; as triangles if the matrix makes it an ellipsoid."""
         if not radius > 0.0:
             raise self.fault(line, f"the sphere's radius is {radius:g}; it must be above 0")
         if not is_affine(matrix) or is_similarity(matrix):
@@ -110,7 +110,7 @@ class Staging:
         self.mesh(described, f"sphere of radius {radius!r}", lambda: sphere_mesh(radius), matrix, line)
 
     def disk(self, described: dict[str, Any], radius: float, height: float, matrix: Matrix, line: int) -> None:
-        """Add a disk across +z, `height` along it; of triangles where the matrix makes an ellipse of it."""
+        """Add a disk perpendicular to +z, at `height`; as triangles if the matrix makes it an ellipse."""
         if not is_affine(matrix) or is_similarity(matrix):
             own = {"type": "disk", "center": [0.0, 0.0, height], "normal": [0.0, 0.0, 1.0], "radius": radius}
             self.shape({**own, **described}, matrix, line)
@@ -130,7 +130,7 @@ class Staging:
     def mesh(
         self, described: dict[str, Any], name: str, make: Callable[[], MeshData], matrix: Matrix, line: int
     ) -> None:
-        """Add a mesh that is made when the first shape wants it."""
+        """Add a mesh, which is made when the first shape needs it."""
         if name not in self.draft.meshes:
             self.draft.meshes[name] = make()
         self.shape({"type": "mesh", "file": name, **described}, matrix, line)
@@ -143,25 +143,25 @@ class Staging:
         adapt: Callable[[MeshData], MeshData],
         read: Callable[[str, Path, Sequence[Path], str], MeshData] = read_mesh,
     ) -> tuple[str, bool]:
-        """Read a mesh file, once for each way to take it.
+        """Read a mesh file, once for each way of adapting it.
 
         Parameters
         ----------
         uri : str
         kind : str
-            What tells ways to take it apart.
+            Name of the way of adapting it.
         line : int
         adapt : callable
-            What this way does with the mesh.
+            Adapts the mesh.
         read : callable
-            As `clrender.scene.mesh_io.read_mesh`.
+            Like `clrender.scene.mesh_io.read_mesh`.
 
         Returns
         -------
         name : str
-            Among the draft's meshes.
+            Name in the draft's meshes.
         had_normals : bool
-            Whether the file has normals of vertices.
+            Whether the file has vertex normals.
         """
         key = (uri, kind)
         if key not in self._read:
@@ -173,12 +173,12 @@ class Staging:
         return self._read[key]
 
     def reflectance(self, color: Color, of: str) -> list[float]:
-        """A colour as a share of light: held between 0 and 1, and said so."""
+        """A reflectance: clamped to 0 to 1, with a note if it was outside."""
         if all(0.0 <= x <= 1.0 for x in color):
             return list(color)
         self.note(f"{of} goes beyond 0 to 1, which no surface does: clipped")
         return [min(max(x, 0.0), 1.0) if math.isfinite(x) else 0.0 for x in color]
 
     def share(self, value: float, of: str) -> float:
-        """A number as a share: held between 0 and 1, and said so."""
+        """A fraction: clamped to 0 to 1, with a note if it was outside."""
         return self.reflectance((value, value, value), of)[0]

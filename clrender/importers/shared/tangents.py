@@ -1,9 +1,9 @@
 """Tangents of normal maps from positions, normals and texture coordinates, by the method of MikkTSpace.
 
-M. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited" (2008): around each vertex the directions in which u grows on
-its triangles are averaged, weighted by the triangles' angles there, over fans of triangles that hang together by their
-edges, have the same position, normal and texture coordinates there, and have their picture the same way round. Those
-that bake normal maps use it, and glTF 2.0 (3.7.2.1) asks for it where a file has no tangents.
+M. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited" (2008): at each vertex, the directions in which u grows on its
+triangles are averaged, weighted by the triangles' angles there. The average is over fans of triangles that are
+connected by edges, have the same position, normal and texture coordinates at the vertex, and have the same handedness.
+Programs that bake normal maps use it, and glTF 2.0 (3.7.2.1) recommends it for files without tangents.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ def mikktspace(
     positions, normals : (V, 3) floating
         Normals of any length.
     uvs : (V, 2) floating
-        Of each vertex, v from the lower edge of the picture up.
+        For each vertex, with v upward from the bottom edge of the image.
     triangles : (T, 3) uint32
 
     Returns
     -------
     (T, 3, 4) float32
-        As of `clrender.scene.mesh_data.MeshData`. Triangles that have no direction themselves take that of others at
-        the same vertex, and are zero where there are none.
+        See `clrender.scene.mesh_data.MeshData`. Triangles without a direction take that of others at the same vertex,
+        or zero if there are none.
     """
     vertex = _welded(positions, normals, uvs)[triangles]
     corners = positions.astype(np.float64)[triangles]
@@ -63,7 +63,7 @@ def mikktspace(
 def _welded(
     positions: NDArray[np.floating], normals: NDArray[np.floating], uvs: NDArray[np.floating]
 ) -> NDArray[np.int64]:
-    """Numbers of vertices, equal for those that have all in common. By a hash of 64 bits, which sorts several times as fast."""  # noqa: E501
+    """Ids of vertices, equal if all attributes are. Uses a 64-bit hash, which sorts several times as fast."""
     words = np.concatenate([positions, normals, uvs], axis=1, dtype=np.float32) + np.float32(0.0)  # -0 is 0
     mixed = np.zeros(len(words), np.uint64)
     for column in np.ascontiguousarray(words).view(np.uint32).T:
@@ -73,7 +73,7 @@ def _welded(
 
 
 def _directions(corners: _Vectors, uvs: _Vectors) -> tuple[_Vectors, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Of triangles the direction in which u grows, whether pictures are not mirrored there, and whether both are known."""  # noqa: E501
+    """For triangles: the direction in which u grows, whether the image is unmirrored, and whether both are defined."""
     b, c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     u, v = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -85,7 +85,7 @@ def _directions(corners: _Vectors, uvs: _Vectors) -> tuple[_Vectors, NDArray[np.
 
 
 def _angles(corners: _Vectors, normal: _Vectors) -> NDArray[np.float64]:
-    """Angles of triangles at their corners as seen along the normals there, radians."""
+    """Angles of triangles at their corners, projected along the normals there, radians."""
     angles = np.empty(corners.shape[:2])
     for k in range(3):
         n = normal[:, k]
@@ -101,7 +101,7 @@ def _angles(corners: _Vectors, normal: _Vectors) -> NDArray[np.float64]:
 
 
 def _fans(vertex: NDArray[np.int64], kept_round: NDArray[np.bool_], sound: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Of each corner, triangle by triangle, the number of one in its fan: the same for all of a fan."""
+    """For each corner, triangle by triangle, the index of one corner in its fan, the same for the whole fan."""
     start, end = vertex.ravel(), np.roll(vertex, -1, axis=1).ravel()
     corner = np.arange(len(start))
     following = corner - corner % 3 + (corner + 1) % 3
@@ -120,7 +120,7 @@ def _fans(vertex: NDArray[np.int64], kept_round: NDArray[np.bool_], sound: NDArr
 
 
 def _connected(a: NDArray[np.int64], b: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """The least number of those that are linked with each, by pairs (a, b) of numbers below `count`."""
+    """Connected components of the graph with edges (a, b) and `count` nodes: the smallest node of each."""
     label = np.arange(count)
     while len(a):
         one, two = label[a], label[b]
@@ -133,7 +133,7 @@ def _connected(a: NDArray[np.int64], b: NDArray[np.int64], count: int) -> NDArra
 
 
 def _summed(vectors: _Vectors, groups: NDArray[np.int64], count: int) -> _Vectors:
-    """Sums of vectors by the number of their group."""
+    """Sums of vectors by group."""
     return np.stack([np.bincount(groups, column, count) for column in vectors.T], axis=1)
 
 

@@ -10,7 +10,7 @@ const MOST_WAITING = 64;
 export function createHub(transport) {
   const listeners = new Map(); // type -> functions
   const newest = new Map();
-  const waiting = new Map(); // id -> function
+  const waiting = new Map(); // id -> {type, answered}
   let count = 0;
 
   function tell(type, message) {
@@ -24,9 +24,9 @@ export function createHub(transport) {
       return;
     }
     const message = JSON.parse(data);
-    const answered = waiting.get(message.id);
+    const question = waiting.get(message.id);
     waiting.delete(message.id);
-    if (!answered?.(message)) tell(message.type, message);
+    if (!question?.answered(message)) tell(message.type, message);
   };
   transport.onstate = (state) => {
     if (state === "lost") waiting.clear();
@@ -47,8 +47,11 @@ export function createHub(transport) {
      */
     send(message, answered) {
       count += 1;
-      if (answered !== undefined) waiting.set(count, answered);
-      if (waiting.size > MOST_WAITING) waiting.delete(waiting.keys().next().value); // most messages have no reply
+      if (answered !== undefined) waiting.set(count, { type: message.type, answered });
+      if (waiting.size > MOST_WAITING) {
+        // Most messages have no reply: the oldest of this type goes, and not a probe that cameras have overtaken.
+        waiting.delete([...waiting].find(([, { type }]) => type === message.type)?.[0]);
+      }
       transport.send(JSON.stringify({ ...message, id: count }));
       return count;
     },

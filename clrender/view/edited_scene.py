@@ -1,4 +1,4 @@
-"""What is looked at: a scene, and what the view has changed about its camera, its materials and the settings."""
+"""A scene with the edits of viewers: to its camera, its materials and the settings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from clrender.view.parameters import changeable, is_plain
 if TYPE_CHECKING:
     from clrender.scene.materials import Material
 
-__all__ = ["NOT_LIVE", "Subject", "camera_toml"]
+__all__ = ["NOT_LIVE", "EditedScene", "camera_toml"]
 
 NOT_LIVE: Final = ("time_limit", "max_memory", "traversal")
 """Settings that a page cannot change: somebody who watches stops by hand, and memory is the command line's affair."""
@@ -40,8 +40,8 @@ _ONLY_WITH: Final = {
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A scene as it is looked at; make one with `Subject.of`. What changes it returns another.
+class EditedScene:
+    """A scene with edits, immutable: each edit returns another. `EditedScene.of` makes the first.
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class Subject:
     checked: RenderJob
 
     @classmethod
-    def of(cls, scene: Scene, given: Mapping[str, Any]) -> Subject:
-        """A scene as it is.
+    def of(cls, scene: Scene, given: Mapping[str, Any]) -> EditedScene:
+        """A scene without edits.
 
         Raises
         ------
@@ -84,7 +84,7 @@ class Subject:
         camera: Camera,
         materials: Mapping[str, Material],
         settings: Mapping[str, Any],
-    ) -> Subject:
+    ) -> EditedScene:
         changed = scene
         if materials:
             changed = scene.model_copy(update={"materials": {**scene.materials, **materials}})
@@ -102,7 +102,7 @@ class Subject:
             return self.checked
         return dataclasses.replace(self.checked, scene=scene.model_copy(update={"camera": self.camera}))
 
-    def moved(self, keys: Mapping[str, Any]) -> Subject:
+    def moved(self, keys: Mapping[str, Any]) -> EditedScene:
         """With other keys of the camera; None stands for a key's default.
 
         Raises
@@ -118,7 +118,7 @@ class Subject:
         except ValidationError as error:
             raise scene_error(error, Camera, "camera") from None
 
-    def set(self, values: Mapping[str, Any]) -> Subject:
+    def set(self, values: Mapping[str, Any]) -> EditedScene:
         """With other settings; None takes a change back. What no longer has an effect is forgotten.
 
         Raises
@@ -132,16 +132,16 @@ class Subject:
                 raise UsageError(f"there is no setting {shown(name)} to change here{near}")
         settings = {**self.settings, **values}
         settings = {name: value for name, value in settings.items() if value is not None}
-        told = {**self.scene.render.model_dump(), **self.given, **settings}
-        kept = settings_of(str(told["integrator"]), settings)
+        merged = {**self.scene.render.model_dump(), **self.given, **settings}
+        kept = settings_of(str(merged["integrator"]), settings)
         for name, (other, value) in _ONLY_WITH.items():
-            there = told.get(other)
+            there = merged.get(other)
             if there is None or (value is not None and there != value):
                 kept.pop(name, None)
         kept |= {name: settings[name] for name in values if name in settings}
         return self._made(self.scene, self.given, self.camera, self.materials, kept)
 
-    def with_material(self, name: str, values: Mapping[str, Any]) -> Subject:
+    def with_material(self, name: str, values: Mapping[str, Any]) -> EditedScene:
         """With other values of a material: numbers, colours, choices and truth values, and no files.
 
         Raises
@@ -158,23 +158,23 @@ class Subject:
                 raise UsageError(f"materials.{name}: {shown(key)} cannot be changed here{near}")
             if not is_plain(value):
                 raise UsageError(f"materials.{name}.{key} is {shown(value)}, but must be a number, a colour or a name")
-        told: dict[str, Any] = {key: getattr(material, key) for key in material.model_fields_set}
-        told = {key: value for key, value in {**told, **values}.items() if key not in values or value is not None}
+        merged: dict[str, Any] = {key: getattr(material, key) for key in material.model_fields_set}
+        merged = {key: value for key, value in {**merged, **values}.items() if key not in values or value is not None}
         try:
-            other = type(material).model_validate(told)
+            other = type(material).model_validate(merged)
         except ValidationError as error:
             raise scene_error(error, type(material), f"materials.{name}") from None
         materials = {**self.materials, name: other}
         return self._made(self.scene, self.given, self.camera, materials, self.settings)
 
-    def reset(self, what: str) -> Subject:
+    def reset(self, what: str) -> EditedScene:
         """As in the scene and the command line again: ``camera``, ``settings`` or ``materials``."""
         camera = self.scene.camera if what == "camera" else self.camera
         materials = {} if what == "materials" else self.materials
         settings = {} if what == "settings" else self.settings
         return self._made(self.scene, self.given, camera, materials, settings)
 
-    def reread(self, scene: Scene) -> Subject:
+    def reread(self, scene: Scene) -> EditedScene:
         """Of the scene as it is now: changed materials are forgotten, and the camera where the scene has another.
 
         Raises
@@ -185,8 +185,8 @@ class Subject:
         camera = self.camera if scene.camera == self.scene.camera else scene.camera
         return self._made(scene, self.given, camera, {}, self.settings)
 
-    def restarts(self, other: Subject) -> bool:
-        """Whether the image of another subject is another one: its samples are of no use."""
+    def restarts(self, other: EditedScene) -> bool:
+        """Whether another edited scene has another image, of which samples are of no use here."""
         a, b = self.checked.settings, other.checked.settings
         names = [name for name, setting in SETTINGS.items() if setting.group == IMAGE]
         return (
