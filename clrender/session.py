@@ -448,12 +448,7 @@ class _Geometry:
         a, b = self.scene, other.scene
         if dataclasses.replace(self, scene=b) != other:  # all but the scene
             return False
-        if all(
-            getattr(a, name) is getattr(b, name)
-            for name in ("shapes", "groups", "materials", "lights", "_meshes", "_transforms", "_pictures")
-        ):
-            return True
-        return a.content_sha256() == b.content_sha256()
+        return a.shares_contents(b) or a.content_sha256() == b.content_sha256()
 
 
 def _light_sampler(job: RenderJob) -> str:

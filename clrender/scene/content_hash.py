@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Set
 from typing import TYPE_CHECKING, Any
 
 from clrender.exposure import PHOTOGRAPHIC
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["content_sha256", "put_at"]
 
 
-def content_sha256(scene: Scene, left_out: set[str]) -> str:
+def content_sha256(scene: Scene, left_out: Set[str]) -> str:
     """Hash of a scene's content; files count by their content, not by their names.
 
     Parameters
@@ -34,7 +35,7 @@ def content_sha256(scene: Scene, left_out: set[str]) -> str:
     SceneError
         A file cannot be read or is invalid.
     """
-    content = scene.model_dump(mode="json", exclude=left_out)
+    content = scene.model_dump(mode="json", exclude=set(left_out))
     for key in PHOTOGRAPHIC:
         content.get("camera", {}).pop(key, None)
     if not scene.camera.mirrored:  # hashes in existing films predate this key

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO
+from typing import Annotated, Any, BinaryIO, Final
 
 from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
 
@@ -74,6 +74,10 @@ __all__ = [
     "SpotLight",
     "SunSkyLight",
 ]
+
+
+_NO_CONTENTS: Final = frozenset({"title", "camera", "image", "render"})
+"""Attributes of a scene that are not part of its contents."""
 
 
 class Scene(Part):
@@ -566,6 +570,21 @@ class Scene(Part):
         scene._default_light = None, ""
         return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
+    def shares_contents(self, other: Scene) -> bool:
+        """Whether another scene has the very same objects, except for its camera, title and defaults.
+
+        Parameters
+        ----------
+        other : Scene
+
+        Returns
+        -------
+        bool
+            True only if `content_sha256` of both is equal; it may be equal otherwise too.
+        """
+        names = type(self).model_fields.keys() - _NO_CONTENTS
+        return self._files is other._files and all(getattr(self, name) is getattr(other, name) for name in names)
+
     def sha256(self) -> str:
         """Hash of the scene's content, independent of its location and spelling.
 
@@ -582,7 +601,7 @@ class Scene(Part):
 
     def content_sha256(self) -> str:
         """Hash of shapes, materials and lights alone, without camera and settings."""
-        return content_sha256(self, {"title", "camera", "image", "render"})
+        return content_sha256(self, _NO_CONTENTS)
 
 
 def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:

@@ -134,6 +134,10 @@ class ShuffledUnits:
     def __init__(self, plan: Plan, workers: int) -> None:
         self._units = list(small_units(plan))
 
+    @property
+    def is_empty(self) -> bool:
+        return not self._units
+
     def take(self, worker: int) -> Unit | None:
         return self._units.pop(0) if self._units else None
 

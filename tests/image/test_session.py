@@ -82,6 +82,18 @@ def test_rendering_again_uploads_only_camera_and_settings(device: Device, watche
     assert image.stats["image_sha256"] == fresh.stats["image_sha256"]
 
 
+def test_another_medium_is_another_scene(device: Device) -> None:
+    """Everything else is the same object, so that nothing but the medium tells the scenes apart."""
+    haze = clrender.load("haze")
+    name, medium = next(iter(haze.media.items()))
+    thin = medium.model_copy(update={"scattering": tuple(0.1 * each for each in medium.scattering)})
+    other = haze.model_copy(update={"media": {**haze.media, name: thin}})
+    with clrender.Session(device) as session:
+        session.render(haze, size=SIZE, spp=1)
+        second = session.render(other, size=SIZE, spp=1).stats["image_sha256"]
+    assert second == clrender.render(other, device=device, size=SIZE, spp=1).stats["image_sha256"]
+
+
 def test_another_camera_uploads_no_scene(device: Device, watched: Watched) -> None:
     room = clrender.load("room")
     camera = room.camera.model_copy(update={"position": (0.3, 0.1, -3.0), "vertical_fov": 40.0})
