@@ -450,7 +450,7 @@ class _Geometry:
             return False
         if all(
             getattr(a, name) is getattr(b, name)
-            for name in ("shapes", "groups", "materials", "lights", "_meshes", "_transforms", "_pictures")
+            for name in ("shapes", "groups", "materials", "lights", "media", "fog", "_files")
         ):
             return True
         return a.content_sha256() == b.content_sha256()
