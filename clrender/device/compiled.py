@@ -83,9 +83,10 @@ def renew_compiler_folder() -> None:
 def limit_compiler_folder() -> None:
     """Renew the compiler folder if it is too large."""
     size, folder = 0, compiler_folder()
-    for path in folder.rglob("*") if folder is not None else ():
-        with contextlib.suppress(OSError):  # another process may remove it
-            size += path.stat().st_size if path.is_file() else 0
+    for parent, _, names in os.walk(folder) if folder is not None else ():  # passes over a folder that has gone
+        for name in names:
+            with contextlib.suppress(OSError):  # another process may remove it
+                size += Path(parent, name).stat().st_size
     if size > _MOST_BYTES:
         renew_compiler_folder()
 

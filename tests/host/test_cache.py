@@ -128,6 +128,22 @@ def test_without_room_nothing_is_kept_and_nothing_fails(temporary: Path, monkeyp
     cache.process_folder.cache_clear()
 
 
+def test_a_folder_that_another_process_removes_meanwhile_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = compiled.compiler_folder()
+    assert folder is not None
+    (folder / "pocl" / "goes").mkdir(parents=True)
+    scan = os.scandir
+
+    def late(path: Any) -> Any:
+        if str(path).endswith("goes"):
+            (folder / "pocl" / "goes").rmdir()
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", late)
+    compiled.limit_compiler_folder()
+    assert not (folder / "pocl" / "goes").exists()
+
+
 def test_without_a_cache_what_is_compiled_lies_in_a_folder_of_the_process(temporary: Path) -> None:
     (temporary / f"clrender-cache-{os.geteuid()}").symlink_to(temporary)
     code = (

@@ -1,0 +1,38 @@
+"""When a session uploads a scene again, and when a new camera is enough."""
+
+from __future__ import annotations
+
+import pytest
+
+import clrender
+from clrender.job import RenderJob
+from clrender.scene import Scene
+from clrender.session import _Geometry
+
+
+def geometry(scene: Scene) -> _Geometry:
+    return _Geometry.of(RenderJob.of(scene, width=16, height=16))
+
+
+def test_a_camera_needs_no_comparison_of_contents(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = clrender.load("room")
+    moved = scene.model_copy(update={"camera": scene.camera.model_copy(update={"vertical_fov": 30.0})})
+    monkeypatch.setattr(Scene, "content_sha256", lambda scene: pytest.fail("the contents were hashed"))
+    assert geometry(scene).same(geometry(moved))
+
+
+def test_a_scene_with_other_media_is_another_scene() -> None:
+    haze = {"scattering": [0.1, 0.1, 0.1], "absorption": [0.0, 0.0, 0.0]}
+    camera = {"position": [0, 0, 3], "target": [0, 0, 0]}
+    clear = Scene.model_validate({"camera": camera, "media": {"haze": haze}})
+    foggy = clear.model_copy(update={"fog": "haze"})
+    thick = foggy.model_copy(
+        update={
+            "media": Scene.model_validate(
+                {"camera": camera, "media": {"haze": {**haze, "scattering": [1.0, 1.0, 1.0]}}}
+            ).media
+        }
+    )
+    assert geometry(foggy).same(geometry(foggy))
+    assert not geometry(foggy).same(geometry(clear))
+    assert not geometry(foggy).same(geometry(thick))
