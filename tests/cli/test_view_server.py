@@ -10,6 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import ExitStack, suppress
@@ -377,7 +378,8 @@ def test_downloads_that_wait_take_no_thread_from_viewers() -> None:
         app = SimpleNamespace(state=SimpleNamespace(engine=Busy()))
         request: Any = SimpleNamespace(app=app, path_params={"name": "image.png"}, query_params={})
         downloads = [asyncio.create_task(view_server._download(request)) for _ in range(64)]
-        while len(pending) < len(downloads):
+        end = time.monotonic() + 20.0
+        while len(pending) < len(downloads) and time.monotonic() < end:
             await asyncio.sleep(0.01)
         try:
             await asyncio.wait_for(asyncio.to_thread(lambda: None), 20.0)
