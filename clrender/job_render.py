@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 __all__ = ["JobRender"]
 
-_LIVE_SECONDS: Final = 0.02
+_LIVE_SECONDS: Final = 0.008
 """Target duration of a launch in interactive rendering, where a different image may be requested at any time."""
 
 _DEPTH: Final = 64

@@ -122,8 +122,13 @@ class Engine:
 
     @property
     def image_state(self) -> ImageState | None:
-        """The image in the making, which the render thread fills in."""
+        """The image in progress, which the render thread fills in."""
         return self._progressive.image_state
+
+    @property
+    def displayed(self) -> ImageState | None:
+        """The newest image that has pixels: the image in progress, or the one before it."""
+        return self._progressive.displayed
 
     @property
     def edited_scene(self) -> EditedScene:

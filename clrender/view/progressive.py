@@ -48,8 +48,10 @@ class Progressive:
 
     Attributes
     ----------
-    state : ImageState or None
+    image_state : ImageState or None
         Of the image that is rendered; another object for each image.
+    displayed : ImageState or None
+        The newest image that has pixels: while the camera moves, an image is replaced before anybody has seen it.
     running : bool
         Whether samples are taken beyond the preview.
     wanted : set of str
@@ -58,6 +60,7 @@ class Progressive:
 
     def __init__(self, session: Session, changed: Callable[[], None], advanced: Callable[[Progress], None]) -> None:
         self.image_state: ImageState | None = None
+        self.displayed: ImageState | None = None
         self.running = True
         self.wanted: set[str] = set()
         self.seconds = 0.0
@@ -254,6 +257,8 @@ class Progressive:
         A frame is cached under the number of changes until there is a higher one, so it must hold all that is new.
         """
         state.changes += 1
+        if state.preview is not None or state.film is not None:
+            self.displayed = state
         self._changed()
 
 

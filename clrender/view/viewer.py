@@ -112,7 +112,7 @@ class Viewer:
             if self._replies:
                 return self._replies.popleft()
             wanted = [stream for stream in self._streams if stream.unacknowledged is None]
-        state = self._engine.image_state
+        state = self._engine.displayed
         return None if state is None else self._frame(state, wanted)
 
     @property

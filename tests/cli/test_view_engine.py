@@ -523,3 +523,18 @@ def test_it_ends_while_it_renders(opened: Callable[..., Any]) -> None:
     assert time.monotonic() - begin < 5.0
     assert json.loads(json.dumps(page.until_kind("bye").content))["reason"]
     assert page.viewer.closed
+
+
+def test_the_image_before_is_displayed_until_the_next_one_has_pixels(opened: Callable[..., Any]) -> None:
+    """A moving camera replaces images faster than viewers take them; those that were rendered are sent all the same."""
+    engine, page = opened()
+    page.until_done()
+
+    def restarted() -> tuple[int, int]:
+        engine._progressive.restart(engine.edited_scene.job, {})
+        return engine.displayed.revision, engine.image_state.revision
+
+    before = engine.image_state.revision
+    assert engine._inbox.call(restarted).result(60) == (before, before + 1)
+    page.until_done()
+    assert engine.displayed is engine.image_state

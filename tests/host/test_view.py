@@ -284,7 +284,7 @@ class _FakeEngine:
 
     def __init__(self) -> None:
         self.frames = Frames()
-        self.image_state = ImageState(1, 8, 8, 4, preview=np.ones((2, 2, 3), np.float32), changes=1)
+        self.displayed = ImageState(1, 8, 8, 4, preview=np.ones((2, 2, 3), np.float32), changes=1)
         self.posted: list[Any] = []
 
     def wake_renderer(self) -> None:
@@ -307,10 +307,10 @@ def test_who_does_not_acknowledge_gets_one_frame_and_then_the_newest() -> None:
     first = frame_of(viewer.take())
     assert first is not None
     for change in range(2, 6):
-        engine.image_state.changes = change
+        engine.displayed.changes = change
         assert viewer.take() is None
-    engine.image_state.preview = np.full((4, 4, 3), 2.0, np.float32)
-    engine.image_state.changes = 6
+    engine.displayed.preview = np.full((4, 4, 3), 2.0, np.float32)
+    engine.displayed.changes = 6
     viewer.receive(json.dumps({"type": "ack", "frame": first["frame"] + 1}))  # of no frame
     assert viewer.take() is None
     viewer.receive(json.dumps({"type": "ack", "frame": first["frame"]}))
@@ -404,7 +404,7 @@ def test_wake_ups_that_wait_are_one() -> None:
 def test_a_reader_of_the_layers_that_are_shown_misses_none_while_their_turns_change() -> None:
     """The render thread reads them while a transport takes a frame, which puts its layer last."""
     engine = _FakeEngine()
-    engine.image_state.layers = {"normal": np.ones((8, 8, 3), np.float32)}
+    engine.displayed.layers = {"normal": np.ones((8, 8, 3), np.float32)}
     viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
     viewer.receive(json.dumps({"type": "show", "layers": ["image", "normal"]}))
     reader = iter(viewer._streams)
