@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +19,7 @@ from clrender.view.edited_scene import EditedScene
 from clrender.view.frames import Frames
 from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
+from clrender.view.priority import lower_priority
 from clrender.view.probe import probe
 from clrender.view.progressive import Progressive
 from clrender.view.status import Problems, StatusReporter, sentence
@@ -74,7 +75,9 @@ class Engine:
         self._inbox = Inbox()
         self._problems = Problems()
         self._goodbye_sent = False
-        session, self._device = self._opened(device)
+        # In a thread of low priority, which the threads of a CPU driver inherit.
+        with ThreadPoolExecutor(1, initializer=lower_priority) as opener:
+            session, self._device = opener.submit(self._opened, device).result()
         self._progressive = Progressive(session, self._status.frame_available, self._launch_done)
         self._progressive.restart(self._edited.job, {})
         self._broadcaster.retain("hello", tables.hello([], list(self._outputs)))
@@ -176,6 +179,7 @@ class Engine:
     # --- the render thread ---
 
     def _render_loop(self) -> None:
+        lower_priority()
         try:
             while not self._inbox.closed:
                 self._inbox.process(self._handle)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import sys
 import threading
 import time
 import weakref
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -34,6 +36,7 @@ from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
 from clrender.view.messages import MESSAGE_BYTES, MoveCamera, Probe, Restart, parse
 from clrender.view.parameters import changeable, parameters
+from clrender.view.priority import lower_priority
 from clrender.view.viewer import Viewer
 from clrender.view.watch import Watcher
 
@@ -567,3 +570,14 @@ def test_frames_of_many_sizes_are_not_all_kept() -> None:
     made = [weakref.ref(frames.newest(state, "image", most, (0, 0))) for most in range(16, 1016)]
     gc.collect()
     assert sum(each() is not None for each in made) <= 2 * MOST_VIEWERS
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there do threads have a priority of their own")
+def test_the_threads_that_render_let_others_go_first() -> None:
+    def niceness() -> int:
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    before = niceness()
+    with ThreadPoolExecutor(1, initializer=lower_priority) as pool:
+        assert pool.submit(niceness).result() == max(10, before)
+    assert niceness() == before
