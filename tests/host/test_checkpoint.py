@@ -439,7 +439,7 @@ def test_what_was_there_counts(saved: Path) -> None:
 
 
 def test_a_file_that_is_there_is_not_overwritten(saved: Path) -> None:
-    with pytest.raises(UsageError, match=r"a\.film: there is a file already.*add --resume"):
+    with pytest.raises(UsageError, match=r"a\.film: exists already.*add --resume"):
         Checkpoint(saved, False, fail(FULL)).__enter__()
     assert same(Film.load(saved), whole(4)) and not saved.with_name("a.film.lock").exists()
 
