@@ -160,7 +160,7 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     assert run("render", "room", "-o", "a.exr", "--checkpoint", "a.film", *how, folder=tmp_path).returncode == 0
     before = sorted(tmp_path.iterdir())
     for arguments, words in (
-        (("room", "-o", "b.exr", "--resume"), "name the film with --checkpoint"),
+        (("room", "-o", "b.exr", "--resume"), "name it with --checkpoint FILE"),
         (("room", "-o", "b.film", "--checkpoint", "b.film"), "is named twice as an output"),
         (("room", "-o", "b.exr", "--checkpoint", "a.exr", "--resume"), "give it a name that ends in .film"),
         (("room", "-o", "b.exr", "--checkpoint", "a.film", "--resume", "--seed", "1"), "give --seed 0"),

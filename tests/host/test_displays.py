@@ -27,7 +27,7 @@ class FakeEngine:
     def __init__(self) -> None:
         self.broadcaster = Broadcaster()
         self.broadcaster.send("hello", {"protocol": 1})
-        self.image_state = None
+        self.displayed = None
         self.posted: list[Any] = []
 
     def connect(self, wake: Callable[[], None]) -> Viewer:

@@ -165,7 +165,7 @@ def test_what_is_biased_has_no_errors(integrator: str, asked: dict[str, Any]) ->
     [
         ({"replicate_spp": 16, "spp": 40}, "spp is 40.*multiple of replicate_spp, 16: for example 32 or 48"),
         ({"replicate_spp": 3}, "replicate_spp is 3"),
-        ({"error": 0.1, "spp": 64}, "after 16 replicates of 16; ask for 256 or more"),
+        ({"error": 0.1, "spp": 64}, "needs 16 replicates of 16; set it to 256 or more"),
         ({"confidence": 0.9}, "confidence has no effect without error"),
         ({"error_floor": 0.9}, "error_floor has no effect without error"),
         ({"share": 0.9}, "share has no effect without error"),
