@@ -117,7 +117,14 @@ def view(
     try:
         with (
             listening,
-            Engine(description, device=list(devices) or None, source=source, outputs=outputs, **chosen) as engine,
+            Engine(
+                description,
+                device=list(devices) or None,
+                source=source,
+                outputs=outputs,
+                background=True,
+                **chosen,
+            ) as engine,
         ):
             serve(engine, listening, host, ready)
     except KeyboardInterrupt as end:

@@ -161,12 +161,12 @@ def _in_a_row(found: re.Match[str]) -> str:
 def _copied(export: Export, scene: Scene, folder: str, name: str, where: str) -> str:
     """Copy an image unchanged."""
     digest = hashlib.sha256()
-    with scene.opened(name, where) as (file, ending):
+    with scene.files.opened(name, where) as (file, ending):
         while block := file.read(2**20):
             digest.update(block)
 
     def write(into: IO[bytes]) -> None:
-        with scene.opened(name, where) as (file, _):
+        with scene.files.opened(name, where) as (file, _):
             shutil.copyfileobj(file, into, 2**20)
 
     return export.add(folder, Path(name).stem or name, ending, digest.hexdigest(), write)
@@ -174,13 +174,13 @@ def _copied(export: Export, scene: Scene, folder: str, name: str, where: str) ->
 
 def _lamp(scene: Scene, name: str, where: str) -> bytes:
     """An IES file, with the tilt factors included if it names a file of them."""
-    with scene.opened(name, where) as (file, _):
+    with scene.files.opened(name, where) as (file, _):
         data = file.read()
     lines = data.decode("latin-1").replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     at, what = next(((i, found[1].strip()) for i, line in enumerate(lines) if (found := _TILT.match(line))), (0, ""))
     if what.upper() in ("", "NONE", "INCLUDE"):
         return data
-    with scene.opened(str(Path(name).parent / what), f"{where}: {quoted(name)}") as (file, _):
+    with scene.files.opened(str(Path(name).parent / what), f"{where}: {quoted(name)}") as (file, _):
         factors = file.read().decode("latin-1").replace("\x1a", "")
     return "\r\n".join([*lines[:at], "TILT=INCLUDE", *factors.split(), *lines[at + 1 :]]).encode("latin-1")
 

@@ -8,10 +8,9 @@ a transform that squashes a sphere) is checked by the model that has them. `vali
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO, Final
+from typing import Annotated, Any, Final
 
 from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
 
@@ -197,6 +196,11 @@ class Scene(Part):
         return scene
 
     @property
+    def files(self) -> SceneFiles:
+        """The files that the scene names, and what they hold."""
+        return self._files
+
+    @property
     def base_folder(self) -> Path:
         """Folder to which file names are relative: the scene file's own, or the working folder."""
         return self._files.base_folder
@@ -289,23 +293,6 @@ class Scene(Part):
         scene = self.model_copy(update={"shapes": shapes, "lights": tuple(lights)})
         scene._files = replace(self._files, meshes={(f"shape {i}", None): mesh for i, mesh in enumerate(meshes)})
         return scene
-
-    def opened(self, name: str, where: str) -> AbstractContextManager[tuple[BinaryIO, str]]:
-        """Open an image or IES file that the scene names: see `clrender.scene.scene_files.SceneFiles.opened`.
-
-        Parameters
-        ----------
-        name : str
-            Name in the scene.
-        where : str
-            Location of the name, for error messages.
-
-        Returns
-        -------
-        context manager of (binary file, str)
-            The file, and its format's extension, such as ``.png``.
-        """
-        return self._files.opened(name, where)
 
     @property
     def notes(self) -> tuple[str, ...]:

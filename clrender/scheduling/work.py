@@ -147,6 +147,8 @@ class Work:
             self._out.pop(task.number, None)
             if task.kind is Kind.UNIT:
                 self._last_unit = time.monotonic()
+            elif task.kind is Kind.CHECK and task.piece is not None:
+                self._checked.add(task.piece.worker)
             self._changed.notify_all()
 
     def give_back(self, task: Task) -> bool:
@@ -274,7 +276,6 @@ class Work:
         if check is not None:
             self._checked_last.add(worker)
             self._checks.remove(check)
-            self._checked.add(check.worker)
             if not self._remaining.is_empty:
                 self._drop_checks(worker)
             return self._task(worker, Kind.CHECK, check)

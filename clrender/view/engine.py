@@ -47,6 +47,9 @@ class Engine:
         To read the scene anew from when its files change.
     outputs : sequence of path
         Files that a viewer may have written; no others are.
+    background : bool
+        Whether to render at a low priority, so that a browser on the same machine stays responsive. The threads of a
+        CPU driver keep it for as long as the process lives.
     **settings
         Fields of `RenderSettings`.
 
@@ -65,6 +68,7 @@ class Engine:
         device: Any = None,
         source: Source | None = None,
         outputs: Sequence[str | Path] = (),
+        background: bool = False,
         **settings: Any,
     ) -> None:
         self.frames = Frames()
@@ -75,8 +79,8 @@ class Engine:
         self._inbox = Inbox()
         self._problems = Problems()
         self._goodbye_sent = False
-        # In a thread of low priority, which the threads of a CPU driver inherit.
-        with ThreadPoolExecutor(1, initializer=lower_priority) as opener:
+        self._background = background
+        with ThreadPoolExecutor(1, initializer=lower_priority if background else None) as opener:
             session, self._device = opener.submit(self._opened, device).result()
         self._progressive = Progressive(session, self._status.frame_available, self._launch_done)
         self._progressive.restart(self._edited.job, {})
@@ -179,7 +183,8 @@ class Engine:
     # --- the render thread ---
 
     def _render_loop(self) -> None:
-        lower_priority()
+        if self._background:
+            lower_priority()
         try:
             while not self._inbox.closed:
                 self._inbox.process(self._handle)
