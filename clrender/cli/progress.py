@@ -155,11 +155,17 @@ class _Json(_Lines):
 
     def __init__(self) -> None:
         self._next = 0.0
+        self._unwritten: Progress | None = None
 
     def show(self, progress: Progress) -> None:
-        if progress.seconds < self._next and progress.samples_done < progress.samples_total:
+        if progress.seconds < self._next:
+            self._unwritten = progress
             return
         self._next = progress.seconds + _JSON_APART
+        self._write(progress)
+
+    def _write(self, progress: Progress) -> None:
+        self._unwritten = None
         left = progress.seconds_left
         self._put(
             "progress",
@@ -175,6 +181,8 @@ class _Json(_Lines):
         self._put("message", text=line)
 
     def finish(self, image: RenderedImage) -> None:
+        if self._unwritten is not None:
+            self._write(self._unwritten)
         told = ("samples", "render_seconds", "image_sha256")
         self._put("end", **{name: image.stats[name] for name in told}, interrupted=image.interrupted)
 

@@ -193,9 +193,8 @@ def test_progress_as_json(tmp_path: Path) -> None:
     stats = json.loads((tmp_path / "s.json").read_text())
     told = {name: stats[name] for name in ("samples", "render_seconds", "image_sha256")}
     assert events[-1] == {"event": "end", **told, "interrupted": False}
-    # What was said last is of all samples but those of units that were not in the film yet
     error = relative_error(Film.load(tmp_path / "a.film"))
-    assert error is not None and progress[-1]["relative_error"] == pytest.approx(error, rel=0.3)
+    assert error is not None and progress[-1]["relative_error"] == pytest.approx(error, rel=1e-6)
 
 
 def test_errors_are_said_only_where_they_are_known(tmp_path: Path) -> None:

@@ -26,7 +26,10 @@ def ticks() -> dict[str, int]:
     """Processor time of each thread of this process, in hundredths of a second."""
     found = {}
     for task in Path("/proc/self/task").iterdir():
-        fields = (task / "stat").read_text().rsplit(")", 1)[1].split()
+        try:
+            fields = (task / "stat").read_text().rsplit(")", 1)[1].split()
+        except OSError:  # a thread of an earlier render that has ended since
+            continue
         found[task.name] = int(fields[11]) + int(fields[12])
     return found
 
