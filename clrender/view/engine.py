@@ -138,6 +138,11 @@ class Engine:
         return self._progressive.displayed
 
     @property
+    def superseded(self) -> bool:
+        """Whether the displayed image is about to be replaced by another one, on which all time should be spent."""
+        return self.displayed is not self.image_state or self._inbox.camera_waits
+
+    @property
     def edited_scene(self) -> EditedScene:
         """The scene with the changes of viewers."""
         return self._edited

@@ -50,6 +50,10 @@ _SHARE: Final = 8.0
 """Between two frames of a layer there is so many times what the first took: viewers must not slow the render down."""
 _LEAST_SECONDS: Final = 1.0 / 30.0
 _MOST_SECONDS: Final = 2.0
+_MORE_SAMPLES: Final = 1.25
+"""A frame with fewer times the samples of the one before looks the same: its noise is less by a tenth at most."""
+_SAME_SECONDS: Final = 1.0
+"""But after so long there is another one, so that people see that it goes on."""
 _MOST_KEPT: Final = 32
 """Frames that are kept: sixteen viewers show two layers each."""
 
@@ -88,7 +92,7 @@ class Frames:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._kept: dict[tuple[str, int], Frame] = {}  # by layer and size; the one made last is last
-        self._not_before: dict[tuple[str, int], float] = {}
+        self._due: dict[tuple[str, int], tuple[float, float]] = {}  # earliest and latest time of the next one
         self._denoiser: Denoiser | None = None
 
     def newest(self, state: ImageState, layer: str, most: int, seen: tuple[int, int]) -> Frame | None:
@@ -111,15 +115,15 @@ class Frames:
             kept = self._kept.get(key)
             if kept is not None and kept.state is state and kept.changes == state.changes:
                 return kept
-            again = kept is not None and kept.state is state and not kept.coarse
-            if again and not state.idle and time.monotonic() < self._not_before.get(key, 0.0):
-                return kept if kept is not None and (state.revision, kept.changes) != seen else None
+            if kept is not None and not self._is_due(key, kept, state):
+                return kept if (state.revision, kept.changes) != seen else None
             begin = time.monotonic()
             frame = self._made(state, layer, most)
             if frame is not None:
                 self._keep(key, frame)
                 now = time.monotonic()
-                self._not_before[key] = now + min(max(_LEAST_SECONDS, _SHARE * (now - begin)), _MOST_SECONDS)
+                earliest = now + min(max(_LEAST_SECONDS, _SHARE * (now - begin)), _MOST_SECONDS)
+                self._due[key] = earliest, max(earliest, now + _SAME_SECONDS)
             return frame
 
     def release(self) -> None:
@@ -135,7 +139,14 @@ class Frames:
         self._kept[key] = frame
         if len(self._kept) > _MOST_KEPT:
             del self._kept[next(iter(self._kept))]
-        self._not_before = {other: when for other, when in self._not_before.items() if other in self._kept}
+        self._due = {other: when for other, when in self._due.items() if other in self._kept}
+
+    def _is_due(self, key: tuple[str, int], kept: Frame, state: ImageState) -> bool:
+        """Whether it is time for a newer frame than the one that is kept."""
+        if kept.state is not state or kept.coarse or state.idle:
+            return True
+        now, (earliest, latest) = time.monotonic(), self._due[key]
+        return now >= latest or (now >= earliest and state.samples >= _MORE_SAMPLES * kept.samples)
 
     def _made(self, state: ImageState, layer: str, most: int) -> Frame | None:
         changes, samples, final = state.changes, state.samples, state.sha256 is not None

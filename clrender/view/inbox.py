@@ -80,6 +80,12 @@ class Inbox:
             self.closed = True
             self._changed.notify_all()
 
+    @property
+    def camera_waits(self) -> bool:
+        """Whether a camera message waits."""
+        with self._changed:
+            return any(isinstance(message, MoveCamera) for _, message in self._messages)
+
     # --- the render thread ---
 
     @property

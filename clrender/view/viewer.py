@@ -186,8 +186,14 @@ class Viewer:
         self._wake()
 
     def _frame(self, state: ImageState, wanted: list[_LayerStream]) -> bytes | None:
-        """The newest frame of one of these layers; the lock is not held while it is made."""
+        """The newest frame of one of these layers; the lock is not held while it is made.
+
+        Of an image that is about to be replaced, one frame is enough: a large one would only delay the next image's.
+        """
+        superseded = self._engine.superseded
         for stream in wanted:
+            if superseded and stream.sent[0] == state.revision:
+                continue
             frame = self._engine.frames.newest(state, stream.layer, self._max_side, stream.sent)
             if frame is None:
                 continue

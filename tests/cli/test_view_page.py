@@ -329,6 +329,25 @@ def test_the_reply_of_a_probe_is_not_lost_among_cameras(browser: Any, server: Se
         assert answered == 1
 
 
+def test_a_camera_is_sent_at_once_and_then_once_a_screen_frame(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "sent") as view:
+        view.wait("view.picture.frame() !== undefined")
+        before, *at_once, later, still = view.run("""
+            const [sent, frame] = [[view.camera.lastSent() ?? 0], () => new Promise(requestAnimationFrame)];
+            for (let i = 0; i < 3; i += 1) {
+                view.camera.orbit(0.01, 0.0);
+                sent.push(view.camera.lastSent());
+            }
+            for (let i = 0; i < 2; i += 1) {
+                await frame();
+                await frame();
+                sent.push(view.camera.lastSent());
+            }
+            return sent;
+        """)
+        assert before < at_once[0] == at_once[1] == at_once[2] < later == still
+
+
 def test_a_slow_browser_slows_nobody(browser: Any, server: Server) -> None:
     with view_of(browser, server, "fast") as fast, view_of(browser, server, "slow") as slow:
         slow.wait("view.picture.frame() !== undefined")

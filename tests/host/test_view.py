@@ -288,6 +288,7 @@ class _FakeEngine:
     def __init__(self) -> None:
         self.frames = Frames()
         self.displayed = ImageState(1, 8, 8, 4, preview=np.ones((2, 2, 3), np.float32), changes=1)
+        self.superseded = False
         self.posted: list[Any] = []
 
     def wake_renderer(self) -> None:
@@ -322,6 +323,19 @@ def test_who_does_not_acknowledge_gets_one_frame_and_then_the_newest() -> None:
     assert second["width"] == 4
     viewer.receive(json.dumps({"type": "ack", "frame": second["frame"]}))
     assert viewer.take() is None  # there is nothing newer
+
+
+def test_of_an_image_that_is_about_to_be_replaced_one_frame_is_enough() -> None:
+    engine = _FakeEngine()
+    engine.superseded = True
+    viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
+    first = frame_of(viewer.take())
+    assert first is not None  # a moving camera shows something
+    viewer.receive(json.dumps({"type": "ack", "frame": first["frame"]}))
+    engine.displayed.changes = 2
+    assert viewer.take() is None
+    engine.superseded = False
+    assert frame_of(viewer.take()) is not None
 
 
 def test_state_that_nobody_took_is_replaced_and_replies_are_not() -> None:
@@ -373,9 +387,12 @@ def test_a_camera_that_waits_is_replaced_by_a_newer_one_of_the_same_viewer() -> 
     inbox.post(other, moved(-1.0, 1))  # type: ignore[arg-type]
     inbox.post(one, MoveCamera(type="camera", camera={"vertical_fov": 30.0}))  # type: ignore[arg-type]
     inbox.post(one, MoveCamera(type="camera", id="z", camera={"up": [0, 1, 0]}))  # type: ignore[arg-type]
+    assert inbox.camera_waits
     inbox.process(lambda viewer, message: followed.append((viewer, message)))
     assert [message.id for _, message in followed] == [9999, 1, "z"]
     assert followed[2][1].camera == {"vertical_fov": 30.0, "up": [0, 1, 0]}
+    inbox.post(one, Restart(type="restart"))  # type: ignore[arg-type]
+    assert not inbox.camera_waits
 
 
 def test_too_many_messages_are_refused_and_calls_are_cancelled_at_the_end() -> None:
@@ -562,6 +579,31 @@ def test_frames_of_an_earlier_image_do_not_keep_its_film() -> None:
     del first
     gc.collect()
     assert gone() is None
+
+
+def test_a_frame_has_a_quarter_more_samples_or_comes_a_second_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    frames, film = Frames(), RunningFilm(8, 4, {})
+    state = ImageState(1, 8, 4, 64, film=film)
+
+    def samples_of_newest(seconds: float, samples: int) -> float | None:
+        now[0] += seconds
+        for _ in range(samples):
+            unit = Unit(0, 32, film.samples_taken // 32, 1, 64)
+            sums = UnitSums.nothing(unit)
+            sums.done[:] = 1
+            film.commit(unit, sums)
+        state.changes += 1
+        frame = frames.newest(state, "image", 16, (0, 0))
+        return None if frame is None else frame.samples
+
+    assert [samples_of_newest(0.1, 8), samples_of_newest(0.1, 1), samples_of_newest(0.1, 1)] == [8.0, 8.0, 10.0]
+    assert [samples_of_newest(0.01, 5), samples_of_newest(0.1, 0)] == [10.0, 15.0]  # thirty a second at most
+    assert [samples_of_newest(0.5, 1), samples_of_newest(0.6, 0)] == [15.0, 16.0]
+    samples_of_newest(0.0, 1)
+    state.idle = True
+    assert samples_of_newest(0.0, 0) == 17.0
 
 
 def test_frames_of_many_sizes_are_not_all_kept() -> None:

@@ -13,10 +13,11 @@ const NUMBERS = [
   ["focus_distance", "Focus distance", "Metres; or use Focus by click", { type: "number", exclusiveMinimum: 0 }],
 ];
 
-/** The camera in motion: what gestures change, sent once a screen frame. */
+/** The camera in motion: what gestures change, sent at once, and then once a screen frame. */
 export function createCamera(hub) {
   let camera = null;
-  let scheduled = false; // moved, and not sent yet
+  let scheduled = false; // sent for this screen frame
+  let unsent = false; // moved since
   let awaited = null; // what was sent, until the engine says the same
   let lastSent = null;
   let timer = null;
@@ -24,7 +25,7 @@ export function createCamera(hub) {
   // A state that comes while one drags is of an earlier camera, and must not throw the view back.
   function settle() {
     const told = hub.newest("state")?.camera;
-    if (scheduled || told === undefined) return;
+    if (unsent || told === undefined) return;
     const isTaken = awaited === null || Object.entries(awaited).every(([name, value]) => String(told[name]) === String(value));
     if (!isTaken) return;
     awaited = null;
@@ -38,7 +39,7 @@ export function createCamera(hub) {
   }
 
   function send() {
-    scheduled = false;
+    unsent = false;
     const { position, target, up } = camera;
     awaited = { position, target, up, ...(camera.type === "orthographic" ? { height: camera.height } : {}) };
     lastSent = hub.send({ type: "camera", camera: awaited }, () => {
@@ -52,8 +53,15 @@ export function createCamera(hub) {
   function move(change) {
     if (camera === null) return;
     camera = change(camera);
-    if (!scheduled) requestAnimationFrame(send);
-    scheduled = true;
+    unsent = true;
+    if (!scheduled) sendOnceAFrame();
+  }
+
+  function sendOnceAFrame() {
+    scheduled = unsent;
+    if (!unsent) return;
+    send();
+    requestAnimationFrame(sendOnceAFrame);
   }
 
   return {
