@@ -178,6 +178,11 @@ function shaderDisplay(canvas, gl) {
       images.set(name, image);
       if (!gl.isContextLost()) upload(name);
     },
+    removeImage(name) {
+      images.delete(name);
+      gl.deleteTexture(textures.get(name) ?? null);
+      textures.delete(name);
+    },
     draw,
   };
 }
@@ -231,6 +236,9 @@ function plainDisplay(canvas) {
     method: "2D canvas",
     setImage(name, image) {
       images.set(name, image);
+    },
+    removeImage(name) {
+      images.delete(name);
     },
     draw(name, look, compared = null) {
       if (!images.has(name)) return;

@@ -57,7 +57,10 @@ export function createPicture(hub, choice, plain) {
   function show() {
     const layers = [choice.layer, choice.compared].filter((name) => name !== null);
     hub.send({ type: "show", layers, max_side: LARGEST_SIDE });
-    [...frames.keys()].filter((name) => !layers.includes(name)).forEach((name) => frames.delete(name));
+    for (const name of [...frames.keys()].filter((each) => !layers.includes(each))) {
+      frames.delete(name);
+      display.removeImage(name);
+    }
     const isSplit = choice.compared !== null;
     for (const element of [split, divider, ...names]) element.hidden = !isSplit;
     if (isSplit) layers.forEach((name, i) => (names[i].textContent = layerNamed(name)?.label ?? name));
