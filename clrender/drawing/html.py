@@ -29,7 +29,7 @@ p { max-width: 46rem; }
 .scroll { overflow-x: auto; margin: 1.2rem 0; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; min-width: 100%; }
 caption { caption-side: bottom; text-align: left; color: var(--soft); padding-top: .6rem; }
-caption span { display: block; max-width: 56rem; }
+caption span { display: block; position: sticky; left: 0; max-width: min(56rem, 100vw - 2.5rem); }
 th, td { padding: .35rem .6rem; border-bottom: 1px solid var(--rule); text-align: right; vertical-align: top;
   white-space: nowrap; }
 th { vertical-align: bottom; white-space: normal; background: var(--band); }
@@ -43,7 +43,6 @@ figure { margin: 2rem 0; } figcaption { color: var(--soft); max-width: 46rem; ma
 figcaption strong { color: var(--ink); }
 .row { display: grid; grid-template-columns: repeat(var(--columns), minmax(0, 30rem)); gap: .6rem;
   margin-bottom: .6rem; }
-@media (max-width: 36rem) { .row { grid-template-columns: 1fr; } }
 .row img { width: 100%; height: auto; display: block; }
 .row span { font-size: .85rem; color: var(--soft); }
 .pixels img { image-rendering: pixelated; }
@@ -61,6 +60,13 @@ svg { max-width: 100%; height: auto; width: 40rem; border: 1px solid var(--rule)
 .row figure { margin: 0; }
 .scale { display: flex; justify-content: space-between; font-size: .8rem; color: var(--soft); }
 .scale i { flex: 1; height: .8rem; margin: .25rem .6rem; background: var(--colors); border: 1px solid var(--rule); }
+@media (max-width: 36rem) {
+  .row { grid-template-columns: 1fr; }
+  .short { min-width: 0; } td { white-space: normal; }
+  .prose thead { display: none; } .prose tr, .prose td { display: block; } .prose td { text-align: left; border: 0; }
+  .prose tr { border-bottom: 1px solid var(--rule); padding: .4rem 0; } .prose td:nth-child(3) { min-width: 0; }
+  figure { overflow-x: auto; } svg { width: 32rem; max-width: none; }
+}
 </style>
 </head>
 <body>

@@ -14,10 +14,13 @@ import numpy.typing as npt
 import pytest
 from cli_support import run
 from PIL import Image
+from view_browser import chromium
 
 from clrender.agreement.page import compare_page
 from clrender.bench.page import bench_page
+from clrender.drawing.html import html_document, html_table
 from clrender.drawing.pictures import diverging, shrunk
+from clrender.drawing.table import Table
 from clrender.image.files import write_image
 from clrender.image.flip import flip_map
 from clrender.image.tone_map import LUMINANCE, to_display
@@ -169,3 +172,22 @@ def test_a_benchmark_beside_peers_plots_all_of_them() -> None:
     page = bench_page([{**own, "rel_mse": 0.01, "efficiency": 6.0}, peer, rays], [], ["How."])
     assert len(check_alone(page).seen) and page.count("<svg") == 2
     assert "S1  mitsuba" in page and "30.000" in page and "S1  embree" not in page
+
+
+def test_sentences_fit_the_width_of_a_phone(tmp_path: Path) -> None:
+    words = "a sentence of many words, which is wider than the page of a phone is, and goes on"
+    numbers = Table(words, ["name"] + [f"column {i}" for i in range(30)], [["x"] + ["0.123456"] * 30])
+    table = Table(words, ["claim", "verdict", "measured"], [[words, "does not hold", words]] * 2, words=3)
+    parts = [html_table(table, "prose", ["fails"]), html_table(numbers, "", [])]
+    (tmp_path / "page.html").write_text(html_document("A page", parts))
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": 390, "height": 844})
+        page.goto((tmp_path / "page.html").as_uri())
+        ends = page.evaluate("""() => [...document.querySelectorAll(".prose td, caption span")].map((each) => {
+            const box = document.createRange();
+            box.selectNodeContents(each);
+            return box.getBoundingClientRect().right;
+        })""")
+        assert len(ends) == 8 and max(ends) <= 390
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+        assert page.evaluate("document.querySelectorAll('.scroll')[1].scrollWidth") > 390  # which scrolls by itself
