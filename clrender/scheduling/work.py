@@ -23,8 +23,10 @@ _MOST_CHECKS: Final = 64
 _CHECK_SECONDS: Final = (0.3, 1.0)
 """Bounds of the seconds that the fastest checker may need for the waiting pieces; between them, a share of the run."""
 _CHECK_SHARE: Final = 0.02
+_LAST_CHECK_SECONDS: Final = 0.1
+"""Seconds that checks may take after all units are taken, when all workers wait for them; more in a long run."""
 _LAST_CHECK_SHARE: Final = 0.01
-"""Share of the run time that checks may take after all units are taken, when all workers wait for them."""
+"""Share of the run time that they may take, if it is longer."""
 _CHECK_SAMPLES: Final = 1 << 18
 """Most samples of the waiting pieces while the speed of the other workers is unknown."""
 
@@ -309,7 +311,7 @@ class Work:
             return math.inf
         now = time.monotonic()
         waited = 0.0 if any(task.kind is Kind.UNIT for task in self._out.values()) else now - self._last_unit
-        return _LAST_CHECK_SHARE * (now - self._begin) - waited
+        return max(_LAST_CHECK_SECONDS, _LAST_CHECK_SHARE * (now - self._begin)) - waited
 
     def _check_rate(self, worker: int) -> float:
         """Samples a second of a worker in checks: its speed for units, if it has rendered any."""
