@@ -186,16 +186,12 @@ class Viewer:
         self._wake()
 
     def _frame(self, state: ImageState, wanted: list[_LayerStream]) -> bytes | None:
-        """The newest frame of one of these layers; the lock is not held while it is made.
-
-        Of an image that is about to be replaced, one frame is enough: a large one would only delay the next image's.
-        """
-        superseded = self._engine.superseded
+        """The newest frame of one of these layers; the lock is not held while it is made."""
         for stream in wanted:
-            if superseded and stream.sent[0] == state.revision:
+            if self._is_enough(stream, state):
                 continue
             frame = self._engine.frames.newest(state, stream.layer, self._max_side, stream.sent)
-            if frame is None:
+            if frame is None or self._is_enough(stream, state):  # a camera may have come meanwhile
                 continue
             with self._lock:
                 self._frames += 1
@@ -204,3 +200,7 @@ class Viewer:
                     self._streams = [*(each for each in self._streams if each is not stream), stream]
             return encode(frame, self._frames, self._half, state.camera_ids.get(self.number))
         return None
+
+    def _is_enough(self, stream: _LayerStream, state: ImageState) -> bool:
+        """Whether one frame of an image that is about to be replaced was sent; another would delay the next image."""
+        return stream.sent[0] == state.revision and self._engine.superseded

@@ -338,6 +338,26 @@ def test_of_an_image_that_is_about_to_be_replaced_one_frame_is_enough() -> None:
     assert frame_of(viewer.take()) is not None
 
 
+def test_a_camera_that_comes_while_a_frame_is_made_stops_the_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = _FakeEngine()
+    viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
+    first = frame_of(viewer.take())
+    assert first is not None
+    viewer.receive(json.dumps({"type": "ack", "frame": first["frame"]}))
+    engine.displayed.changes = 2
+    newest = engine.frames.newest
+
+    def meanwhile(*args: Any) -> Any:
+        engine.superseded = True
+        return newest(*args)
+
+    monkeypatch.setattr(engine.frames, "newest", meanwhile)
+    assert viewer.take() is None
+    engine.superseded = False
+    monkeypatch.undo()
+    assert frame_of(viewer.take()) is not None
+
+
 def test_state_that_nobody_took_is_replaced_and_replies_are_not() -> None:
     engine = _FakeEngine()
     viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]

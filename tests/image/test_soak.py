@@ -77,7 +77,7 @@ def buffers_on(device: Device) -> tuple[list[int], Counter[str]]:
 
     The latter are as large as the largest launch so far. Launches are sized by speed, which other programs change.
     """
-    scratch = [each for each in gc.get_objects() if isinstance(each, Scratch)]
+    scratch = [each for each in gc.get_objects() if isinstance(each, Scratch) and each._device is device]
     names = {buffer: name for each in scratch for name, buffer in each._kept.items()}
     assert names.keys() <= device.buffers
     written: Counter[str] = Counter()
