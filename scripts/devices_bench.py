@@ -25,7 +25,7 @@ from clrender.device.faults import FaultyDevice
 from clrender.rendered_image import RenderedImage
 
 _SPEED_SPP: Final = 16
-"""Samples per pixel for measuring speeds."""
+"""Samples per pixel for measuring speeds; fewer of a slowed device."""
 
 
 class SlowDevice(FaultyDevice):
@@ -39,7 +39,7 @@ class SlowDevice(FaultyDevice):
 
     def __init__(self, device: Device, times: float) -> None:
         super().__init__(device, name=f"{device.info.name}, {times:g} times as slow")
-        self._times = times
+        self.times = times
 
     def launch(
         self, program: Program, kernel: str, global_size: int, local_size: int, args: Sequence[Argument]
@@ -50,7 +50,7 @@ class SlowDevice(FaultyDevice):
         super().launch(program, kernel, global_size, local_size, args)
         super().finish()
         if not first:  # a launch that waits for the compiler is not representative
-            time.sleep((self._times - 1.0) * (time.perf_counter() - begin))
+            time.sleep((self.times - 1.0) * (time.perf_counter() - begin))
 
 
 def parts(device: Device, count: int) -> list[Device]:
@@ -94,7 +94,8 @@ def rates(devices: Sequence[Device], scene: Any, size: tuple[int, int]) -> list[
     def one(device: Device) -> float:
         with clrender.Session(device) as session:
             session.render(scene, spp=1, size=(64, 64))
-            image = session.render(scene, spp=_SPEED_SPP, size=size)
+            times = device.times if isinstance(device, SlowDevice) else 1.0
+            image = session.render(scene, spp=max(1, round(_SPEED_SPP / times)), size=size)
         return float(image.stats["samples"] / image.stats["render_seconds"])
 
     with ThreadPoolExecutor(len(devices)) as pool:
