@@ -81,7 +81,7 @@ class Work:
         self._in_service = set(range(workers))
         self._rates: dict[int, float] = {}
         self._check_rates: dict[int, float] = {}
-        self._check_overheads: dict[int, float] = {}
+        self._check_overheads: dict[int, deque[float]] = {}
         self._begin = self._last_unit = time.monotonic()
         self._checked: set[int] = set()
         self._waiting: set[int] = set()
@@ -131,7 +131,8 @@ class Work:
         """Record the time of a check: some devices need long even for few samples."""
         with self._changed:
             self._check_rates[worker] = samples / max(seconds, 1e-6)
-            self._check_overheads[worker] = max(seconds - samples / self._check_rate(worker), 0.0)
+            overhead = max(seconds - samples / self._check_rate(worker), 0.0)
+            self._check_overheads.setdefault(worker, deque(maxlen=2)).append(overhead)
 
     def dismissed(self, worker: int) -> bool:
         """Whether this worker was dismissed."""
@@ -318,8 +319,11 @@ class Work:
         return self._rates.get(worker, self._check_rates.get(worker, math.inf))
 
     def _overhead(self, worker: int) -> float:
-        """Seconds that a worker takes for a piece, in addition to those for its samples."""
-        return self._check_overheads.get(worker, 0.0)
+        """Seconds that a worker takes for a piece, in addition to those for its samples.
+
+        The shorter of the last two: other load on the machine may have delayed one.
+        """
+        return min(self._check_overheads.get(worker, (0.0,)))
 
     def _task(self, worker: int, kind: Kind, piece: Piece | None) -> Task:
         return Task(next(self._numbers), worker, kind, None if piece is None else piece.unit, piece)
