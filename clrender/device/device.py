@@ -20,7 +20,7 @@ from clrender.device.compiler import build, program_key, store
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
-from clrender.huge_pages import LARGE_BYTES, prefer_large_pages
+from clrender.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
 from clrender.turn import Turn
 
 if TYPE_CHECKING:
@@ -146,6 +146,7 @@ class Device:
         self._compiling = False
         self._held_bytes = 0
         self._buffers: set[Buffer] = set()
+        self._large: dict[cl.Buffer, int] = {}  # addresses of buffers on huge pages
         self._sentinel = Sentinel()
         self._programs: dict[tuple[str, tuple[tuple[str, str], ...]], Program] = {}
 
@@ -292,6 +293,7 @@ class Device:
             # Buffers of a CPU device are memory of this process
             flags, dtype = self._cl.map_flags.WRITE, np.dtype(np.uint8)
             memory, _ = self._cl.enqueue_map_buffer(self._queue, handle, flags, 0, (size,), dtype)
+            self._large[handle] = memory.ctypes.data
             prefer_large_pages(memory.ctypes.data, size)
             memory.base.release(self._queue)
         return handle
@@ -303,9 +305,12 @@ class Device:
         """
         self._buffers.discard(buffer)
         self._held_bytes -= buffer.nbytes
+        address = self._large.pop(buffer.handle, None)
         if self.lost:
             _KEPT.append(buffer.handle)
             return
+        if address is not None:
+            withdraw_preference(address, buffer.nbytes)
         with contextlib.suppress(self._cl.Error):
             buffer.handle.release()
 

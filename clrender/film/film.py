@@ -7,6 +7,7 @@ Integer addition is associative, so any grouping, order, resumption or merge giv
 from __future__ import annotations
 
 import threading
+import weakref
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -21,7 +22,7 @@ from clrender.film.file import FilmReader, write_film
 from clrender.film.fixed_point import add_words, subtract_words, to_float64
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums
-from clrender.huge_pages import LARGE_BYTES, prefer_large_pages
+from clrender.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
 from clrender.memory import film_bytes
 
 __all__ = ["Film"]
@@ -87,6 +88,7 @@ class Film:
         for band in self._bands:
             if band is not None and band.nbytes >= LARGE_BYTES:
                 prefer_large_pages(band.ctypes.data, band.nbytes)
+                weakref.finalize(band, withdraw_preference, band.ctypes.data, band.nbytes).atexit = False
         self._whole = threading.RLock()  # guards the consistency of the sums with the ledger
         self._pixels = threading.Lock()  # guards the consistency of a pixel's sums with its count
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import json
 import threading
@@ -20,6 +21,7 @@ from clrender.film import Film
 from clrender.film.fixed_point import fixed_point, to_float64
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side, tile_slots
+from clrender.huge_pages import LARGE_BYTES
 
 Words = npt.NDArray[np.uint32]
 
@@ -455,3 +457,17 @@ def test_damaged_films_are_refused_in_one_sentence(tmp_path: Path) -> None:
         with pytest.raises(UsageError) as caught:
             Film.load(path)
         assert str(path) in str(caught.value) and "\n" not in str(caught.value), path
+
+
+@pytest.mark.skipif(not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="this system has no large pages")
+def test_a_film_that_is_gone_leaves_no_preference_for_large_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small blocks that take its place would each occupy one."""
+    calls: list[tuple[str, int, int]] = []
+    for name in ("prefer_large_pages", "withdraw_preference"):
+        monkeypatch.setattr(f"clrender.film.film.{name}", lambda *block, name=name: calls.append((name, *block)))
+    film = Film(600, 400, {})
+    (preferred,) = calls
+    assert preferred[0] == "prefer_large_pages" and preferred[2] >= LARGE_BYTES
+    del film
+    gc.collect()
+    assert calls[1:] == [("withdraw_preference", *preferred[1:])]
