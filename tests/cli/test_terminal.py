@@ -204,6 +204,8 @@ def test_errors_are_said_only_where_they_are_known(tmp_path: Path) -> None:
     assert error is not None
     words = "7 of 10 samples, 7 samples/s"
     assert state(Progress(7, 10, 1.0, 0, known)) == f"{words}, error {100 * error:.2g} %, 0 s left"
+    assert state(Progress(5, 1000, 2.0, 0, None)) == "5 of 1.0 k samples, 2 samples/s"  # of what is compiled first
+    assert state(Progress(5, 1000, 12.0, 0, None)).endswith(" left")
     for film in (None, Film(9, 7, REQUEST), film_of(values, 9, 7, [SIZE], REQUEST), Film(9, 7)):
         assert state(Progress(7, 10, 1.0, 0, film)) == f"{words}, 0 s left"
     done = run(*SMALL, "--progress", "json", folder=tmp_path)
