@@ -150,6 +150,7 @@ def test_nothing_at_all(
         assert image.stats["rays"] == image.stats["samples"]
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_spheres(all_devices: list[Device], monkeypatch: pytest.MonkeyPatch) -> None:
     """A slab of small mirrors: each ray ends in the environment sooner or later, so that everything is 1."""
     centers = np.random.default_rng(0).uniform(-1, 1, (100_000, 3)) * [2, 2, 0.2]
