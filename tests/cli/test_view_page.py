@@ -540,7 +540,7 @@ def _touch(view: view_of, devtools: Any, kind: str, *places: tuple[float, float]
 
 @pytest.mark.slow
 def test_one_finger_orbits_two_zoom_and_a_tap_picks(browser: Any, server: Server) -> None:
-    phone = {"viewport": {"width": 390, "height": 740}, "has_touch": True, "is_mobile": True}
+    phone: dict[str, Any] = {"viewport": {"width": 390, "height": 740}, "has_touch": True, "is_mobile": True}
     with view_of(browser, server, "touch", **phone) as view:
         view.wait_until_done()
         start = view.newest("state")["camera"]

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -121,7 +122,7 @@ def test_who_may_install_a_driver_that_is_not_free(machine: Machine, user: int, 
 
 @pytest.mark.parametrize(("seconds", "tries"), [({}, 2), ({"CLRENDER_PROBE_SECONDS": "9"}, 1)], ids=["unset", "set"])
 def test_a_probe_that_ran_out_of_time_gets_more_before_other_drivers(
-    machine: Machine, seconds: dict[str, str], tries: int
+    machine: Machine, seconds: dict[str, Any], tries: int
 ) -> None:
     asked = '[[ "$*" == *clrender.device* ]] && { echo "probed in ${CLRENDER_PROBE_SECONDS:-240}" >&2; exit %s; }'
     machine.environment("#!/bin/bash\n" + asked % "$([[ ${CLRENDER_PROBE_SECONDS:-0} -gt 1000 ]] && echo 0 || echo 4)")

@@ -25,7 +25,7 @@ from clrender.scheduling.run import Tally, run
 from clrender.scheduling.spot_check import SHARE, Piece, Sampler
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.watchdog import TimeLimits, Watchdog
-from clrender.scheduling.work import Kind, Work
+from clrender.scheduling.work import Kind, Task, Work
 from clrender.scheduling.worker import Candidate
 
 
@@ -577,22 +577,31 @@ def test_at_the_end_nobody_waits_long_for_a_slow_worker_that_checks(
     monkeypatch.setattr("clrender.scheduling.work.time.monotonic", lambda: now)
     remaining = Remaining(plan_for(64, 64, 8), 2)
     work, units = Work(remaining, 2), []
+
+    def taken(worker: int) -> Task:
+        task = work.take(worker)
+        assert task is not None
+        return task
+
     while not remaining.is_empty:
-        units.append(work.take(0))
-    work.measured(0, units[0].unit, 0.01)
+        units.append(taken(0))
+    unit = units[0].unit
+    assert unit is not None
+    work.measured(0, unit, 0.01)
     work.measured(1, Unit(0, 4096, 0, 8, 8), 4096 * 8 / 5000.0)
     now += seconds
     for samples in (4096, 600, 400):  # the slow worker takes 0.82, 0.12 and 0.08 s
         few = np.zeros(0, np.uint32)
-        work.check(Piece(units[0].unit, 0, samples, few, few))
+        work.check(Piece(unit, 0, samples, few, few))
     last = units.pop()
     for each in units:
         work.settle(each)
-    first = work.take(1)
+    first = taken(1)
     work.settle(first)
     work.settle(last)
-    second = work.take(1)
+    second = taken(1)
     now += 0.15
     work.settle(second)
-    assert [(each.kind, each.piece.samples) for each in (first, second)] == [(Kind.CHECK, 4096), (Kind.CHECK, largest)]
+    assert first.kind is second.kind is Kind.CHECK and first.piece is not None and second.piece is not None
+    assert (first.piece.samples, second.piece.samples) == (4096, largest)
     assert work.take(1) is None and work.ended, "nobody waits for what is left"
