@@ -22,8 +22,10 @@ _BAR_APART: Final = 0.25
 _JSON_APART: Final = 0.25
 _FIRST_LINE: Final = 2.0
 _LINES_APART_AT_MOST: Final = 60.0
-_TOLD_FROM: Final = (0.01, 10.0)
-"""Fraction of the samples, or seconds, from which the remaining time is shown."""
+_LEFT_FROM_FRACTION: Final = 0.01
+"""Fraction of the samples from which the remaining time is shown: the first launches wait for the compiler."""
+_LEFT_FROM_SECONDS: Final = 10.0
+"""Seconds from which it is shown in any case."""
 _SETUP_NOTICE: Final = 3.0
 _SETUP_WORDS: Final = "preparing: the first render on a device compiles its kernels, which can take a while"
 
@@ -208,8 +210,8 @@ def state(progress: Progress) -> str:
     ]
     if error is not None:
         parts.append(f"error {100 * error:.2g} %")
-    # The first launches of a device wait for its compiler, which says nothing of the others
-    if 0 <= left < 1e9 and (progress.fraction >= _TOLD_FROM[0] or progress.seconds >= _TOLD_FROM[1]):
+    known = progress.fraction >= _LEFT_FROM_FRACTION or progress.seconds >= _LEFT_FROM_SECONDS
+    if known and 0 <= left < 1e9:
         parts.append(f"{duration(left)} left")
     return ", ".join(parts)
 
