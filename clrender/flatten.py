@@ -29,7 +29,7 @@ from clrender.scene.holes import hole_rows
 from clrender.scene.instances import FlatInstances, flat_instances
 from clrender.scene.interiors import media_around, media_with_lights, packed
 from clrender.scene.lamp_tables import lamp_tables
-from clrender.scene.lights import flat_environment, flat_lights
+from clrender.scene.lights import FlatLights, flat_environment, flat_lights
 from clrender.scene.material_rows import flat_materials
 from clrender.scene.materials import Dielectric, Material, Subsurface
 from clrender.scene.media import Solid, scene_media, solid_of
@@ -252,6 +252,7 @@ def flatten(
         warnings=(
             *scene.notes,
             *surfaces.warnings,
+            *_no_light(scene, lights),
             *_lost_light(scene, media.no_boundary),
             *_coinciding(scene, arrays, instances.own_triangles),
         ),
@@ -282,6 +283,15 @@ def _darken(
     flags[(flags & layout.MEDIUM_FLAG_SUBSURFACE) != 0] |= np.uint32(layout.MEDIUM_FLAG_DARK)
     for medium in media_with_lights(arrays, triangle_count, light_count, instances):
         flags[medium] &= np.uint32(~layout.MEDIUM_FLAG_DARK & 0xFFFFFFFF)
+
+
+def _no_light(scene: Scene, lights: FlatLights) -> list[str]:
+    """Warn of a scene that emits no light at all."""
+    if len(lights.rows):
+        return []
+    return [
+        f"{scene.source}: nothing in it emits light, so its image is black; add `[[lights]]`, or `emission` to a shape"
+    ]
 
 
 def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:

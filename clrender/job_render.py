@@ -198,6 +198,11 @@ class JobRender:
                 f"warning: {lost} of {stats['samples']} samples were not finite, or brighter than 2^43, and are left "
                 "out: the image is too dark where they were"
             )
+        elif flat.light_count and stats["samples"] and not linear.any():
+            session.tell(
+                "warning: every pixel is black: no light reaches the camera. A shape emits light from its front only, "
+                "on which its corners are in counter-clockwise order"
+            )
         return image
 
     def part(self, wanted: Ledger, check: Callable[[Mapping[str, Any]], None]) -> Film:

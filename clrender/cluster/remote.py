@@ -19,6 +19,7 @@ from clrender.device.worker import DeviceWorker
 from clrender.device_team import DeviceTeam
 from clrender.errors import ClrenderError, DeviceError, DeviceFailure, RenderError
 from clrender.film.unit import Unit, UnitSums
+from clrender.heap import return_large_blocks
 from clrender.job import RenderJob
 from clrender.scheduling.worker import Candidate
 from clrender.session import Session
@@ -138,6 +139,7 @@ class RemoteRenderer:
     """
 
     def __init__(self, spec: _Spec = None) -> None:
+        return_large_blocks()
         self._spec = spec
         self._session: Session | None = None
         self._team: DeviceTeam | None = None

@@ -288,7 +288,8 @@ def test_mesh_normals_and_degenerate_triangles() -> None:
             "type": "mesh",
             "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]],
             "faces": [[0, 1, 2], [0, 1, 3], [1, 2, 2], [0, 2, 1]],
-        }
+        },
+        lights=(SKY,),
     )
     assert scene.triangle_count == 2
     assert scene.arrays["triangles"].tolist() == [[0, 1, 2], [0, 2, 1]]
@@ -345,7 +346,8 @@ def test_millions_of_triangles_stay_lean(tmp_path: Path) -> None:
     header += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
     (tmp_path / "grid.ply").write_bytes(header.encode() + vertices.tobytes() + faces.tobytes())
     (tmp_path / "s.json").write_text(
-        '{"camera": {"position": [0,0,5], "target": [0,0,0]}, "shapes": [{"type": "mesh", "file": "grid.ply"}]}'
+        '{"camera": {"position": [0,0,5], "target": [0,0,0]}, "shapes": [{"type": "mesh", "file": "grid.ply"}], '
+        '"lights": [{"type": "environment", "radiance": [1,1,1]}]}'
     )
     tracemalloc.start()
     scene = flatten(scenes.load(tmp_path / "s.json"), 8, 8)
@@ -375,7 +377,7 @@ WINDINGS = {"right": "f 1//1 2//2 3//3\nf 1//1 3//3 4//4\n", "inverted": "f 3//3
 def test_normals_against_the_winding_are_told(tmp_path: Path, winding: str, turned: int) -> None:
     (tmp_path / "q.obj").write_text(QUAD_OBJ + WINDINGS[winding])
     shape: dict[str, Any] = {"type": "mesh", "file": "q.obj"}
-    scene = scenes.Scene(camera=CAMERA, shapes=(shape,)).placed("scene", tmp_path)
+    scene = scenes.Scene(camera=CAMERA, shapes=(shape,), lights=(SKY,)).placed("scene", tmp_path)
     warnings = flatten(scene, 8, 8).warnings
     assert len(warnings) == (1 if turned else 0)
     if turned:
@@ -387,13 +389,30 @@ GLASS: dict[str, dict[str, Any]] = {
     "same": {"type": "dielectric", "ior": 1.3, "exterior_ior": 1.3},
 }
 POINT: dict[str, Any] = {"type": "point", "position": [0, 2, 0], "intensity": [1, 1, 1]}
+SKY: dict[str, Any] = {"type": "environment", "radiance": [1, 1, 1]}
+
+
+def test_a_scene_without_light_is_told() -> None:
+    ball: dict[str, Any] = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
+    (told,) = flat(ball).warnings
+    assert told == "Scene: nothing in it emits light, so its image is black; add `[[lights]]`, or `emission` to a shape"
+    assert flat(ball, lights=({**POINT, "intensity": [0, 0, 0]},)).warnings == (told,)
+    assert flat(ball, lights=({**SKY, "radiance": [0, 0, 0]},)).warnings == (told,)
+    for light in (
+        {"lights": (POINT,)},
+        {"lights": (SKY,)},
+        {"materials": {"lamp": {"type": "principled", "emission": [1, 0, 0]}}},
+    ):
+        shape = {**ball, "material": "lamp"} if "materials" in light else ball
+        assert flat(shape, **light).warnings == ()
+    assert flat({**ball, "emission": [0, 1, 0]}).warnings == ()
 
 
 def test_light_that_glass_keeps_from_most_integrators_is_told() -> None:
     ball: dict[str, Any] = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
     (told,) = flat({**ball, "material": "glass"}, lights=(POINT,), materials=GLASS).warnings
     assert "point lights, through the dielectric 'glass': only the integrator photon finds it" in told
-    assert flat({**ball, "material": "glass"}, materials=GLASS).warnings == ()
+    assert flat({**ball, "material": "glass"}, lights=(SKY,), materials=GLASS).warnings == ()
     assert flat(ball, lights=(POINT,), materials=GLASS).warnings == ()
     assert flat({**ball, "material": "same"}, lights=(POINT,), materials=GLASS).warnings == ()
 

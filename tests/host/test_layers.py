@@ -38,7 +38,7 @@ LAYERS = (
     ("scene",),
     ("settings",),
     ("integrators",),
-    ("limits", "exposure", "memory", "huge_pages"),
+    ("limits", "exposure", "memory", "huge_pages", "heap"),
     ("image",),
     ("files", "npy", "turn"),
     ("resources",),

@@ -231,6 +231,24 @@ def test_samples_that_are_left_out_are_said_aloud(device: Device) -> None:
     assert f"{lost} of 1024 samples were not finite, or brighter than 2^43, and are left out" in warning
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_black_image_is_said_aloud(turned: bool, device: Device) -> None:
+    """A lamp that is turned away from everything."""
+    lamp = {"type": "quad", "origin": [-1, 2, 1], "edge_u": [2, 0, 0], "edge_v": [0, 0, -2], "emission": [5, 5, 5]}
+    scene = clrender.Scene.model_validate(
+        {
+            "camera": {"position": [0, 1, 5], "target": [0, 0, 0]},
+            "materials": {"white": {"type": "lambert", "reflectance": [0.8, 0.8, 0.8]}},
+            "shapes": [{"type": "sphere", "radius": 1.0, "material": "white"}, {**lamp, "flip_normals": turned}],
+        }
+    )
+    told: list[str] = []
+    image = clrender.render(scene, device=device, notify=told.append, size=(32, 32), spp=4)
+    assert image.linear.any() == turned
+    warned = [line for line in told if line.startswith("warning: every pixel is black")]
+    assert len(warned) == (0 if turned else 1)
+
+
 # --- devices that fail -----------------------------------------------------------------------------------------------
 
 

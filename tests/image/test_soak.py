@@ -25,6 +25,7 @@ import pytest
 import clrender
 from clrender.device import Device, select
 from clrender.device.worker import Scratch
+from clrender.heap import return_large_blocks
 
 SECONDS: Final = float(os.environ.get("CLRENDER_SOAK_SECONDS", "60"))
 """How long it renders once everything has been rendered before."""
@@ -98,6 +99,7 @@ def rounds(session: clrender.Session, checkpoint: Path) -> Iterator[None]:
 
 @pytest.mark.slow
 def test_hours_of_renders_leave_nothing(tmp_path: Path) -> None:
+    return_large_blocks()  # as the command and the workers of clusters do
     select("pocl")[0].close()  # the driver's own threads and files begin with its first device
     before = Held.now()
     device: Device = select("pocl")[0]
