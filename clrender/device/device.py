@@ -100,6 +100,8 @@ class Device:
         Number of kernel launches and of program builds.
     turn : Turn
         Lock of the threads that share the device; a render holds it.
+    on_compile : callable or None
+        Called with True when the driver's compiler begins, and with False when it has ended.
     lost : bool
         Whether a driver call did not return. Further calls might not return either, so none is made.
 
@@ -141,6 +143,7 @@ class Device:
         self.launches = 0
         self.builds = 0
         self.turn = Turn(BUSY)
+        self.on_compile: Callable[[bool], None] | None = None
         self.lost = False
         self._calls = 0
         self._compiling = False
@@ -204,7 +207,7 @@ class Device:
     def _build(self, source: Source) -> Program:
         begin = time.perf_counter()
         self._sentinel.put(program_key(self.info, self.options, source))
-        self._compiling = True
+        self._set_compiling(True)
         try:
             handle = self._call(
                 "build",
@@ -212,10 +215,15 @@ class Device:
                 lambda: build(self._context, self._handle, self.info, self.options, source),
             )
         finally:
-            self._compiling = False
+            self._set_compiling(False)
             self.compile_seconds += time.perf_counter() - begin
         self.builds += 1
         return Program(source, handle)
+
+    def _set_compiling(self, compiling: bool) -> None:
+        self._compiling = compiling
+        if self.on_compile is not None:
+            self.on_compile(compiling)
 
     def upload(self, array: npt.NDArray[Any]) -> Buffer:
         """Create a buffer with a copy of `array`.

@@ -18,7 +18,7 @@ __all__ = ["MOST_VIEWERS", "Broadcaster"]
 
 MOST_VIEWERS: Final = 16
 _NOTICES: Final = 50
-_RETAINED: Final = ("hello", "scene", "state", "progress")
+_RETAINED: Final = ("hello", "scene", "state", "compiling", "progress")
 """Types of which the newest message is sent to each new viewer, in this order."""
 
 
@@ -28,6 +28,7 @@ class Broadcaster:
     def __init__(self) -> None:
         self._viewers: dict[int, Viewer] = {}
         self._count = 0
+        self._compilers = 0
         self._lock = threading.RLock()
         self._retained: dict[str, Mapping[str, Any]] = {}
         self._notices: deque[str] = deque(maxlen=_NOTICES)
@@ -91,6 +92,12 @@ class Broadcaster:
             self._notices.append(line)
             for viewer in self._viewers.values():
                 viewer.send("notice", {"message": line}, newest=False)
+
+    def compiling(self, begins: bool) -> None:
+        """Tell that the compiler of a device begins or has ended: until all have ended, the image stands still."""
+        with self._lock:
+            self._compilers += 1 if begins else -1
+            self.send_if_changed("compiling", {"compiling": self._compilers > 0})
 
     def frame_available(self) -> None:
         """Wake the viewers that could send a frame: there may be a newer one."""

@@ -203,7 +203,7 @@ class Engine:
             raise
         finally:
             self._inbox.refuse_all()
-            self._progressive.session.close()
+            self._discard(self._progressive.session)
 
     def _step(self) -> bool:
         """Render a little; returns whether there was something to do."""
@@ -240,7 +240,7 @@ class Engine:
                 self._render_edited(edited.reset(message.what))
             case messages.DeviceChoice():
                 session, self._device = self._opened(message.device)
-                self._progressive.use(session)
+                self._discard(self._progressive.use(session))
                 self._progressive.restart(edited.job, self._broadcaster.camera_ids)
             case messages.Run():
                 self._progressive.running = message.run
@@ -265,10 +265,18 @@ class Engine:
         """A session whose devices are open, and their names."""
         session = Session(device, notify=self._broadcaster.notice)
         try:
+            for each in session.devices:
+                each.on_compile = self._broadcaster.compiling
             return session, ", ".join(each.info.title for each in session.devices)
         except BaseException:
             session.close()
             raise
+
+    def _discard(self, session: Session) -> None:
+        """Close a session; its devices may go on in another's."""
+        for each in session.devices:
+            each.on_compile = None
+        session.close()
 
     def _saved(self, message: messages.Save) -> dict[str, Any]:
         if (path := self._outputs.get(message.name)) is None:

@@ -43,6 +43,8 @@ class ImageState:
         Grows whenever there is something new to see.
     sha256 : str or None
         Of the finished image.
+    is_black : bool
+        Whether all its pixels are black; before it has pixels, whether those of the image before it are.
     idle : bool
         Whether nothing is rendered for the time being.
     """
@@ -57,6 +59,7 @@ class ImageState:
     camera_ids: Mapping[int, int | str | None] = field(default_factory=dict)
     changes: int = 0
     sha256: str | None = None
+    is_black: bool = False
     idle: bool = False
 
     @property

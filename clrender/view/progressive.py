@@ -80,11 +80,11 @@ class Progressive:
         """Whose devices render."""
         return self._session
 
-    def use(self, session: Session) -> None:
-        """Render with another session from now on; the image begins anew with the next `restart`."""
+    def use(self, session: Session) -> Session:
+        """Render with another session from now on, and return the one before; `restart` has to follow."""
         before, self._session = self._session, session
         self._rate, self._warm = _FIRST_RATE, False
-        before.close()
+        return before
 
     def restart(self, job: RenderJob, camera_ids: Mapping[int, int | str | None], *, only_camera: bool = False) -> None:
         """Begin another image.
@@ -101,7 +101,12 @@ class Progressive:
         settings = job.settings
         self._job, self.seconds, self._warm, self._failed = job, 0.0, self._warm and only_camera, False
         self.image_state = ImageState(
-            revision, settings.width, settings.height, settings.spp, camera_ids=dict(camera_ids)
+            revision,
+            settings.width,
+            settings.height,
+            settings.spp,
+            camera_ids=dict(camera_ids),
+            is_black=self.image_state is not None and self.image_state.is_black,
         )
         self._steps = self._previews(job)
 
@@ -217,6 +222,7 @@ class Progressive:
             return
         self._steps.pop(0)
         state.preview = film.mean()
+        state.is_black = not state.preview.any()
         self._publish(state)
         pixels = small.settings.width * small.settings.height
         if self._warm and pixels >= 4096:
@@ -240,6 +246,7 @@ class Progressive:
             self.seconds = before + progress.seconds
             if state.film is not None and state.film.changes != seen:
                 seen = state.film.changes
+                state.is_black = state.is_black and not state.film.mean().any()
                 self._publish(state)
             self._advanced(progress)
 
@@ -247,6 +254,7 @@ class Progressive:
         film = self._session.refine(job, state.film, on_progress=advance, should_stop=stopped)
         if film.changes:
             state.film = film
+            state.is_black = (state.is_black or state.preview is None) and not film.mean().any()
         if not stopped.yes and (job.settings.error is not None or film.ledger.holds(0, job.settings.spp)):
             state.sha256, state.idle = image_sha256(film.mean()), True
         self._publish(state)

@@ -113,6 +113,7 @@ class StatusReporter:
             "device": device,
             "viewers": len(self._broadcaster),
             "problem": problems.newest,
+            "is_black": state is not None and state.is_black,
             **tables.state(edited),
         }
         if self._broadcaster.send_if_changed("state", content) and status == "done":

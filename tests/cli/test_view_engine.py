@@ -18,6 +18,7 @@ from view_clients import EngineClient
 
 import clrender
 from clrender.device import Buffer, Device
+from clrender.device.compiler import build
 from clrender.errors import RenderError, SceneError, UsageError
 from clrender.film.film import Film
 from clrender.film.replicates import standard_error
@@ -359,6 +360,45 @@ def test_a_failing_device_is_told_and_the_view_goes_on(
         assert told["problem"] == {"where": "render", "message": "made up"}
     page.say("reset", what="settings")
     assert page.until_done() == digest
+
+
+def test_a_compiler_that_runs_is_told_until_it_has_ended(
+    opened: Callable[..., Any], device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that nobody takes a view that waits for it for one that hangs; who connects meanwhile is told too."""
+    engine, page = opened()
+    digest = page.until_done()
+    told = threading.Event()
+
+    def waiting(*arguments: Any) -> Any:
+        told.wait(60.0)
+        return build(*arguments)
+
+    monkeypatch.setattr("clrender.device.device.build", waiting)
+    monkeypatch.setattr(device, "_programs", {})
+    page.say("restart")
+    page.until_kind("compiling", compiling=True)
+    assert EngineClient(engine).until_kind("compiling").content["compiling"]
+    told.set()
+    page.until_kind("compiling", compiling=False)
+    assert page.until_done() == digest
+    engine.close()
+    assert device.on_compile is None
+
+
+def test_a_black_image_is_told(opened: Callable[..., Any]) -> None:
+    """A camera below the floor, while it moves on, and back."""
+    _, page = opened(spp=64)
+    assert not page.until_kind("state", status="rendering").content["is_black"]
+    for number in range(3):
+        page.say("camera", id=number, camera={"position": [0.1 * number, -3.0, 0.1], "target": [0.0, -9.0, 0.0]})
+        assert page.until_kind("state", is_black=True)
+    page.until_done()
+    assert page.newest["state"].content["is_black"]
+    page.say("reset", what="camera")
+    page.until_kind("state", is_black=False)
+    page.until_done()
+    assert not page.newest["state"].content["is_black"]
 
 
 def test_what_was_finished_before_a_failure_can_be_saved(

@@ -313,6 +313,46 @@ def test_a_changed_scene_file_is_read_again_and_a_broken_one_told_of(browser: An
         assert (_image(view) == before).all()
 
 
+def test_a_black_image_has_a_hint_how_to_get_back(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "black") as view:
+        view.wait_until_done()
+        hint = view.page.locator(".cv-hint")
+        assert not hint.is_visible()
+        view.run("view.hub.send({ type: 'camera', camera: { position: [0, 0.6, 0.1] } })")  # inside of the ball
+        hint.wait_for(state="visible")
+        assert "R resets the camera" in hint.inner_text()
+        view.page.locator(".cv-stage").focus()
+        view.page.keyboard.press("r")
+        hint.wait_for(state="hidden")
+
+
+def test_a_compiler_is_shown_only_where_it_takes_long(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "compiling") as view:
+        short, long, done = view.run("""
+            const { createHub } = await import('/page/hub.js');
+            const { createStatus } = await import('/page/status.js');
+            const transport = { send: () => {} };
+            const status = createStatus(createHub(transport));
+            const say = (message) => transport.onmessage(JSON.stringify(message));
+            const wait = (seconds) => new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
+            const seen = () => [status.pill.textContent, status.hint.hidden, status.hint.textContent];
+            transport.onstate('open');
+            say({ type: 'state', status: 'starting', problem: null, is_black: true });
+            say({ type: 'compiling', compiling: true });
+            say({ type: 'compiling', compiling: false });
+            await wait(1);
+            const short = seen();
+            say({ type: 'compiling', compiling: true });
+            await wait(1);
+            const long = seen();
+            say({ type: 'compiling', compiling: false });
+            await wait(0.5);
+            return [short, long, seen()];
+        """)
+        assert short[:2] == done[:2] == ["Starting", False] and "black" in short[2]
+        assert long[:2] == ["Compiling", False] and "kernels" in long[2]
+
+
 def test_the_reply_of_a_probe_is_not_lost_among_cameras(browser: Any, server: Server) -> None:
     """Cameras have no reply; those of a drag must not push out the question that has one."""
     with view_of(browser, server, "hub") as view:

@@ -1,7 +1,7 @@
 // What a view knows: messages of the engine, handed to whoever listens, and messages to it with their answers.
 
 /** Messages of the engine that say how things stand: who listens later gets the newest at once. */
-const STANDING = ["hello", "devices", "scene", "state", "progress"];
+const STANDING = ["hello", "devices", "scene", "state", "compiling", "progress"];
 const MOST_WAITING = 64;
 
 /**

@@ -11,16 +11,24 @@ const WORDS = {
   failed: "Failed",
 };
 const NOTICE_SECONDS = 6;
+/** A compiler that has finished earlier is not shown: programs of the cache load at once. */
+const COMPILING_SECONDS = 0.7;
+const HINTS = {
+  compiling: "The kernels for this scene are being compiled, which is done once for each device and may take half a minute. What you change meanwhile is shown afterwards.",
+  black: "The image is black: no light reaches the camera. R resets the camera.",
+};
 
 /** The status, the button that starts and stops, and the place of problems. */
 export function createStatus(hub) {
   const pill = make("span", { class: "cv-status", role: "status", "aria-live": "polite" }, "Connecting");
   const button = make("button", { type: "button", class: "cv-primary", disabled: true, onclick: toggle }, "Stop");
   const banner = make("div", { class: "cv-banner", role: "alert", hidden: true });
+  const hint = make("div", { class: "cv-hint", role: "status", hidden: true });
   const toast = make("div", { class: "cv-toast", role: "status", "aria-live": "polite" });
   let connected = false;
   let farewell = "";
-  let timer = null;
+  let compiling = false;
+  let [timer, compileTimer] = [null, null];
 
   function toggle() {
     const status = hub.newest("state")?.status;
@@ -31,7 +39,8 @@ export function createStatus(hub) {
     const state = hub.newest("state");
     const status = connected ? (state?.status ?? "starting") : "lost";
     pill.dataset.status = status;
-    setText(pill, connected ? WORDS[status] : farewell || "No connection, reconnecting");
+    const busy = compiling && ["starting", "rendering"].includes(status);
+    setText(pill, connected ? (busy ? "Compiling" : WORDS[status]) : farewell || "No connection, reconnecting");
     setText(button, status === "stopped" ? "Continue" : "Stop");
     button.disabled = !["rendering", "starting", "stopped"].includes(status);
     button.title = status === "done" ? "All samples are done. Increase the samples per pixel to continue." : "Space";
@@ -41,6 +50,9 @@ export function createStatus(hub) {
       const heads = { scene: "The scene file has an error; this is the last valid image.", device: "The device failed.", render: "The render failed." };
       banner.replaceChildren(make("strong", {}, heads[problem.where] ?? "Error."), ` ${problem.message}`);
     }
+    const shown = busy ? HINTS.compiling : state?.is_black ? HINTS.black : "";
+    hint.hidden = !connected || problem !== null || shown === "";
+    setText(hint, shown);
   }
 
   function say(text) {
@@ -56,13 +68,20 @@ export function createStatus(hub) {
     update();
   });
   hub.on("state", update);
+  hub.on("compiling", (message) => {
+    clearTimeout(compileTimer);
+    compileTimer = setTimeout(() => {
+      compiling = message.compiling;
+      update();
+    }, 1000 * (message.compiling ? COMPILING_SECONDS : 0.2));
+  });
   hub.on("bye", (message) => {
     farewell = `The renderer has stopped (${message.reason})`;
     update();
   });
   hub.on("refused", (message) => say(message.message));
   hub.on("notice", (message) => say(message.message));
-  return { pill, button, banner, toast, say, toggle };
+  return { pill, button, banner, hint, toast, say, toggle };
 }
 
 /** The strip below the image: how far, how long, how fast, how exact. */

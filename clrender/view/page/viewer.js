@@ -80,6 +80,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     "div",
     { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "interactive image", "aria-label": "Live view. Arrow keys orbit, plus and minus zoom, P probes a pixel, question mark lists all keys." },
     status.banner,
+    status.hint,
     make("div", { class: "cv-room" }, picture.box),
     probe.card,
     picture.legend,
