@@ -6,9 +6,10 @@ from pathlib import Path
 
 import click
 
+from clrender import layout
 from clrender.cli.completing import complete_scenes
 from clrender.cli.options import allow_path_option, choice_options
-from clrender.flatten import flatten
+from clrender.flatten import FlatScene, flatten
 from clrender.importers import load
 
 __all__ = ["check"]
@@ -29,7 +30,7 @@ def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, vari
         ("spheres and disks", f"{flat.analytic_count}"),
         *([("instances", f"{flat.instances.count}")] if flat.instances.count else []),
         *([("with instances", f"{flat.primitive_total} primitives")] if flat.instances.count else []),
-        ("lights", f"{flat.light_count}"),
+        ("lights", f"{flat.light_count}{_each(flat)}"),
         ("materials", f"{len(loaded.materials)}"),
         ("bytes on the device", f"{flat.nbytes} (without the BVH)"),
         ("scene sha256", loaded.sha256()),
@@ -39,3 +40,9 @@ def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, vari
     click.echo(f"{loaded.source}: sound")
     for name, value in rows:
         click.echo(f"{name:<20} {value}")
+
+
+def _each(flat: FlatScene) -> str:
+    """Why there are more lights than in the file, if there are."""
+    triangles = (flat.arrays["lights"]["kind"][: flat.light_count] == layout.LIGHT_AREA_TRIANGLE).any()
+    return " (each triangle that emits light is one)" if triangles else ""

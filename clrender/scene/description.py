@@ -549,7 +549,9 @@ class Scene(Part):
         around = self.environment or self.sky
         if around is not None and around is not self._default_light[0]:
             place = f"{self.source}: lights[{self.lights.index(around)}]"
-            raise SceneError(f"{place}: is an environment already; remove it, or do not ask for another")
+            raise SceneError(
+                f"{place}: is an environment already; delete it from the scene, or leave out the other one"
+            )
         default, note = self._default_light
         others = tuple(light for light in self.lights if light is not default)
         light, pictures = _environment(environment)

@@ -92,7 +92,8 @@ def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseM
         key, words = _BOUNDS[kind]
         return location, f"is {shown(value)}, but must be {words} {_plain(context[key])}"
     if kind in _EXPECTED:
-        return location, f"is {shown(value)}, but must be {_EXPECTED[kind]}"
+        example = f", such as [{value}, {value}, {value}]" if kind == "tuple_type" and isinstance(value, float) else ""
+        return location, f"is {shown(value)}, but must be {_EXPECTED[kind]}{example}"
     if kind in ("too_long", "string_too_long"):
         unit = "characters" if kind.startswith("string") else "entries"
         return location, f"has too many {unit}; at most {context['max_length']} are allowed"

@@ -610,7 +610,8 @@ def test_check_allows_paths(tmp_path: Path) -> None:
     (tmp_path / "meshes" / "m.ply").write_text(ASCII + TRIANGLE + "3 0 1 2\n")
     (tmp_path / "scene").mkdir()
     path = tmp_path / "scene" / "s.toml"
-    path.write_text(CAMERA + MESH.format("../meshes/m.ply"))
+    light = '\n[[lights]]\ntype = "environment"\nradiance = [1, 1, 1]\n'
+    path.write_text(CAMERA + MESH.format("../meshes/m.ply") + light)
     done = run("check", "scene/s.toml", "--allow-path", "meshes", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "triangles            1\n" in done.stdout and done.stderr == ""

@@ -218,7 +218,11 @@ def test_obj_concave_polygon_has_its_own_area(tmp_path: Path) -> None:
 
 def test_a_polygon_that_crosses_itself_is_told(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\nf 1 3 2\n")
-    scene = Scene(camera={"position": (0, 0, 5), "target": (0, 0, 0)}, shapes=({"type": "mesh", "file": "m.obj"},))
+    scene = Scene(
+        camera={"position": (0, 0, 5), "target": (0, 0, 0)},
+        shapes=({"type": "mesh", "file": "m.obj"},),
+        lights=({"type": "environment", "radiance": (1, 1, 1)},),
+    )
     warnings = flatten(scene.placed("s", tmp_path), 8, 8).warnings
     assert warnings == (
         "s: shapes[0]: one polygon crosses its own outline and cannot be covered once; check the model there",
