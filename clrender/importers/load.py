@@ -84,6 +84,12 @@ def load(
     origin |= {"environment": str(environment) if isinstance(environment, Path) else environment}
     origin = {key: value for key, value in origin.items() if value is not None}
     if reader is None:
+        if ending and ending not in SCENE_ENDINGS:
+            known = ", ".join(SCENE_ENDINGS)
+            raise SceneError(
+                f"{quoted(str(path))} is no scene: name a file that ends in {known}, or a built-in scene "
+                "(`clrender scenes`)"
+            )
         own = load_own(path_or_name, allow_paths=allow_paths).with_origin(origin)
         return own if environment is None else own.with_environment(environment)
     read: Callable[..., Draft] = import_module(reader).read

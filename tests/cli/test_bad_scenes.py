@@ -13,6 +13,7 @@ from cli_support import run
 from clrender import scene as scenes
 from clrender.errors import SceneError
 from clrender.flatten import flatten
+from clrender.importers import SCENE_ENDINGS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -615,6 +616,14 @@ def test_check_allows_paths(tmp_path: Path) -> None:
     done = run("check", "scene/s.toml", "--allow-path", "meshes", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "triangles            1\n" in done.stdout and done.stderr == ""
+
+
+@pytest.mark.parametrize("name", ["scene.yaml", "room.usd"])
+def test_another_format_is_answered_with_those_that_are_read(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("")
+    done = run("check", name, folder=tmp_path)
+    assert done.returncode == 2 and done.stdout == ""
+    assert all(ending in done.stderr for ending in SCENE_ENDINGS) and "clrender scenes" in done.stderr
 
 
 def test_list_and_schema(tmp_path: Path) -> None:

@@ -596,7 +596,8 @@ def test_damaged_containers(tmp_path: Path) -> None:
         (b"[" * 100_000, "the JSON is nested too deeply"),
         (b'{"asset": NaN}', "NaN is no number of JSON"),
         (b'{"asset": ' + b"1" * 5000 + b"}", "a number that is too long"),
-        (b"\xff{}", "byte 0: the JSON is not UTF-8"),
+        (b'{"a": "\xff"}', "byte 7: the JSON is not UTF-8"),
+        (b"\xff{}", 'byte 0: a GLB begins with "glTF", but this file does not'),
     ):
         path.write_bytes(data)
         with pytest.raises(SceneError) as error:

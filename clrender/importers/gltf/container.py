@@ -38,6 +38,8 @@ def opened(path: Path, files: AssetFiles, draft: Draft) -> Document:
     if bytes(data[:4]) == _MAGIC:
         text, binary = _chunks(data, files.source, draft)
         return Document(_parsed(bytes(text), files.source), binary, files, draft)
+    if path.suffix.lower() == ".glb" and bytes(data[:64]).lstrip()[:1] not in (b"", b"{", b"[", b"\xef"):  # nor JSON
+        raise SceneError(f'{files.source}: byte 0: a GLB begins with "glTF", but this file does not; export it again')
     return Document(_parsed(bytes(data), files.source), None, files, draft)
 
 
