@@ -592,7 +592,7 @@ def test_command_line(bad: Bad, tmp_path: Path) -> None:
         (["check", "no/such.toml"], ("no/such.toml", "does not exist")),
         (["check", "."], ("no scene",)),
         (["check", "folder.toml"], ("folder.toml", "folder")),
-        (["check", "picture.png"], ("picture.png", ".toml or .json")),
+        (["check", "picture.png"], ("picture.png", ".toml, .json, .gltf")),
         (["check", "room", "--allow-path", "nowhere"], ("--allow-path", "'nowhere'", "not exist")),
         (["check"], ("SCENE",)),
     ],
