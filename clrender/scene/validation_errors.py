@@ -27,7 +27,7 @@ _EXPECTED: Final[Mapping[str, str]] = {
     "string_unicode": "a text without lone surrogates",
     "bool_type": "true or false",
     "bool_parsing": "true or false",
-    "tuple_type": "a list",
+    "tuple_type": "a list, in square brackets",
     "list_type": "a list",
     "dict_type": "a table",
     "mapping_type": "a table",
@@ -92,8 +92,7 @@ def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseM
         key, words = _BOUNDS[kind]
         return location, f"is {shown(value)}, but must be {words} {_plain(context[key])}"
     if kind in _EXPECTED:
-        example = f", such as [{value}, {value}, {value}]" if kind == "tuple_type" and isinstance(value, float) else ""
-        return location, f"is {shown(value)}, but must be {_EXPECTED[kind]}{example}"
+        return location, f"is {shown(value)}, but must be {_EXPECTED[kind]}"
     if kind in ("too_long", "string_too_long"):
         unit = "characters" if kind.startswith("string") else "entries"
         return location, f"has too many {unit}; at most {context['max_length']} are allowed"
