@@ -87,8 +87,10 @@ class FlatScene:
         Instances of groups of shapes; their primitives are numbered from ``triangle_count + analytic_count`` on.
     arrays_sha256 : str
         Hash of all of the above except the camera.
+    notes : tuple of str
+        One sentence for each thing that reading the scene file left out or changed.
     warnings : tuple of str
-        One sentence for each thing left out or changed, and for light that cannot be found.
+        One sentence for each shape left out or changed, and for light that cannot be found.
     origin : (3,) float
         World space, metres: the origin of all coordinates in the arrays and the camera. `scene_origin` chooses it. It
         changes only when the camera moves far; until then the arrays stay the same.
@@ -108,6 +110,7 @@ class FlatScene:
     subsurface: bool
     instances: FlatInstances
     arrays_sha256: str
+    notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     origin: Vector = (0.0, 0.0, 0.0)
 
@@ -115,6 +118,11 @@ class FlatScene:
     def sha256(self) -> str:
         """Hash of all scene data that the kernels read, including the camera."""
         return hashlib.sha256(self.arrays_sha256.encode() + self.camera.tobytes()).hexdigest()
+
+    @property
+    def messages(self) -> list[str]:
+        """All notes and warnings, each as the line that users see."""
+        return [f"note: {each}" for each in self.notes] + [f"warning: {each}" for each in self.warnings]
 
     @property
     def primitive_total(self) -> int:
@@ -249,8 +257,8 @@ def flatten(
         subsurface=media.subsurface,
         instances=instances,
         arrays_sha256=digest.hexdigest(),
+        notes=scene.notes,
         warnings=(
-            *scene.notes,
             *surfaces.warnings,
             *_no_light(scene, lights),
             *_lost_light(scene, media.no_boundary),

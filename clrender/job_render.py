@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender import layout
 from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits, matte_names
 from clrender.device import Device
 from clrender.device.preparation import Prepared, Request
@@ -198,7 +199,7 @@ class JobRender:
                 f"warning: {lost} of {stats['samples']} samples were not finite, or brighter than 2^43, and are left "
                 "out: the image is too dark where they were"
             )
-        elif flat.light_count and stats["samples"] and not linear.any():
+        elif (flat.light_count or flat.environment != layout.NONE) and stats["samples"] and not linear.any():
             session.tell(
                 "warning: every pixel is black: no light reaches the camera. A shape emits light from its front only, "
                 "on which its corners are in counter-clockwise order"
@@ -268,8 +269,8 @@ class JobRender:
         with self._timed("flatten_seconds"):
             flat = self._session.flat(self._job)
         memory |= {"flatten_peak_rss_bytes": peak_rss(), "flat_bytes": flat.nbytes}
-        for warning in flat.warnings:
-            self._session.tell(warning)
+        for line in flat.messages:
+            self._session.tell(line)
         return flat, memory
 
     def _request(self, flat: FlatScene) -> dict[str, Any]:

@@ -35,8 +35,8 @@ def check(scene: str, allow_paths: tuple[Path, ...], time_at: float | None, vari
         ("bytes on the device", f"{flat.nbytes} (without the BVH)"),
         ("scene sha256", loaded.sha256()),
     ]
-    for warning in flat.warnings:
-        click.echo(f"warning: {warning}", err=True)
+    for line in flat.messages:
+        click.echo(line, err=True)
     click.echo(f"{loaded.source}: sound")
     for name, value in rows:
         click.echo(f"{name:<20} {value}")

@@ -347,6 +347,7 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     parts.append(f"{speed} samples/s on {_device_names(numbers)}")
     if numbers.get("nonfinite_samples"):
         parts.append(f"{numbers['nonfinite_samples']} samples were not finite and were discarded")
+    parts.append(f"image sha256 {numbers['image_sha256']}")
     return ", ".join(parts)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -14,6 +14,8 @@ from clrender.scene.wording import place, quoted, shown, suggestion
 __all__ = ["scene_error"]
 
 _Location = tuple[int | str, ...]
+_OTHERS: Final = 3
+"""Other places with problems that a message names."""
 
 _EXPECTED: Final[Mapping[str, str]] = {
     "float_type": "a number",
@@ -55,17 +57,28 @@ def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> S
     Returns
     -------
     SceneError
-        ``source: place: what is wrong and what would be right``; only the first problem is explained.
+        ``source: place: what is wrong and what would be right``; of other problems only the places are named.
     """
     details = error.errors(include_url=False)
     # A misspelt key also leaves the right one missing: report the cause, not the consequence.
     first = next((item for item in details if item["type"] == "extra_forbidden"), details[0])
     location, sentence = _explained(first, details, root)
-    others = f" ({len(details) - 1} more problem{'s' if len(details) > 2 else ''} there)" if len(details) > 1 else ""
     where = place(location) or "the scene"
+    consequences = first["loc"][:-1] if first["type"] == "extra_forbidden" else None
+    rest = (item for item in details if item["type"] != "missing" or item["loc"][:-1] != consequences)
+    others = _others((_explained(item, details, root)[0] for item in rest), location)
     if sentence.startswith("the key"):
         return SceneError(f"{source}: {where}: {sentence}{others}" if location else f"{source}: {sentence}{others}")
     return SceneError(f"{source}: {where} {sentence}{others}")
+
+
+def _others(locations: Iterable[_Location], explained: _Location) -> str:
+    """The other places that have problems, in parentheses."""
+    places = [name for name in dict.fromkeys(map(place, locations)) if name and name != place(explained)]
+    if not places:
+        return ""
+    more = f", and {len(places) - _OTHERS} more" if len(places) > _OTHERS else ""
+    return f" (also wrong: {', '.join(places[:_OTHERS])}{more})"
 
 
 def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseModel]) -> tuple[_Location, str]:

@@ -626,6 +626,43 @@ def test_another_format_is_answered_with_those_that_are_read(tmp_path: Path, nam
     assert all(ending in done.stderr for ending in SCENE_ENDINGS) and "clrender scenes" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("text", "end"),
+    [
+        ("", '"vertical_fov"?'),
+        ("blades = -1", " (also wrong: camera.blades)"),
+        (
+            "blades = -1\nup = 3\nshutter = -1\niso = -1\nf_stop = -1",
+            " (also wrong: camera.up, camera.blades, camera.f_stop, and 2 more)",
+        ),
+    ],
+    ids=["none", "one", "many"],
+)
+def test_other_places_with_problems_are_named(tmp_path: Path, text: str, end: str) -> None:
+    """The first one is explained. A misspelt key comes first, as others may only follow from it."""
+    (tmp_path / "a.toml").write_text(f"{CAMERA}vertical_fow = 5\n{text}\n")
+    with pytest.raises(SceneError) as error:
+        scenes.load(tmp_path / "a.toml")
+    assert "camera.vertical_fow is an unknown key" in str(error.value)
+    assert str(error.value).endswith(end)
+
+
+def test_the_key_that_a_misspelt_one_leaves_missing_is_no_other_problem(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(CAMERA + WHITE.replace("reflectance", "reflectence"))
+    with pytest.raises(SceneError, match=r'reflectence is an unknown key; did you mean "reflectance"\?$'):
+        scenes.load(tmp_path / "a.toml")
+
+
+def test_what_is_left_out_of_a_file_is_a_note_wherever_it_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    small = ("--size", "8x8", "--spp", "1")
+    commands = (["check", "a.obj"], ["render", "a.obj", *small, "-o", "a.png"], ["convert", "a.obj", "a.toml"])
+    for command in commands:
+        done = run(*command, folder=tmp_path)
+        told = [line for line in done.stderr.splitlines() if "no light in it" in line]
+        assert done.returncode == 0 and len(told) == 1 and told[0].startswith("note: a.obj: "), done.stderr
+
+
 def test_list_and_schema(tmp_path: Path) -> None:
     done = run("scenes", folder=tmp_path)
     assert done.returncode == 0 and done.stderr == ""

@@ -52,6 +52,7 @@ def test_a_local_cluster_says_nothing_of_its_own(tmp_path: Path) -> None:
     assert here.returncode == 0
     far, near = (json.loads((tmp_path / name).read_text()) for name in ("a.json", "b.json"))
     assert far["image_sha256"] == near["image_sha256"]
+    assert all(each.stdout.endswith(f", image sha256 {near['image_sha256']}\n") for each in (done, here))
     assert {each["host"].split(" on ")[0] for each in far["devices"]} <= {"worker 0", "worker 1"}
     assert far["cluster"]["address"] == "local:2" and "cluster" not in near
     assert not processes_left(begun)

@@ -376,10 +376,12 @@ def test_a_compiler_that_runs_is_told_until_it_has_ended(
 
     monkeypatch.setattr("clrender.device.device.build", waiting)
     monkeypatch.setattr(device, "_programs", {})
-    page.say("restart")
-    page.until_kind("compiling", compiling=True)
-    assert EngineClient(engine).until_kind("compiling").content["compiling"]
-    told.set()
+    try:
+        page.say("restart")
+        page.until_kind("compiling", compiling=True)
+        assert EngineClient(engine).until_kind("compiling").content["compiling"]
+    finally:
+        told.set()
     page.until_kind("compiling", compiling=False)
     assert page.until_done() == digest
     engine.close()
@@ -399,6 +401,17 @@ def test_a_black_image_is_told(opened: Callable[..., Any]) -> None:
     page.until_kind("state", is_black=False)
     page.until_done()
     assert not page.newest["state"].content["is_black"]
+
+
+def test_a_black_preview_is_told(opened: Callable[..., Any]) -> None:
+    """Where no samples are taken, previews are all there is."""
+    _, page = opened(spp=2**16)
+    page.until_kind("state", status="rendering")
+    page.say("run", run=False)
+    page.say("camera", id=1, camera={"position": [0.0, -3.0, 0.1], "target": [0.0, -9.0, 0.0]})
+    assert page.until_kind("state", is_black=True).content["status"] == "stopped"
+    page.say("reset", what="camera")
+    page.until_kind("state", is_black=False)
 
 
 def test_what_was_finished_before_a_failure_can_be_saved(

@@ -328,7 +328,7 @@ def test_a_black_image_has_a_hint_how_to_get_back(browser: Any, server: Server) 
 
 def test_a_compiler_is_shown_only_where_it_takes_long(browser: Any, server: Server) -> None:
     with view_of(browser, server, "compiling") as view:
-        short, long, done = view.run("""
+        short, begun, long, done = view.run("""
             const { createHub } = await import('/page/hub.js');
             const { createStatus } = await import('/page/status.js');
             const transport = { send: () => {} };
@@ -343,13 +343,15 @@ def test_a_compiler_is_shown_only_where_it_takes_long(browser: Any, server: Serv
             await wait(1);
             const short = seen();
             say({ type: 'compiling', compiling: true });
-            await wait(1);
+            await wait(0.1);
+            const begun = seen();
+            await wait(0.9);
             const long = seen();
             say({ type: 'compiling', compiling: false });
             await wait(0.5);
-            return [short, long, seen()];
+            return [short, begun, long, seen()];
         """)
-        assert short[:2] == done[:2] == ["Starting", False] and "black" in short[2]
+        assert short[:2] == begun[:2] == done[:2] == ["Starting", False] and "black" in short[2]
         assert long[:2] == ["Compiling", False] and "kernels" in long[2]
 
 

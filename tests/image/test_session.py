@@ -249,6 +249,20 @@ def test_a_black_image_is_said_aloud(turned: bool, device: Device) -> None:
     assert len(warned) == (0 if turned else 1)
 
 
+def test_a_camera_in_a_closed_ball_below_the_sky_sees_a_black_image(device: Device) -> None:
+    scene = clrender.Scene.model_validate(
+        {
+            "camera": {"position": [0, 0, 0.5], "target": [0, 0, 0]},
+            "shapes": [{"type": "sphere", "radius": 1.0}],
+            "lights": [{"type": "environment", "radiance": [1, 1, 1]}],
+        }
+    )
+    told: list[str] = []
+    image = clrender.render(scene, device=device, notify=told.append, size=(16, 16), spp=4)
+    assert not image.linear.any()
+    assert sum(line.startswith("warning: every pixel is black") for line in told) == 1
+
+
 # --- devices that fail -----------------------------------------------------------------------------------------------
 
 
