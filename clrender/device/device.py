@@ -41,7 +41,7 @@ BUSY: Final = (
     "the device is rendering; a callback of that render cannot use it: open it again, or wait for the render to end"
 )
 PROGRAM_LIMIT: Final = 64
-"""Programs that a device keeps. One takes about 9 MB with PoCL, and 0.2 s to load again from the cache of binaries."""
+"""Programs that a device keeps. With PoCL one takes 2 to 9 MB, and 0.2 s to load again from the cache of binaries."""
 _KEPT: Final[list[Any]] = []
 """Objects of lost devices, kept alive because their destructors would call the driver."""
 
