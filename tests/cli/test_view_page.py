@@ -233,6 +233,24 @@ def test_two_layers_are_shown_beside_a_divider(browser: Any, server: Server) -> 
 
 
 @pytest.mark.slow
+def test_a_layer_that_is_no_longer_shown_leaves_no_texture(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "textures") as view:
+        view.wait_until_done()
+        view.run("""
+            const kind = WebGL2RenderingContext.prototype;
+            window.textures = 0;
+            for (const [name, change] of [['createTexture', 1], ['deleteTexture', -1]]) {
+                const original = kind[name];
+                kind[name] = function (...given) { window.textures += change; return original.apply(this, given); };
+            }
+        """)
+        for label, name in (("Albedo", "albedo"), ("Normal", "normal"), ("Depth", "depth"), ("Image", "image")):
+            view.page.get_by_label("Layer", exact=True).select_option(label=label)
+            view.wait("view.picture.frame()?.layer === argument", name)
+            assert view.run("window.textures") == 0
+
+
+@pytest.mark.slow
 def test_the_error_map_measures_errors_first(browser: Any, server: Server) -> None:
     with view_of(browser, server, "error_map") as view:
         view.wait_until_done()
