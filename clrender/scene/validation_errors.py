@@ -64,8 +64,8 @@ def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> S
     first = next((item for item in details if item["type"] == "extra_forbidden"), details[0])
     location, sentence = _explained(first, details, root)
     where = place(location) or "the scene"
-    consequences = first["loc"][:-1] if first["type"] == "extra_forbidden" else None
-    rest = (item for item in details if item["type"] != "missing" or item["loc"][:-1] != consequences)
+    misspelt = {item["loc"][:-1] for item in details if item["type"] == "extra_forbidden"}
+    rest = (item for item in details if item["type"] != "missing" or item["loc"][:-1] not in misspelt)
     others = _others((_explained(item, details, root)[0] for item in rest), location)
     if sentence.startswith("the key"):
         return SceneError(f"{source}: {where}: {sentence}{others}" if location else f"{source}: {sentence}{others}")
@@ -73,12 +73,15 @@ def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> S
 
 
 def _others(locations: Iterable[_Location], explained: _Location) -> str:
-    """The other places that have problems, in parentheses."""
-    places = [name for name in dict.fromkeys(map(place, locations)) if name and name != place(explained)]
-    if not places:
-        return ""
-    more = f", and {len(places) - _OTHERS} more" if len(places) > _OTHERS else ""
-    return f" (also wrong: {', '.join(places[:_OTHERS])}{more})"
+    """The first other places that have problems, in parentheses; there may be thousands."""
+    places: list[str] = []
+    for name in map(place, locations):
+        if not name or name == place(explained) or name in places:
+            continue
+        if len(places) == _OTHERS:
+            return f" (also wrong: {', '.join(places)}, and more)"
+        places.append(name)
+    return f" (also wrong: {', '.join(places)})" if places else ""
 
 
 def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseModel]) -> tuple[_Location, str]:

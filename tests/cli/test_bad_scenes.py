@@ -14,6 +14,7 @@ from clrender import scene as scenes
 from clrender.errors import SceneError
 from clrender.flatten import flatten
 from clrender.importers import SCENE_ENDINGS
+from clrender.scene import validation_errors
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -633,7 +634,7 @@ def test_another_format_is_answered_with_those_that_are_read(tmp_path: Path, nam
         ("blades = -1", " (also wrong: camera.blades)"),
         (
             "blades = -1\nup = 3\nshutter = -1\niso = -1\nf_stop = -1",
-            " (also wrong: camera.up, camera.blades, camera.f_stop, and 2 more)",
+            " (also wrong: camera.up, camera.blades, camera.f_stop, and more)",
         ),
     ],
     ids=["none", "one", "many"],
@@ -648,9 +649,27 @@ def test_other_places_with_problems_are_named(tmp_path: Path, text: str, end: st
 
 
 def test_the_key_that_a_misspelt_one_leaves_missing_is_no_other_problem(tmp_path: Path) -> None:
-    (tmp_path / "a.toml").write_text(CAMERA + WHITE.replace("reflectance", "reflectence"))
+    wrong = WHITE.replace("reflectance", "reflectence")
+    (tmp_path / "a.toml").write_text(CAMERA + wrong)
     with pytest.raises(SceneError, match=r'reflectence is an unknown key; did you mean "reflectance"\?$'):
         scenes.load(tmp_path / "a.toml")
+    (tmp_path / "a.toml").write_text(CAMERA + wrong + wrong.replace("white", "grey"))
+    with pytest.raises(SceneError, match=r"\(also wrong: materials.grey.reflectence\)$"):
+        scenes.load(tmp_path / "a.toml")
+
+
+def test_of_thousands_of_problems_a_few_are_explained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each may need a look at all the others, so all of them would take minutes."""
+    looked: list[object] = []
+    explained = validation_errors._explained
+    monkeypatch.setattr(validation_errors, "_explained", lambda *given: looked.append(given) or explained(*given))
+    short = '[materials.m{}]\ntype = "lambert"\nreflectance = [0.5]\n'
+    (tmp_path / "a.toml").write_text(CAMERA + "".join(short.format(number) for number in range(8000)))
+    end = " (also wrong: materials.m1.reflectance, materials.m2.reflectance, materials.m3.reflectance, and more)"
+    with pytest.raises(SceneError) as error:
+        scenes.load(tmp_path / "a.toml")
+    assert str(error.value).endswith(f"materials.m0.reflectance has only one entry, but must have 3{end}")
+    assert len(looked) < 20
 
 
 def test_what_is_left_out_of_a_file_is_a_note_wherever_it_is_told(tmp_path: Path) -> None:
