@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cli_support import run
@@ -660,9 +661,14 @@ def test_the_key_that_a_misspelt_one_leaves_missing_is_no_other_problem(tmp_path
 
 def test_of_thousands_of_problems_a_few_are_explained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each may need a look at all the others, so all of them would take minutes."""
-    looked: list[object] = []
+    looked: list[Any] = []
     explained = validation_errors._explained
-    monkeypatch.setattr(validation_errors, "_explained", lambda *given: looked.append(given) or explained(*given))
+
+    def counted(item: Any, *given: Any) -> Any:
+        looked.append(item)
+        return explained(item, *given)
+
+    monkeypatch.setattr(validation_errors, "_explained", counted)
     short = '[materials.m{}]\ntype = "lambert"\nreflectance = [0.5]\n'
     (tmp_path / "a.toml").write_text(CAMERA + "".join(short.format(number) for number in range(8000)))
     end = " (also wrong: materials.m1.reflectance, materials.m2.reflectance, materials.m3.reflectance, and more)"
