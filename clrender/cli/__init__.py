@@ -5,7 +5,9 @@ No slow modules are imported here, so that `clrender --version` and `--help` ans
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -93,6 +95,8 @@ class _Commands(click.Group):
                 code = super().main(args, prog_name or "clrender", complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except ClrenderError as error:
+            if error.extra is not None:
+                _install_and_restart(error.extra, sys.argv[1:] if args is None else args)
             _fail(str(error), error.exit_code)
         except click.ClickException as error:
             _fail(_sentence(error), 2)
@@ -114,6 +118,19 @@ class _Commands(click.Group):
         except ReaderLeft:
             sys.exit(0)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _install_and_restart(extra: str, args: Sequence[str]) -> None:
+    """Let the script that started this process install an extra and start the command anew.
+
+    Returns if no script did, or if it has already tried.
+    """
+    script = os.environ.get("CLRENDER_SCRIPT")
+    if script is None or os.environ.get("CLRENDER_EXTRA") == extra:
+        return
+    sys.stdout.flush()
+    with contextlib.suppress(OSError):
+        os.execv(script, [script, "--extra", extra, *args])
 
 
 def _has_working_folder() -> bool:

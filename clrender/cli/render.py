@@ -128,6 +128,10 @@ def render(
     """
     written = [*outputs, *(path for path in (stats, checkpoint) if path)]
     _check_outputs(ctx, outputs, stats)
+    if denoise:
+        from clrender.image.denoise import check_denoiser
+
+        check_denoiser()
     _check_progress(progress, preview, quiet)
     how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
     check_distinct(written, [Path(scene)])
@@ -241,7 +245,9 @@ def _on_cluster(address: str | None) -> dict[str, Any]:
     try:
         check_address(address)
     except UsageError as error:
-        raise UsageError(f"--{error}" if str(error).startswith("cluster is") else str(error)) from None
+        if not str(error).startswith("cluster is"):
+            raise
+        raise UsageError(f"--{error}") from None
     return {"cluster": address}
 
 
