@@ -56,7 +56,7 @@ static TreeWalk light_begin(const Scene* scene, vec3 origin, vec3 normal, Sample
     sampler_bits(sampler, set, &choice->bits, &bits_v);
     if (scene->settings->light_levels > 0) sampler_hash_bits(sampler, set + (SET_LIGHT_DIGITS - SET_LIGHT), &digits, &unused);
     choice->v = unit_interval(bits_v);
-    return tree_begin(origin, normal, choice->bits, digits);
+    return tree_begin(scene, origin, normal, choice->bits, digits);
 }
 
 // Its end. Lanes that want no light look up the same place all together, which costs least, and so do those of other lights in the
