@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from render_support import Studio, lambert, quad, scene
+from render_support import Studio, lambert, quad, room, scene, sphere
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -19,7 +19,9 @@ WAYS: dict[str, dict[str, Any]] = {
     "reuse": {"integrator": "reuse"},
     "direct": {"integrator": "direct"},
     "whitted": {"integrator": "whitted"},
+    "photon": {"integrator": "photon", "photons": 8192, "spp": 2},
 }
+WITHIN = {"position": [0.0, 0.0, -1.8], "target": [0.0, 0.6, 0.0], "vertical_fov": 70.0}
 
 
 def above_a_ceiling(gap: float, size: float = 1.0, place: float = 0.0) -> Scene:
@@ -46,6 +48,21 @@ def test_a_lamp_closely_behind_a_ceiling_is_hidden(studio: Studio, way: str) -> 
     for name, what in hidden.items():
         picture = studio.image(what, 24, **{"spp": 16, **WAYS[way]})
         assert picture.max() == 0.0, f"{name}: {np.count_nonzero(picture.max(axis=2))} pixels are lit"
+
+
+@pytest.mark.parametrize("what", ["lamp", "shade"])
+def test_photons_behind_a_ceiling_stay_there(studio: Studio, what: str) -> None:
+    """Neither photons on the lamp nor those on a white sheet that faces the ceiling's upper side count below it."""
+    above = {
+        "lamp": [sphere((0, 2.101, 0), 0.1, emission=15.0)],
+        "shade": [
+            quad((-1, 2.002, -1), (2, 0, 0), (0, 0, 2), material="white"),
+            quad((-1, 2.0, -1.1), (2, 0, 0), (0, 0.002, 0), emission=100.0, flip_normals=True),
+        ],
+    }
+    dark = scene([room([4.0] * 3, material="white"), *above[what]], camera=WITHIN, white=lambert(0.7))
+    picture = studio.image(dark, 32, integrator="photon", photons=32768, spp=4)
+    assert picture.max() == 0.0
 
 
 def a_lamp_of_many_triangles(distance: float, size: float, turn: float) -> Scene:
