@@ -30,6 +30,8 @@ __all__ = ["merge"]
 @click.pass_context
 def merge(
     ctx: click.Context,
+    /,
+    *,
     films: tuple[Path, ...],
     outputs: tuple[Path, ...],
     tone_map: str,
