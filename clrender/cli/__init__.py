@@ -42,7 +42,7 @@ COMMANDS: Final[dict[str, str]] = {
     "compare": "Compare an image with a reference, or integrators with each other.",
     "furnace": "Measure the physics of materials: energy, reciprocity, sampling.",
     "report": "Reproduce the original report: its table, figures and conclusions.",
-    "merge": "Merge films of the same render.",
+    "merge": "Merge films of the same render, or write the image of one.",
     "verify": "Render random tiles of an image again and compare them bit for bit.",
     "radiosity": "Animate a moving shape in a diffuse scene.",
     "bench": "Benchmark clrender, optionally against other renderers.",
