@@ -153,6 +153,8 @@ class SceneArrays:
         Whether there is a sun.
     interiors : bool
         Whether paths track the dielectrics and media that they are inside.
+    cuts_media : bool
+        Whether rays of the camera may begin in different media.
     textured : bool
         Whether any shape is textured.
     tangents : bool
@@ -188,6 +190,7 @@ class SceneArrays:
         self.media = scene.scatters
         self.fog = scene.fog
         self.straight_surfaces = scene.straight_surfaces
+        self.cuts_media = bool(scene.camera["cuts_media"][0])
         self.subsurface = scene.subsurface
         self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
         attributes = scene.arrays["attribute_rows"]
@@ -250,6 +253,7 @@ class SceneArrays:
     def look(self, camera: NDArray[np.void]) -> None:
         """Replace the camera by another, a (1,) `Camera`."""
         self._device.write(self.buffers["camera"], camera)
+        self.cuts_media = bool(camera["cuts_media"][0])
 
     def release(self) -> None:
         """Release the device memory."""
