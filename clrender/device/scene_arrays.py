@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["LARGEST_PAGE", "SceneArrays", "check_room", "scene_array_names", "texel_pages"]
 
 LARGEST_PAGE = 1 << 34
+"""Most bytes of a buffer of texels: where all are in one, kernels count its words in 32 bits (texture/texel.h)."""
 _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
