@@ -29,7 +29,7 @@ from clrender.scene.description import (
 )
 from clrender.scene.holes import hole_rows
 from clrender.scene.instances import FlatInstances, flat_instances
-from clrender.scene.interiors import media_around, media_with_lights, packed
+from clrender.scene.interiors import media_around, media_in_box, media_with_lights, packed
 from clrender.scene.lamp_tables import lamp_tables
 from clrender.scene.lights import FlatLights, flat_environment, flat_lights
 from clrender.scene.material_rows import flat_materials
@@ -406,10 +406,40 @@ def _surrounded(
     camera: Camera,
     origin: Vector,
 ) -> _Rows:
-    """The camera's row with the media around it; the whole lens is taken to be in the media of its centre."""
-    media = media_around(arrays, triangle_count, np.array(_difference(camera.position, origin)), instances)
-    row[0]["interior_first"], row[0]["interior_last"] = packed(media)
+    """The camera's row with the media around one of its rays, and whether its film or lens cuts the surface of one."""
+    known = np.array(_difference(camera.position, origin))
+    low, high = _origins_of_rays(row[0], camera)
+    if (low < high).any() and media_in_box(arrays, triangle_count, low, high, instances):
+        row[0]["cuts_media"] = 1
+        row[0]["around"][:3] = _origin_aside(row[0], camera)
+        known = row[0]["around"][:3].astype(np.float64)
+    row[0]["interior_first"], row[0]["interior_last"] = packed(media_around(arrays, triangle_count, known, instances))
     return row
+
+
+def _origin_aside(row: np.void, camera: Camera) -> NDArray[np.float64]:
+    """Origin of a ray that is not in the middle of the film or lens, which is often placed exactly on a surface."""
+    corner, right, down, axis, lens_u, lens_v = _film_and_lens(row)
+    on_lens = row["origin"][:3].astype(np.float64) + 0.31 * lens_u + 0.17 * lens_v
+    on_film = corner - axis + 0.61 * right + 0.42 * down if camera.type == "orthographic" else np.zeros(3)
+    return np.asarray(on_lens + on_film)
+
+
+def _origins_of_rays(row: np.void, camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Box that contains the origins of all rays of a camera."""
+    corner, right, down, axis, lens_u, lens_v = _film_and_lens(row)
+    low = high = row["origin"][:3].astype(np.float64)
+    if camera.type == "orthographic":
+        # As wide again on all sides: a pixel filter sees points beyond the film's edges
+        ends = [corner - axis + right * x + down * y for x in (-1.0, 2.0) for y in (-1.0, 2.0)]
+        low, high = low + np.min(ends, axis=0), high + np.max(ends, axis=0)
+    reach = np.abs(lens_u) + np.abs(lens_v)
+    return low - reach, high + reach
+
+
+def _film_and_lens(row: np.void) -> tuple[NDArray[np.float64], ...]:
+    names = ("corner", "right", "down", "axis", "lens_u", "lens_v")
+    return tuple(row[name][:3].astype(np.float64) for name in names)
 
 
 def _difference(a: Vector, b: Vector) -> Vector:

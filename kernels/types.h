@@ -157,14 +157,15 @@ typedef struct {
     float4 lens_u;              // aperture radius along image right; 0: pinhole
     float4 lens_v;              // aperture radius along image up
     float4 world;               // xyz: where the origin of all coordinates on the device lies in world space
-    uint interior_first;        // media around it, highest first, a byte each from the highest on
+    float4 around;              // xyz: the origin of one of its rays, around which the media are known
+    uint interior_first;        // those, highest first, a byte each from the highest on
     uint interior_last;         // and four more of them
     uint kind;                  // CAMERA_*
     uint blades;                // corners of the lens; 0: a disk
     float blade_turn;           // where the first corner is, fraction of a turn from image right to up, below 1
     float aspect;               // fisheye: width over height of the image
     float angle;                // fisheye: from the axis to the upper edge, fraction of a turn
-    uint padding_0;
+    uint cuts_media;            // whether other media may be around the origins of its other rays
 } Camera;
 
 typedef struct {

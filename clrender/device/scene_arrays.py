@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["LARGEST_PAGE", "SceneArrays", "check_room", "scene_array_names", "texel_pages"]
 
 LARGEST_PAGE = 1 << 34
+"""Most bytes of a buffer of texels: where all are in one, kernels count its words in 32 bits (texture/texel.h)."""
 _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
@@ -153,6 +154,8 @@ class SceneArrays:
         Whether there is a sun.
     interiors : bool
         Whether paths track the dielectrics and media that they are inside.
+    cuts_media : bool
+        Whether rays of the camera may begin in different media.
     textured : bool
         Whether any shape is textured.
     tangents : bool
@@ -188,6 +191,7 @@ class SceneArrays:
         self.media = scene.scatters
         self.fog = scene.fog
         self.straight_surfaces = scene.straight_surfaces
+        self.cuts_media = bool(scene.camera["cuts_media"][0])
         self.subsurface = scene.subsurface
         self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
         attributes = scene.arrays["attribute_rows"]
@@ -250,6 +254,7 @@ class SceneArrays:
     def look(self, camera: NDArray[np.void]) -> None:
         """Replace the camera by another, a (1,) `Camera`."""
         self._device.write(self.buffers["camera"], camera)
+        self.cuts_media = bool(camera["cuts_media"][0])
 
     def release(self) -> None:
         """Release the device memory."""

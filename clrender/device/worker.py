@@ -281,6 +281,8 @@ class DeviceWorker:
                 defines["SUBSURFACE"] = 1
             if self._arrays.straight_surfaces:
                 defines["STRAIGHT_SHADOWS"] = 1
+            if self._arrays.cuts_media:
+                defines["CAMERA_CUTS_MEDIA"] = 1
         if self._arrays.instances:
             defines["INSTANCES"] = 1
         if self._arrays.masked_tree:

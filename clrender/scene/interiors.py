@@ -14,7 +14,15 @@ from clrender import layout
 if TYPE_CHECKING:
     from clrender.scene.instances import FlatInstances
 
-__all__ = ["LIST_LENGTH", "light_inside", "media_around", "media_with_lights", "medium_of_primitives", "packed"]
+__all__ = [
+    "LIST_LENGTH",
+    "light_inside",
+    "media_around",
+    "media_in_box",
+    "media_with_lights",
+    "medium_of_primitives",
+    "packed",
+]
 
 _Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 _CHUNK: Final = 2**18
@@ -61,6 +69,50 @@ def media_around(
             place = (medium, 0.0) if medium > unranked else (0, -float((high - low).prod()) * scale)
             found += [(*place, medium)] * max(0, math.floor(turns + 0.5))
     return [medium for _, _, medium in sorted(found, reverse=True)]
+
+
+def media_in_box(
+    arrays: _Arrays,
+    triangle_count: int,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    instances: FlatInstances | None = None,
+) -> bool:
+    """Whether the surface of any medium may be in a box, judged by the boxes of primitives and instances.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        See `clrender.flatten.FlatScene`.
+    triangle_count : int
+    low, high : (3,) float64
+        Relative to the arrays' origin, metres.
+    instances : FlatInstances, optional
+        See `media_around`.
+    """
+    if len(arrays["media_rows"]) == 1:
+        return False
+    with_medium = np.flatnonzero(medium_of_primitives(arrays))
+    if instances is not None and instances.count:
+        number = np.where(with_medium < triangle_count, with_medium, with_medium - triangle_count)
+        own = np.where(with_medium < triangle_count, instances.own_triangles, instances.own_analytic)
+        if (number >= own).any() and _meets(instances.boxes[:, :3], instances.boxes[:, 3:], low, high):
+            return True
+        with_medium = with_medium[number < own]
+    for start in range(0, len(with_medium), _CHUNK):
+        some = with_medium[start : start + _CHUNK]
+        corners = arrays["vertices"][arrays["triangles"][some[some < triangle_count]]]
+        rows = arrays["analytic_shapes"]["center_radius"][some[some >= triangle_count] - triangle_count]
+        if _meets(corners.min(axis=1), corners.max(axis=1), low, high):
+            return True
+        if _meets(rows[:, :3] - rows[:, 3:], rows[:, :3] + rows[:, 3:], low, high):
+            return True
+    return False
+
+
+def _meets(lows: NDArray[Any], highs: NDArray[Any], low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
+    """Whether any of some boxes meets another one."""
+    return bool(((lows <= high) & (low <= highs)).all(axis=1).any())
 
 
 def _spaces(

@@ -3,6 +3,7 @@
 #define INTEGRATOR_PATH_STATE_H
 
 #include "camera/camera.h"
+#include "camera/surroundings.h"
 #include "film/pool.h"
 #include "integrator/split.h"
 
@@ -12,6 +13,9 @@ typedef struct {
     uint seed[LANES];
     int inside[LANES];       // whether the pixel is in the image
     int sees[LANES];         // and its ray sees anything
+#ifdef CAMERA_CUTS_MEDIA
+    uint first[LANES], last[LANES];      // the media that it begins in
+#endif
     uint base, number;       // the first one's slot, and the number of their sample in this launch
     uint index;              // and of it in their replicate
 #ifdef PIXEL_FILTER_NEGATIVE
@@ -101,6 +105,11 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
 #endif
     lane_store(inside, rays->inside);
     lane_store(camera_sees(&ray), rays->sees);
+#ifdef CAMERA_CUTS_MEDIA
+    const Interior around = surroundings_at(scene, ray.origin, inside & camera_sees(&ray));
+    lane_store(around.first, rays->first);
+    lane_store(around.last, rays->last);
+#endif
 }
 
 // In one lane, with the first of the camera rays that wait.
@@ -131,6 +140,10 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
 #endif
     path->specular = path->specular | lane;
     interior_start(scene, &path->interior, lane);
+#ifdef CAMERA_CUTS_MEDIA
+    path->interior.first = lane ? splat_uint(rays->first[i]) : path->interior.first;
+    path->interior.last = lane ? splat_uint(rays->last[i]) : path->interior.last;
+#endif
     split_start(&path->split, lane);
     path->alive = path->alive | lane;
 }

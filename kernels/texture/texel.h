@@ -54,7 +54,8 @@ static float4 texel_one(const Scene* scene, uint tile, uint byte, uint format, u
 }
 
 #ifndef TEXEL_PAGE_BITS
-// Four numbers of 8 bits each, in every lane that is active: what nearly all pictures hold.
+// Four numbers of 8 bits each, in every lane that is active: what nearly all pictures hold. One page has 2^32 words at most, which the host
+// sees to, so that their addresses have 32 bits.
 static Texel texel_four_bytes(const Scene* scene, const Texture* t, vuint tile, vuint byte, vmask active) {
     const vuint bits = vfloat_bits(lane_gather((__global const float*)scene->texels_0, active ? tile * 16u + (byte >> 2) : splat_uint(0u)));
     const vuint values = active ? vfloat_bits(t->row[TEXTURE_ROW_VALUES]) : splat_uint(0u);

@@ -14,7 +14,7 @@ from clrender.errors import SceneError
 from clrender.flatten import flatten, seen_by
 from clrender.job import RenderJob
 from clrender.scene import Scene
-from clrender.scene.description import Dielectric
+from clrender.scene.description import Camera, Dielectric
 from clrender.scene.interiors import light_inside, packed
 from clrender.scene.media import absorption_coefficients, scene_media
 
@@ -164,6 +164,24 @@ def test_the_camera_knows_where_it_is(shape: Any, inside: Sequence[float], outsi
     # Another camera for the same arrays
     flat = flatten(scene(shapes, outside, **media), 8, 8)
     assert seen_by(flat, scene(shapes, inside, **media), 8, 8).camera[0]["interior_first"] == 0x02010000
+
+
+def test_a_film_or_lens_that_cuts_a_medium_is_known() -> None:
+    shapes = [{**SPHERE, "material": "a"}, {"type": "box", "size": [20, 1, 1], "center": [0, 9, 0], "material": "a"}]
+    what = scene(shapes, (0.0, 0.0, 5.0), a=glass(priority=1))
+
+    def cuts(**camera: Any) -> int:
+        seen = what.model_copy(update={"camera": Camera(**{"position": (0, 0, 5), "target": (0, 0, 0)} | camera)})
+        row = flatten(seen, 8, 8).camera[0]
+        assert row == seen_by(flatten(what, 8, 8), seen, 8, 8).camera[0]
+        return int(row["cuts_media"])
+
+    film = {"type": "orthographic", "height": 2.0}
+    assert not cuts() and not cuts(aperture_radius=3.9) and not cuts(**film)
+    assert cuts(aperture_radius=6.0, position=(0.0, 0.0, 0.5))
+    assert cuts(**film, position=(0.0, 0.0, 0.5))
+    assert cuts(**film, position=(0.0, 9.0, 1.0), target=(0.0, 0.0, 1.0), up=(0, 0, 1))
+    assert not cuts(position=(0.0, 0.0, 0.5)), "of a pinhole all rays begin in the same place"
 
 
 def test_a_hollow_of_two_spheres_is_empty() -> None:

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -323,6 +323,26 @@ def test_pages(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(scene_arrays, "LARGEST_PAGE", 3 * 64)
     with pytest.raises(clrender.RenderError, match=r"takes 512 bytes of textures, but the scene has 1024; use smaller"):
         texel_pages(device, flat_textures(scene).texels)
+
+
+class Shelf:
+    """Stands for a device with much memory: it keeps the shapes of buffers alone."""
+
+    max_allocation_bytes = 1 << 50
+
+    def share(self, array: np.ndarray[Any, Any]) -> tuple[int, ...]:
+        return array.shape
+
+
+@pytest.mark.parametrize(("more", "bits"), [(0, None), (1, 28)])
+def test_a_page_has_words_of_32_bits(more: int, bits: int | None) -> None:
+    """Texels of 16 GiB, here without memory, are one page, whose last word has the largest address; more are two."""
+    tiles = (1 << 28) + more
+    texels = np.broadcast_to(np.zeros(64, np.uint8), (tiles, 64))
+    pages, found = texel_pages(cast("Device", Shelf()), texels)
+    assert found == bits
+    assert sorted({*pages}) == sorted({(min(tiles, 1 << 28), 64), *([(more, 64)] if more else [])})
+    assert all(count * 16 - 1 < 1 << 32 for count, _ in cast("list[tuple[int, int]]", pages))
 
 
 # --- shapes -----------------------------------------------------------------------------------------------------------

@@ -136,6 +136,36 @@ def test_camera_under_water(evidence: Evidence, studio: Studio, inside: list[str
 SOLID = {"type": "principled", "transmission": 1.0, "roughness": 0.0}
 
 
+MATCHED = {"type": "dielectric", "ior": 1.0, "attenuation_distance": 1.0}
+NESTED: dict[str, Any] = {
+    "a": {**MATCHED, "priority": 1, "attenuation_color": [0.1, 0.2, 0.4]},
+    "b": {**MATCHED, "priority": 2, "attenuation_color": [0.5, 0.6, 0.7]},
+}
+NESTED_BOXES: list[dict[str, Any]] = [
+    {"type": "box", "center": [-0.25, 0.0, 0.0], "size": [2.5, 9.0, 2.0], "material": "a"},
+    {"type": "box", "center": [0.0, 0.0, 0.0], "size": [1.0, 9.0, 1.0], "material": "b"},
+]
+
+
+@pytest.mark.parametrize("at", [-2.0, 0.0, 1.0])
+def test_a_film_that_cuts_nested_media(studio: Studio, at: float) -> None:
+    """Each ray of an orthographic camera begins in the media around its own origin: in ten bands."""
+    camera = {"type": "orthographic", "position": [at, 0.0, 0.0], "target": [at, 0.0, -1.0], "height": 5.0}
+    image = studio.image(scene(NESTED_BOXES, [SKY], camera, **NESTED), 10, spp=4)
+    outer, inner = (np.array(NESTED[name]["attenuation_color"]) for name in "ab")
+    for column, x in enumerate(at + np.arange(-2.25, 2.5, 0.5)):
+        left = np.sqrt(outer * inner) if abs(x) < 0.5 else outer if -1.5 < x < 1.0 else np.ones(3)
+        assert image[:, column] == pytest.approx(np.tile(left, (10, 1)), rel=1e-5), x
+
+
+def test_a_lens_that_cuts_a_medium(evidence: Evidence, studio: Studio) -> None:
+    """Half of it is in the medium, and everything is in focus."""
+    camera = {"position": [1.0, 0.0, 0.0], "target": [1.0, 0.0, -1e5], "vertical_fov": 1e-4, "aperture_radius": 0.2}
+    what = scene(NESTED_BOXES, [SKY], camera, **NESTED)
+    half = 0.5 + 0.5 * np.array(NESTED["a"]["attenuation_color"]) @ (0.5, 0.3, 0.2)
+    evidence.mean_is("pixels", studio.pixels(what, 16, spp=16), half)
+
+
 @pytest.mark.parametrize("more", [{}, {"priority": 0}, SOLID], ids=["plain", "priority", "principled"])
 def test_absorbing_slab(evidence: Evidence, studio: Studio, more: dict[str, Any]) -> None:
     # t (1 - R)² / (1 - R² t²) of light that shines straight through: all reflections inside, each way with

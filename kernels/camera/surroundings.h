@@ -1,0 +1,53 @@
+// The media around the origins of the camera's rays, where these are not all in the same ones: where the film of an orthographic camera,
+// or a lens, cuts the surface of a medium (-D CAMERA_CUTS_MEDIA). The host knows those around one such origin. From there to the
+// origin of a ray each surface on the way changes the list as it does that of a path.
+#ifndef CAMERA_SURROUNDINGS_H
+#define CAMERA_SURROUNDINGS_H
+
+#include "geometry/surface.h"
+#include "geometry/traverse.h"
+#include "material/interior.h"
+
+#ifdef CAMERA_CUTS_MEDIA
+
+// The nearest surface of any kind: a volume has its whole surface, whatever is seen of it.
+static Hit surroundings_nearest(const Scene* scene, const Ray* ray, vmask asked) {
+    Hit hit = traverse_nearest(&scene->bvh, ray, asked);
+#ifdef OPACITY
+    Ray before = *ray;
+    before.limit = hit.distance;
+    const Hit masked = traverse_nearest(&scene->masked, &before, asked);
+    const vmask nearer = masked.primitive != NONE;
+    hit.distance = nearer ? masked.distance : hit.distance;
+    hit.primitive = nearer ? masked.primitive : hit.primitive;
+#endif
+    return hit;
+}
+
+static Interior surroundings_at(const Scene* scene, vec3 origin, vmask asked) {
+    Interior in = interior_none();
+    interior_start(scene, &in, mask_all());
+    const vec3 from = vec3_from(scene->camera->around), way = sub(origin, from);
+    Ray ray = ray_make(from, way);
+    ray.limit = splat(1.0f);
+    asked = asked & (largest_size(way) > 0.0f);
+    while (lane_any(asked)) {
+        const Hit hit = surroundings_nearest(scene, &ray, asked);
+        asked = asked & (hit.primitive != NONE);
+        Surface surface = surface_at(scene, &ray, hit, asked);
+        const Crossing crossing = interior_meet(scene, &in, &surface, asked);
+        interior_replace(&in, crossing.beyond, asked);
+
+        // Go on behind it, unless that is beyond the origin already
+        Ray behind = surface_leave(&surface, ray.direction);
+        behind.direction = sub(origin, behind.origin);
+        behind.limit = splat(1.0f);
+        asked = asked & (inner(behind.direction, way) > 0.0f);
+        ray_replace(&ray, behind, asked);
+    }
+    return in;
+}
+
+#endif
+
+#endif
