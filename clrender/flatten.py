@@ -218,7 +218,7 @@ def flatten(
         "shapes": _padded(surfaces.shapes),
         "materials": _padded(materials.materials),
         "material_rows": materials.rows,
-        "albedo_tables": albedo_tables() if materials.by_row else np.zeros(1, np.float32),
+        "albedo_tables": albedo_tables(materials.beckmann) if materials.by_row else np.zeros(1, np.float32),
         "media_rows": media.rows,
         "attribute_rows": _padded(surfaces.attributes),
         "texture_rows": textures.rows,

@@ -13,6 +13,8 @@ from typing import Final
 import numpy as np
 
 __all__ = [
+    "ALBEDO_BECKMANN",
+    "ALBEDO_BECKMANN_END",
     "ALBEDO_COVERED",
     "ALBEDO_COVERED_MEAN",
     "ALBEDO_END",
@@ -178,7 +180,12 @@ ALBEDO_SLANT_NUMBERS: Final = ALBEDO_SLANTS + 3 * SLANT_ROWS
 ALBEDO_COVERED: Final = ALBEDO_SLANT_NUMBERS + SLANT_NUMBERS
 ALBEDO_COVERED_MEAN: Final = ALBEDO_COVERED + 2 * COVERED_LAYERS * COVERED_ROWS * (COVERED_COLUMNS - 1)
 ALBEDO_END: Final = ALBEDO_COVERED_MEAN + 2 * COVERED_LAYERS * COVERED_ROWS
-"""Offsets of the tables of `clrender.scene.microfacets.albedo_tables`, in words, and the end of the last."""
+ALBEDO_BECKMANN: Final = ALBEDO_END
+ALBEDO_BECKMANN_END: Final = ALBEDO_BECKMANN + ALBEDO_SHEEN
+"""Offsets of the tables of `clrender.scene.microfacets.albedo_tables`, in words, and the end of the last.
+
+From `ALBEDO_BECKMANN` on are those of Beckmann's distribution, in the order of the tables of GGX before `ALBEDO_SHEEN`.
+"""
 
 FILTER_LINES: Final = 64
 """Line segments that approximate half of a pixel filter's profile; a power of two, for binary search."""
@@ -310,6 +317,7 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "ALBEDO_SHEEN_MEAN": ALBEDO_SHEEN_MEAN,
     "ALBEDO_SLANTS": ALBEDO_SLANTS,
     "ALBEDO_SLANT_NUMBERS": ALBEDO_SLANT_NUMBERS,
+    "ALBEDO_BECKMANN": ALBEDO_BECKMANN,
     "ALBEDO_COVERED": ALBEDO_COVERED,
     "ALBEDO_COVERED_MEAN": ALBEDO_COVERED_MEAN,
     "FILTER_LINES": FILTER_LINES,

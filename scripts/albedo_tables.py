@@ -31,6 +31,8 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
     slant_numbers (17,) float32      averages of b³ and b² c; with Q what EON at roughness 1 does more than Lambert,
                                      over its A, of b Qb, b Qc and c Qc; polynomials in μ of Qb (7) and Qc (5)
 
+The first eight are of GGX; ``beckmann_ggx`` to ``beckmann_glass_lost`` are the same of Beckmann's distribution.
+
 `--check` compares with the file in place of writing it.
 """
 
@@ -79,27 +81,54 @@ def seen_at(cosine: float, along_x: float = 1.0) -> _Floats:
     return np.array([sine * np.sqrt(along_x), sine * np.sqrt(1.0 - along_x), cosine])
 
 
-def smith(w: _Floats, alpha: _Floats) -> _Floats:
-    """Λ of GGX."""
-    slope2 = ((alpha[0] * w[0]) ** 2 + (alpha[1] * w[1]) ** 2) / np.maximum(np.abs(w[2]), 1e-12) ** 2
+def smith(slope2: _Floats) -> _Floats:
+    """Λ of GGX, by the square of alpha times the tangent of a direction."""
     of: _Floats = (np.sqrt(1.0 + slope2) - 1.0) / 2.0
     return of
 
 
-def smith_even(cosine: _Floats, alpha: float) -> _Floats:
-    """Λ of isotropic GGX."""
-    cosine2 = np.clip(cosine * cosine, 1e-24, 1.0)
-    of: _Floats = (np.sqrt(1.0 + alpha * alpha * (1.0 - cosine2) / cosine2) - 1.0) / 2.0
+def smith_beckmann(slope2: _Floats) -> _Floats:
+    """Λ of Beckmann's distribution: the fit of Walter et al. (EGSR 2007), as in kernels/material/beckmann.h."""
+    a = np.minimum(1.0 / np.sqrt(np.maximum(slope2, 1e-24)), 1.6)
+    of: _Floats = np.where(a < 1.6, (1.0 - 1.259 * a + 0.396 * a * a) / (3.535 * a + 2.181 * a * a), 0.0)
     return of
 
 
-def albedo(wo: _Floats, alpha: _Floats, grid: int = 384) -> tuple[float, float]:
+def slope(w: _Floats, alpha: _Floats) -> _Floats:
+    """The square of alpha times the tangent of directions (3, …)."""
+    of: _Floats = ((alpha[0] * w[0]) ** 2 + (alpha[1] * w[1]) ** 2) / np.maximum(np.abs(w[2]), 1e-12) ** 2
+    return of
+
+
+def slope_even(cosine: _Floats, alpha: float) -> _Floats:
+    """The same of isotropic roughness, by the cosine."""
+    cosine2 = np.clip(cosine * cosine, 1e-24, 1.0)
+    of: _Floats = alpha * alpha * (1.0 - cosine2) / cosine2
+    return of
+
+
+def passed_on(normal: _Floats, alpha: _Floats, out: _Floats, into: _Floats, beckmann: bool) -> _Floats:
+    """Share of light that visible normals (3, …) of GGX pass on, between directions with such slopes.
+
+    Of Beckmann's distribution, times the ratio of its density to that of GGX.
+    """
+    if not beckmann:
+        here = 1.0 + smith(out)
+        ggx: _Floats = here / (here + smith(into))
+        return ggx
+    steep = slope(normal, 1.0 / alpha)
+    ratio = np.exp(-steep) * (1.0 + steep) ** 2
+    of: _Floats = ratio * (1.0 + smith(out)) / (1.0 + smith_beckmann(out) + smith_beckmann(into))
+    return of
+
+
+def albedo(wo: _Floats, alpha: _Floats, grid: int = 384, beckmann: bool = False) -> tuple[float, float]:
     """Albedo of mirror-like facets, and the same weighted by (1 - c)^5."""
     m = facets(wo, alpha, grid)
     wo = wo[:, None, None]
     at = (m * wo).sum(axis=0)
     wi = 2.0 * at * m - wo
-    seen = (1.0 + smith(wo, alpha)) / (1.0 + smith(wo, alpha) + smith(wi, alpha))
+    seen = passed_on(m, alpha, slope(wo, alpha), slope(wi, alpha), beckmann)
     reflected = np.where(wi[2] > 0.0, seen, 0.0)
     return float(reflected.mean()), float((reflected * np.maximum(1.0 - at, 0.0) ** 5).mean())
 
@@ -113,7 +142,7 @@ def spread(count: int) -> tuple[_Floats, _Floats]:
     return turns, (np.arange(size) + 0.5) / size
 
 
-def turned_albedo(wo: _Floats, alpha: _Floats, count: int = 19) -> _Floats:
+def turned_albedo(wo: _Floats, alpha: _Floats, count: int = 19, beckmann: bool = False) -> _Floats:
     """Albedo of mirror-like facets that are rougher along x, for directions (3, n)."""
     turn, v = spread(count)
     stretched = alpha[:, None] * wo
@@ -127,8 +156,8 @@ def turned_albedo(wo: _Floats, alpha: _Floats, count: int = 19) -> _Floats:
     # wi = 2 (wo · m) m - wo for a facet m that is not yet normalised
     both = 2.0 * (wo[0] * x + wo[1] * y + wo[2] * z) / (x * x + y * y + z * z)
     wi = np.array([both * x - wo[0], both * y - wo[1], both * z - wo[2]])
-    here = 1.0 + smith(wo, alpha)
-    of: _Floats = np.where(wi[2] > 0.0, here / (here + smith(wi, alpha)), 0.0).mean(axis=1)
+    seen = passed_on(np.array([x, y, z]), alpha, slope(wo, alpha), slope(wi, alpha), beckmann)
+    of: _Floats = np.where(wi[2] > 0.0, seen, 0.0).mean(axis=1)
     return of
 
 
@@ -144,7 +173,7 @@ def fitted(table: _Floats) -> _Floats:
     return np.minimum(of, 1.0)
 
 
-def glass_albedo(cosine: _Floats, alpha: float, eta: float, count: int = 20) -> _Floats:
+def glass_albedo(cosine: _Floats, alpha: float, eta: float, count: int = 20, beckmann: bool = False) -> _Floats:
     """Albedo of glass facets, for directions with cosines (n,): `eta` is the index beyond relative to this side.
 
     Uses a lattice: regular grids have errors of 0.3 % if all facets beyond one angle reflect totally.
@@ -165,10 +194,12 @@ def glass_albedo(cosine: _Floats, alpha: float, eta: float, count: int = 20) -> 
     parallel = (eta * at - beyond) / np.maximum(eta * at + beyond, 1e-30)
     perpendicular = (at - eta * beyond) / np.maximum(at + eta * beyond, 1e-30)
     fresnel = np.where(sine2 >= 1.0, 1.0, (parallel**2 + perpendicular**2) / 2.0)
-    here = 1.0 + smith_even(mu, alpha)
     back, through = 2.0 * at * normal[2] - mu, (at / eta - beyond) * normal[2] - mu / eta
-    reflected = np.where(back > 0.0, here / (here + smith_even(back, alpha)), 0.0)
-    passed = np.where(through < 0.0, here / (here + smith_even(through, alpha)), 0.0)
+
+    def seen(cosine: _Floats) -> _Floats:
+        return passed_on(normal, alike(alpha), slope_even(mu, alpha), slope_even(cosine, alpha), beckmann)
+
+    reflected, passed = np.where(back > 0.0, seen(back), 0.0), np.where(through < 0.0, seen(through), 0.0)
     of: _Floats = (fresnel * reflected + (1.0 - fresnel) * passed).mean(axis=1)
     return of
 
@@ -300,12 +331,16 @@ def lost(table: NDArray[np.uint16]) -> NDArray[np.float32]:
     return ratios.astype("<f4")
 
 
-def ggx_tables() -> dict[str, NDArray[Any]]:
+def even_tables(beckmann: bool) -> dict[str, NDArray[Any]]:
     """``ggx``, ``schlick`` and their averages."""
     rows, columns, size, cells = layout.GGX_ROWS, layout.GGX_COLUMNS, layout.SCHLICK_ROWS, layout.SCHLICK_COLUMNS
-    table = packed([[albedo(seen_at(c), alike(a))[0] for c in cosines(a, columns)] for a in alphas(rows)])
+
+    def shares(cosine: float, alpha: float) -> tuple[float, float]:
+        return albedo(seen_at(cosine), alike(alpha), beckmann=beckmann)
+
+    table = packed([[shares(c, a)[0] for c in cosines(a, columns)] for a in alphas(rows)])
     mus = np.maximum((np.arange(cells) / (cells - 1)) ** 2, 1e-7)
-    both = np.array([[albedo(seen_at(c), alike(a)) for c in mus] for a in alphas(size)])
+    both = np.array([[shares(c, a) for c in mus] for a in alphas(size)])
     schlick = packed((both[..., 1] / both[..., 0]) ** 0.2)
     steps = (np.arange(1 << 12) + 0.5) / (1 << 12)
     means = []
@@ -353,7 +388,7 @@ def turned_average(table: _Floats, most: float, least: float) -> float:
     return float(np.mean(means))
 
 
-def turned_tables() -> dict[str, NDArray[Any]]:
+def turned_tables(beckmann: bool) -> dict[str, NDArray[Any]]:
     """``turned`` and ``turned_lost``."""
     rows, apart, turns, columns = layout.TURNED_ROWS, layout.TURNED_APART, layout.TURNED_TURNS, layout.TURNED_COLUMNS
     table = np.zeros((rows, apart, turns, columns))
@@ -364,7 +399,7 @@ def turned_tables() -> dict[str, NDArray[Any]]:
             cosine = cosines(alpha, columns)
             sine = np.sqrt(1.0 - cosine**2)
             wo = np.array([sine * np.sqrt(along_x), sine * np.sqrt(1.0 - along_x), cosine])
-            table[i, j, k] = turned_albedo(wo, np.array([most, least, 1.0]))
+            table[i, j, k] = turned_albedo(wo, np.array([most, least, 1.0]), beckmann=beckmann)
     kept = packed(fitted(table))
     averages = np.zeros((rows, apart))
     for i, j, most, least in steps:
@@ -372,12 +407,15 @@ def turned_tables() -> dict[str, NDArray[Any]]:
     return {"turned": kept, "turned_lost": averages.astype("<f4")}
 
 
-def glass_tables() -> dict[str, NDArray[Any]]:
+def glass_tables(beckmann: bool) -> dict[str, NDArray[Any]]:
     """``glass`` and ``glass_lost``."""
     layers, rows, columns = layout.GLASS_LAYERS, layout.GLASS_ROWS, layout.GLASS_COLUMNS
     sides = [(denser, glass_index(layer)) for denser in (False, True) for layer in range(layers)]
     table = [
-        [glass_albedo(glass_cosines(a, n, denser, columns), a, 1.0 / n if denser else n) for a in alphas(rows)]
+        [
+            glass_albedo(glass_cosines(a, n, denser, columns), a, 1.0 / n if denser else n, beckmann=beckmann)
+            for a in alphas(rows)
+        ]
         for denser, n in sides
     ]
     kept = packed(fitted(np.array(table).reshape(2, layers, rows, columns)))
@@ -387,6 +425,11 @@ def glass_tables() -> dict[str, NDArray[Any]]:
     # Alphas that small are deltas
     averages[:, 0] = averages[:, 1]
     return {"glass": kept, "glass_lost": averages.reshape(2, layers, -1).astype("<f4")}
+
+
+def facet_tables(beckmann: bool) -> dict[str, NDArray[Any]]:
+    """Those of one distribution of facets."""
+    return {**even_tables(beckmann), **turned_tables(beckmann), **glass_tables(beckmann)}
 
 
 def sheen_tables() -> dict[str, NDArray[Any]]:
@@ -471,7 +514,7 @@ def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
             m = alpha[:, None] * m
             m /= np.linalg.norm(m, axis=0)
             wi = 2.0 * (wo @ m) * m - wo[:, None]
-            seen = (1.0 + smith(wo, alpha)) / (1.0 + smith(wo, alpha) + smith(wi, alpha))
+            seen = passed_on(m, alpha, slope(wo, alpha), slope(wi, alpha), beckmann=False)
             seen = np.where(wi[2] > 0.0, seen, 0.0)
             beyond = np.clip(wi[2], 1e-6, 1.0)
             # Multiple scattering goes to μ with density 2 μ (1 - E(μ)) / (1 - E_avg)
@@ -493,8 +536,9 @@ def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 def tables() -> dict[str, NDArray[Any]]:
     """All tables, by their names in the file."""
-    made = {**ggx_tables(), **turned_tables(), **glass_tables(), **sheen_tables()}
-    return {**made, **slant_tables(made), **covered_tables(made)}
+    made = {**facet_tables(beckmann=False), **sheen_tables()}
+    made |= {**slant_tables(made), **covered_tables(made)}
+    return made | {f"beckmann_{name}": table for name, table in facet_tables(beckmann=True).items()}
 
 
 if __name__ == "__main__":

@@ -265,6 +265,8 @@ class DeviceWorker:
             defines["PACKET_PARTS"] = 0  # not for single lanes: their program is the same, and compiled only once
         if self._arrays.materials:
             defines["MATERIALS"] = 1
+            if self._arrays.beckmann:
+                defines["BECKMANN"] = 1
         if self._arrays.environment_map:
             defines["ENVIRONMENT_MAP"] = 1
         if self._arrays.lamps:

@@ -54,11 +54,14 @@ class MaterialArrays:
         MATERIAL_ROW_* and LAYER_ROW_* of ``kernels/types.h``, one row of zeros if no material needs any.
     by_row : bool
         Whether any material does.
+    beckmann : bool
+        Whether any needs the albedo tables of Beckmann's distribution.
     """
 
     materials: NDArray[np.void]
     rows: _Row
     by_row: bool
+    beckmann: bool
 
 
 def has_row(material: Material) -> bool:
@@ -134,7 +137,14 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
             row["medium"] = medium_of.get(solid, 0)
         else:
             row["kind"], row["color"], row["ior"] = layout.MATERIAL_LAMBERT, (0.0, 0.0, 0.0, _MOST_ABSORPTION), 1.0
-    return MaterialArrays(materials, rows.reshape(-1, 16), by_row)
+    beckmann = by_row and any(_compensates_beckmann(material) for material in scene.materials.values())
+    return MaterialArrays(materials, rows.reshape(-1, 16), by_row, beckmann)
+
+
+def _compensates_beckmann(material: Material) -> bool:
+    if not isinstance(material, Conductor | Dielectric) or not has_row(material):
+        return False
+    return material.microfacets == "beckmann" and material.multiple_scattering
 
 
 _KINDS: Final[dict[type, int]] = {

@@ -48,21 +48,26 @@ _STEPS: Final = 256
 
 
 @cache
-def albedo_tables() -> NDArray[np.float32]:
+def albedo_tables(beckmann: bool = False) -> NDArray[np.float32]:
     """Albedo tables of rough lobes, made by ``scripts/albedo_tables.py``.
+
+    Parameters
+    ----------
+    beckmann : bool
+        Whether to include those of Beckmann's distribution.
 
     Returns
     -------
     (n,) float32
-        The tables, concatenated, from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END`. In 16-bit tables, each word
-        contains two neighbours along a row.
+        The tables, concatenated, from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END` or `ALBEDO_BECKMANN_END`. In
+        16-bit tables, each word contains two neighbours along a row.
     """
-    names = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
+    facets = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
+    more = ("sheen", "sheen_scale", "sheen_mean", "slants", "slant_numbers", "covered", "covered_mean")
+    names = [*facets, *more, *(f"beckmann_{name}" for name in facets if beckmann)]
     with np.load(Path(__file__).with_name("albedo_tables.npz")) as file:
-        more = ("sheen", "sheen_scale", "sheen_mean", "slants", "slant_numbers", "covered", "covered_mean")
-        parts = [_words(file[name]) for name in (*names, *more)]
-    tables = np.concatenate(parts)
-    assert len(tables) == layout.ALBEDO_END
+        tables = np.concatenate([_words(file[name]) for name in names])
+    assert len(tables) == (layout.ALBEDO_BECKMANN_END if beckmann else layout.ALBEDO_END)
     return tables
 
 

@@ -31,15 +31,27 @@ static vfloat albedo_line(__global const float* tables, vuint first, uint rows, 
     return albedo_between(tables, first, rows, root(alpha) * (float)(rows - 1u));
 }
 
-// E(μ): what GGX facets that are perfect mirrors reflect of light along a direction at first.
-static vfloat albedo_ggx(__global const float* tables, vfloat alpha, vfloat cosine) {
+// What is to be added to the places of the tables of GGX, for those of Beckmann's distribution. Only scenes that need them have them
+// (-D BECKMANN).
+static vuint albedo_base(vmask beckmann) {
+#ifdef BECKMANN
+    return beckmann ? splat_uint(ALBEDO_BECKMANN) : splat_uint(0u);
+#else
+    return splat_uint(0u);
+#endif
+}
+
+// E(μ): what facets that are perfect mirrors reflect of light along a direction at first.
+static vfloat albedo_even(__global const float* tables, vuint base, vfloat alpha, vfloat cosine) {
     const vfloat x = albedo_column(alpha, cosine) * (float)(GGX_COLUMNS - 1u);
-    return albedo_at(tables, splat_uint(ALBEDO_GGX), GGX_ROWS, GGX_COLUMNS - 1u, GGX_COLUMNS - 1u, root(alpha) * (float)(GGX_ROWS - 1u), x);
+    return albedo_at(tables, base + ALBEDO_GGX, GGX_ROWS, GGX_COLUMNS - 1u, GGX_COLUMNS - 1u, root(alpha) * (float)(GGX_ROWS - 1u), x);
 }
 // 1 − E_avg. The table has it over alpha^(3/2), and more rows: where alpha is small, it grows too fast to be interpolated.
-static vfloat albedo_ggx_lost(__global const float* tables, vfloat alpha) {
-    return albedo_line(tables, splat_uint(ALBEDO_GGX_LOST), GGX_LOST_ROWS, alpha) * alpha * root(alpha);
+static vfloat albedo_even_lost(__global const float* tables, vuint base, vfloat alpha) {
+    return albedo_line(tables, base + ALBEDO_GGX_LOST, GGX_LOST_ROWS, alpha) * alpha * root(alpha);
 }
+static vfloat albedo_ggx(__global const float* tables, vfloat alpha, vfloat cosine) { return albedo_even(tables, splat_uint(0u), alpha, cosine); }
+static vfloat albedo_ggx_lost(__global const float* tables, vfloat alpha) { return albedo_even_lost(tables, splat_uint(0u), alpha); }
 
 // B(μ) / E(μ), where B is what E would be with facets that reflect (1 − c)^5, c the cosine at the facet: with Schlick's Fresnel term,
 // f0 + (f90 − f0) (1 − c)^5, a surface reflects f0 E + (f90 − f0) B at first.
@@ -76,6 +88,7 @@ static Slant albedo_slant(__global const float* tables, uint which, vfloat alpha
 // and between both alphas nearly linear in its logarithm.
 typedef struct {
     Alpha alpha;
+    vuint base;              // of the tables: albedo_base
     vfloat mean;             // of both alphas
     vmask turned;            // they differ
     vfloat row, apart;       // where they are in the tables
@@ -83,8 +96,9 @@ typedef struct {
 } Facets;
 
 // `alpha` along y, the least one that counts, and the strength of anisotropy from 0 to 1 (glTF, KHR_materials_anisotropy).
-static Facets facets_of(vfloat alpha, float least, vfloat strength) {
+static Facets facets_of(vfloat alpha, float least, vfloat strength, vmask beckmann) {
     Facets f;
+    f.base = albedo_base(beckmann);
     f.alpha.y = greater(alpha, splat(least));
     f.alpha.x = fma(strength * strength, splat(1.0f) - f.alpha.y, f.alpha.y);
     f.mean = (f.alpha.x + f.alpha.y) * 0.5f;
@@ -100,7 +114,7 @@ static Facets facets_of(vfloat alpha, float least, vfloat strength) {
 
 // E of a direction above such facets.
 static vfloat albedo_facets(__global const float* tables, const Facets* f, vec3 w) {
-    const vfloat even = albedo_ggx(tables, f->mean, w.z);
+    const vfloat even = albedo_even(tables, f->base, f->mean, w.z);
     if (!lane_any(f->turned)) return even;
     const vfloat across2 = fma(w.x, w.x, w.y * w.y), x = w.x * f->alpha.x, y = w.y * f->alpha.y;
     const vfloat seen2 = across2 > 1.0e-20f ? fma(x, x, y * y) * inverse_or_one(across2) : f->alpha.y * f->alpha.y;
@@ -108,7 +122,7 @@ static vfloat albedo_facets(__global const float* tables, const Facets* f, vec3 
     const vfloat turn = log2_of(ratio) * 2.0f * f->stretch, column = albedo_column(seen, w.z) * (float)(TURNED_COLUMNS - 1u);
     const vint row = vint_of(bounded(f->row, 0.0f, (float)(TURNED_ROWS - 2u))), apart = vint_of(bounded(f->apart, 0.0f, (float)(TURNED_APART - 2u)));
     const uint words = TURNED_COLUMNS - 1u, part = TURNED_TURNS * words, next = TURNED_APART * part;
-    const vuint first = vuint_from_int(row) * next + vuint_from_int(apart) * part + ALBEDO_TURNED;
+    const vuint first = f->base + vuint_from_int(row) * next + vuint_from_int(apart) * part + ALBEDO_TURNED;
     const vfloat a = albedo_at(tables, first, TURNED_TURNS, words, words, turn, column);
     const vfloat b = albedo_at(tables, first + part, TURNED_TURNS, words, words, turn, column);
     const vfloat c = albedo_at(tables, first + next, TURNED_TURNS, words, words, turn, column);
@@ -117,10 +131,10 @@ static vfloat albedo_facets(__global const float* tables, const Facets* f, vec3 
     return f->turned ? fma(f->row - vfloat_of(row), lower - upper, upper) : even;
 }
 static vfloat albedo_facets_lost(__global const float* tables, const Facets* f) {
-    const vfloat even = albedo_ggx_lost(tables, f->mean);
+    const vfloat even = albedo_even_lost(tables, f->base, f->mean);
     if (!lane_any(f->turned)) return even;
     const vint row = vint_of(bounded(f->row, 0.0f, (float)(TURNED_ROWS - 2u)));
-    const vuint first = vuint_from_int(row) * TURNED_APART + ALBEDO_TURNED_LOST;
+    const vuint first = f->base + vuint_from_int(row) * TURNED_APART + ALBEDO_TURNED_LOST;
     const vfloat a = albedo_between(tables, first, TURNED_APART, f->apart), b = albedo_between(tables, first + TURNED_APART, TURNED_APART, f->apart);
     return f->turned ? fma(f->row - vfloat_of(row), b - a, a) * f->mean * root(f->mean) : even;
 }

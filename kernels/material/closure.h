@@ -89,7 +89,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     const vfloat alpha = p->roughness * p->roughness, none = splat(0.0f), one = splat(1.0f);
     const vmask glass = p->kind == MATERIAL_DIELECTRIC, thin = parameters_flag(p, MATERIAL_FLAG_THIN);
     const vmask lit = front | !parameters_flag(p, MATERIAL_FLAG_ONE_SIDED), beckmann = parameters_flag(p, MATERIAL_FLAG_BECKMANN);
-    c->facets = facets_of(alpha, CLOSURE_SMOOTH, p->anisotropy);
+    c->facets = facets_of(alpha, CLOSURE_SMOOTH, p->anisotropy, beckmann);
 
     // The shares of metal, glass, and of what is neither, of the base
     const vfloat metallic = layered ? p->metallic : metal ? one : none;
@@ -125,6 +125,7 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     Glass* g = &c->glass;
     g->thin = thin;
     g->beckmann = beckmann & glass;
+    g->base = c->facets.base;
     const vfloat ior = thin & (p->ior < 1.0f) ? quotient(one, p->ior) : p->ior, turned = front | thin ? ior : quotient(one, ior);
     const vfloat least = turned < 1.0f ? splat(1.0f - CLOSURE_LEAST_BEND) : splat(1.0f + CLOSURE_LEAST_BEND);
     g->eta = absolute(turned - 1.0f) < CLOSURE_LEAST_BEND ? least : turned;

@@ -492,3 +492,12 @@ def test_simple_materials_have_no_rows() -> None:
     assert arrays["materials"]["kind"].tolist() == [0, 1, 2]
     assert arrays["materials"]["ior"].tolist() == [1.0, 1.0, 1.5]
     assert arrays["material_rows"].shape == (1, 16) and len(arrays["albedo_tables"]) == 1
+
+
+def test_tables_of_beckmann_are_there_where_it_scatters_more_than_once() -> None:
+    for multiple in (True, False):
+        facets = {"microfacets": "beckmann", "multiple_scattering": multiple, "roughness": 0.4}
+        for kind in ({"type": "conductor", "metal": "Au"}, {"type": "dielectric", "ior": 1.5}):
+            described = {"camera": {"position": (0, 0, 3), "target": (0, 0, 0)}, "materials": {"m": {**kind, **facets}}}
+            tables = flatten(scenes.Scene.model_validate(described), 8, 8).arrays["albedo_tables"]
+            assert len(tables) == (layout.ALBEDO_BECKMANN_END if multiple else layout.ALBEDO_END)

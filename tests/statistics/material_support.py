@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from sampling_support import random_bits
 
+from clrender import layout
 from clrender.flatten import flatten
 from clrender.scene import Scene
 
@@ -99,7 +100,8 @@ def run(
     results = device.empty(4 * outputs * count)
     ior = flat.arrays["materials"]["ior"][0]
     given = [*buffers, np.float32(ior), np.uint32(front), *more, np.uint32(count), results]
-    device.launch(device.program(SOURCE, {"LANES": LANES}), kernel, count // LANES, 16, given)
+    beckmann = {"BECKMANN": 1} if len(flat.arrays["albedo_tables"]) > layout.ALBEDO_END else {}
+    device.launch(device.program(SOURCE, {"LANES": LANES, **beckmann}), kernel, count // LANES, 16, given)
     out = np.empty((outputs, count), np.float32)
     device.read(results, out)
     for buffer in (*buffers, results):

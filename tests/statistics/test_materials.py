@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 ANGLES = (0.0, 30.0, 60.0, 75.0, 85.0, 89.0)
 ALPHAS = (0.0012, 0.01, 0.05, 0.1, 0.25, 0.5, 0.75, 1.0)
 
-WHOLE = {
+BECKMANN: dict[str, Any] = {"microfacets": "beckmann"}
+WHOLE: dict[str, dict[str, Any]] = {
     **{f"oren_nayar {r}": oren_nayar(r) for r in (0.0, 0.1, 0.5, 1.0)},
     **{f"conductor {a}": conductor(a) for a in ALPHAS},
     **{f"f0 {a}": conductor(a, f0=WHITE) for a in (0.05, 0.5)},
@@ -56,6 +57,10 @@ WHOLE = {
     "half metal": principled(0.1, metallic=0.5, diffuse_roughness=0.5),
     **{f"coat {r} on metal": principled(0.1, metallic=1.0, coat=1.0, coat_roughness=r) for r in (0.0, 0.1, 0.6)},
     "sheen on metal": principled(0.3, metallic=1.0, sheen_color=WHITE, sheen_roughness=0.5),
+    **{f"beckmann {a}": conductor(a, **BECKMANN) for a in (0.01, 0.05, 0.25, 0.5, 1.0)},
+    **{f"beckmann glass {a}": dielectric(a, **BECKMANN) for a in (0.01, 0.1, 0.5, 1.0)},
+    **{f"beckmann glass 0.3, {ior}": dielectric(0.3, ior, **BECKMANN) for ior in (1.05, 2.5)},
+    **{f"thin beckmann {a}": dielectric(a, thin=True, **BECKMANN) for a in (0.1, 1.0)},
 }
 """White materials that lose nothing, within 1e-3."""
 BOUNDED = {
@@ -71,7 +76,12 @@ BOUNDED = {
 }
 """White materials of which gloss that is no metal, or glass, lies below a coat or sheen, and loses some light."""
 ANISOTROPIC = {
-    f"{s}, {a}": conductor(a, f0=WHITE, anisotropy=s) for s in (0.2, 0.5, 0.8, 1.0) for a in (0.0012, 0.01, 0.05, 0.3)
+    **{
+        f"{s}, {a}": conductor(a, f0=WHITE, anisotropy=s)
+        for s in (0.2, 0.5, 0.8, 1.0)
+        for a in (0.0012, 0.01, 0.05, 0.3)
+    },
+    **{f"beckmann {s}, 0.05": conductor(0.05, f0=WHITE, anisotropy=s, **BECKMANN) for s in (0.3, 0.7, 1.0)},
 }
 """White metals that lose nothing, within 1e-3, towards any side."""
 RECIPROCAL = {**WHOLE, **BOUNDED, **ANISOTROPIC, "clear": principled(0.3, transmission=1.0, base_color=(0.9, 0.6, 0.3))}
@@ -92,7 +102,10 @@ def furnace(device: Device, material: dict[str, Any], seed: int, count: int = 2*
     return results
 
 
-FAST = ("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "cloth 0.4", "coat 0.1 on metal")
+FAST = (
+    *("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "cloth 0.4", "coat 0.1 on metal"),
+    *("beckmann 0.5", "beckmann glass 1.0", "thin beckmann 1.0"),
+)
 
 
 @pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in WHOLE])
@@ -286,6 +299,7 @@ def test_reciprocity(device: Device, name: str) -> None:
             for n in (
                 "glass 0.5",
                 "glass 1.0",
+                "beckmann glass 0.5",
                 "thin 1.0",
                 "coat",
                 "sheen and coat",
@@ -341,11 +355,12 @@ def test_the_tables_of_albedos() -> None:
         assert table[row, column] == pytest.approx(made["albedo"](direction, made["alike"](alpha))[0], abs=1e-5)
 
 
-def test_the_tables_of_rough_glass() -> None:
+@pytest.mark.parametrize("beckmann", [False, True])
+def test_the_tables_of_rough_glass(beckmann: bool) -> None:
     """As kernels interpolate them, against integrals over other facets: within 1e-3 for indices from 1.05 to 2.5."""
     made = runpy.run_path(str(SOURCE.parents[2] / "scripts" / "albedo_tables.py"))
     with np.load(made["FILE"]) as file:
-        table = file["glass"]
+        table = file["beckmann_glass" if beckmann else "glass"]
     rng, worst = np.random.default_rng(545), 0.0
     for i in range(300):
         alpha, ior, denser = 10.0 ** rng.uniform(-3.0, 0.0), rng.uniform(1.05, 2.5), i % 3 > 0
@@ -356,7 +371,7 @@ def test_the_tables_of_rough_glass() -> None:
         layer = int(at)
         column = made["glass_column"](alpha, cosine, ior, denser)
         low, high = (made["interpolated"](table[int(denser), k], math.sqrt(alpha), column) for k in (layer, layer + 1))
-        exact = made["glass_albedo"](cosine, alpha, 1.0 / ior if denser else ior, 22)
+        exact = made["glass_albedo"](cosine, alpha, 1.0 / ior if denser else ior, 21, beckmann)
         worst = max(worst, abs(float((low + (at - layer) * (high - low) - exact)[0])))
     print(f"worst {worst:.5f}")
     assert worst <= 1e-3

@@ -16,6 +16,7 @@
 typedef struct {
     vmask there, thin;
     vmask beckmann;          // the facets' distribution; else GGX
+    vuint base;              // of the tables: albedo_base
     vec3 color;              // of what passes
     vfloat share;            // of the surface
     vfloat alpha, eta;       // index beyond over index on this side; thin: of the wall over the outside
@@ -56,7 +57,7 @@ static vuint glass_layer(const Glass* g, vmask denser, vfloat* further) {
 static vfloat glass_missing(const Glass* g, __global const float* tables, vmask denser, vfloat cosine) {
     vfloat further;
     const uint words = GLASS_COLUMNS - 1u, next = GLASS_ROWS * words;
-    const vuint first = glass_layer(g, denser, &further) * next + ALBEDO_GLASS;
+    const vuint first = glass_layer(g, denser, &further) * next + g->base + ALBEDO_GLASS;
     // One division for albedo_column and glass_bend
     const vfloat apart = cosine - g->critical, sum = cosine + g->alpha, reach = fma(g->alpha, splat(3.0f), absolute(apart));
     const vfloat inverse = quotient(splat(1.0f), sum * reach), square = cosine * cosine;
@@ -66,16 +67,16 @@ static vfloat glass_missing(const Glass* g, __global const float* tables, vmask 
     const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = column * (float)words, low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x);
     const vfloat high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
     vfloat e = fma(further, high - low, low);
-    if (lane_any(g->there & g->thin)) e = g->thin ? albedo_ggx(tables, g->alpha, cosine) : e;
+    if (lane_any(g->there & g->thin)) e = g->thin ? albedo_even(tables, g->base, g->alpha, cosine) : e;
     return splat(1.0f) - e;
 }
 // 1 − E_avg.
 static vfloat glass_lost(const Glass* g, __global const float* tables, vmask denser) {
     vfloat further;
-    const vuint first = glass_layer(g, denser, &further) * GLASS_LOST_ROWS + ALBEDO_GLASS_LOST;
+    const vuint first = glass_layer(g, denser, &further) * GLASS_LOST_ROWS + g->base + ALBEDO_GLASS_LOST;
     const vfloat low = albedo_line(tables, first, GLASS_LOST_ROWS, g->alpha);
     const vfloat high = albedo_line(tables, first + GLASS_LOST_ROWS, GLASS_LOST_ROWS, g->alpha);
-    const vfloat lost = g->thin ? albedo_ggx_lost(tables, g->alpha) : fma(further, high - low, low) * g->alpha;
+    const vfloat lost = g->thin ? albedo_even_lost(tables, g->base, g->alpha) : fma(further, high - low, low) * g->alpha;
     return greater(lost, splat(1.0e-7f));
 }
 
