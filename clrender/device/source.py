@@ -21,6 +21,7 @@ from clrender.resources import kernels_folder
 __all__ = ["Source", "expand", "kernels_sha256", "load_source"]
 
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
+_INCLUDES = re.compile(rb'#[ \t]*include[ \t]*"([^"\n]+)"')
 _DECIDE = ("include", "if", "ifdef", "ifndef", "else", "elif", "endif")
 _COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*|/\*.*\Z", re.DOTALL)
 
@@ -90,7 +91,9 @@ def expand(entry: str | Path, root: Path | None = None) -> str:
 
 
 def kernels_sha256(root: Path | None = None) -> str:
-    """Hash of all kernel files, including their names; the cache key of verdicts about drivers.
+    """Hash of the kernel files of all programs, including their names; the cache key of verdicts about drivers.
+
+    These are the entry points, `*.cl`, and what they include. Other files in the folder do not matter.
 
     Parameters
     ----------
@@ -101,10 +104,16 @@ def kernels_sha256(root: Path | None = None) -> str:
 
 
 def _hash_of(folder: Path) -> str:
+    known = {path.relative_to(folder).as_posix().encode(): path for path in _kernel_files(folder)}
+    reached = {name for name in known if name.endswith(b".cl")}
+    contents: dict[bytes, bytes] = {}
+    while left := reached - contents.keys():
+        contents |= {name: known[name].read_bytes() for name in left}
+        reached |= {other for name in left for other in _INCLUDES.findall(contents[name])} & known.keys()
     digest = hashlib.sha256()
-    for path in _kernel_files(folder):
-        data = path.read_bytes()
-        digest.update(f"{path.relative_to(folder).as_posix()}\0{len(data)}\0".encode() + data)
+    for name in known:
+        if name in contents:
+            digest.update(b"%b\0%d\0" % (name, len(contents[name])) + contents[name])
     return digest.hexdigest()
 
 

@@ -133,7 +133,7 @@ def _summed(texture: TextureMeans, cutoff: float | None, reach: list[float]) -> 
     )
     tables = [np.zeros((high + 1, wide + 1), np.int32) for _ in range(2)]
     for row in range(high):
-        opacity = texture.texels(np.arange(wide), np.full(wide, row), *texture.size)[:, 0]
+        opacity = texture.texels(np.arange(wide), np.full(wide, row))[:, 0]
         hole = (opacity <= 0.0) if cutoff is None else (opacity < cutoff * (1.0 - 1e-6))
         whole = (opacity >= 1.0) if cutoff is None else (opacity >= cutoff * (1.0 + 1e-6))
         for table, marked in zip(tables, (~hole, ~whole), strict=True):

@@ -14,6 +14,7 @@ from clrender.errors import SceneError
 from clrender.scene.alias import alias_table
 from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
 from clrender.scene.emission import Emission, shape_emission
+from clrender.scene.emission_means import EmissionMeans
 from clrender.scene.environment import EnvironmentTable, environment_table
 from clrender.scene.instances import FlatInstances, box_of
 from clrender.scene.lamp_tables import LampTables
@@ -22,7 +23,6 @@ from clrender.scene.light_tree import Emitters, LightTree, light_tree
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.sky import Sun, sky_picture
 from clrender.scene.surfaces import FlatSurfaces, triangle_areas
-from clrender.scene.texture_means import TextureMeans
 from clrender.scene.texture_rows import FlatTextures
 from clrender.scene.values import POWER_LIMIT, Color, length
 from clrender.scene.wording import place
@@ -136,7 +136,7 @@ def flat_lights(
             continue
         texture = textures.emission.get(index)
         if texture is not None and texture not in darkest:
-            darkest[texture] = _LEAST_SHARE * _texture_luminance(scene, emission, TextureMeans(textures, texture))
+            darkest[texture] = _LEAST_SHARE * _texture_luminance(scene, emission, EmissionMeans(textures, texture))
         if (_luminance(emission.constant) if texture is None else darkest[texture]) == 0.0:
             continue
         count = int(surfaces.count[index])
@@ -311,7 +311,7 @@ def _means(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, number:
 
     Computed for all shapes at once: one at a time, it would dominate the time to load ten thousand shapes.
     """
-    texture = TextureMeans(textures, number)
+    texture = EmissionMeans(textures, number)
     found: dict[int, NDArray[np.float64]] = {}
     indices = [index for index, other in textures.emission.items() if other == number]
     for kind, mean in ((Sphere, texture.sphere), (Disk, texture.disk)):
@@ -328,7 +328,7 @@ def _means(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, number:
     return found
 
 
-def _texture_luminance(scene: Scene, emission: Emission, texture: TextureMeans) -> float:
+def _texture_luminance(scene: Scene, emission: Emission, texture: EmissionMeans) -> float:
     """Mean luminance of an emission texture."""
     mean, least, most = texture.whole()
     where = f"{scene.source}: {place(emission.place)}"

@@ -161,12 +161,12 @@ class _Band:
     """Rows of a texture, and their prefix sums."""
 
     def __init__(self, texture: TextureMeans, first: int, count: int) -> None:
-        width, height = texture.size
+        width = texture.size[0]
         self._first, self._nearest = first, texture.is_nearest
         self._clamped = texture.wraps[0] == layout.TEXTURE_WRAPS["clamp"]
         self._period = width if self._clamped or texture.wraps[0] == layout.TEXTURE_WRAPS["repeat"] else 2 * width
         columns, rows = np.arange(self._period)[None], np.arange(first, first + count)[:, None]
-        self._values = np.clip(texture.texels(columns, rows, width, height), 0.0, 1.0)
+        self._values = np.clip(texture.texels(columns, rows), 0.0, 1.0)
         self._sums = np.zeros((count, self._period + 1, 3))
         np.cumsum(self._values, axis=1, out=self._sums[:, 1:])
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -12,26 +13,21 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.scene.angles import sin_cos_degrees
-from clrender.scene.texels import tile_shape
+from clrender.scene.texel_table import TexelTable
 from clrender.scene.texture_rows import FlatTextures
 
-__all__ = ["TextureMeans"]
+__all__ = ["MOST_POINTS", "SUMMED", "TextureMeans"]
 
 _Floats: TypeAlias = NDArray[np.float64]
 _Ints: TypeAlias = NDArray[np.int64]
 _MOST_STEPS: Final = 512
 """Most steps along an edge: larger textures are sampled."""
-_CHUNK: Final = 2**19
-"""Points at a time."""
-
-
-def _wrapped(texel: _Ints, count: int, wrap: int) -> _Ints:
-    if wrap == layout.TEXTURE_WRAPS["clamp"]:
-        return np.clip(texel, 0, count - 1)
-    if wrap == layout.TEXTURE_WRAPS["repeat"]:
-        return np.mod(texel, count)
-    twice = np.mod(texel, 2 * count)
-    return np.where(twice < count, twice, 2 * count - 1 - twice)
+MOST_POINTS: Final = _MOST_STEPS**2
+"""Most points in a triangle."""
+_CHUNK: Final = 2**14
+"""Points at a time, few enough that their arrays stay in the cache."""
+SUMMED: Final = 2**19
+"""Texels of an image that are summed at a time."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +66,12 @@ class TextureMeans:
             for first in range(0, len(chosen), at_once):
                 some = chosen[first : first + at_once]
                 a, b, c = (uv[some, corner, None, :] for corner in range(3))
-                points = a + (b - a) * weights[:, :1] + (c - a) * weights[:, 1:]
-                means[some] = _sums(self._values(points[..., 0], points[..., 1])) / len(weights)
+                means[some] = self._sums(
+                    *(
+                        a[..., axis] + (b - a)[..., axis] * weights[:, 0] + (c - a)[..., axis] * weights[:, 1]
+                        for axis in range(2)
+                    )
+                ) / len(weights)
         return means
 
     def sphere(self) -> _Floats:
@@ -91,22 +91,35 @@ class TextureMeans:
 
         return self._mean_of_rows(step, within)
 
-    def whole(self) -> tuple[_Floats, float, float]:
-        """Mean over the image, (3,), and its smallest and largest number."""
-        row, bits = self._row, self._bits
-        across, down = tile_shape(int(bits[3]) & 7)
-        width, height = int(bits[1]), int(bits[2])
-        count = -(-width // across) * -(-height // down)
-        per_tile = across * down
-        total, least, most = np.zeros(3), math.inf, 0.0
-        at_once = max(1, _CHUNK // per_tile)
-        for first in range(0, count, at_once):
-            last = min(first + at_once, count)
-            some = slice((int(bits[0]) + first) * per_tile, (int(bits[0]) + last) * per_tile)
-            values = self._numbers(some) * row[12:15].astype(np.float64)  # zero beyond the image's edges
-            total += np.cumsum(values, axis=0)[-1]
-            least, most = min(least, float(values.min())), max(most, float(values.max()))
-        return total / (width * height), least, most
+    def whole(self) -> tuple[_Floats, _Floats, _Floats, NDArray[np.bool_]]:
+        """Mean, smallest and largest numbers of the image, (3,) each, and which tiles are not black, (tiles,)."""
+        table = self.table
+        total, least, most = np.zeros(3), np.full(3, math.inf), np.zeros(3)
+        lit: list[NDArray[np.bool_]] = []
+        at_once = max(1, SUMMED // table.per_tile) * table.per_tile
+        for first in range(0, table.count, at_once):
+            position = np.arange(first, min(first + at_once, table.count)) + table.first
+            channels = table.at(position)  # zero beyond the image's edges
+            total += [np.cumsum(values)[-1] for values in channels]
+            least = np.minimum(least, [values.min() for values in channels])
+            most = np.maximum(most, [values.max() for values in channels])
+            lit.append(np.any([values != 0.0 for values in channels], axis=0).reshape(-1, table.per_tile).any(axis=1))
+        width, height = self.size
+        return total / (width * height), least, most, np.concatenate(lit)
+
+    def place_error(self, corners: _Floats) -> _Floats:
+        """Most rounding error of columns and rows, texels, of points in triangles with these corners: (T,)."""
+        row = np.abs(self._row.astype(np.float64))
+        u, v = (np.abs(corners[..., axis]).max(axis=1) for axis in range(2))
+        width, height = self.size
+        across = (u * row[6] + v * row[7] + row[8]) * width
+        down = (u * row[9] + v * row[10] + row[11]) * height
+        error: _Floats = 16.0 * float(np.finfo(np.float64).eps) * np.maximum(across, down)
+        return error
+
+    @cached_property
+    def table(self) -> TexelTable:
+        return TexelTable(self.textures, self.number)
 
     @property
     def _row(self) -> NDArray[np.float32]:
@@ -159,56 +172,40 @@ class TextureMeans:
             for row in range(step):
                 u, weight = weighted(row, middles)
                 if len(u):
-                    mean = _sums(self._values(u[None], np.full((1, len(u)), middles[row])))[0] / len(u)
+                    mean = self._sums(u[None], np.full((1, len(u)), middles[row]))[0] / len(u)
                     yield weight * mean, weight
 
         sums, weights = zip(*rows(), strict=True)
         mean: _Floats = np.array([math.fsum(column) for column in np.array(sums).T]) / math.fsum(weights)
         return mean
 
-    def _values(self, u: _Floats, v: _Floats) -> _Floats:
-        """Values at points, (..., 3)."""
+    def _sums(self, u: _Floats, v: _Floats) -> _Floats:
+        """Sums of the values at points, (T, points), of each row: (T, 3)."""
+        channels = self._values(u, v)
+        sums = [np.cumsum(each, axis=1)[:, -1] for each in channels[: 1 if self.table.is_grey else 3]]
+        return np.stack(sums * (3 // len(sums)), axis=-1)
+
+    def _values(self, u: _Floats, v: _Floats) -> list[_Floats]:
+        """Values at points, an array a channel."""
         x, y = self.place(u, v)
-        width, height = int(self._bits[1]), int(self._bits[2])
         if self.is_nearest:
-            return self.texels(np.floor(x).astype(np.int64), np.floor(y).astype(np.int64), width, height)
+            return self.table.at(self.table.position(np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)))
         left, top = np.floor(x - 0.5), np.floor(y - 0.5)
-        across, down = ((x - 0.5) - left)[..., None], ((y - 0.5) - top)[..., None]
-        column, row = left.astype(np.int64), top.astype(np.int64)
-        a, b, c, d = (self.texels(column + i, row + j, width, height) for j in (0, 1) for i in (0, 1))
-        above, below = a + across * (b - a), c + across * (d - c)
-        value: _Floats = above + down * (below - above)
-        return value
+        across, down = (x - 0.5) - left, (y - 0.5) - top
+        corners = self.table.corners(left.astype(np.int64), top.astype(np.int64))
 
-    def texels(self, column: _Ints, row: _Ints, width: int, height: int) -> _Floats:
+        def between(a: _Floats, b: _Floats, c: _Floats, d: _Floats) -> _Floats:
+            above, below = a + across * (b - a), c + across * (d - c)
+            value: _Floats = above + down * (below - above)
+            return value
+
+        values = list(zip(*map(self.table.at, corners), strict=True))
+        first = between(*values[0])
+        return [first] * 3 if self.table.is_grey else [first, *(between(*each) for each in values[1:])]
+
+    def texels(self, column: _Ints, row: _Ints) -> _Floats:
         """Values of texels, (..., 3), also beyond the edges of the image."""
-        form = int(self._bits[3])
-        x, y = (
-            _wrapped(at, size, wrap) for at, size, wrap in zip((column, row), (width, height), self.wraps, strict=True)
-        )
-        across, down = tile_shape(form & 7)
-        tile = int(self._bits[0]) + (y // down) * -(-width // across) + x // across
-        return self._numbers((tile * down + y % down) * across + x % across) * self._row[12:15].astype(np.float64)
-
-    def _numbers(self, index: _Ints | slice) -> _Floats:
-        """Decoded values of texels, (..., 3), by their index among all texels of this size."""
-        form = int(self._bits[3])
-        four, floats = bool(form & layout.TEXEL_FOUR), bool(form & layout.TEXEL_FLOAT)
-        size = (1 << (form & 7)) // (4 if four else 1)
-        stored = self.textures.texels.reshape(-1).view({1: "u1", 2: "<u2", 4: "<f4"}[size])
-        raw = stored.reshape(-1, 4 if four else 1)[index]
-        channel = form >> 11 & 7
-        is_alpha = channel == layout.TEXTURE_CHANNELS["a"]
-        if is_alpha and not four:
-            return np.ones((*raw.shape[:-1], 3))
-        wanted, begins = (raw[..., 3:], self._bits[5]) if is_alpha else (raw[..., :3], self._bits[4])
-        numbers = np.asarray(wanted if floats else self.textures.values[begins:][wanted], np.float64)
-        if is_alpha or not four:
-            return np.repeat(numbers, 3, axis=-1)
-        if channel == layout.TEXTURE_CHANNELS["luminance"]:
-            luminance = (numbers[..., :1] * 0.2126 + numbers[..., 1:2] * 0.7152) + numbers[..., 2:] * 0.0722
-            return np.repeat(luminance, 3, axis=-1)
-        return numbers if channel == 0 else np.repeat(numbers[..., channel - 1 : channel], 3, axis=-1)
+        return np.stack(self.table.at(self.table.position(column, row)), axis=-1)
 
 
 def _power_of_two(lengths: _Floats) -> _Ints:
@@ -225,8 +222,3 @@ def _centroids(step: int) -> _Floats:
         np.stack([i[turned] + 2 / 3, j[turned] + 2 / 3], 1),
     ]
     return np.concatenate(points) / step
-
-
-def _sums(values: _Floats) -> _Floats:
-    """Sums of (T, points, 3) over the points, (T, 3)."""
-    return np.asarray(np.cumsum(values, axis=1)[:, -1])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from clrender.device.source import expand, kernels_sha256, load_source
 from clrender.errors import RenderError
+from clrender.resources import kernels_folder
 
 
 def write(root: Path, **files: str) -> None:
@@ -129,12 +131,28 @@ def test_definitions_come_first_and_change_the_hash(tmp_path: Path) -> None:
 
 
 def test_the_hash_of_the_kernels_sees_names_and_contents(tmp_path: Path) -> None:
-    write(tmp_path, a_cl="1", b_h="2")
+    write(tmp_path, a_cl='#include "room/b.h"\n', room__b_h='  # include "c.h"\n', c_h="1", d_cl="")
     first = kernels_sha256(tmp_path)
-    (tmp_path / "b.h").rename(tmp_path / "c.h")
+    (tmp_path / "d.cl").rename(tmp_path / "e.cl")
     second = kernels_sha256(tmp_path)
-    (tmp_path / "c.h").write_text("3")
-    assert len({first, second, kernels_sha256(tmp_path)}) == 3
+    (tmp_path / "c.h").write_text("2")
+    third = kernels_sha256(tmp_path)
+    assert len({first, second, third}) == 3
+    write(tmp_path, old_h="3", room__older_h='#include "old.h"\n')
+    assert kernels_sha256(tmp_path) == third, "headers that nothing includes do not matter"
+
+
+def test_every_kernel_file_is_in_the_hash(tmp_path: Path) -> None:
+    """A change of any of them gives another hash: none is there that no entry point includes."""
+    shutil.copytree(kernels_folder(), tmp_path / "kernels")
+    folder, found = tmp_path / "kernels", set()
+    for path in [path for path in folder.rglob("*") if path.is_file()]:
+        before = path.read_bytes()
+        path.write_bytes(before + b"\n")
+        found.add(kernels_sha256(folder))
+        path.write_bytes(before)
+    assert len(found) == sum(path.is_file() for path in folder.rglob("*"))
+    assert kernels_sha256(folder) == kernels_sha256() not in found
 
 
 def test_every_entry_point_of_the_tree_expands() -> None:

@@ -22,10 +22,10 @@ from clrender.flatten import flatten
 from clrender.image.files import write_image
 from clrender.job import RenderJob
 from clrender.scene import Scene
+from clrender.scene.emission_means import EmissionMeans
 from clrender.scene.mesh_io import read_mesh
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.scene.texels import TILE_BYTES, TexelStore, tile_shape
-from clrender.scene.texture_means import TextureMeans
 from clrender.scene.textures import ImageTexture
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -307,7 +307,7 @@ def test_lights_of_one_texture_are_averaged_together(tmp_path: Path, monkeypatch
     asked: list[str] = []
 
     def counted(name: str) -> Callable[..., Any]:
-        ask = getattr(TextureMeans, name)
+        ask = getattr(EmissionMeans, name)
 
         def asks(*given: Any) -> Any:
             asked.append(name)
@@ -316,7 +316,7 @@ def test_lights_of_one_texture_are_averaged_together(tmp_path: Path, monkeypatch
         return asks
 
     for name in ("sphere", "triangles"):
-        monkeypatch.setattr(TextureMeans, name, counted(name))
+        monkeypatch.setattr(EmissionMeans, name, counted(name))
     lights = flatten(scene(tmp_path, *({**each, **shape} for each in kinds * 4)), 8, 8).arrays["lights"]
     assert sorted(asked) == ["sphere", "triangles"]
     assert np.array_equal(lights["radiance"], np.concatenate(alone * 4))

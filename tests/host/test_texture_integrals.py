@@ -55,7 +55,7 @@ def test_many_points_have_the_same_mean(tmp_path: Path, filter_: str, wrap: list
     for triangle, mean in zip(corners, exact, strict=True):
         a, b, c = triangle
         points = a + (b - a) * weights[:, :1] + (c - a) * weights[:, 1:]
-        many = t._values(points[:, 0], points[:, 1]).mean(axis=0)
+        many = np.stack(t._values(points[:, 0], points[:, 1]), axis=-1).mean(axis=0)
         # Each of some hundred edges of texels within is off by a share of the row of points that it runs through
         np.testing.assert_allclose(many, mean, atol=5e-3 if filter_ == "nearest" else 5e-5)
 
