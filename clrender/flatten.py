@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError, UsageError
-from clrender.scene.angles import tan_degrees
+from clrender.exact.angles import tan_degrees
 from clrender.scene.assembly import assemble
 from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (

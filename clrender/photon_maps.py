@@ -143,7 +143,7 @@ class PhotonMaps:
         for buffer in (deposits, counts, keys, values):
             device.release(buffer)
         self._held = [photon_map, starts]
-        area = math.pi * float(radius) ** 2
+        area = math.pi * (float(radius) * float(radius))
         return [photon_map, starts, stride, low, size, radius, np.float32(1.0 / (self._photons * area))]
 
     def _deposits(self, number: int) -> tuple[Buffer, Buffer]:

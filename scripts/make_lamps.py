@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from clrender.scene.angles import sin_cos_degrees  # noqa: E402
+from clrender.exact.angles import sin_cos_degrees  # noqa: E402
 
 __all__ = ["main", "scallop"]
 

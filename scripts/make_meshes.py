@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from clrender.scene.angles import sin_cos_degrees  # noqa: E402
+from clrender.exact.angles import sin_cos_degrees  # noqa: E402
 
 __all__ = ["bumpy_sphere", "candle", "geodesic", "head", "lathe", "liquid", "ply_bytes", "tumbler", "write_or_compare"]
 

@@ -17,7 +17,7 @@ import numpy as np
 from make_meshes import lathe, vertex_normals, write_or_compare
 from numpy.typing import NDArray
 
-from clrender.scene.angles import sin_cos_degrees
+from clrender.exact.angles import sin_cos_degrees
 
 __all__ = ["MODELS", "Chance", "Model"]
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from clrender.exact.angles import sin_cos_degrees  # noqa: E402
 from clrender.image.radiance_hdr import write_hdr  # noqa: E402
-from clrender.scene.angles import sin_cos_degrees  # noqa: E402
 
 __all__ = ["main", "sky"]
 

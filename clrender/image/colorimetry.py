@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.exact.matrices import determinant, inverse, product, times
+
 __all__ = ["REC_709", "rec_709_matrix"]
 
 REC_709: Final = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -47,13 +49,13 @@ def rec_709_matrix(chromaticities: Sequence[float]) -> npt.NDArray[np.float64] |
     if np.abs(given - REC_709).max() <= _SAME:
         return None
     if np.abs(given[:6] - _XYZ).max() <= _SAME:
-        return np.asarray(np.linalg.inv(_to_xyz(np.array(REC_709))))
+        return inverse(_to_xyz(np.array(REC_709)))
     here, there = _white(given), _white(np.array(REC_709))
-    adapted = np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ there) / (_BRADFORD @ here)) @ _BRADFORD
-    matrix = np.linalg.inv(_to_xyz(np.array(REC_709))) @ adapted @ _to_xyz(given)
+    adapted = product(inverse(_BRADFORD), (times(_BRADFORD, there) / times(_BRADFORD, here))[:, None] * _BRADFORD)
+    matrix = product(inverse(_to_xyz(np.array(REC_709))), product(adapted, _to_xyz(given)))
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > 1e3:
         raise ValueError("its chromaticities span no colour space")
-    return np.asarray(matrix)
+    return matrix
 
 
 def _white(chromaticities: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -67,6 +69,6 @@ def _to_xyz(chromaticities: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Columns: XYZ of each primary, such that all three together are white of luminance 1 (SMPTE RP 177-1993)."""
     x, y = chromaticities[0:6:2], chromaticities[1:6:2]
     primaries = np.stack([x, y, 1.0 - x - y])
-    if abs(np.linalg.det(primaries)) < 1e-6:
+    if abs(determinant(primaries)) < 1e-6:
         raise ValueError("its chromaticities span no colour space")
-    return np.asarray(primaries * np.linalg.solve(primaries, _white(chromaticities)))
+    return np.asarray(primaries * times(inverse(primaries), _white(chromaticities)))

@@ -15,6 +15,7 @@ from typing import IO, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.exact.matrices import times
 from clrender.image.colorimetry import rec_709_matrix
 from clrender.image.display import PIXEL_LIMIT, check_size
 
@@ -140,7 +141,7 @@ def _displayed(planes: list[npt.NDArray[Any]], header: dict[str, Any]) -> _Image
     matrix = rec_709_matrix(header["chromaticities"]) if "chromaticities" in header else None
     if matrix is not None:
         for first in range(0, height, _ROWS):
-            image[first : first + _ROWS] = image[first : first + _ROWS].astype(np.float64) @ matrix.T
+            image[first : first + _ROWS] = times(matrix, image[first : first + _ROWS])
     return image
 
 

@@ -11,6 +11,7 @@ from typing import IO, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.exact.matrices import times
 from clrender.image.colorimetry import rec_709_matrix
 from clrender.image.display import PIXEL_LIMIT, check_size
 
@@ -153,7 +154,7 @@ def _decoded(
         exponent = rgbe[:, 3:].astype(np.int32)
         values = np.where(exponent > 0, np.ldexp(rgbe[:, :3] + 0.5, exponent - 136), 0.0) * scale
         with np.errstate(over="ignore"):
-            row[:] = values if matrix is None else values @ matrix.T
+            row[:] = values if matrix is None else times(matrix, values)
     return image
 
 

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import UsageError
+from clrender.exact.elementary import power_two_fifths
 
 __all__ = ["LUMINANCE", "TONE_MAPS", "display_values", "srgb_decode", "srgb_encode", "to_display"]
 
@@ -68,7 +69,8 @@ def srgb_encode(linear: npt.ArrayLike) -> _Array:
 def srgb_decode(display: npt.ArrayLike) -> _Array:
     """Decode sRGB display values 0..1 to linear values 0..1, any shape (IEC 61966-2-1)."""
     x = np.asarray(display, np.float64)
-    return np.where(x <= 0.04045, x / 12.92, np.power((np.maximum(x, 0.04045) + 0.055) / 1.055, 2.4))
+    base = (np.maximum(x, 0.04045) + 0.055) / 1.055
+    return np.where(x <= 0.04045, x / 12.92, base * base * power_two_fifths(base))
 
 
 def _reinhard(x: _Array) -> _Array:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
+from clrender.exact.angles import angle_of, sin_cos, tangent
+from clrender.exact.matrices import length
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.sharing import share_meshes
@@ -78,14 +80,14 @@ def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene) -
     """Keys of a camera that frames a whole box."""
     if not (high >= low).all():
         raise SceneError(f"{scene.source}: has no surface that a camera could be pointed at")
-    middle, radius = (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
+    middle, radius = (low + high) / 2.0, length(high - low) / 2.0
     wide = scene.image.width / scene.image.height
     half = math.radians(_VERTICAL_FOV) / 2.0
-    half = min(half, math.atan(math.tan(half) * wide))
+    half = min(half, angle_of(tangent(half) * wide, 1.0))
     # Even for a single point, the camera is so far away that double precision distinguishes the two
     radius = max(radius, 1e-6 * max(1.0, float(np.abs(middle).max())))
-    distance = _MARGIN * radius / math.sin(half)
-    toward = np.array(_FROM) / np.linalg.norm(_FROM)
+    distance = _MARGIN * radius / sin_cos(half)[0]
+    toward = np.array(_FROM) / length(_FROM)
     return {
         "position": tuple(float(x) for x in middle + distance * toward),
         "target": tuple(float(x) for x in middle),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.exact.matrices import length
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.mtl_file import MtlMaterial, read_mtl
@@ -85,7 +86,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     _note_statements(records, runs, faces, draft)
     library, folder = _library(records.statements, files, draft)
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are rejected below
-        diagonal = float(np.linalg.norm(np.ptp(faces.positions, axis=0)))
+        diagonal = length(np.ptp(faces.positions, axis=0))
 
     def note(sentence: str) -> None:
         draft.note(sentence.removeprefix(f"{files.source}: "))

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.angles import sin_cos_degrees
 from clrender.scene import Camera
-from clrender.scene.angles import sin_cos_degrees
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.values import Vector, cross, length
 

@@ -140,10 +140,12 @@ def hemicube_cells(side: int) -> tuple[NDArray[np.float32], _Floats]:
     x, y = (grid.ravel() for grid in np.meshgrid(middles, middles, indexing="ij"))
     area = 4.0 / (side * side)
     top = np.stack([x, y, np.ones_like(x)], axis=1)
-    top_factors = area / (math.pi * (x * x + y * y + 1.0) ** 2)
+    square = x * x + y * y + 1.0
+    top_factors = area / (math.pi * (square * square))
     upper = y > 0.0
     along, z = x[upper], y[upper]
-    side_factors = z * area / (math.pi * (along * along + z * z + 1.0) ** 2)
+    square = along * along + z * z + 1.0
+    side_factors = z * area / (math.pi * (square * square))
     one = np.ones_like(along)
     faces = [
         np.stack([one, along, z], 1),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.exact.matrices import inner
 from clrender.flatten import FlatScene, flatten, scene_origin
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.radiosity.textured import patch_coordinates, patch_reflectance, textured_shapes
@@ -204,7 +205,7 @@ class Patches:
         which : (n,) bool
         """
         edges = self.corners - np.roll(self.corners, -1, axis=1)
-        squares = (edges[..., 0] ** 2 + edges[..., 1] ** 2) + edges[..., 2] ** 2
+        squares = inner(edges, edges)
         longest = squares.argmax(axis=1)
         rows = np.arange(len(self))
         a, b, c = (self.corners[rows, (longest + k) % 3] for k in range(3))

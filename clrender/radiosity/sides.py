@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.matrices import length
 from clrender.radiosity.patches import Patches
 from clrender.scene.description import DirectionalLight
 from clrender.scene.lamps import AT_POINT
@@ -195,9 +195,9 @@ def traced_sides(tracer: Tracer, sides: _Uints, known: NDArray[np.bool_]) -> tup
 def importance(patches: Patches) -> _Floats:
     """Importance to the observer, (2 n,) float64: 1 nearby, falling with the square of the distance."""
     spans = patches.corners.reshape(-1, 3).max(axis=0) - patches.corners.reshape(-1, 3).min(axis=0)
-    near = (_NEAR * math.sqrt(float((spans * spans).sum()))) ** 2
+    near = _NEAR * length(spans)
     x, y, z = (patches.centers - np.array(patches.scene.camera.position)).T
-    return np.repeat(np.minimum(1.0, near / np.maximum((x * x + y * y) + z * z, 1e-30)), 2)
+    return np.repeat(np.minimum(1.0, near * near / np.maximum((x * x + y * y) + z * z, 1e-30)), 2)
 
 
 def box_around(patches: Patches, moved: tuple[int, int]) -> NDArray[np.float32]:

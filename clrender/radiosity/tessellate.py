@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.angles import sin_cos_degrees
 from clrender.radiosity.vectors import cross, dot
-from clrender.scene.angles import sin_cos_degrees
 
 __all__ = ["disk_triangles", "sphere_triangles"]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
+from clrender.exact.matrices import product
 from clrender.scene.description import Scene
 from clrender.scene.geometry import Affine
 from clrender.scene.materials import material_textures
@@ -214,8 +215,7 @@ def corner_uvs(shape: Shape, mesh: MeshData) -> NDArray[np.float32] | None:
     if isinstance(shape, Box):
         places = (mesh.vertices[mesh.triangles] - np.array(shape.center)) / np.array(shape.size)
         axes = np.repeat(np.array([face_axes(normal) for normal in _BOX_NORMALS]), 2, axis=0)
-        # Halves and zeros: exact in any order
-        return np.asarray(0.5 + np.einsum("tcx,tax->tca", places, axes), np.float32)
+        return np.asarray(0.5 + product(places, axes.transpose(0, 2, 1)), np.float32)
     return np.tile(np.array([(0, 0), (1, 0), (0, 1)], np.float32), (len(mesh.triangles), 1, 1))
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 __all__ = ["decimal_values", "digit_values"]
 
-_POWERS: Final = 10.0 ** np.arange(23)
+_POWERS: Final = np.array([float(10**k) for k in range(23)])
 """Powers of ten that double precision holds exactly."""
 _WORD: Final = 8
 _NIBBLES: Final = np.array([0x0F0F0F0F0F0F0F0F << 8 * (8 - n) & 2**64 - 1 for n in range(9)], np.uint64)

@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.scene.angles import sin_cos_degrees
+from clrender.exact.angles import sin_cos_degrees
 from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Quad, Tetrahedron, Transform, Triangle
 from clrender.scene.values import Vector, cross, length

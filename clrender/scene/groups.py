@@ -177,7 +177,7 @@ def _problem(array: NDArray[Any]) -> tuple[int, str] | None:
         volume = np.abs((cross * c).sum(axis=1))
         flat = ~(volume > 1e-12 * sizes.prod(axis=1))
         # The smallest factor is at least the volume divided by the square of the largest
-        extreme = ~((sizes.max(axis=1) <= _MOST_SCALE) & (volume >= sizes.max(axis=1) ** 2 / _MOST_SCALE))
+        extreme = ~((sizes.max(axis=1) <= _MOST_SCALE) & (volume >= np.square(sizes.max(axis=1)) / _MOST_SCALE))
     for faulty, sentence in (
         (wild, f"holds a number that is not finite, or beyond {COORDINATE_LIMIT:g}"),
         (bent, "does not end with the row [0, 0, 0, 1]: only affine transforms are known"),

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.exact.elementary import angles_of
+from clrender.exact.matrices import inner, length, lengths, product, total
 
 if TYPE_CHECKING:
     from clrender.scene.instances import FlatInstances
@@ -212,7 +214,8 @@ def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDA
         a, b, c = arrays["vertices"][arrays["triangles"][light["primitive"]]].astype(np.float64)
         normal = np.cross(b - a, c - a)
         inwards = np.array([[0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98], [1 / 3, 1 / 3, 1 / 3]])
-        return np.asarray(inwards @ np.stack([a, b, c]) + 1e-4 * normal / np.sqrt(np.sqrt((normal * normal).sum())))
+        away = 1e-4 * normal / math.sqrt(length(normal))
+        return np.asarray(product(inwards, np.stack([a, b, c])) + away)
     row = arrays["analytic_shapes"][light["primitive"] - triangle_count]
     center, radius = row["center_radius"][:3].astype(np.float64), float(row["center_radius"][3])
     if row["normal"][3] == 0.0:
@@ -251,15 +254,15 @@ def _turns(arrays: _Arrays, triangles: NDArray[np.intp], point: NDArray[np.float
 
     The solid angle is that of van Oosterom and Strackee (IEEE Trans. Biomed. Eng. 30(2), 1983).
     """
-    total = 0.0
+    turns = 0.0
     for start in range(0, len(triangles), _CHUNK):
         corners = arrays["triangles"][triangles[start : start + _CHUNK]]
         a, b, c = (arrays["vertices"][corners[:, i]].astype(np.float64) - point for i in range(3))
-        x, y, z = (np.sqrt((v * v).sum(axis=1)) for v in (a, b, c))
-        volume = (a * np.cross(b, c)).sum(axis=1)
-        below = x * y * z + (a * b).sum(axis=1) * z + (b * c).sum(axis=1) * x + (c * a).sum(axis=1) * y
-        total += float(np.arctan2(volume, below).sum()) / (2.0 * math.pi)
-    return total
+        x, y, z = (lengths(v) for v in (a, b, c))
+        volume = inner(a, np.cross(b, c))
+        below = x * y * z + inner(a, b) * z + inner(b, c) * x + inner(c, a) * y
+        turns += float(total(angles_of(volume, below))) / (2.0 * math.pi)
+    return turns
 
 
 def _round_turns(arrays: _Arrays, places: NDArray[np.intp], point: NDArray[np.float64]) -> float:
@@ -267,5 +270,6 @@ def _round_turns(arrays: _Arrays, places: NDArray[np.intp], point: NDArray[np.fl
     rows = arrays["analytic_shapes"][places]
     sphere = rows[rows["normal"][:, 3] != 0.0]
     away = sphere["center_radius"][:, :3].astype(np.float64) - point
-    inside = (away * away).sum(axis=1) < sphere["center_radius"][:, 3].astype(np.float64) ** 2
+    radius = sphere["center_radius"][:, 3].astype(np.float64)
+    inside = inner(away, away) < radius * radius
     return float(sphere["normal"][:, 3][inside].sum())

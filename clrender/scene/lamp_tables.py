@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.scene.angles import sin_cos_degrees
+from clrender.exact.angles import sin_cos_degrees
 from clrender.scene.ies import IesProfile
 from clrender.scene.sky import Sun, scene_sun
 
@@ -129,7 +129,8 @@ def lamp_table(profile: IesProfile) -> LampTable:
     polar, azimuth = (profile.vertical / 360.0).astype(np.float32), (horizontal / 360.0).astype(np.float32)
     turns = [np.array([sin_cos_degrees(360.0 * float(t)) for t in angles]) for angles in (polar, azimuth)]
     sines, cosines = turns[0].T
-    drops = np.array([2.0 * sin_cos_degrees(180.0 * float(t))[0] ** 2 for t in polar]).astype(np.float32)
+    half = np.array([sin_cos_degrees(180.0 * float(t))[0] for t in polar])
+    drops = (2.0 * (half * half)).astype(np.float32)
 
     # Integrals over each cell between two vertical and two horizontal angles
     light = values.astype(np.float64)

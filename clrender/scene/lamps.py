@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.exact.angles import sin_cos_degrees
 from clrender.exposure import LUMENS_PER_WATT
-from clrender.scene.angles import sin_cos_degrees
 from clrender.scene.lamp_tables import LampTables
 from clrender.scene.light_kinds import IesLight, PointLight, SpotLight
 from clrender.scene.values import Color, Vector, cross, length
@@ -72,7 +72,8 @@ def lamp_at(light: PointLight | SpotLight | IesLight, tables: LampTables) -> Lam
 
 def _spot(light: SpotLight) -> Lamp:
     """Smoothstep falloff, between the cosine of the edge and the value `blend` of the way from there to 1."""
-    spread = 2.0 * sin_cos_degrees(light.cone_degrees / 4.0)[0] ** 2
+    sine = sin_cos_degrees(light.cone_degrees / 4.0)[0]
+    spread = 2.0 * (sine * sine)
     fall, edge = light.blend * spread, 1.0 - spread
     flux = 2.0 * math.pi * spread * (1.0 - light.blend / 2.0)
     inner = edge + fall

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
 from clrender.errors import SceneError
-from clrender.scene.angles import sin_cos_degrees
-from clrender.scene.elementary import degrees_of
+from clrender.exact.angles import sin_cos_degrees
+from clrender.exact.elementary import degrees_of
 from clrender.scene.sun_position import parsed_time, sun_position
 from clrender.scene.values import (
     NUMBER_OR_TRIPLE,

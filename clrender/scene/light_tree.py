@@ -23,6 +23,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.matrices import lengths
+
 __all__ = ["NODE_WORDS", "Emitters", "LightTree", "light_tree"]
 
 NODE_WORDS: Final = 8
@@ -162,7 +164,7 @@ def _cones(cones: _Floats, order: NDArray[np.int64]) -> _Floats:
 def _about(first: _Floats, second: _Floats) -> _Floats:
     """A cone that bounds each pair of cones; a cosine of 2 marks an empty one."""
     axis = first[:, :3] + second[:, :3]
-    size = np.sqrt(axis[:, 0] ** 2 + axis[:, 1] ** 2 + axis[:, 2] ** 2)[:, None]
+    size = lengths(axis)[:, None]
     apart = size > 1e-6
     axis = np.divide(axis, size, out=np.zeros_like(axis), where=apart)
     cosine = np.minimum(_widened(axis, first), _widened(axis, second))
@@ -222,7 +224,7 @@ def _words(low: _Floats, high: _Floats, normals: _Floats, power: _Floats, infini
     low, high = np.where(there[:, None], low, 0.0), np.where(there[:, None], high, 0.0)
     words[:, :3] = low * 0.5 + high * 0.5
     half = (high - low) * 0.5
-    radius = np.sqrt(half[:, 0] ** 2 + half[:, 1] ** 2 + half[:, 2] ** 2)
+    radius = lengths(half)
     words[:, 3] = _INFINITE if infinite else radius
     words[:, 4:7] = np.divide(normals, power[:, None], out=np.zeros_like(normals), where=there[:, None])
     words[:, 7] = power

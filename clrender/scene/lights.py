@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
+from clrender.exact.matrices import lengths
 from clrender.scene.alias import alias_table
 from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
 from clrender.scene.emission import Emission, shape_emission
@@ -269,7 +270,7 @@ def _emitters(
     center = shapes["center_radius"].astype(np.float64)
     low[round_], high[round_] = center[:, :3] - center[:, 3:], center[:, :3] + center[:, 3:]
     normal[round_] = shapes["normal"][:, :3]
-    length = np.sqrt(normal[:, 0] ** 2 + normal[:, 1] ** 2 + normal[:, 2] ** 2)[:, None]
+    length = lengths(normal)[:, None]
     infinite = np.isin(kind, (layout.LIGHT_DIRECTIONAL, layout.LIGHT_ENVIRONMENT, layout.LIGHT_SUN))
     # For finite lights, flux over π: what a flat light emits along its normal. Others emit in all directions, for which
     # the tree expects a quarter of that. For infinitely distant ones, the irradiance.

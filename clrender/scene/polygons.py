@@ -178,7 +178,7 @@ def _on_a_line(outlines: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which of the polygons (F, n, 3) are collinear."""
     with np.errstate(over="ignore", invalid="ignore"):
         relative = outlines - outlines[:, :1]
-        lengths = (relative**2).sum(axis=2)
+        lengths = (relative * relative).sum(axis=2)
         longest = np.take_along_axis(relative, np.argmax(lengths, axis=1)[:, None, None], axis=1)
         across = np.abs(np.cross(relative, longest)).max(axis=(1, 2), initial=0.0)
         return np.asarray(across <= _TOLERANCE * lengths.max(axis=1, initial=0.0))

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.scene.angles import sin_cos_degrees
-from clrender.scene.elementary import arctangent
+from clrender.exact.angles import sin_cos_degrees
+from clrender.exact.elementary import arctangent
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.light_kinds import SunSkyLight
 from clrender.scene.sky_model import SUN_DEGREES, sky_radiance, sun_disc

@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.scene.elementary import arctangent, exponential
+from clrender.exact.elementary import arctangent, exponential
 from clrender.scene.values import Color
 
 __all__ = ["SUN_DEGREES", "SunDisc", "sky_radiance", "spectrum_of_the_sun", "sun_disc"]

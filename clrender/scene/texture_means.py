@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.scene.angles import sin_cos_degrees
+from clrender.exact.angles import sin_cos_degrees
 from clrender.scene.texel_table import TexelTable
 from clrender.scene.texture_rows import FlatTextures
 
@@ -86,7 +86,7 @@ class TextureMeans:
         step = self._steps()
 
         def within(row: int, middles: _Floats) -> tuple[_Floats, float]:
-            inside = middles[(middles - 0.5) ** 2 + (middles[row] - 0.5) ** 2 < 0.25]
+            inside = middles[np.square(middles - 0.5) + np.square(middles[row] - 0.5) < 0.25]
             return inside, float(len(inside))
 
         return self._mean_of_rows(step, within)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.scene.angles import sin_cos_degrees
+from clrender.exact.angles import sin_cos_degrees
 from clrender.scene.description import Scene
 from clrender.scene.emission import shape_emission
 from clrender.scene.materials import OrenNayar

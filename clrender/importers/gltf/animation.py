@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.angles import arccosine, sin_cos
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
 from clrender.scene.wording import quoted
@@ -63,12 +64,12 @@ def _value(accessors: Accessors, sampler: dict[str, Any], path: str, seconds: fl
     step = times[after] - times[before]
     t = (seconds - times[before]) / step
     if kind == "CUBICSPLINE":
-        a, b = values[before], values[after]
+        a, b, square, cube = values[before], values[after], t * t, t * t * t
         value = (
-            (2 * t**3 - 3 * t**2 + 1) * a[1]
-            + step * (t**3 - 2 * t**2 + t) * a[2]
-            + (-2 * t**3 + 3 * t**2) * b[1]
-            + step * (t**3 - t**2) * b[0]
+            (2 * cube - 3 * square + 1) * a[1]
+            + step * (cube - 2 * square + t) * a[2]
+            + (-2 * cube + 3 * square) * b[1]
+            + step * (cube - square) * b[0]
         )
         return _unit(value, path)
     if path == "rotation":
@@ -86,8 +87,8 @@ def _between(a: NDArray[np.float64], b: NDArray[np.float64], t: float) -> list[f
     """Spherical linear interpolation of quaternions, along the shorter arc."""
     dot = sum(float(x * y) for x, y in zip(a, b, strict=True))
     sign = -1.0 if dot < 0.0 else 1.0
-    angle = math.acos(min(abs(dot), 1.0))
+    angle = arccosine(min(abs(dot), 1.0))
     if angle < 1e-6:
         return _unit((1.0 - t) * a + t * sign * b, "rotation")
-    first, second = math.sin((1.0 - t) * angle), sign * math.sin(t * angle)
-    return _unit((first * a + second * b) / math.sin(angle), "rotation")
+    first, second, whole = (sin_cos(share * angle)[0] for share in (1.0 - t, t, 1.0))
+    return _unit((first * a + sign * second * b) / whole, "rotation")

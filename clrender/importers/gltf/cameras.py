@@ -77,5 +77,5 @@ def _made(document: Document, number: int, world: Matrix, node: int) -> tuple[di
 
 def _unit(vector: list[float]) -> list[float]:
     largest = max(abs(x) for x in vector) or 1.0
-    size = math.sqrt(sum((x / largest) ** 2 for x in vector)) * largest or 1.0
+    size = math.sqrt(sum((x / largest) * (x / largest) for x in vector)) * largest or 1.0
     return [x / size for x in vector]

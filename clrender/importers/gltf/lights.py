@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from clrender.exact.angles import sin_cos
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import Matrix
 from clrender.importers.gltf.nodes import Nodes
@@ -61,7 +62,8 @@ def _made(document: Document, light: dict[str, Any], world: Matrix, at: str) -> 
         document.note(f"{at}/spot/innerConeAngle is not below outerConeAngle; the edge is sharp")
         inner = outer
     # The fraction of the cone's solid angle that is not fully lit
-    blend = (math.cos(inner) - math.cos(outer)) / (1.0 - math.cos(outer)) if outer > 1e-6 else 0.0
+    lit, edge = sin_cos(inner)[1], sin_cos(outer)[1]
+    blend = (lit - edge) / (1.0 - edge) if outer > 1e-6 else 0.0
     return {
         "type": "spot",
         "position": position,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from clrender.exact.angles import sin_cos
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
 
@@ -107,5 +108,6 @@ def _transform(transform: dict[str, Any]) -> dict[str, Any]:
     """
     angle = transform.get("rotation", 0.0)
     (x, y), (u, v) = transform.get("offset", (0.0, 0.0)), transform.get("scale", (1.0, 1.0))
-    offset = [x + math.sin(angle) * v, 1.0 - y - math.cos(angle) * v]
+    sine, cosine = sin_cos(angle)
+    offset = [x + sine * v, 1.0 - y - cosine * v]
     return {"offset": offset, "rotate_degrees": math.degrees(angle), "scale": [u, v]}

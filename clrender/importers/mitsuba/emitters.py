@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
-import numpy as np
-
+from clrender.exact.angles import sin_cos
+from clrender.exact.matrices import length, times
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, handedness
@@ -68,7 +68,7 @@ class EmitterReader:
         lights.append(made)
 
     def _point(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
-        place = matrix @ [*plugin.vector("position", (0.0, 0.0, 0.0)), 1.0]
+        place = times(matrix, [*plugin.vector("position", (0.0, 0.0, 0.0)), 1.0])
         intensity = list(self._textures.light(plugin, "intensity", 1.0))
         return {"type": "point", "position": _floats(place[:3]), "intensity": intensity}
 
@@ -79,7 +79,7 @@ class EmitterReader:
             raise plugin.fault(f"the cone's angles are {beam:g} and {cutoff:g}; they must grow, up to 180 degrees")
         if plugin.child("texture") is not None:
             self._staging.note("the texture of a spot is left out")
-        edge, inner = math.cos(math.radians(cutoff)), math.cos(math.radians(beam))
+        edge, inner = (sin_cos(math.radians(degrees))[1] for degrees in (cutoff, beam))
         if beam < 0.999 * cutoff:
             self._staging.note("spots fall off by a smooth step in the cosine, and not linearly with the angle")
         return {
@@ -92,7 +92,7 @@ class EmitterReader:
         }
 
     def _directional(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
-        direction = matrix[:3, :3] @ plugin.vector("direction", (0.0, 0.0, 1.0))
+        direction = times(matrix[:3, :3], plugin.vector("direction", (0.0, 0.0, 1.0)))
         irradiance = list(self._textures.light(plugin, "irradiance", 1.0))
         return {"type": "directional", "direction": _floats(direction), "irradiance": irradiance}
 
@@ -115,14 +115,14 @@ class EmitterReader:
 
     def _sky(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
         """Sun and sky: up is z in Mitsuba, before `to_world`, and y here; the sun's direction is in world space."""
-        up = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        up = matrix[:3, 2] / length(matrix[:3, 2])
         if up[1] < 1.0 - 1e-6 or handedness(matrix) < 0.0:
             self._staging.note(f"{plugin.label} whose sky is not above +y is left out; turn its to_world")
             return None
         towards = plugin.vector("sun_direction", (0.0, 0.0, 0.0))
         if not towards.any():
             self._staging.note(f"{plugin.label} without sun_direction has its sun at 45 degrees")
-            towards = matrix[:3, :3] @ [0.0, 1.0, 1.0]
+            towards = times(matrix[:3, :3], [0.0, 1.0, 1.0])
             plugin.ignore(*(name for name in plugin.values if name in _DATES))
         if towards[1] < 0.0:
             self._staging.note(f"{plugin.label} with its sun below the horizon is left out")

@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
+from clrender.exact.angles import angle_of
+from clrender.exact.matrices import length
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.mitsuba.emitters import EmitterReader
@@ -26,7 +26,7 @@ from clrender.scene.wording import quoted
 __all__ = ["read"]
 
 _SPP_LIMIT: Final = 2**20
-_FILM_DIAGONAL: Final = math.hypot(36.0, 24.0)
+_FILM_DIAGONAL: Final = math.sqrt(36.0 * 36.0 + 24.0 * 24.0)
 """Diagonal of the film that focal lengths refer to, millimetres."""
 _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
 _PATHS: Final = frozenset(
@@ -103,7 +103,7 @@ class _Settings:
         camera = camera_keys(matrix, rightward=False, distance=distance if plugin.type == "thinlens" else None)
         if plugin.type == "orthographic":
             # The image is 2 wide before the transform
-            size = 2.0 * float(np.linalg.norm(matrix[:3, 1])) * height / width
+            size = 2.0 * length(matrix[:3, 1]) * height / width
             camera |= {"type": "orthographic", "height": size}
         else:
             camera["vertical_fov"] = self._angle(plugin, width, height)
@@ -129,7 +129,7 @@ class _Settings:
                 focal = 0.0
             if not 0.0 < focal < math.inf:
                 raise plugin.fault(f'"focal_length" is {quoted(text)}, but must be such as 50mm')
-            axis, degrees = "diagonal", math.degrees(2.0 * math.atan(_FILM_DIAGONAL / (2.0 * focal)))
+            axis, degrees = "diagonal", math.degrees(2.0 * angle_of(_FILM_DIAGONAL / (2.0 * focal), 1.0))
         if not 0.0 < degrees < 180.0:
             raise plugin.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees')
         return vertical_angle(degrees, axis, width, height)

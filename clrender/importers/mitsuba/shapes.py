@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.exact.matrices import length, product
 from clrender.importers.mitsuba.materials import MaterialReader
 from clrender.importers.mitsuba.media import MediumReader
 from clrender.importers.mitsuba.plugins import Plugin
@@ -104,7 +105,7 @@ class ShapeReader:
         if depth >= _GROUP_DEPTH:
             raise plugin.fault(f"instances are nested more than {_GROUP_DEPTH} deep, or contain themselves")
         groups = plugin.children_of("shape")
-        matrix = place @ plugin.matrix()
+        matrix = product(place, plugin.matrix())
         for group in groups:
             for child in group.children_of("shape"):
                 self.read(child, matrix, depth + 1)
@@ -124,7 +125,7 @@ class ShapeReader:
         if plugin.type not in known:
             self._staging.note(f"{plugin.label} is not known and left out")
             return
-        matrix = place @ plugin.matrix()
+        matrix = product(place, plugin.matrix())
         flip = plugin.flag("flip_normals", False)
         described = self._surface(plugin)
         if described is not None:
@@ -186,11 +187,11 @@ class ShapeReader:
 
     def _sphere(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         x, y, z = plugin.vector("center", (0.0, 0.0, 0.0))
-        matrix = matrix @ translation(x, y, z)
+        matrix = product(matrix, translation(x, y, z))
         # Mirroring turns Mitsuba's sphere inside out
         inside_out = flip != (handedness(matrix) < 0.0)
         described = {**described, "flip_normals": True} if inside_out else described
-        self._staging.sphere(described, plugin.number("radius", 1.0), matrix @ _POLES, plugin.line)
+        self._staging.sphere(described, plugin.number("radius", 1.0), product(matrix, _POLES), plugin.line)
 
     def _rectangle(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         quad = {"type": "quad", "origin": [-1.0, -1.0, 0.0], "edge_u": [2.0, 0.0, 0.0], "edge_v": [0.0, 2.0, 0.0]}
@@ -213,11 +214,11 @@ class ShapeReader:
         start = plugin.vector("p0", (0.0, 0.0, 0.0))
         end = plugin.vector("p1", (0.0, 0.0, 1.0))
         radius = plugin.number("radius", 1.0)
-        size = float(np.linalg.norm(end - start))
+        size = length(end - start)
         if not (radius > 0.0 and size > 0.0):
             raise plugin.fault("the cylinder has no radius or no length; give it both")
         self._staging.note("cylinders are approximated by 256 triangles")
-        matrix = matrix @ frame_along(start, end - start) @ scaling(radius, radius, size)
+        matrix = product(product(matrix, frame_along(start, end - start)), scaling(radius, radius, size))
         inside_out = flip != (handedness(matrix) < 0.0)
         self._staging.mesh(
             {**described, **_flipped(inside_out)}, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 from clrender.importers.mitsuba.plugins import Plugin
@@ -78,7 +79,7 @@ class SurfaceReader:
         alpha = plugin.number("alpha", 0.1)
         if plugin.has("alpha_u", "alpha_v"):
             u, v = plugin.number("alpha_u", 0.1), plugin.number("alpha_v", 0.1)
-            alpha = max(u * v, 0.0) ** 0.5
+            alpha = math.sqrt(max(u * v, 0.0))
             if u != v:
                 self._staging.note("alpha along u and along v is read as one: the root of their product")
         return roughness_of(alpha)
@@ -140,7 +141,7 @@ class SurfaceReader:
         self._staging.note(
             "the colour of a metal's specular_reflectance is put into its reflectance straight on (Schlick)"
         )
-        straight = [((n - 1.0) ** 2 + x * x) / ((n + 1.0) ** 2 + x * x) for n, x in zip(eta, k, strict=True)]
+        straight = [_straight_on(n, x) for n, x in zip(eta, k, strict=True)]
         made["f0"] = [a * b for a, b in zip(straight, tint, strict=True)]
         return made
 
@@ -194,7 +195,7 @@ class SurfaceReader:
             "anisotropy": share(plugin, "anisotropic", 0.0),
             "two_sided": two_sided,
         }
-        root = (0.08 * self._staging.share(plugin.number("specular", 0.5), "specular")) ** 0.5
+        root = math.sqrt(0.08 * self._staging.share(plugin.number("specular", 0.5), "specular"))
         made["ior"] = plugin.number("eta", (1.0 + root) / (1.0 - root))
         transmission = share(plugin, "spec_trans", 0.0)
         if transmission != 0.0:
@@ -216,3 +217,8 @@ class SurfaceReader:
             made["sheen_color"] = [sheen * ((1.0 - tint) + tint * x / most) for x in color]
         plugin.ignore("clearcoat_gloss", "sheen_tint", "diffuse_reflectance_sampling_rate")
         return made
+
+
+def _straight_on(eta: float, k: float) -> float:
+    """Reflectance of a metal at normal incidence."""
+    return ((eta - 1.0) * (eta - 1.0) + k * k) / ((eta + 1.0) * (eta + 1.0) + k * k)

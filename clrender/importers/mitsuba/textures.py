@@ -7,6 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.exact.angles import angle_of, sin_cos
+from clrender.exact.matrices import length
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.spectra import Color, blackbody_color, light_color, reflectance_color
@@ -203,9 +205,10 @@ class TextureReader:
     def _as_steps(self, plugin: Plugin, plane: Any) -> dict[str, Any]:
         """Decompose a matrix into scale, then rotation, then translation, at least approximately."""
         first, second = plane[:, 0], plane[:, 1]
-        along, turn = float(np.hypot(*first)), math.atan2(float(first[1]), float(first[0]))
-        across = float(-math.sin(turn) * second[0] + math.cos(turn) * second[1])
-        skew = float(math.cos(turn) * second[0] + math.sin(turn) * second[1])
+        along, turn = length(first), angle_of(float(first[1]), float(first[0]))
+        sine, cosine = sin_cos(turn)
+        across = float(-sine * second[0] + cosine * second[1])
+        skew = float(cosine * second[0] + sine * second[1])
         if abs(skew) > 1e-6 * max(along, abs(across)):
             self._staging.note(f"the transform of {plugin.label} is skewed, which is not known here: without the skew")
         if abs(turn) > 3.0:  # half a turn is a scale, which is easier to read

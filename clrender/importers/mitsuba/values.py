@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from clrender.errors import SceneError
+from clrender.exact.matrices import product
 from clrender.image.tone_map import srgb_decode
 from clrender.importers.mitsuba.plugins import Spectrum, Value
 from clrender.importers.mitsuba.xml_elements import Element
@@ -170,7 +171,7 @@ class ValueReader:
             if tag not in _STEPS:
                 raise self.fault(step, f"<{step.tag}> is no step of a transform{suggestion(tag, _STEPS)}")
             try:
-                whole = self._step(tag, step) @ whole
+                whole = product(self._step(tag, step), whole)
             except ValueError as error:
                 raise self.fault(step, f"{error}; give another") from None
         if not np.isfinite(whole).all():

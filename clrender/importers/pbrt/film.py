@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
+from clrender.exact.angles import angle_of, tangent
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.tokens import Directive
 from clrender.importers.shared.cameras import camera_keys, vertical_angle
@@ -172,7 +173,7 @@ class Settings:
             if window is None:
                 keys["vertical_fov"] = vertical_angle(degrees, "smaller", width, height)
             else:
-                half = math.tan(math.radians(degrees) / 2.0) * upward
-                keys["vertical_fov"] = math.degrees(2.0 * math.atan(half))
+                half = tangent(math.radians(degrees) / 2.0) * upward
+                keys["vertical_fov"] = math.degrees(2.0 * angle_of(half, 1.0))
         self._staging.draft.description["camera"] = keys
         self._tell_unused(parameters, "camera")

@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from clrender.exact.angles import sin_cos
+from clrender.exact.elementary import sines_cosines
+from clrender.exact.matrices import inner, times, total
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.sky_maps import unfolded_picture
+from clrender.importers.shared.spectra import LUMINANCE
 from clrender.importers.shared.staging import Staging
 from clrender.scene.wording import quoted
 
@@ -67,7 +71,7 @@ class LightReader:
 
     def _point(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         power = parameters.number("power", -1.0)
-        place = matrix @ [*parameters.vector("from", (0.0, 0.0, 0.0)), 1.0]
+        place = times(matrix, [*parameters.vector("from", (0.0, 0.0, 0.0)), 1.0])
         intensity = self._color(parameters, "I", power / (4.0 * math.pi) if power > 0.0 else 1.0)
         return {"type": "point", "position": [float(x) for x in place[:3]], "intensity": intensity}
 
@@ -76,14 +80,14 @@ class LightReader:
         cone, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
         if not 0.0 < cone < 180.0:
             raise parameters.fault(f'"coneangle" is {cone:g}, but must be above 0 and below 180 degrees', "coneangle")
-        edge, inner = math.cos(math.radians(cone)), math.cos(math.radians(max(cone - delta, 0.0)))
+        edge, inner = (sin_cos(math.radians(degrees))[1] for degrees in (cone, max(cone - delta, 0.0)))
         power = parameters.number("power", -1.0)
         # For a cone with a smoothstep falloff, whose mean is one half (PBR 4ed, 12.2.2)
         flux = 2.0 * math.pi * ((1.0 - inner) + (inner - edge) / 2.0)
         return {
             "type": "spot",
-            "position": [float(x) for x in (matrix @ [*start, 1.0])[:3]],
-            "direction": [float(x) for x in matrix[:3, :3] @ (end - start)],
+            "position": [float(x) for x in times(matrix, [*start, 1.0])[:3]],
+            "direction": [float(x) for x in times(matrix[:3, :3], end - start)],
             "intensity": self._color(parameters, "I", power / flux if power > 0.0 else 1.0),
             "cone_degrees": 2.0 * cone,
             "blend": min(max((inner - edge) / (1.0 - edge), 0.0), 1.0),
@@ -94,7 +98,7 @@ class LightReader:
         lux = parameters.number("illuminance", -1.0)
         irradiance = self._color(parameters, "L", lux if lux > 0.0 else 1.0)
         # pbrt's light shines in the direction from `from` to `to`
-        direction = [float(x) for x in matrix[:3, :3] @ (end - start)]
+        direction = [float(x) for x in times(matrix[:3, :3], end - start)]
         return {"type": "directional", "direction": direction, "irradiance": irradiance}
 
     def _infinite(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
@@ -121,7 +125,7 @@ class LightReader:
 def _illuminance(pixels: Any) -> float:
     """Irradiance, as luminance, of a floor below the upper half of an environment map."""
     height = len(pixels)
-    theta = (np.arange(height) + 0.5) / height * np.pi
-    weight = np.maximum(np.cos(theta), 0.0) * np.sin(theta) * (np.pi / height) ** 2
-    bright = pixels.astype(np.float64) @ [0.212671, 0.715160, 0.072169]
-    return float((bright.sum(axis=1) * weight).sum())
+    sines, cosines = sines_cosines((np.arange(height) + 0.5) / height * np.pi)
+    weight = np.maximum(cosines, 0.0) * sines * (np.pi / height * (np.pi / height))
+    bright = np.array([total(inner(row, LUMINANCE)) for row in pixels])
+    return float(total(bright * weight))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -129,7 +130,7 @@ class MaterialReader:
             if isinstance(color, dict):
                 return {"f0": color}
             color = [min(x, 0.9999) for x in color]
-            return {"eta": [1.0] * 3, "k": [2.0 * (x / (1.0 - x)) ** 0.5 for x in color]}
+            return {"eta": [1.0] * 3, "k": [2.0 * math.sqrt(x / (1.0 - x)) for x in color]}
         eta = self._textures.metal(parameters, f"{prefix}eta", "metal-Cu-eta")
         k = self._textures.metal(parameters, f"{prefix}k", "metal-Cu-k")
         return {"eta": [min(max(x, 1e-3), 1000.0) for x in eta], "k": [min(max(x, 0.0), 1000.0) for x in k]}

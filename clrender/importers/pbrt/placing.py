@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.angles import root
+from clrender.exact.matrices import determinant, length, lengths, product, times, total
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.matrices import Matrix, translation
+from clrender.importers.shared.matrices import Matrix, handedness, translation
 from clrender.importers.shared.staging import Staging
 from clrender.scene.wording import quoted
 
@@ -100,7 +103,7 @@ def _placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: i
     if described["type"] == "sphere":
         radius = described.pop("radius")
         described.pop("type")
-        staging.sphere(described, radius, matrix @ own, line)
+        staging.sphere(described, radius, product(matrix, own), line)
     elif described["type"] == "disk":
         described.pop("type")
         staging.disk(described, described.pop("radius"), described.pop("height"), matrix, line)
@@ -110,19 +113,19 @@ def _placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: i
 
 def _area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> float:
     """Area of a shape in world space, square metres."""
-    scale = abs(float(np.linalg.det(matrix[:3, :3]))) ** (1.0 / 3.0)
+    scale = root(abs(determinant(matrix[:3, :3])), 3)
     if described["type"] == "sphere":
-        return float(4.0 * np.pi * (described["radius"] * scale) ** 2)
+        return float(4.0 * np.pi * described["radius"] * scale * (described["radius"] * scale))
     if described["type"] == "disk":
-        across = float(np.linalg.norm(np.cross(matrix[:3, 0], matrix[:3, 1])))
-        return float(np.pi * described["radius"] ** 2 * across)
-    return float(np.linalg.norm(_face_areas(staging, described, matrix), axis=1).sum())
+        across = length(np.cross(matrix[:3, 0], matrix[:3, 1]))
+        return float(np.pi * described["radius"] * described["radius"] * across)
+    return float(total(lengths(_face_areas(staging, described, matrix))))
 
 
 def _face_areas(staging: Staging, described: dict[str, Any], matrix: Matrix) -> NDArray[np.float64]:
     """Vector areas of a mesh's triangles in world space."""
     mesh = staging.draft.meshes[described["file"]]
-    vertices = np.asarray(mesh.vertices, np.float64) @ matrix[:3, :3].T
+    vertices = times(matrix[:3, :3], mesh.vertices)
     a, b, c = (vertices[mesh.triangles[:, i]] for i in range(3))
     return np.asarray(np.cross(b - a, c - a) / 2.0)
 
@@ -132,20 +135,18 @@ def _other_side(staging: Staging, described: dict[str, Any], matrix: Matrix) -> 
     if described["type"] == "sphere":
         return None
     if described["type"] == "disk":
-        normal, size = (
-            np.cross(matrix[:3, 0], matrix[:3, 1]),
-            float(described["radius"] * np.linalg.norm(matrix[:3, 0])),
-        )
+        normal = np.cross(matrix[:3, 0], matrix[:3, 1])
+        size = described["radius"] * length(matrix[:3, 0])
     else:
         areas = _face_areas(staging, described, matrix)
-        normal = areas.sum(axis=0)
-        total = float(np.linalg.norm(areas, axis=1).sum())
-        if float(np.linalg.norm(normal)) < 0.999 * total:
+        normal = total(areas)
+        area = float(total(lengths(areas)))
+        if length(normal) < 0.999 * area:
             return None
-        size = total**0.5
-    if not float(np.linalg.norm(normal)) > 0.0:
+        size = math.sqrt(area)
+    if not length(normal) > 0.0:
         return None
-    sign = -1.0 if described.get("flip_normals", False) != (float(np.linalg.det(matrix[:3, :3])) < 0.0) else 1.0
-    x, y, z = -sign * _APART * size * normal / np.linalg.norm(normal)
+    sign = -1.0 if described.get("flip_normals", False) != (handedness(matrix) < 0.0) else 1.0
+    x, y, z = -sign * _APART * size * normal / length(normal)
     back = {**described, "flip_normals": not described.get("flip_normals", False)}
-    return back, translation(x, y, z) @ matrix
+    return back, product(translation(x, y, z), matrix)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.exact.matrices import product
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.pbrt.film import Camera, Settings
@@ -285,4 +286,4 @@ class _World:
             known = suggestion(name, self._objects)
             raise directive.fault(f"the object {quoted(name)} is not defined before, or this is inside of one{known}")
         for part in self._objects[name]:
-            self._placer.put(replace(part, line=directive.line), self._state.matrix @ part.matrix)
+            self._placer.put(replace(part, line=directive.line), product(self._state.matrix, part.matrix))

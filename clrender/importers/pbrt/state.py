@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.exact.matrices import product
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.tokens import Directive
 from clrender.importers.shared.matrices import (
@@ -93,7 +94,7 @@ def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> 
         return replace(state, matrix=systems[wanted])
     if name == "Identity":
         return replace(state, matrix=identity())
-    made = _by_columns(directive) if name == "Transform" else state.matrix @ _step(directive)
+    made = _by_columns(directive) if name == "Transform" else product(state.matrix, _step(directive))
     if not is_affine(made):
         raise directive.fault(
             f"{name} makes a transform that is no affine one, or cannot be inverted; give other numbers"
@@ -118,6 +119,6 @@ def _step(directive: Directive) -> Matrix:
         if name == "LookAt":
             numbers = directive.floats(9)
             return inverse(look_at(numbers[:3], numbers[3:6], numbers[6:]))
-    except (ValueError, np.linalg.LinAlgError) as error:
+    except ValueError as error:
         raise directive.fault(f"{error}; give other numbers") from None
     return _by_columns(directive)

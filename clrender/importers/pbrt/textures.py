@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Any, Final
 
 from clrender.importers.pbrt.parameters import Parameter, Parameters
@@ -178,8 +179,8 @@ class TextureReader:
         if u != v:
             self._staging.note("roughness along u and along v is read as one: the root of their product")
         u, v = max(u, 0.0), max(v, 0.0)
-        product = float((u * v) ** 0.5) if u != v else u
-        return product**0.5 if remapped else product
+        product = math.sqrt(u * v) if u != v else u
+        return math.sqrt(product) if remapped else product
 
     # --- textures
 

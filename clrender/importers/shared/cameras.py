@@ -7,6 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.exact.angles import angle_of, tangent
+from clrender.exact.matrices import length
 from clrender.importers.shared.matrices import Matrix, handedness
 
 __all__ = ["camera_keys", "vertical_angle"]
@@ -28,11 +30,11 @@ def vertical_angle(degrees: float, axis: str, width: int, height: int) -> float:
     across = {
         "x": width,
         "y": height,
-        "diagonal": math.hypot(width, height),
+        "diagonal": math.sqrt(width * width + height * height),
         "smaller": min(width, height),
         "larger": max(width, height),
     }[axis]
-    return math.degrees(2.0 * math.atan(math.tan(math.radians(degrees) / 2.0) * height / across))
+    return math.degrees(2.0 * angle_of(tangent(math.radians(degrees) / 2.0) * height / across, 1.0))
 
 
 def camera_keys(matrix: Matrix, rightward: bool, distance: float | None = None) -> dict[str, Any]:
@@ -48,7 +50,7 @@ def camera_keys(matrix: Matrix, rightward: bool, distance: float | None = None) 
         Distance of the plane of focus, along the view.
     """
     position, forward, up = matrix[:3, 3], matrix[:3, 2], matrix[:3, 1]
-    forward = forward / np.linalg.norm(forward)
+    forward = forward / length(forward)
     far = distance or 1.0
     target = position + far * forward
     if not (target - position).any():  # so far from the origin that a step of this length is lost to rounding
@@ -56,7 +58,7 @@ def camera_keys(matrix: Matrix, rightward: bool, distance: float | None = None) 
     keys: dict[str, Any] = {
         "position": [float(x) for x in position],
         "target": [float(x) for x in target],
-        "up": [float(x) for x in up / np.linalg.norm(up)],
+        "up": [float(x) for x in up / length(up)],
     }
     # Our right is forward x up = z x y, which is -x of a right-handed camera
     if (handedness(matrix) > 0.0) == rightward:

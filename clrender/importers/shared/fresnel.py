@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 __all__ = ["external_reflectance", "internal_reflectance"]
@@ -25,9 +27,9 @@ def external_reflectance(ior: float) -> float:
     inner = np.sqrt(1.0 - (1.0 - cosine * cosine) / (ior * ior))
     s = (cosine - ior * inner) / (cosine + ior * inner)
     p = (ior * cosine - inner) / (ior * cosine + inner)
-    return float((s * s + p * p).mean() / 2.0)
+    return math.fsum((s * s + p * p).tolist()) / (2.0 * _POINTS)
 
 
 def internal_reflectance(ior: float) -> float:
     """Like `external_reflectance`, on the inside: 1 - (1 - external) / ior^2."""
-    return 1.0 - (1.0 - external_reflectance(max(ior, 1.0))) / max(ior, 1.0) ** 2
+    return 1.0 - (1.0 - external_reflectance(max(ior, 1.0))) / (max(ior, 1.0) * max(ior, 1.0))

@@ -8,6 +8,10 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.angles import sin_cos
+from clrender.exact.matrices import determinant, length, product
+from clrender.exact.matrices import inverse as inverse_of
+
 __all__ = [
     "Matrix",
     "frame_along",
@@ -55,14 +59,14 @@ def rotation(axis: Any, degrees: float) -> Matrix:
         The axis is zero.
     """
     direction = np.asarray(axis, np.float64)
-    size = float(np.linalg.norm(direction))
+    size = length(direction)
     if not 0.0 < size < math.inf:
         raise ValueError("the axis of the rotation has no direction")
     x, y, z = direction / size
-    angle = math.radians(math.fmod(degrees, 360.0))
+    sine, cosine = sin_cos(math.radians(math.fmod(degrees, 360.0)))
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     made = np.eye(4)
-    made[:3, :3] += math.sin(angle) * across + (1.0 - math.cos(angle)) * (across @ across)
+    made[:3, :3] += sine * across + (1.0 - cosine) * product(across, across)
     return made
 
 
@@ -83,7 +87,7 @@ def look_at(origin: Any, target: Any, up: Any) -> Matrix:
     origin, target, up = (np.asarray(each, np.float64) for each in (origin, target, up))
     forward = target - origin
     across = np.cross(up, forward)
-    sizes = float(np.linalg.norm(forward)), float(np.linalg.norm(across))
+    sizes = length(forward), length(across)
     if not (0.0 < sizes[0] < math.inf and 0.0 < sizes[1] < math.inf):
         raise ValueError("the camera looks at its own place, or along its upward direction")
     forward, across = forward / sizes[0], across / sizes[1]
@@ -97,7 +101,7 @@ def frame_along(origin: Any, direction: Any) -> Matrix:
 
     Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1) 2017, as in Mitsuba.
     """
-    x, y, z = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+    x, y, z = np.asarray(direction, np.float64) / length(direction)
     sign = math.copysign(1.0, z)
     a = -1.0 / (sign + z)
     b = x * y * a
@@ -110,7 +114,7 @@ def frame_along(origin: Any, direction: Any) -> Matrix:
 
 def inverse(matrix: Matrix) -> Matrix:
     """The inverse of an invertible matrix."""
-    return np.asarray(np.linalg.inv(matrix), np.float64)
+    return inverse_of(matrix)
 
 
 def is_affine(matrix: Matrix) -> bool:
@@ -120,19 +124,18 @@ def is_affine(matrix: Matrix) -> bool:
     rows = matrix[:3, :3]
     sizes = np.sqrt((rows * rows).sum(axis=1))
     with np.errstate(over="ignore", invalid="ignore"):
-        volume = abs(float(np.dot(rows[0], np.cross(rows[1], rows[2]))))
+        volume = abs(determinant(rows))
         return bool(volume > 1e-12 * float(sizes.prod()) and math.isfinite(volume))
 
 
 def handedness(matrix: Matrix) -> float:
     """1, or -1 if the map mirrors."""
-    rows = matrix[:3, :3]
-    return -1.0 if float(np.dot(rows[0], np.cross(rows[1], rows[2]))) < 0.0 else 1.0
+    return -1.0 if determinant(matrix[:3, :3]) < 0.0 else 1.0
 
 
 def is_similarity(matrix: Matrix) -> bool:
     """Whether it scales uniformly."""
-    gram = matrix[:3, :3].T @ matrix[:3, :3]
+    gram = product(matrix[:3, :3].T, matrix[:3, :3])
     return bool(np.abs(gram - gram[0, 0] * np.eye(3)).max() <= _EVEN * gram[0, 0])
 
 

@@ -8,6 +8,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.elementary import angles_of, sines_cosines
+from clrender.exact.matrices import inner, lengths
 from clrender.scene.mesh_data import MeshData
 
 __all__ = [
@@ -72,7 +74,8 @@ def sphere_mesh(radius: float) -> MeshData:
     """A sphere about the origin, to be made an ellipsoid: u is the longitude about +z, v runs from +z to -z."""
     u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, _ALONG + 1))
     phi, theta = 2.0 * np.pi * u.ravel(), np.pi * v.ravel()
-    normals = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)
+    (sin_phi, cos_phi), (sin_theta, cos_theta) = sines_cosines(phi), sines_cosines(theta)
+    normals = np.stack([sin_theta * cos_phi, sin_theta * sin_phi, cos_theta], axis=1)
     uvs = np.stack([u.ravel(), v.ravel()], axis=1)
     return faced_by_normals(quads_mesh(radius * normals, _grid(_AROUND, _ALONG), uvs, normals))
 
@@ -81,7 +84,8 @@ def cylinder_mesh(radius: float, low: float, high: float) -> MeshData:
     """An open cylinder about +z: u runs around, v from `low` to `high`; the front is outside."""
     u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, 2))
     phi = 2.0 * np.pi * u.ravel()
-    normals = np.stack([np.cos(phi), np.sin(phi), np.zeros(phi.size)], axis=1)
+    sines, cosines = sines_cosines(phi)
+    normals = np.stack([cosines, sines, np.zeros(phi.size)], axis=1)
     vertices = radius * normals
     vertices[:, 2] = low + (high - low) * v.ravel()
     uvs = np.stack([u.ravel(), v.ravel()], axis=1)
@@ -91,7 +95,8 @@ def cylinder_mesh(radius: float, low: float, high: float) -> MeshData:
 def disk_mesh(radius: float) -> MeshData:
     """A disk about the origin perpendicular to +z, to be made an ellipse, with planar texture coordinates."""
     phi = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
-    rim = np.stack([np.cos(phi), np.sin(phi), np.zeros(_AROUND)], axis=1)
+    sines, cosines = sines_cosines(phi)
+    rim = np.stack([cosines, sines, np.zeros(_AROUND)], axis=1)
     vertices = np.concatenate([np.zeros((1, 3)), rim])
     first = np.arange(_AROUND)
     triangles = np.stack([np.zeros(_AROUND, np.int64), 1 + first, 1 + (first + 1) % _AROUND], axis=1).astype(np.uint32)
@@ -124,7 +129,7 @@ def faced_by_normals(mesh: MeshData) -> MeshData:
         return mesh
     toward = np.asarray(mesh.normals, np.float64)[mesh.triangles].sum(axis=1)
     with np.errstate(over="ignore", invalid="ignore"):
-        wrong = (_face_normals(mesh) * toward).sum(axis=1) < 0.0
+        wrong = inner(_face_normals(mesh), toward) < 0.0
     if not wrong.any():
         return mesh
 
@@ -153,13 +158,13 @@ def smoothed(mesh: MeshData) -> MeshData:
     mesh = _split_at_seams(mesh)
     corners = [np.asarray(mesh.vertices, np.float64)[mesh.triangles[:, i]] for i in range(3)]
     faces = _face_normals(mesh)
-    sizes = np.linalg.norm(faces, axis=1)
+    sizes = lengths(faces)
     sound = sizes > 0.0
     units = np.where(sound[:, None], faces / np.where(sound, sizes, 1.0)[:, None], 0.0)
     normals = np.zeros((len(mesh.vertices), 3))
     for i in range(3):
         to, fro = corners[(i + 1) % 3] - corners[i], corners[(i + 2) % 3] - corners[i]
-        angles = np.arctan2(np.linalg.norm(np.cross(to, fro), axis=1), (to * fro).sum(axis=1))
+        angles = angles_of(lengths(np.cross(to, fro)), inner(to, fro))
         np.add.at(normals, mesh.triangles[:, i], units * angles[:, None])
     return dataclasses.replace(mesh, normals=normals)
 

@@ -8,6 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.angles import angle_of, sin_cos
+from clrender.exact.elementary import angles_of, arctangent, sines_cosines
+from clrender.exact.matrices import inverse, length, lengths, times
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.shared.matrices import Matrix
 from clrender.scene.environment import EnvironmentPicture
@@ -21,9 +24,10 @@ _LARGEST: Final = 4096
 
 def turn_about_y(matrix: Matrix) -> float | None:
     """Degrees by which a matrix rotates about +y; None if it is not such a rotation (scale is ignored)."""
-    linear = matrix[:3, :3] / np.linalg.norm(matrix[:3, 1])
-    angle = math.atan2(float(linear[0, 2]), float(linear[0, 0]))
-    expected = [[math.cos(angle), 0.0, math.sin(angle)], [0.0, 1.0, 0.0], [-math.sin(angle), 0.0, math.cos(angle)]]
+    linear = matrix[:3, :3] / length(matrix[:3, 1])
+    angle = angle_of(float(linear[0, 2]), float(linear[0, 0]))
+    sine, cosine = sin_cos(angle)
+    expected = [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
     if np.abs(linear - expected).max() > _EVEN:
         return None
     return math.degrees(angle) if abs(angle) > 1e-7 else 0.0
@@ -31,12 +35,12 @@ def turn_about_y(matrix: Matrix) -> float | None:
 
 def _directions(height: int) -> NDArray[np.float64]:
     """Directions of the pixels of our maps, (height, 2 height, 3): middle column at +z, a quarter further at -x."""
-    theta = (np.arange(height) + 0.5) / height * np.pi
-    phi = (np.arange(2 * height) + 0.5) / (2 * height) * 2.0 * np.pi
+    sin_theta, cos_theta = sines_cosines((np.arange(height) + 0.5) / height * np.pi)
+    sin_phi, cos_phi = sines_cosines((np.arange(2 * height) + 0.5) / (2 * height) * 2.0 * np.pi)
     made = np.empty((height, 2 * height, 3))
-    made[..., 0] = np.sin(theta)[:, None] * np.sin(phi)
-    made[..., 1] = np.cos(theta)[:, None]
-    made[..., 2] = -np.sin(theta)[:, None] * np.cos(phi)
+    made[..., 0] = sin_theta[:, None] * sin_phi
+    made[..., 1] = cos_theta[:, None]
+    made[..., 2] = -sin_theta[:, None] * cos_phi
     return made
 
 
@@ -69,13 +73,13 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
     height, width = pixels.shape[:2]
     rows = min(height, _LARGEST)
     made = np.empty((rows, 2 * rows, 3), np.float32)
-    back = np.linalg.inv(matrix[:3, :3])
+    back = inverse(matrix[:3, :3])
     directions = _directions(rows)
     for row in range(rows):
-        own = directions[row] @ back.T
-        own /= np.linalg.norm(own, axis=1, keepdims=True)
-        theta = np.arccos(np.clip(own[:, 1], -1.0, 1.0))
-        turns = np.arctan2(own[:, 0], -own[:, 2]) / (2.0 * np.pi) % 1.0
+        own = times(back, directions[row])
+        own /= lengths(own)[:, None]
+        theta = angles_of(np.sqrt(own[:, 0] * own[:, 0] + own[:, 2] * own[:, 2]), own[:, 1])
+        turns = angles_of(own[:, 0], -own[:, 2]) / (2.0 * np.pi) % 1.0
         x, y = turns * width - 0.5, theta / np.pi * height - 0.5
         made[row] = _looked_up(pixels, x, y, True)
     return EnvironmentPicture.checked(made, f"{files.source}: {place}")
@@ -90,11 +94,11 @@ def unfolded_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -
     side = len(pixels)
     rows = max(min(side, _LARGEST), 16)
     made = np.empty((rows, 2 * rows, 3), np.float32)
-    back = np.linalg.inv(matrix[:3, :3])
+    back = inverse(matrix[:3, :3])
     directions = _directions(rows)
     for row in range(rows):
-        own = directions[row] @ back.T
-        own /= np.linalg.norm(own, axis=1, keepdims=True)
+        own = times(back, directions[row])
+        own /= lengths(own)[:, None]
         u, v = square_place(own)
         made[row] = _looked_up(pixels, u * side - 0.5, v * side - 0.5, False)
     return EnvironmentPicture.checked(made, f"{files.source}: {place}")
@@ -106,7 +110,7 @@ def square_place(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
     radius = np.sqrt(np.maximum(1.0 - z, 0.0))
     larger, smaller = np.maximum(x, y), np.minimum(x, y)
     ratio = np.divide(smaller, larger, out=np.zeros_like(larger), where=larger > 0.0)
-    phi = np.arctan(ratio) * 2.0 / np.pi
+    phi = arctangent(ratio) * 2.0 / np.pi
     phi = np.where(x < y, 1.0 - phi, phi)
     v = phi * radius
     u = radius - v

@@ -11,7 +11,10 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Color", "blackbody_color", "light_color", "luminance", "reflectance_color", "value_at"]
+from clrender.exact.angles import exponential_minus_one
+from clrender.exact.matrices import interpolated, times, total
+
+__all__ = ["LUMINANCE", "Color", "blackbody_color", "light_color", "luminance", "reflectance_color", "value_at"]
 
 Color: TypeAlias = tuple[float, float, float]
 _Floats: TypeAlias = NDArray[np.float64]
@@ -24,7 +27,8 @@ _HC_OVER_K: Final = 0.014387768775
 """h c / k, metre kelvin, CODATA 2018."""
 _TWO_HC2: Final = 1.191042972e-16
 """2 h c², watt square metre per steradian, CODATA 2018."""
-_LUMINANCE: Final = (0.212671, 0.715160, 0.072169)
+LUMINANCE: Final = (0.212671, 0.715160, 0.072169)
+"""Luminance of linear Rec. 709."""
 
 
 @cache
@@ -37,7 +41,7 @@ def _table() -> tuple[_Floats, _Floats, _Floats]:
 
 def luminance(color: Color) -> float:
     """Y of a linear Rec. 709 colour."""
-    return sum(weight * value for weight, value in zip(_LUMINANCE, color, strict=True))
+    return sum(weight * value for weight, value in zip(LUMINANCE, color, strict=True))
 
 
 def light_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
@@ -56,7 +60,7 @@ def light_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
     """
     _, observer, _ = _table()
     sampled = _sampled(wavelengths, values)
-    return _color(sampled @ observer / observer[:, 1].sum())
+    return _color(_weighted(sampled, observer))
 
 
 def reflectance_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
@@ -67,7 +71,7 @@ def reflectance_color(wavelengths: Sequence[float], values: Sequence[float]) -> 
     _, observer, daylight = _table()
     weights = observer * daylight[:, None]
     sampled = _sampled(wavelengths, values)
-    return _color(sampled @ weights / weights[:, 1].sum())
+    return _color(_weighted(sampled, weights))
 
 
 def blackbody_color(kelvin: float) -> Color:
@@ -80,14 +84,19 @@ def blackbody_color(kelvin: float) -> Color:
     """
     nanometres, _, _ = _table()
     metres = nanometres * 1e-9
-    with np.errstate(over="ignore"):
-        values = _TWO_HC2 * 1e-9 / (metres**5 * np.expm1(_HC_OVER_K / (metres * kelvin)))
+    growth = np.array([exponential_minus_one(x) for x in (_HC_OVER_K / (metres * kelvin)).tolist()])
+    values = _TWO_HC2 * 1e-9 / (metres * metres * metres * metres * metres * growth)
     return light_color(nanometres.tolist(), values.tolist())
 
 
 def value_at(wavelengths: Sequence[float], values: Sequence[float], nanometres: float) -> float:
     """Value of a spectrum at a wavelength: interpolated linearly, constant outside."""
-    return float(np.interp(nanometres, wavelengths, values))
+    return float(interpolated(nanometres, wavelengths, values))
+
+
+def _weighted(sampled: _Floats, weights: _Floats) -> _Floats:
+    """Sums over the wavelengths, relative to that of the luminance of a spectrum of ones."""
+    return total(sampled[:, None] * weights) / total(weights[:, 1])
 
 
 def _sampled(wavelengths: Sequence[float], values: Sequence[float]) -> _Floats:
@@ -98,9 +107,9 @@ def _sampled(wavelengths: Sequence[float], values: Sequence[float]) -> _Floats:
         return np.where(np.abs(at - given[0]) <= _STEP / 2.0, shares[0], 0.0)
     fine = np.linspace(at[0] - _STEP / 2.0, at[-1] + _STEP / 2.0, 10 * len(at) + 1)
     middle = (fine[1:] + fine[:-1]) / 2.0
-    return np.asarray(np.interp(middle, given, shares, left=0.0, right=0.0).reshape(len(at), 10).mean(axis=1))
+    return np.asarray(total(interpolated(middle, given, shares, 0.0).reshape(len(at), 10).T) / 10.0)
 
 
 def _color(xyz: _Floats) -> Color:
-    red, green, blue = (max(0.0, float(x)) if math.isfinite(x) else math.inf for x in _TO_REC709 @ xyz)
+    red, green, blue = (max(0.0, float(x)) if math.isfinite(x) else math.inf for x in times(_TO_REC709, xyz))
     return red, green, blue

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from clrender.errors import SceneError
+from clrender.exact.matrices import inner, length, product, times
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.shared.matrices import (
@@ -116,14 +117,14 @@ class Staging:
             self.shape({**own, **described}, matrix, line)
             return
         across, along = matrix[:3, 0], matrix[:3, 1]
-        size = float(np.linalg.norm(across))
-        if abs(float(along @ along) - size * size) + abs(float(across @ along)) > 2e-6 * size * size:
+        size = length(across)
+        if abs(float(inner(along, along)) - size * size) + abs(float(inner(across, along))) > 2e-6 * size * size:
             self.note("a disk that a transform makes an ellipse is approximated by 128 triangles")
-            matrix = matrix @ translation(0.0, 0.0, height)
+            matrix = product(matrix, translation(0.0, 0.0, height))
             self.mesh(described, f"disk of radius {radius!r}", lambda: disk_mesh(radius), matrix, line)
             return
         normal = handedness(matrix) * np.cross(across, along)
-        center = matrix @ [0.0, 0.0, height, 1.0]
+        center = times(matrix, [0.0, 0.0, height, 1.0])
         own = {"type": "disk", "center": [float(x) for x in center[:3]], "normal": [float(x) for x in normal]}
         self.shape({**own, "radius": radius * size, **described}, identity(), line)
 

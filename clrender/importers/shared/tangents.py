@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.scene.elementary import arctangent
+from clrender.exact.elementary import arctangent
 
 __all__ = ["mikktspace"]
 
