@@ -59,7 +59,7 @@ class ConvergencePlot:
     """An ``on_progress`` callback that records the convergence of a render and displays it as a plot in a notebook.
 
     The error is the standard error of the replicates or the difference from a reference. Without both, samples are
-    plotted over time. Drawing needs Matplotlib: ``pip install 'clrender[notebook]'``.
+    plotted over time. Drawing needs Matplotlib (the extra `notebook`).
 
     Parameters
     ----------

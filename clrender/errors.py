@@ -12,9 +12,12 @@ class ClrenderError(Exception):
     ----------
     exit_code : int
         Exit status of the command line when this error ends it.
+    extra : str or None
+        The optional packages, as in `setup.cfg`, that the operation lacks.
     """
 
     exit_code = 1
+    extra: str | None = None
 
 
 class RenderError(ClrenderError):

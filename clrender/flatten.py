@@ -20,10 +20,12 @@ from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (
     Camera,
     DirectionalLight,
+    EnvironmentLight,
     IesLight,
     PointLight,
     Scene,
     SpotLight,
+    SunSkyLight,
 )
 from clrender.scene.holes import hole_rows
 from clrender.scene.instances import FlatInstances, flat_instances
@@ -262,6 +264,7 @@ def flatten(
             *surfaces.warnings,
             *_no_light(scene, lights),
             *_lost_light(scene, media.no_boundary),
+            *_lost_in_fog(scene),
             *_coinciding(scene, arrays, instances.own_triangles),
         ),
         origin=origin,
@@ -319,6 +322,18 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
     return [
         f"{scene.source}: light of {which}: only the integrator photon finds it; elsewhere glass casts a full shadow"
     ]
+
+
+def _lost_in_fog(scene: Scene) -> list[str]:
+    """Warn of light from infinity in fog, which extends as far."""
+    if scene.fog is None or not all(a + s > 0.0 for a, s in zip(*scene.media[scene.fog].numbers[:2], strict=True)):
+        return []
+    endless = (DirectionalLight, EnvironmentLight, SunSkyLight)
+    found = sorted({light.type for light in scene.lights if isinstance(light, endless)})
+    if not found:
+        return []
+    text = f"the medium {scene.fog!r} extends to infinity, and no light of {' and '.join(found)} lights passes it"
+    return [f"{scene.source}: fog: {text}; for haze below a sky, give a large box an `interior` instead"]
 
 
 def _is_glass(material: Material) -> bool:

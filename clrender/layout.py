@@ -604,7 +604,8 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("CENTER", 0, 3, "child of a node of the light BVH: sphere about its lights"),
         ("RADIUS", 3, 1, "negative: infinitely far"),
         ("NORMAL", 4, 3, "mean of the lights' normals"),
-        ("POWER", 7, 1, ""),
+        ("POWER", 7, 1, "relative to its sibling's"),
+        ("SCALE", 0, 1, "in row 0: what lengths in the tree are multiplied by"),
     ),
     "ANCHOR": (
         ("ORIGIN", 0, 3, "path reuse, first row of a record: where rays leave the anchor"),

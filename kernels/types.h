@@ -339,7 +339,8 @@ typedef struct {
 #define NODE_ROW_CENTER 0               // child of a node of the light BVH: sphere about its lights
 #define NODE_ROW_RADIUS 3               // negative: infinitely far
 #define NODE_ROW_NORMAL 4               // mean of the lights' normals
-#define NODE_ROW_POWER 7
+#define NODE_ROW_POWER 7                // relative to its sibling's
+#define NODE_ROW_SCALE 0                // in row 0: what lengths in the tree are multiplied by
 
 #define ANCHOR_ROW_ORIGIN 0             // path reuse, first row of a record: where rays leave the anchor
 #define ANCHOR_ROW_SIDE 3               // geometric normal on the side seen

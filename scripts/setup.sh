@@ -2,9 +2,9 @@
 # OpenCL device.
 # Expects `root` to be the checkout. Everything it says goes to stderr.
 #
-# It removes no environment but one it made. Outside of .venv it installs system packages, and Intel's driver, whose licence
-# is not a free one: each is said first, and done as root, where CLRENDER_INSTALL=1 or --yes says so, or where somebody
-# at a terminal agrees. CLRENDER_INSTALL=0 forbids it to root too.
+# It removes no environment but one it made. System packages, the packages of an extra that a command needs, and Intel's
+# driver, whose licence is not a free one: each is said first, and installed as root, where CLRENDER_INSTALL=1 or --yes
+# says so, or where somebody at a terminal agrees. CLRENDER_INSTALL=0 forbids it to root too.
 
 venv=${CLRENDER_VENV:-$root/.venv}
 [[ $venv == /* ]] || venv=$PWD/$venv
@@ -23,7 +23,7 @@ environment_ready() {
 }
 
 answer=
-# Whether something outside of .venv may be installed; $1 says what. A terminal is asked once.
+# Whether something more than clrender itself may be installed; $1 says what. A terminal is asked once.
 allowed() {
     case ${CLRENDER_INSTALL:-} in
         1) return 0 ;;
@@ -126,6 +126,20 @@ ensure_environment() {
     exec 9>"$root/.venv.lock"
     if command -v flock >/dev/null; then flock 9; fi
     environment_ready "$1" || make_environment "$1"
+    exec 9>&-
+}
+
+# Install the optional packages $1 that a command lacks. Where that is not allowed, the command says what to do.
+install_extra() {
+    local log=$venv/install.log list needed
+    list=$("$venv/bin/python" -c 'import sys, clrender.extras as extras; print(*extras.packages(sys.argv[1]), sep="\n")' "$1")
+    mapfile -t needed <<<"$list"
+    allowed "what this command needs (the extra $1): ${needed[*]}" || return 0
+    say "installing what this command needs (the extra $1): ${needed[*]}"
+    exec 9>"$root/.venv.lock"
+    if command -v flock >/dev/null; then flock 9; fi
+    pip_install "${needed[@]}" >"$log" 2>&1 \
+        || fail "the packages of the extra $1 could not be installed: $(tail -n 1 "$log"). Is there a network connection? The whole story is in $log"
     exec 9>&-
 }
 

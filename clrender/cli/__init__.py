@@ -5,7 +5,9 @@ No slow modules are imported here, so that `clrender --version` and `--help` ans
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -40,7 +42,7 @@ COMMANDS: Final[dict[str, str]] = {
     "compare": "Compare an image with a reference, or integrators with each other.",
     "furnace": "Measure the physics of materials: energy, reciprocity, sampling.",
     "report": "Reproduce the original report: its table, figures and conclusions.",
-    "merge": "Merge films of the same render.",
+    "merge": "Merge films of the same render, or write the image of one.",
     "verify": "Render random tiles of an image again and compare them bit for bit.",
     "radiosity": "Animate a moving shape in a diffuse scene.",
     "bench": "Benchmark clrender, optionally against other renderers.",
@@ -93,6 +95,8 @@ class _Commands(click.Group):
                 code = super().main(args, prog_name or "clrender", complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except ClrenderError as error:
+            if error.extra is not None:
+                _install_and_restart(error.extra, sys.argv[1:] if args is None else args)
             _fail(str(error), error.exit_code)
         except click.ClickException as error:
             _fail(_sentence(error), 2)
@@ -114,6 +118,19 @@ class _Commands(click.Group):
         except ReaderLeft:
             sys.exit(0)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _install_and_restart(extra: str, args: Sequence[str]) -> None:
+    """Let the script that started this process install an extra and start the command anew.
+
+    Returns if no script did, or if it has already tried.
+    """
+    script = os.environ.get("CLRENDER_SCRIPT")
+    if script is None or os.environ.get("CLRENDER_EXTRA") == extra:
+        return
+    sys.stdout.flush()
+    with contextlib.suppress(OSError):
+        os.execv(script, [script, "--extra", extra, *args])
 
 
 def _has_working_folder() -> bool:

@@ -1,10 +1,14 @@
-"""`clrender merge`: merges films of one render into one film."""
+"""`clrender merge`: merges films of one render, and writes the film or its image."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
+
+from clrender.cli.options import exr_options, tone_options
+from clrender.cli.outputs import check_distinct, check_formats, check_image_size
 
 __all__ = ["merge"]
 
@@ -12,25 +16,57 @@ __all__ = ["merge"]
 @click.command()
 @click.argument("films", metavar="FILM...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", required=True, metavar="FILM", type=click.Path(path_type=Path), help="Output .film file."
+    "-o",
+    "--output",
+    "outputs",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    required=True,
+    help="Output file: .film exact sums, .exr .npy .hdr linear, .png .jpg for display. Repeatable.",
 )
-def merge(films: tuple[Path, ...], output: Path) -> None:
-    """Merge FILMs of the same request, such as the shards of a render, into one film.
+@tone_options
+@exr_options
+@click.pass_context
+def merge(
+    ctx: click.Context,
+    /,
+    *,
+    films: tuple[Path, ...],
+    outputs: tuple[Path, ...],
+    tone_map: str,
+    exposure: float,
+    f_stop: float | None,
+    shutter: float | None,
+    iso: float | None,
+    **exr: Any,
+) -> None:
+    """Merge FILMs of the same request, such as the shards of a render, and write the film or its image.
 
     The result is identical, bit for bit, to that of a single render, in any order of the films. Films are refused if
-    their samples overlap, or if their requests or kernels differ.
+    their samples overlap, or if their requests or kernels differ. Of one FILM, such as a checkpoint, it writes the
+    image of the samples so far.
     """
-    from clrender.cli.outputs import check_distinct
-    from clrender.errors import UsageError
-    from clrender.files import check_writable
+    from clrender.exposure import camera_exposure, photographic_stops
     from clrender.film.merge import merge_films
+    from clrender.image.files import check_output
+    from clrender.rendered_image import RenderedImage
 
-    if output.suffix.lower() != ".film":
-        raise UsageError(f"{output}: exact sums are kept in a .film; give it that ending")
-    check_writable(output)
-    check_distinct([output], films)
+    for path in outputs:
+        check_output(path)
+    check_formats(ctx, outputs)
+    check_distinct(outputs, films)
     merged = merge_films(films)
-    merged.save(output)
+    check_image_size(outputs, merged.width, merged.height)
+    camera = camera_exposure(merged.provenance, {"f_stop": f_stop, "shutter": shutter, "iso": iso})
+    photographic_stops(**camera)  # refuses half of an exposure before anything is written
+    told = {**merged.provenance, "camera_exposure": camera or None}
+    image = RenderedImage(merged.mean(), told, merged, interrupted=False)
+    for path in outputs:
+        image.save(path, tone_map, exposure, **exr)
     taken = merged.ledger.taken()
     samples = f"{taken.min()}" if taken.min() == taken.max() else f"{taken.min()} to {taken.max()}"
-    click.echo(f"{output}: {merged.width}x{merged.height}, {samples} samples per pixel, of {len(films)} films")
+    click.echo(
+        f"{' '.join(map(str, outputs))}: {merged.width}x{merged.height}, {samples} samples per pixel, of {len(films)} "
+        f"{'film' if len(films) == 1 else 'films'}, image sha256 {image.stats['image_sha256']}"
+    )

@@ -7,12 +7,15 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import click
+from click.core import ParameterSource
+
 from clrender.errors import UsageError
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-__all__ = ["check_distinct", "check_image_size", "scene_files"]
+__all__ = ["check_distinct", "check_formats", "check_image_size", "scene_files"]
 
 
 def check_distinct(outputs: Sequence[Path], inputs: Iterable[Path]) -> None:
@@ -35,6 +38,26 @@ def check_distinct(outputs: Sequence[Path], inputs: Iterable[Path]) -> None:
         for source in read:
             if _same_file(output, source):
                 raise UsageError(f"{output}: is an input of this command ({source}); give the output another name")
+
+
+def check_formats(ctx: click.Context, outputs: Iterable[Path]) -> None:
+    """Check that an output has the format that `tone_options` and `exr_options` of the command line are for.
+
+    Raises
+    ------
+    UsageError
+    """
+    from clrender.image.files import DISPLAY_ENDINGS
+
+    endings = {path.suffix.lower() for path in outputs}
+    given = {name for name in ctx.params if ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE}
+    for name in ("tone_map", "exposure", "f_stop", "shutter", "iso"):
+        if name in given and not endings.intersection(DISPLAY_ENDINGS):
+            option = name.replace("_", "-")
+            raise UsageError(f"--{option}: only .png and .jpg files are tone-mapped; name one with -o, or leave it out")
+    for name in ("exr_type", "exr_compression", "exr_tile"):
+        if name in given and ".exr" not in endings:
+            raise UsageError(f"--{name.replace('_', '-')}: no output is an .exr; name one with -o, or leave it out")
 
 
 def check_image_size(outputs: Iterable[Path], width: int, height: int) -> None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from clrender.cli import STARTED
 from clrender.cli.completing import complete_layers
@@ -29,7 +28,7 @@ from clrender.cli.options import (
     tone_options,
 )
 from clrender.cli.options import shard as parse_shard
-from clrender.cli.outputs import check_distinct, check_image_size, scene_files
+from clrender.cli.outputs import check_distinct, check_formats, check_image_size, scene_files
 from clrender.cli.progress import STYLES, ProgressDisplay, ProgressView, duration, quantity
 from clrender.errors import ClrenderError, RenderError, UsageError
 
@@ -128,6 +127,10 @@ def render(
     """
     written = [*outputs, *(path for path in (stats, checkpoint) if path)]
     _check_outputs(ctx, outputs, stats)
+    if denoise:
+        from clrender.image.denoise import check_denoiser
+
+        check_denoiser()
     _check_progress(progress, preview, quiet)
     how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
     check_distinct(written, [Path(scene)])
@@ -174,22 +177,14 @@ def render(
 def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | None) -> None:
     """Check that every output can be written, and that every requested result has an output."""
     from clrender.files import check_writable
-    from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, check_output
+    from clrender.image.files import FILM_ENDINGS, check_output
 
     for path in outputs:
         check_output(path)
     if stats is not None:
         check_writable(stats)
+    check_formats(ctx, outputs)
     endings = {path.suffix.lower() for path in outputs}
-    for name in ("tone_map", "exposure", "f_stop", "shutter", "iso"):
-        given = ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE
-        if given and not endings.intersection(DISPLAY_ENDINGS):
-            option = name.replace("_", "-")
-            raise UsageError(f"--{option}: only .png and .jpg files are tone-mapped; name one with -o, or leave it out")
-    for name in ("exr_type", "exr_compression", "exr_tile"):
-        given = ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE
-        if given and ".exr" not in endings:
-            raise UsageError(f"--{name.replace('_', '-')}: no output is an .exr; name one with -o, or leave it out")
     if ctx.params["shard"] and not endings.issubset(FILM_ENDINGS):
         other = next(path for path in outputs if path.suffix.lower() not in FILM_ENDINGS)
         raise UsageError(f"{other}: a shard holds a part of the samples; write it to a .film, for `clrender merge`")
@@ -241,7 +236,9 @@ def _on_cluster(address: str | None) -> dict[str, Any]:
     try:
         check_address(address)
     except UsageError as error:
-        raise UsageError(f"--{error}" if str(error).startswith("cluster is") else str(error)) from None
+        if not str(error).startswith("cluster is"):
+            raise
+        raise UsageError(f"--{error}") from None
     return {"cluster": address}
 
 

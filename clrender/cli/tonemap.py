@@ -44,6 +44,9 @@ def tonemap(
             f"{image}: the ending {image.suffix!r} is not that of a linear image; expected one of {known}."
         )
     for output in outputs:
+        if output.suffix.lower() in LINEAR_ENDINGS and image.suffix.lower() in FILM_ENDINGS:
+            cure = f"`clrender merge {image} -o {output}` writes the linear image"
+            raise UsageError(f"{output}: images for display are .png or .jpg; {cure}.")
         check_output(output, DISPLAY_ENDINGS)
     check_distinct(outputs, [image])
     linear, provenance = read_linear(image)

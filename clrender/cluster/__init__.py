@@ -1,4 +1,4 @@
-"""Rendering of units on the workers of a Dask cluster. It needs the extra `clrender[cluster]`.
+"""Rendering of units on the workers of a Dask cluster. It needs the extra `cluster`.
 
 with clrender.cluster.open_cluster("tcp://host:8786") as cluster, clrender.Session() as session:
     image = session.render(scene, spp=4096, cluster=cluster)

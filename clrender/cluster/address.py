@@ -7,6 +7,7 @@ import re
 from typing import Final
 
 from clrender.errors import UsageError
+from clrender.extras import missing_extra
 
 __all__ = ["check_address", "local_workers"]
 
@@ -45,4 +46,4 @@ def check_address(address: str) -> None:
     """
     local_workers(address)
     if importlib.util.find_spec("distributed") is None:
-        raise UsageError("a cluster needs Dask, which is not installed; pip install 'clrender[cluster]'")
+        raise missing_extra("cluster", "a cluster needs Dask, which is not installed")

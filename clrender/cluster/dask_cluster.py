@@ -13,6 +13,7 @@ from clrender.cluster.address import check_address, local_workers
 from clrender.cluster.proxy import JobPayload, WorkerProxy
 from clrender.cluster.quiet import quiet_logs
 from clrender.errors import RenderError, UsageError
+from clrender.extras import install_command
 from clrender.scheduling.cluster import Member
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.worker import Candidate
@@ -96,7 +97,8 @@ def open_cluster(
             import distributed
         except ImportError as error:
             raise UsageError(
-                f"Dask cannot be loaded here ({error}); pip install --upgrade 'clrender[cluster]'"
+                f"Dask cannot be loaded here ({error}); install it anew with "
+                f"`{install_command('cluster')} --force-reinstall`"
             ) from None
         stack.enter_context(quiet_logs())
         where = address

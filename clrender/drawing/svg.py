@@ -8,9 +8,11 @@ import logging
 import re
 from collections.abc import Callable
 from html import escape
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.errors import UsageError
+from clrender.extras import install_command, missing_extra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,12 +69,16 @@ def require_matplotlib() -> None:
     """
     # Notes on its font cache do not concern a reader of the report.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    if find_spec("matplotlib") is None:
+        raise missing_extra("report", "plots are drawn with Matplotlib, which is not installed")
     try:
         for module in ("matplotlib", "matplotlib.figure"):
             importlib.import_module(module)
     except ImportError as error:
-        reason = "is not installed" if error.name == "matplotlib" else f"cannot be loaded ({error})"
-        raise UsageError(f"plots are drawn with Matplotlib, which {reason}; pip install 'clrender[report]'") from None
+        raise UsageError(
+            f"plots are drawn with Matplotlib, which cannot be loaded ({error}); install it anew with "
+            f"`{install_command('report')} --force-reinstall`"
+        ) from None
 
 
 def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figure], None]) -> str:

@@ -78,15 +78,27 @@ def _account(film: Film, accounts: Sequence[Mapping[str, Any]]) -> dict[str, Any
     told = {name: accounts[0][name] for name in _SAME if name in accounts[0]}
     told |= {name: sum(_number(each, name) for each in accounts) for name in _SUMMED}
     taken = film.ledger.taken()
-    return told | {
+    # That of the request, as in the statistics of a render, unless the films are of several with different numbers.
+    spp = int(max(taken.max(), *(_number(each, "spp") for each in accounts)))
+    if isinstance(told.get("settings"), Mapping):
+        told["settings"] = {**told["settings"], "spp": spp}
+    return {
+        **told,
+        **_range_of(film),
         "image_sha256": image_sha256(film.mean()),
         "denoised": False,
-        "spp": int(taken.max()),
+        "spp": spp,
         "max_depth": int(max(_number(each, "max_depth") for each in accounts)),
         "nonfinite_samples": film.ledger.samples - film.samples,
         "devices": [device for each in accounts for device in _list(each, "devices")],
         "merged_films": len(accounts),
     }
+
+
+def _range_of(film: Film) -> dict[str, int]:
+    """The samples of each pixel, where all pixels have the same, without which an image cannot be verified."""
+    (first, last), *others = film.ledger.ranges(0, 0) or ((0, 0),)
+    return {} if others or not film.ledger.holds(first, last) else {"first_sample": first, "sample_count": last - first}
 
 
 def _number(account: Mapping[str, Any], name: str) -> float:

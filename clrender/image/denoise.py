@@ -1,20 +1,32 @@
-"""Denoises an image with Open Image Denoise, guided by albedo and normal. An extra: `clrender[denoise]`."""
+"""Denoises an image with Open Image Denoise, guided by albedo and normal. It needs the extra `denoise`."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Mapping
-from typing import Any, Final
+from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import RenderError, UsageError
+from clrender.extras import install_command, missing_extra
 
-__all__ = ["Denoiser"]
+__all__ = ["Denoiser", "check_denoiser"]
 
 _Image = npt.NDArray[np.float32]
-_CURE: Final = "pip install 'clrender[denoise]'"
+
+
+def check_denoiser() -> None:
+    """Check that the library is installed, without loading it.
+
+    Raises
+    ------
+    UsageError
+    """
+    if find_spec("pyoidn") is None:
+        raise missing_extra("denoise", "denoising needs Open Image Denoise, which is not installed")
 
 
 class Denoiser:
@@ -34,11 +46,14 @@ class Denoiser:
     """
 
     def __init__(self) -> None:
+        check_denoiser()
         try:
             self._library: Any = importlib.import_module("pyoidn")
         except ImportError as error:
-            reason = "is not installed" if error.name == "pyoidn" else f"cannot be loaded ({error})"
-            raise UsageError(f"denoising needs Open Image Denoise, which {reason}; {_CURE}") from None
+            raise UsageError(
+                f"denoising needs Open Image Denoise, which cannot be loaded ({error}); install it anew with "
+                f"`{install_command('denoise')} --force-reinstall`"
+            ) from None
         try:
             self._device: Any = self._library.Device()
             # Its threads would otherwise be pinned to cores that the renderer's threads use too.

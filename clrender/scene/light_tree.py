@@ -8,10 +8,15 @@ over its solid angle; for a group that faces all directions, nearly the flux alo
 
 The tree is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. It uses only
 operations that every processor rounds alike, for the same bits everywhere.
+
+Kernels multiply powers by squares of distances. Only ratios count, and factors that are powers of two round nothing. So
+the tree is scaled to a size of about 1, and the powers of each pair of children to at most 1: no product leaves the
+normal numbers of single precision, whatever the scene's size.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,6 +28,8 @@ __all__ = ["NODE_WORDS", "Emitters", "LightTree", "light_tree"]
 NODE_WORDS: Final = 8
 """Words per child: centre of its bounding sphere, radius (negative: infinitely distant), mean normal, power."""
 _INFINITE: Final = -1.0
+_LEAST_POWER: Final = 1e-30
+"""Of a child with lights, relative to its sibling: so that its share remains above 0 in single precision."""
 _CONE_MARGIN: Final = 1e-5
 """Margin of a cone's cosine for the single-precision rounding of a direction's cosine."""
 
@@ -44,6 +51,8 @@ class Emitters:
         Flux over π, which for flat lights is the irradiance at 1 m in front, W/m²; for infinitely distant lights their
         irradiance. Above 0.
     infinite : (L,) bool
+    radius : float
+        Of the scene, metres.
     cones : (L, 4) float64 or None
         If there are lamps: unit axis of the cone that bounds a light's emission, and cosine of its half angle, -1 for
         emission in all directions.
@@ -54,6 +63,7 @@ class Emitters:
     normal: _Floats
     power: _Floats
     infinite: NDArray[np.bool_]
+    radius: float
     cones: _Floats | None = None
 
 
@@ -64,7 +74,7 @@ class LightTree:
     Attributes
     ----------
     rows : (N, 16) float32
-        Both children of each node, `NODE_WORDS` each; row 0 is unused.
+        Both children of each node, `NODE_WORDS` each, lengths times a power of two, which row 0 begins with.
     order : (N,) uint32
         The light at each position of the last level.
     place : (L,) uint32
@@ -108,11 +118,30 @@ def light_tree(emitters: Emitters) -> LightTree:
         cones = np.concatenate([np.zeros((1, 4)), about])
         cones[:, 3] -= _CONE_MARGIN
         cones = cones.astype(np.float32).reshape(len(order), 8)
+    words[0, 0] = _scale_down(words, emitters)
+    _even_out(words)
     there = order >= 0
     place = np.zeros(len(emitters.power), np.uint32)
     place[order[there]] = len(order) + np.flatnonzero(there)
     rows = words.astype(np.float32).reshape(len(order), 2 * NODE_WORDS)
     return LightTree(rows, np.maximum(order, 0).astype(np.uint32), place, len(top) - 1, cones)
+
+
+def _scale_down(words: _Floats, emitters: Emitters) -> float:
+    """Scale all lengths to about 1 by a power of two, and powers so that irradiances stay; return the factor."""
+    finite = words[:, 3] >= 0.0
+    size = max(emitters.radius, float(np.abs(words[finite, :3]).max(initial=0.0)))
+    scale = math.ldexp(1.0, -math.frexp(size)[1])
+    words[finite, :4] *= scale
+    words[finite, 7] *= scale * scale
+    return scale
+
+
+def _even_out(words: _Floats) -> None:
+    """Scale the powers of each pair of children by a power of two, so that the larger one is between ½ and 1."""
+    power = words[:, 7].reshape(-1, 2)
+    _, exponent = np.frexp(power.max(axis=1))
+    power[:] = np.where(power > 0.0, np.maximum(np.ldexp(power, -exponent[:, None]), _LEAST_POWER), 0.0)
 
 
 def _narrowness(cosine: _Floats) -> _Floats:

@@ -285,8 +285,9 @@ def _emitters(
         low=low,
         high=high,
         normal=normal,
-        power=np.maximum(power * per_power, 1e-30),
+        power=np.maximum(power * per_power, 1e-200),
         infinite=infinite,
+        radius=radius,
         cones=np.concatenate([cone_axis, cone_cosine[:, None]], axis=1) if len(lamps) else None,
     )
 

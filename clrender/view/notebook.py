@@ -1,4 +1,4 @@
-"""The live view in a notebook: the page's viewer in an output of a cell. An extra: `clrender[notebook]`."""
+"""The live view in a notebook: the page's viewer in an output of a cell. It needs the extra `notebook`."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.errors import RenderError, UsageError
+from clrender.extras import missing_extra
 from clrender.image.files import check_output
 from clrender.view.bundle import PAGE, widget_module
 from clrender.view.displays import Displays
@@ -222,9 +223,8 @@ def _widget_class() -> Any:
         anywidget = importlib.import_module("anywidget")
         traitlets = importlib.import_module("traitlets")
     except ImportError as missing:
-        raise UsageError(
-            f"the view in a notebook needs {missing.name or 'anywidget'}, which is not installed; "
-            "pip install 'clrender[notebook]'"
+        raise missing_extra(
+            "notebook", f"the view in a notebook needs {missing.name or 'anywidget'}, which is not installed"
         ) from None
     parts = {
         "_esm": widget_module(),

@@ -1,4 +1,4 @@
-"""The web server of the live view: the page, its socket, and files to download. An extra: `clrender[view]`."""
+"""The web server of the live view: the page, its socket, and files to download. It needs the extra `view`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from clrender.errors import ClrenderError, UsageError
+from clrender.extras import missing_extra
 from clrender.rendered_image import RenderedImage
 from clrender.view.edited_scene import camera_toml
 from clrender.view.engine import Engine
@@ -31,8 +32,8 @@ try:
 
     from clrender.view.page_socket import serve_page
 except ImportError as missing:
-    raise UsageError(
-        f"the live view needs {missing.name or 'a web server'}, which is not installed; pip install 'clrender[view]'"
+    raise missing_extra(
+        "view", f"the live view needs {missing.name or 'a web server'}, which is not installed"
     ) from None
 
 __all__ = ["listen", "serve"]

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from clrender.errors import ClrenderError
 from clrender.exposure import photographic_stops
+from clrender.extras import install_command
 from clrender.image.tone_map import TONE_MAPS
 from clrender.integrators import INTEGRATORS
 from clrender.settings import IMAGE, SETTINGS
@@ -34,7 +35,8 @@ def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, An
         Names of files that may be written.
     """
     needs = {"stderr": "replicates", "error": "replicates"}
-    if importlib.util.find_spec("pyoidn") is None:
+    no_denoiser = importlib.util.find_spec("pyoidn") is None
+    if no_denoiser:
         needs["denoised"] = "denoise"
     return {
         "protocol": PROTOCOL,
@@ -67,6 +69,7 @@ def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, An
             {"name": name, "label": label, "kind": kind, "needs": needs.get(name, "")}
             for name, (label, kind) in LAYERS.items()
         ],
+        "install_denoiser": install_command("denoise") if no_denoiser else "",
         "tone_maps": list(TONE_MAPS),
         "saves": list(saves),
         "limits": {"message_bytes": MESSAGE_BYTES},

@@ -3,6 +3,7 @@
 #define CORE_WARP_H
 
 #include "core/exact.h"
+#include "core/power.h"
 
 // Unit disk, uniform by area; concentric map (Shirley & Chiu 1997) in the form without divisions by zero.
 static void warp_disk(vfloat u, vfloat v, vfloat* x, vfloat* y) {
@@ -27,6 +28,18 @@ static vec3 warp_cosine_hemisphere(vfloat u, vfloat v) {
     return vec3_of(x, y, root(greater(splat(1.0f) - x * x - y * y, splat(5.9604645e-8f))));
 }
 static vfloat warp_cosine_hemisphere_pdf(vfloat cosine) { return greater(cosine, splat(0.0f)) * INV_PI; }
+
+// Upper hemisphere around z, density cosθ / (cos²θ + width²) over its integral, π ln(1 + 1/width²): dense within about `width` of the
+// horizon. `octaves` = log2(1 + 1/width²).
+static vec3 warp_low_hemisphere(vfloat u, vfloat v, vfloat width2, vfloat octaves) {
+    const vfloat z2 = bounded(width2 * (exp2_of(v * octaves) - 1.0f), 1.0e-14f, 1.0f), r = root(splat(1.0f) - z2);
+    vfloat c, s;
+    cos_sin_turn(u, &c, &s);
+    return vec3_of(r * c, r * s, root(z2));
+}
+static vfloat warp_low_hemisphere_pdf(vfloat cosine, vfloat width2, vfloat octaves) {
+    return quotient(greater(cosine, splat(0.0f)) * (INV_PI * 1.44269504f), fma(cosine, cosine, width2) * octaves);
+}
 
 // Whole sphere, density 1/(4π) per steradian.
 static vec3 warp_sphere(vfloat u, vfloat v) {

@@ -57,4 +57,13 @@ static vec3 ray_leave(vec3 point, vec3 normal, vec3 error, vmask inward) {
     return along(point, normal, inward ? -distance : distance);
 }
 
+// Where a ray from `origin` to a point of a surface ends, so that it meets nothing else in the surface's plane, such as the triangle next to
+// it: before the point by the point's own error, and by the error of where a ray that came this far meets the plane. Along the normal that
+// is a few roundings of the way, whatever the angle: one of each difference, product, sum and quotient of the triangle's test.
+static vec3 ray_end(vec3 origin, vec3 point, vec3 normal, vec3 error) {
+    const vec3 to = sub(point, origin);
+    const vec3 unsure = along(error, vec3_of(absolute(to.x), absolute(to.y), absolute(to.z)), splat(8.0f * EPSILON));
+    return ray_leave(point, normal, unsure, inner(to, normal) > 0.0f);
+}
+
 #endif

@@ -117,8 +117,9 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
         path.throughput = choose(found, interior_absorb(scene, &path.interior, hit, path.throughput), path.throughput);
         const vmask straight = interior_straight(&crossing);
-        const vec3 outside =
-            lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction, path.alive & !found) : vec3_all(0.0f);
+        vec3 outside = vec3_all(0.0f);
+        if (lane_any(path.alive & !found))
+            outside = mul(environment_emitted(scene, path.ray.direction, path.alive & !found), interior_through_fog(scene));
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 

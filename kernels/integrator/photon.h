@@ -34,8 +34,8 @@ static float photon_sum(float8 x) {
     return quarter.x + quarter.y;
 }
 
-// On the side of `side`, from photons with at most `depth` scattering events, eight at a time.
-static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 side, float depth) {
+// On the side of `side`, from photons with at most `depth` scattering events, eight at a time; `flat` is disk_flat.
+static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 side, float flat, float depth) {
     const float r = m->radius, r2 = r * r, caustic_r2 = r2 * (CAUSTIC_RADIUS * CAUSTIC_RADIUS);
     const float off = disk_off_plane(r), caustic_off = disk_off_plane(r * CAUSTIC_RADIUS);
     const float4 low = m->grid.low;
@@ -56,12 +56,14 @@ static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 sid
                 const float8 dx = vload8(0, at) - point.x, dy = vload8(0, at + n) - point.y, dz = vload8(0, at + 2 * n) - point.z;
                 const float8 distance2 = fma(dx, dx, fma(dy, dy, dz * dz));
                 const float8 above = fma(dx, (float8)(side.x), fma(dy, (float8)(side.y), dz * side.z));
-                const float8 cosine = fma(vload8(0, at + DEPOSIT_ROW_NORMAL * n), (float8)(side.x),
-                                          fma(vload8(0, at + (DEPOSIT_ROW_NORMAL + 1) * n), (float8)(side.y),
-                                              vload8(0, at + (DEPOSIT_ROW_NORMAL + 2) * n) * side.z));
+                const float8 nx = vload8(0, at + DEPOSIT_ROW_NORMAL * n), ny = vload8(0, at + (DEPOSIT_ROW_NORMAL + 1) * n);
+                const float8 nz = vload8(0, at + (DEPOSIT_ROW_NORMAL + 2) * n);
+                const float8 cosine = fma(nx, (float8)(side.x), fma(ny, (float8)(side.y), nz * side.z));
+                const float8 before = fma(dx, nx, fma(dy, ny, dz * nz));
                 const float8 events = vload8(0, at + DEPOSIT_ROW_EVENTS * n), within = events < 0.0f ? (float8)(caustic_r2) : (float8)(r2);
                 const float8 beside = events < 0.0f ? (float8)(caustic_off) : (float8)(off);
-                const int8 near = (distance2 <= within) & (above <= beside) & (above >= -beside) & (cosine > 0.0f) &
+                const int8 behind = (above < -flat) & (before < -flat);
+                const int8 near = (distance2 <= within) & (above <= beside) & (above >= -beside) & (cosine > 0.0f) & !behind &
                                   (events <= depth) & (events >= -depth) & (i + step < end);
                 const int8 other = near & (events >= 0.0f), caustic = near & (events < 0.0f);
                 const float8 r8 = vload8(0, at + DEPOSIT_ROW_FLUX * n), g8 = vload8(0, at + (DEPOSIT_ROW_FLUX + 1) * n);
@@ -85,7 +87,7 @@ static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 sid
 static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface* surface, vec3 side, vuint depth, vmask where,
                           vec3* others, vec3* caustics) {
     int is_there[LANES];
-    float x[LANES], y[LANES], z[LANES], nx[LANES], ny[LANES], nz[LANES];
+    float x[LANES], y[LANES], z[LANES], nx[LANES], ny[LANES], nz[LANES], flat[LANES];
     uint events[LANES];
     lane_store(where, is_there);
     lane_store(surface->point.x, x);
@@ -94,6 +96,7 @@ static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface*
     lane_store(side.x, nx);
     lane_store(side.y, ny);
     lane_store(side.z, nz);
+    lane_store(disk_flat(surface, side, m->radius), flat);
     lane_store(depth, events);
     const uint most = scene->settings->max_depth;
     for (int lane = 0; lane < LANES; ++lane) {
@@ -101,7 +104,8 @@ static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface*
         flux.others = flux.caustics = (float4)(0.0f);
         if (is_there[lane]) {
             const float left = most == NONE ? FAR : (float)(most - events[lane] - 1u);
-            flux = photon_gather_one(m, (float4)(x[lane], y[lane], z[lane], 0.0f), (float4)(nx[lane], ny[lane], nz[lane], 0.0f), left);
+            const float4 point = (float4)(x[lane], y[lane], z[lane], 0.0f), normal = (float4)(nx[lane], ny[lane], nz[lane], 0.0f);
+            flux = photon_gather_one(m, point, normal, flat[lane], left);
         }
         x[lane] = flux.others.x;
         y[lane] = flux.others.y;
@@ -148,7 +152,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
 
         // On a diffuse surface add light straight from the lights, and what the photons brought
         path_add_direct(scene, path, vertex, stats);
-        const vmask gathers = vertex->diffuse & (vertex->surface.kind == MATERIAL_LAMBERT);
+        const vmask gathers = vertex->diffuse & disk_receives(&vertex->surface);
         if (lane_any(gathers)) {
             const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, &vertex->bsdf, path, gathers, stats);
             const vec3 leaving = scale(mul(mul(path->throughput, vertex->bsdf.color), arriving), splat(INV_PI));

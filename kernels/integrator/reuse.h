@@ -290,8 +290,10 @@ static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global fl
         const vfloat pdf = warp_cosine_hemisphere_pdf(link.cosine) * link.facing * anchor[ANCHOR_ROW_SURVIVAL];
         vmask open = pdf > 0.0f;
         if (m > 0 && lane_any(open)) {       // its own anchor sees it: the path went there
-            Ray ray = ray_make(vec3_row(anchor, ANCHOR_ROW_ORIGIN), link.to);
-            ray.limit = splat(SHADOW_LIMIT);
+            const vec3 origin = vec3_row(anchor, ANCHOR_ROW_ORIGIN);
+            const vec3 end = ray_end(origin, vec3_row(target, TARGET_ROW_POINT), vec3_row(target, TARGET_ROW_SIDE), vec3_all(0.0f));
+            Ray ray = ray_make(origin, sub(end, origin));
+            ray.limit = splat(1.0f);
             ray.from = vfloat_bits(anchor[ANCHOR_ROW_FROM]);
             ray.to = primitive;
             stats->shadow_rays += lane_count(open);

@@ -56,7 +56,7 @@ static TreeWalk light_begin(const Scene* scene, vec3 origin, vec3 normal, Sample
     sampler_bits(sampler, set, &choice->bits, &bits_v);
     if (scene->settings->light_levels > 0) sampler_hash_bits(sampler, set + (SET_LIGHT_DIGITS - SET_LIGHT), &digits, &unused);
     choice->v = unit_interval(bits_v);
-    return tree_begin(origin, normal, choice->bits, digits);
+    return tree_begin(scene, origin, normal, choice->bits, digits);
 }
 
 // Its end. Lanes that want no light look up the same place all together, which costs least, and so do those of other lights in the
@@ -99,8 +99,7 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     if (lane_any(sphere)) area = area_sample_choose(sphere, sphere_sample(origin, center, radius, facing, u, v), area);
     if (lane_any(disk)) area = area_sample_choose(disk, disk_sample(origin, center, radius, vec3_row(l->row, LIGHT_ROW_NORMAL), u, v), area);
 
-    // The shadow ray ends in front of the light's surface, as far as rounding could have moved it.
-    const vec3 clear = ray_leave(area.point, area.normal, area.error, inner(sub(area.point, origin), area.normal) > 0.0f);
+    const vec3 clear = ray_end(origin, area.point, area.normal, area.error);
     const vec3 on_light = choose(point, center, area.point);
     const vec3 to = sub(on_light, origin);
     const vfloat distance2 = inner(to, to);
@@ -162,8 +161,8 @@ static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own,
     const vec3 to = sub(center, origin);
     LightSample s;
     s.direction = choose(directional, negate(a), unit(to));
-    s.target = choose(directional, negate(a), center);
     const vec3 normal = choose(triangle, scale(outer(b, c), inverse), vec3_row(l.row, LIGHT_ROW_NORMAL));
+    s.target = choose(directional, negate(a), choose(flat, ray_end(origin, center, normal, vec3_all(0.0f)), center));
     const vfloat cosine = greater(-inner(s.direction, normal), splat(0.0f)), disk_area = radius * radius * PI;
     const vfloat area = triangle ? inverse_or_one(inverse) * 0.5f : disk_area;
     const vfloat size = flat ? area * cosine : (sphere ? disk_area : splat(1.0f));
@@ -225,12 +224,12 @@ static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves
     return emitted;
 }
 
-// The ray that has to be free for the sample to arrive. The limit leaves out a few roundings before the light.
-#define SHADOW_LIMIT 0.999996f
+// The ray that has to be free for the sample to arrive. It ends before the light's surface (ray_end), and before a point by a few roundings.
+#define SHADOW_LIMIT_POINT (1.0f - 16.0f * EPSILON)
 static Ray light_shadow_ray(const Surface* s, const LightSample* l) {
     Ray ray = surface_leave(s, l->direction);
     ray.direction = choose(l->infinite, l->target, sub(l->target, ray.origin));
-    ray.limit = l->infinite ? splat(FAR) : splat(SHADOW_LIMIT);
+    ray.limit = l->infinite ? splat(FAR) : (l->primitive == NONE ? splat(SHADOW_LIMIT_POINT) : splat(1.0f));
     ray.to = l->primitive;
     return ray;
 }

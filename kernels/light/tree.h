@@ -1,6 +1,9 @@
 // Which of many lights is looked at from a point: a walk down a tree of lights, at every node to the child that is likely to give
 // more (Conty Estevez & Kulla, HPG 2018). clrender/scene/light_tree.py builds it.
 //
+// Lengths in the tree are scaled so that the scene's size is about 1, and powers so that the larger of two children's is: products of both
+// remain normal numbers in scenes of any size. Only ratios count.
+//
 // No light that shines on the point is left out, and what the walk finds with a probability can be asked for that probability again.
 #ifndef LIGHT_TREE_H
 #define LIGHT_TREE_H
@@ -78,15 +81,17 @@ __attribute__((always_inline)) static vfloat tree_first_probability(const Scene*
 
 // The way down to a light, for the surface point `origin` with this normal.
 typedef struct {
-    vec3 origin, normal;
+    vec3 origin, normal; // the origin in the tree's lengths
     vuint digits;        // random bits, from which each step draws the digits that its choice used up
     vuint node;          // so far; and what is left of the random number, and the probability to come here, 0 where no light gives anything
     vfloat u, chance;
 } TreeWalk;
 
-static TreeWalk tree_begin(vec3 origin, vec3 normal, vuint bits, vuint digits) {
+static vec3 tree_place(const Scene* scene, vec3 point) { return scale(point, splat(scene->light_nodes[NODE_ROW_SCALE])); }
+
+static TreeWalk tree_begin(const Scene* scene, vec3 origin, vec3 normal, vuint bits, vuint digits) {
     TreeWalk walk;
-    walk.origin = origin;
+    walk.origin = tree_place(scene, origin);
     walk.normal = normal;
     walk.digits = digits;
     walk.node = splat_uint(1u);
@@ -118,11 +123,12 @@ static vuint tree_end(const Scene* scene, const TreeWalk* walk) {
 
 // The probability with which such a walk finds the light at this place of the last level.
 static vfloat tree_probability(const Scene* scene, vec3 origin, vec3 normal, vuint place) {
+    const vec3 at = tree_place(scene, origin);
     vfloat chance = splat(1.0f);
     const uint levels = scene->settings->light_levels;
     for (uint level = 0; level < levels; ++level) {
         const vuint node = place >> (levels - level), next = place >> (levels - level - 1);
-        const vfloat first = tree_first_probability(scene, node, origin, normal);
+        const vfloat first = tree_first_probability(scene, node, at, normal);
         const vfloat share = (next & 1u) == 0u ? first : splat(1.0f) - first;
         chance = first < 0.0f ? splat(0.0f) : chance * share;
     }

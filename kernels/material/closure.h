@@ -22,6 +22,7 @@
 #define CLOSURE_SMOOTH 1.0e-3f     // alphas below it make a delta: single precision has no digits left for narrower lobes
 #define CLOSURE_LEAST_BEND 1.0e-3f // an index closer to 1 bends light by less than single precision resolves
 #define SHEEN_LEAST_ALPHA 1.0e-2f
+#define CLOSURE_LOW 1.5f           // alphas from the horizon, where rough facets lose most of what they lose at first
 
 typedef struct {
     __global const float* tables;
@@ -38,7 +39,9 @@ typedef struct {
     vfloat below;            // what coat and sheen leave of light along `wo`
     vfloat smoothest;        // alpha of the facets
     vec3 albedo;             // about the share of light along `wo` that is reflected or passes
-    vfloat with_cosine, with_through, with_reflection, with_glass, with_sheen, with_coat;   // how often each way is sampled; sum 1
+    // How often each way is sampled; sum 1. Back and through: what meets more than one facet
+    vfloat with_cosine, with_back, with_through, with_reflection, with_glass, with_sheen, with_coat;
+    vfloat low2, octaves;    // of warp_low_hemisphere, for what meets more than one facet
 } Closure;
 
 static vfloat closure_mean(vec3 v) { return (v.x + v.y + v.z) * (1.0f / 3.0f); }
@@ -150,7 +153,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     const vfloat none = splat(0.0f);
     const vmask once = parameters_flag(p, MATERIAL_FLAG_SINGLE_SCATTERING);
     c->smoothest = c->coat.there ? lesser(c->facets.alpha.y, c->coat.alpha) : c->facets.alpha.y;
-    vec3 reflected = vec3_all(0.0f), spread = vec3_all(0.0f), passed = vec3_all(0.0f);
+    vec3 reflected = vec3_all(0.0f), again = vec3_all(0.0f), spread = vec3_all(0.0f), passed = vec3_all(0.0f);
     c->with_through = none;
     c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
     vfloat glassy = none, glass_spread = none;
@@ -169,12 +172,12 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
         c->reflection.multiple = scale(reflection_multiple(average, lost), metallic);
         const vec3 f0 = choose(c->reflection.measured, p->color, c->reflection.f0), f90 = choose(c->reflection.measured, vec3_all(1.0f), c->reflection.f90);
         reflected = choose(c->reflection.there, along(scale(f0, all), sub(f90, f0), all * grazing), reflected);
-        spread = choose(c->reflection.there, scale(c->reflection.multiple, c->reflection.missing * lost * PI), spread);
+        again = choose(c->reflection.there, scale(c->reflection.multiple, c->reflection.missing * lost * PI), again);
         if (lane_any(c->diffuse.there & c->diffuse.covered)) {
             const Covers over = closure_covers(c);
             diffuse_cover(&c->diffuse, &over, c->tables, c->facets.mean, splat(1.0f) - lost, all, grazing, c->below, wo.z);
             const vec3 left = choose(c->diffuse.covered, sub(vec3_all(1.0f), diffuse_layer(&c->diffuse, all, grazing)), vec3_all(1.0f));
-            spread = choose(c->diffuse.there, add(spread, scale(mul(c->diffuse.color, left), c->diffuse.share)), spread);
+            spread = choose(c->diffuse.there, scale(mul(c->diffuse.color, left), c->diffuse.share), spread);
         }
     }
     spread = choose(c->diffuse.there & !c->diffuse.covered, c->diffuse.color, spread);
@@ -194,7 +197,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
         c->sheen.hidden = sheen_hidden(&c->sheen, wo.z);
         sheen = c->sheen.there & !c->inside ? sheen_albedo(&c->sheen, c->tables, wo.z) * (splat(1.0f) - coat) : none;
     }
-    c->albedo = add(add(vec3_of(coat, coat, coat), scale(c->sheen.color, sheen)), scale(add(add(reflected, spread), passed), c->below));
+    c->albedo = add(add(vec3_of(coat, coat, coat), scale(c->sheen.color, sheen)), scale(add(add(reflected, add(again, spread)), passed), c->below));
     c->albedo = choose(c->there, c->albedo, vec3_all(0.0f));
 
     // In shares of the sum. What reflects nothing is sampled by the cosine
@@ -203,11 +206,20 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     c->with_reflection = closure_mean(reflected) * c->below;
     c->with_glass = glassy * c->below;
     c->with_through = c->with_through * c->below;
-    c->with_cosine = (closure_mean(spread) + glass_spread) * c->below;
-    const vfloat sum = c->with_coat + c->with_sheen + c->with_reflection + c->with_glass + c->with_through + c->with_cosine;
+    c->with_back = (closure_mean(again) + glass_spread) * c->below;
+    c->with_cosine = closure_mean(spread) * c->below;
+    const vfloat sum = c->with_coat + c->with_sheen + c->with_reflection + c->with_glass + c->with_through + c->with_back + c->with_cosine;
     const vfloat inverse = inverse_or_one(sum);
     c->with_coat = c->with_coat * inverse, c->with_sheen = c->with_sheen * inverse, c->with_reflection = c->with_reflection * inverse;
-    c->with_glass = c->with_glass * inverse, c->with_through = c->with_through * inverse;
+    c->with_glass = c->with_glass * inverse, c->with_through = c->with_through * inverse, c->with_back = c->with_back * inverse;
+    c->low2 = c->octaves = splat(1.0f);
+    if (lane_any((c->with_back > 0.0f) | (c->with_through > 0.0f))) {
+        // Within glass of an index near 1 most light is lost near the horizon; metals lose it more evenly
+        const vfloat eta = c->glass.eta, bends = c->glass.there & !c->glass.thin ? absolute(quotient(eta - 1.0f, eta + 1.0f)) : splat(1.0f);
+        const vfloat low = c->facets.mean * fma(bends * c->facets.mean, splat(12.0f), splat(CLOSURE_LOW));
+        c->low2 = low * low;
+        c->octaves = log2_of(splat(1.0f) + quotient(splat(1.0f), c->low2));
+    }
     c->with_cosine = sum > 0.0f ? c->with_cosine * inverse : splat(1.0f);
 }
 
@@ -223,9 +235,10 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     const vmask above = wi.z > 0.0f;
     const vfloat cosine = greater(absolute(wi.z), splat(1.0e-7f));
     const vec3 up = vec3_of(wi.x, wi.y, cosine);
-    const vfloat spread = warp_cosine_hemisphere_pdf(cosine);
+    const vfloat again = above ? c->with_back : c->with_through;
     vec3 f = vec3_all(0.0f);
-    vfloat density = spread * (above ? c->with_cosine : c->with_through), one;
+    vfloat density = warp_cosine_hemisphere_pdf(cosine) * (above ? c->with_cosine : splat(0.0f)), one;
+    if (lane_any(again > 0.0f)) density = fma(again, warp_low_hemisphere_pdf(cosine, c->low2, c->octaves), density);
 
     vec3 m = up;
     if (lane_any(c->reflection.there | c->glass.there | c->coat.there)) m = ggx_between(c->smoothest, wo, up);
@@ -289,11 +302,14 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
     vmask open = mask_all();
     const vmask reflection = closure_takes(&open, &u, c->with_reflection), coat = closure_takes(&open, &u, c->with_coat);
     const vmask glass = closure_takes(&open, &u, c->with_glass), sheen = closure_takes(&open, &u, c->with_sheen);
-    const vmask through = closure_takes(&open, &u, c->with_through);
+    const vmask through = closure_takes(&open, &u, c->with_through), back = closure_takes(&open, &u, c->with_back);
     u = open & (c->with_cosine > 0.0f) ? quotient(u, c->with_cosine > 0.0f ? c->with_cosine : splat(1.0f)) : u;
     u = bounded(u, 0.0f, 0.99999994f);
     vec3 wi = warp_cosine_hemisphere(u, v);
-    wi.z = through ? -wi.z : wi.z;
+    if (lane_any(back | through)) {
+        wi = choose(back | through, warp_low_hemisphere(u, v, c->low2, c->octaves), wi);
+        wi.z = through ? -wi.z : wi.z;
+    }
     if (lane_any(reflection | coat)) {
         Alpha a;
         a.x = coat ? c->coat.alpha : c->facets.alpha.x;

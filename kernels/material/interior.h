@@ -148,9 +148,39 @@ static vmask interior_goes_on(const Interior* in, const Crossing* c, Sampler sam
     return !played | (unit_interval(bits) < INTERIOR_SURVIVAL);
 }
 
+// Whether light gets endlessly far, by channel: 1 where none of these coefficients stops it, else 0.
+static vec3 interior_endless(vec3 coefficients) {
+    const vfloat none = splat(0.0f), one = splat(1.0f);
+    return vec3_of(coefficients.x > 0.0f ? none : one, coefficients.y > 0.0f ? none : one, coefficients.z > 0.0f ? none : one);
+}
+
+// What the fog leaves of light from outside the scene.
+static vec3 interior_through_fog(const Scene* scene) {
+#ifdef MEDIA
+    __global const float* fog = scene->media_rows + MEDIUM_ROW_EXTINCTION;
+    return interior_endless(vec3_of(splat(fog[0]), splat(fog[1]), splat(fog[2])));
+#else
+    return vec3_all(1.0f);
+#endif
+}
+
+// What is left of radiance from outside the scene. It becomes n² times as much in a medium of index n, for the list has to be empty out
+// there (PBR 4ed, 9.5.2). In a medium that scatters, paths do so before they get that far.
+static vec3 interior_from_outside(const Scene* scene, vuint medium) {
+    const vfloat n = medium > interior_unranked(scene) ? interior_ior(scene, medium) : splat(1.0f);
+    vec3 share = vec3_of(n * n, n * n, n * n);
+#ifdef MEDIA
+    vfloat row[16];
+    lane_rows(scene->media_rows, medium, row);
+    const vmask scatters = largest(vec3_row(row, MEDIUM_ROW_SCATTERING)) > 0.0f;
+    const vec3 here = choose(scatters, interior_endless(vec3_row(row, MEDIUM_ROW_EXTINCTION)), vec3_all(1.0f));
+    share = mul(mul(share, here), interior_through_fog(scene));
+#endif
+    return share;
+}
+
 // What is left of radiance after a way through the medium that is there: e^(−σ d), Beer's law, with the coefficients from this column of
-// its row on. Of radiance from outside the scene: it becomes n² times as much in a medium of index n, for the list has to be empty out
-// there (PBR 4ed, 9.5.2).
+// its row on.
 static vec3 interior_attenuation(const Scene* scene, const Interior* in, uint column, vfloat distance, vmask from_outside) {
     const vuint medium = interior_top(in);
 #ifndef MEDIA
@@ -161,10 +191,7 @@ static vec3 interior_attenuation(const Scene* scene, const Interior* in, uint co
     share.x = exp_minus(lane_gather(scene->media_rows, row) * distance);
     share.y = exp_minus(lane_gather(scene->media_rows, row + 1u) * distance);
     share.z = exp_minus(lane_gather(scene->media_rows, row + 2u) * distance);
-    if (lane_any(from_outside)) {
-        const vfloat n = medium > interior_unranked(scene) ? interior_ior(scene, medium) : splat(1.0f);
-        share = choose(from_outside, vec3_of(n * n, n * n, n * n), share);
-    }
+    if (lane_any(from_outside)) share = choose(from_outside, interior_from_outside(scene, medium), share);
     return share;
 }
 
@@ -207,6 +234,7 @@ static vmask interior_straight(const Crossing* c) { return mask_none(); }
 static Interior interior_towards(const Interior* in, const Crossing* c, vec3 direction, vec3 side) { return *in; }
 static void interior_cross(Interior* in, const Crossing* c, vec3 direction, vec3 side) {}
 static vmask interior_goes_on(const Interior* in, const Crossing* c, Sampler sampler, vec3* throughput) { return mask_all(); }
+static vec3 interior_through_fog(const Scene* scene) { return vec3_all(1.0f); }
 static vec3 interior_transmittance(const Scene* scene, const Interior* in, vfloat distance, vmask from_outside) { return vec3_all(1.0f); }
 static vec3 interior_absorb(const Scene* scene, const Interior* in, Hit hit, vec3 radiance) { return radiance; }
 

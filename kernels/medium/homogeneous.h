@@ -90,10 +90,12 @@ static void medium_travel(const Scene* scene, const Interior* in, const FreePath
         return;
     }
     const vmask scatters = may & (hit->primitive == NONE) & (free->length < FAR);
+    const vmask outside = may & !scatters & (hit->primitive == NONE);
     const vfloat distance = scatters ? free->length : hit->distance;
     const vec3 left = medium_attenuation(extinction, distance);
     const vfloat pdf = medium_pdf(free, extinction, left, distance, scatters);
-    const vec3 weight = scale(choose(scatters, mul(scattering, left), left), inverse_or_one(pdf));
+    const vec3 arrived = lane_any(outside) ? choose(outside, interior_from_outside(scene, interior_top(in)), left) : left;
+    const vec3 weight = scale(choose(scatters, mul(scattering, left), arrived), inverse_or_one(pdf));
     *throughput = choose(may, mul(*throughput, weight), arrives);
     hit->distance = scatters ? free->length : hit->distance;
     hit->primitive = scatters ? splat_uint(HIT_MEDIUM) : hit->primitive;

@@ -18,9 +18,18 @@
 // Of a photon within the radius at most this far above or below the tangent plane, in radii: around a corner lies another surface.
 #define DISK_OFF_PLANE 0.25f
 static float disk_off_plane(float radius) { return radius * DISK_OFF_PLANE; }
+// A photon does not count where it lies behind the point's tangent plane and the point before the photon's: then it is on another sheet,
+// which faces the back of the point's own. On one surface both are behind each other's planes, as on a ball, or both before them, as in a
+// corner. So far either may seem to be by rounding.
+static vfloat disk_flat(const Surface* surface, vec3 side, float radius) {
+    return fma(inner(surface->error, vec3_of(absolute(side.x), absolute(side.y), absolute(side.z))), splat(4.0f), splat(radius * 16.0f * EPSILON));
+}
 // Slivers of surface may need more points than that: then it looks a little darker.
 #define DISK_MOST_TRIES 64u
 #define DISK_SET 0x10000u        // of the sampler's sets of dimensions the first of these points
+
+// Whether photons count on a surface at all: nothing is seen of those on a black one, and such are the lamps.
+static vmask disk_receives(const Surface* s) { return (s->kind == MATERIAL_LAMBERT) & (largest(s->color) > 0.0f); }
 
 // Whether rays meet the back of a surface: they are inside of something.
 static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask asked) {
@@ -46,7 +55,10 @@ static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 s
     vmask found = asked & (hit.primitive != NONE);
     const Surface below = surface_at(scene, &ray, hit, found);
     const vec3 away = sub(below.point, surface->point);
-    found = found & (below.kind == MATERIAL_LAMBERT) & (inner(away, away) <= radius * radius);
+    const vfloat flat = disk_flat(surface, side, radius);
+    const vec3 below_side = choose(below.front, below.normal, negate(below.normal));
+    const vmask behind = (inner(away, side) < -flat) & (inner(away, below_side) < -flat);
+    found = found & disk_receives(&below) & (inner(away, away) <= radius * radius) & !behind;
     const vmask unsure = found & blocked;
     stats->shadow_rays += lane_count(asked);
     stats->rays += lane_count(asked);

@@ -1,5 +1,5 @@
-// Photons on their way from the lights: at every surface of the material `lambert` that they reach after at least one scattering event they leave a
-// deposit. Light that comes straight from the lights is found by shadow rays, with less noise.
+// Photons on their way from the lights: at every surface of the material `lambert` that is not black and that they reach after at least one
+// scattering event they leave a deposit. Light that comes straight from the lights is found by shadow rays, with less noise.
 #ifndef PHOTON_TRACE_H
 #define PHOTON_TRACE_H
 
@@ -8,6 +8,7 @@
 #include "material/bsdf.h"
 #include "material/interior.h"
 #include "photon/deposit.h"
+#include "photon/disk.h"
 #include "photon/emit.h"
 #include "types.h"
 
@@ -131,7 +132,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         photon.flux = interior_absorb(scene, &photon.interior, hit, photon.flux);
         Bsdf bsdf;
         bsdf_at(scene, &surface, photon.ray.direction, &bsdf);
-        const vmask arrives = found & (surface.kind == MATERIAL_LAMBERT) & (photon.depth > 0u);
+        const vmask arrives = found & disk_receives(&surface) & (photon.depth > 0u);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
             const vec3 flux = scale(photon.flux, photon_shading(&bsdf, photon.ray.direction));

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_support import run
+from PIL import Image
 
 from clrender.film import Film
 from clrender.film.merge import merge_films
+from clrender.image.files import image_sha256, read_image, read_provenance
 
 SIZE = ("--size", "37x22", "--spp", "8", "--quiet")
 
@@ -54,6 +56,50 @@ def test_numbers_that_make_no_sense_do_not_count(shards: Path, tmp_path: Path, n
     assert {name: merged.provenance[name] for name in names} == {name: other[name] for name in names}
 
 
+def test_images_of_merged_shards_are_those_of_the_render(shards: Path) -> None:
+    """In every format, from any number of films at once; they can be verified as a render's can."""
+    assert run("render", "room", *SIZE, *outputs("whole"), folder=shards).returncode == 0
+    done = run("merge", "3.film", "1.film", "2.film", *outputs("merged"), "-o", "united.film", folder=shards)
+    assert (done.returncode, done.stderr) == (0, "")
+    again = run("merge", "united.film", *outputs("again"), folder=shards)
+    assert again.returncode == 0 and "of 1 film, image sha256" in again.stdout
+    for ending in ("exr", "npy", "hdr"):
+        wanted = read_image(shards / f"whole.{ending}")
+        for name in ("merged", "again"):
+            np.testing.assert_array_equal(read_image(shards / f"{name}.{ending}"), wanted, ending)
+    assert done.stdout.strip().endswith(image_sha256(read_image(shards / "whole.exr")))
+    with Image.open(shards / "whole.png") as whole, Image.open(shards / "merged.png") as merged:
+        np.testing.assert_array_equal(np.asarray(merged), np.asarray(whole))
+    for name in ("merged.exr", "merged.png", "again.exr"):
+        done = run("verify", name, "--fraction", "1", folder=shards)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def outputs(name: str) -> list[str]:
+    return [part for ending in ("exr", "npy", "hdr", "png") for part in ("-o", f"{name}.{ending}")]
+
+
+def test_the_image_of_one_film_is_for_display_or_linear(shards: Path, tmp_path: Path) -> None:
+    """As by `tonemap`, with the options of a photograph; the image of a shard knows its samples."""
+    tone = ("--tone-map", "agx", "--exposure", "1.5", "--f-stop", "4", "--shutter", "1/60", "--iso", "400")
+    film = str(shards / "2.film")
+    for command, output in (("merge", "a.png"), ("tonemap", "b.png")):
+        done = run(command, film, "-o", output, *tone, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a.png").stat().st_size > 200
+    with Image.open(tmp_path / "a.png") as a, Image.open(tmp_path / "b.png") as b:
+        np.testing.assert_array_equal(np.asarray(a), np.asarray(b))
+    done = run("merge", film, "-o", "a.exr", "--exr-type", "half", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = read_provenance(tmp_path / "a.exr")
+    assert told is not None and told["stored"]["exr_type"] == "half"
+    assert (told["first_sample"], told["sample_count"], told["spp"]) == (2, 3, 8)
+    done = run("verify", "a.exr", "--fraction", "1", folder=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    done = run("tonemap", film, "-o", "linear.exr", folder=tmp_path)
+    assert done.returncode == 2 and f"`clrender merge {film} -o linear.exr` writes the linear image" in done.stderr
+
+
 def refused(folder: Path, *arguments: str) -> str:
     before = sorted(folder.iterdir())
     done = run("merge", *arguments, "-o", "refused.film", folder=folder)
@@ -86,13 +132,17 @@ def test_what_does_not_go_together_is_refused_with_both_names(shards: Path) -> N
 def test_bad_uses_of_merge(shards: Path) -> None:
     for arguments in (
         ("1.film",),
-        ("1.film", "-o", "a.png"),
+        ("1.film", "-o", "a.bmp"),
+        ("1.film", "-o", "a.exr", "--tone-map", "agx"),
+        ("1.film", "-o", "a.png", "--exr-type", "half"),
+        ("1.film", "-o", "a.film", "-o", "a.png", "--f-stop", "4"),
+        ("1.film", "-o", "a.png", "-o", "a.png"),
         ("1.film", "-o", "1.film"),
         ("1.film", "-o", "no/a.film"),
     ):
         done = run("merge", *arguments, folder=shards)
         assert done.returncode == 2 and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
-    assert not (shards / "a.png").exists()
+    assert not list(shards.glob("a.*"))
 
 
 @pytest.mark.parametrize("shard", ["0/3", "4/3", "1/9", "x/3", "1/0", "1", "1/2/3", "-1/3"])

@@ -344,7 +344,7 @@ def test_without_the_extra_there_is_one_clear_error(cache_folder: Path, missing:
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert missing in done.stderr
-    assert "pip install 'clrender[view]'" in done.stderr
+    assert "pip install 'starlette" in done.stderr
 
 
 def answers(told: Any) -> bool:

@@ -25,9 +25,6 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "sc
 README = (ROOT / "README.md").read_text()
 REFERENCE = (ROOT / "docs" / "reference.md").read_text()
 
-NOT_YET = {"--shard", "SECURITY.md", "CLRENDER_INSTALL", "CLRENDER_TEST_COLD"}
-"""Documented ahead of the work that brings them."""
-
 
 def generator(name: str) -> Callable[..., str]:
     """`current` of a script that makes a page."""
@@ -79,7 +76,7 @@ def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text()
     for link in re.findall(r"\]\(([^)\s]+)\)", text):
         place, _, heading = link.partition("#")
-        if link.startswith(("http://", "https://")) or place.rpartition("/")[2] in NOT_YET:
+        if link.startswith(("http://", "https://")):
             continue
         target = (page.parent / place).resolve() if place else page
         assert target.is_file(), f"{page.name} links to {link}"
@@ -90,8 +87,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 def test_every_command_of_the_readme_exists_and_every_command_is_in_it() -> None:
     named = set(re.findall(r"clrender ([a-z]+)(?= |`)", README)) - {"command", "is", "grew", "does"}
-    assert named - set(commands()) <= NOT_YET
-    assert set(commands()) <= named
+    assert named == set(commands())
 
 
 @pytest.mark.parametrize("page", [README, REFERENCE, *(path.read_text() for path in (ROOT / "docs").glob("[!n]*.md"))])
@@ -102,7 +98,7 @@ def test_every_option_exists(page: str) -> None:
     installers = {"--spec", "--from", "--rm", "--build-arg", "--python"}
     others = {"--install-peers", "--yes", "--by", *dask, *installers, *re.findall(r"--[a-z][a-z-]+", scripts)}
     named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page)) - others
-    assert named - set(options()) <= NOT_YET
+    assert named <= set(options())
 
 
 def test_choices_of_options_are_those_of_the_command_line() -> None:
@@ -178,8 +174,7 @@ def test_variables_of_the_environment_are_read_somewhere() -> None:
         if path.is_file() and path != Path(__file__) and path.suffix in ("", ".py", ".sh")
         for name in re.findall(r"_?CLRENDER_[A-Z_]+", path.read_text())
     }
-    assert named - read <= NOT_YET
-    assert read <= named
+    assert named == read
 
 
 def test_names_of_the_python_interface_exist() -> None:

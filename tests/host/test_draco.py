@@ -17,7 +17,7 @@ from clrender.errors import SceneError
 from clrender.importers.gltf import draco
 from clrender.scene import Scene
 
-needs_draco = pytest.mark.skipif(not draco.draco_is_there(), reason="DracoPy is not installed: clrender[gltf]")
+needs_draco = pytest.mark.skipif(not draco.draco_is_there(), reason="DracoPy is not installed: the extra gltf")
 AT = "/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression"
 
 
@@ -83,7 +83,9 @@ def test_a_sheet_is_the_one_that_went_in(tmp_path: Path) -> None:
 def test_without_the_library_it_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(draco, "draco_is_there", lambda: False)
     model = compressed(bytes(64), {"POSITION": 0, "TEXCOORD_0": 1}, 4, 2)
-    with pytest.raises(SceneError, match=rf"m\.glb: {AT} is compressed by Draco; .*pip install 'clrender\[gltf\]'"):
+    with pytest.raises(
+        SceneError, match=rf"m\.glb: {AT} is compressed by Draco; .*pip install 'DracoPy[^']*'`, or export"
+    ):
         loaded(tmp_path, model)
 
 

@@ -417,6 +417,16 @@ def test_light_that_glass_keeps_from_most_integrators_is_told() -> None:
     assert flat({**ball, "material": "same"}, lights=(POINT,), materials=GLASS).warnings == ()
 
 
+def test_light_that_fog_keeps_out_is_told() -> None:
+    ball: dict[str, Any] = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
+    thick: dict[str, Any] = {"absorption": [0.1, 0.0, 0.2], "scattering": [0.0, 0.3, 0.0]}
+    (told,) = flat(ball, lights=(SKY, POINT), media={"mist": thick}, fog="mist").warnings
+    text = "the medium 'mist' extends to infinity, and no light of environment lights passes it"
+    assert told == f"Scene: fog: {text}; for haze below a sky, give a large box an `interior` instead"
+    assert flat(ball, lights=(POINT,), media={"mist": thick}, fog="mist").warnings == ()
+    assert flat(ball, lights=(SKY,), media={"mist": {**thick, "scattering": 0.0}}, fog="mist").warnings == ()
+
+
 def test_what_does_not_bend_light_is_no_boundary() -> None:
     shapes: list[dict[str, Any]] = [{"type": "sphere", "center": [0, 0, 0], "radius": 1}, UNIT_CUBE]
     none = flat(*({**shape, "material": "same"} for shape in shapes), materials=GLASS)

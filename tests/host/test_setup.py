@@ -133,3 +133,40 @@ def test_a_probe_that_ran_out_of_time_gets_more_before_other_drivers(
         assert not any("no OpenCL driver" in line for line in lines)
     else:
         assert (code, probes[0]) == (1, "probed in 9"), "who set a limit gets no other"
+
+
+PACKAGES = "starlette<2,>=0.40 uvicorn<1,>=0.35"
+
+
+def with_extras(machine: Machine, pip: str = "exit 0") -> Path:
+    """An environment whose clrender declares two packages for each extra."""
+    printed = "; ".join(f"echo '{each}'" for each in PACKAGES.split())
+    return machine.environment(
+        f'#!/bin/bash\nif [[ $1 == -c ]]; then {printed}; exit 0; fi\n[[ $3 == --version ]] && exit 0\n'
+        f'echo "ran python $*" >>{machine.log}\n{pip}\n'
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("user", "told", "installs"),
+    [(1000, "", False), (1000, "1", True), (1000, "0", False), (0, "", True), (0, "0", False)],
+)
+def test_who_may_install_an_extra(machine: Machine, user: int, told: str, installs: bool) -> None:
+    with_extras(machine)
+    code, lines = machine.run("install_extra view; echo goes on >&2", user, CLRENDER_INSTALL=told)
+    assert code == 0 and lines[-1] == "goes on", "without permission the command itself says what it lacks"
+    ran = [line for line in lines if line.startswith("ran python -m pip install")]
+    if installs:
+        said = f"clrender set-up: installing what this command needs (the extra view): {PACKAGES}"
+        assert lines == [said, *ran, "goes on"] and ran[0].endswith(f" {PACKAGES}")
+    else:
+        assert not ran
+
+
+def test_an_extra_that_cannot_be_installed_is_one_clear_error(machine: Machine) -> None:
+    with_extras(machine, pip="echo 'no route to host'; exit 1")
+    code, lines = machine.run("install_extra view; echo goes on >&2", 0)
+    assert code == 1
+    assert lines[-1].startswith(
+        "error: the packages of the extra view could not be installed: no route to host. Is there"
+    )

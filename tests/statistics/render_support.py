@@ -53,6 +53,11 @@ class Studio:
         assert made.stats["nonfinite_samples"] == 0
         return made.linear.astype(np.float64)
 
+    def layer(self, what: Scene, size: int, name: str) -> Floats:
+        """(size, size, channels) layer of an image of few samples."""
+        made = self._session.render(what, size=(size, size), spp=4, aov=(name,))
+        return made.aovs[name].astype(np.float64)
+
     def gray(self, what: Scene, size: int | tuple[int, int] = 32, **settings: Any) -> Floats:
         """(height, width) weighted radiance: the channels together in one number, each with another weight."""
         weighted: Floats = self.image(what, size, **settings) @ _WEIGHTS

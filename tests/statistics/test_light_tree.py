@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from render_support import Studio, disk, lambert, quad, scene, sphere, triangle
+from render_support import Studio, disk, down, lambert, quad, scene, sphere, triangle
 from sampling_support import LightTable
 from stats_support import Evidence
 
@@ -24,24 +24,35 @@ POINTS = [
 ]
 
 
-def many_lights(infinite: bool, floor: dict[str, Any] | None = None, camera: dict[str, Any] | None = None) -> Scene:
+def many_lights(
+    infinite: bool,
+    floor: dict[str, Any] | None = None,
+    camera: dict[str, Any] | None = None,
+    size: float = 1.0,
+    bright: float = 1.0,
+    points: bool = True,
+) -> Scene:
     """Triangles, spheres, disks and points of all powers, any way round, some of them about each of `POINTS`."""
     rng = np.random.default_rng(45)
     shapes = [] if floor is None else [floor]
     for number in range(45):
-        center, emission = rng.uniform(-2.0, 2.0, 3), float(10.0 ** rng.uniform(-1.0, 1.0))
+        center, emission = size * rng.uniform(-2.0, 2.0, 3), bright * float(10.0 ** rng.uniform(-1.0, 1.0))
         if number % 3 == 0:
-            shapes.append(triangle((center + rng.normal(0.0, 0.2, (3, 3))).tolist(), emission=emission))
+            shapes.append(triangle((center + size * rng.normal(0.0, 0.2, (3, 3))).tolist(), emission=emission))
         elif number % 3 == 1:
-            shapes.append(sphere(center.tolist(), 0.05, emission=emission))
+            shapes.append(sphere(center.tolist(), 0.05 * size, emission=emission))
         else:
-            shapes.append(disk(center.tolist(), rng.normal(size=3).tolist(), 0.1, emission=emission))
+            shapes.append(disk(center.tolist(), rng.normal(size=3).tolist(), 0.1 * size, emission=emission))
+    places = [size * rng.uniform(-2.0, 2.0, 3) for _ in range(4)]
+    intensity = bright * size * size
     lights: list[dict[str, Any]] = [
-        {"type": "point", "position": rng.uniform(-2.0, 2.0, 3).tolist(), "intensity": [1.0] * 3} for _ in range(4)
+        {"type": "point", "position": place.tolist(), "intensity": [intensity] * 3} for place in places
     ]
+    if not points:
+        lights.clear()
     if infinite:
-        lights.append({"type": "directional", "direction": [0.3, -1.0, 0.2], "irradiance": [0.5] * 3})
-        lights.append({"type": "environment", "radiance": [0.2] * 3})
+        lights.append({"type": "directional", "direction": [0.3, -1.0, 0.2], "irradiance": [0.5 * bright] * 3})
+        lights.append({"type": "environment", "radiance": [0.2 * bright] * 3})
     return scene(shapes, lights, camera, white=lambert(0.7))
 
 
@@ -112,8 +123,36 @@ def test_the_tree_holds_every_light_once() -> None:
     assert np.array_equal(order[places - len(order)], np.arange(flat.light_count))
     powers = rows.reshape(-1, 8)[:, 7].astype(np.float64)
     assert np.count_nonzero(powers[len(order) :]) == flat.light_count
-    for node in range(2, len(order)):
-        assert powers[node] == pytest.approx(powers[2 * node] + powers[2 * node + 1], rel=1e-6)
+    # Of two children the larger is from ½ to 1: bring them all to the scale of the first light
+    absolute = np.zeros_like(powers)
+    absolute[1] = 1.0
+    for node in range(1, len(order)):
+        shares = powers[2 * node : 2 * node + 2]
+        if not shares.any():
+            continue
+        assert 0.5 <= shares.max() < 1.0
+        absolute[2 * node : 2 * node + 2] = absolute[node] * shares / shares.sum()
+    emitted = flat.arrays["lights"]["probability"].astype(np.float64)
+    near = np.flatnonzero(flat.arrays["lights"]["primitive"] != layout.NONE)
+    found = absolute[places[near]] / emitted[near]
+    assert found == pytest.approx(np.full(len(near), found[0]), rel=1e-5), "in proportion to their power"
+
+
+@pytest.mark.parametrize(("size", "bright"), [(27, 33), (-13, 0), (-23, -39)])
+def test_the_tree_does_not_depend_on_the_scale(device: Device, size: int, bright: int) -> None:
+    """From a cosmic scene to a microscopic one that hardly shines, by powers of two: the same bits."""
+    points = size < 0  # no intensity of a point may be that large
+    scaled = LightTable(device, many_lights(True, None, down_by(2.0**size), 2.0**size, 2.0**bright, points))
+    usual = LightTable(device, many_lights(True, points=points))
+    for origin, normal in POINTS:
+        there = tuple(2.0**size * x for x in origin)
+        for here, alike in zip(usual.choose(origin, normal), scaled.choose(there, normal), strict=True):
+            assert np.array_equal(np.asarray(here), np.asarray(alike)), origin
+
+
+def down_by(size: float) -> dict[str, Any]:
+    """The usual camera in a scene of another size."""
+    return {**down(height=0.25 * size), "vertical_fov": 90.0}
 
 
 @pytest.mark.parametrize("choice", ["power", "uniform"])

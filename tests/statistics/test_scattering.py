@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from render_support import Studio, hashes_by_lanes_and_cuts, lambert, quad, sphere
+from render_support import Studio, down, hashes_by_lanes_and_cuts, lambert, quad, sphere
 from scipy import integrate
 from stats_support import Evidence
 
@@ -232,6 +232,48 @@ def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
         }
     )
     assert len(hashes_by_lanes_and_cuts(device, what)) == 1
+
+
+ENDLESS: dict[str, dict[str, Any]] = {
+    "environment": SKY,
+    "directional": {"type": "directional", "direction": [0.0, -1.0, 0.0], "irradiance": [1.0, 1.0, 1.0]},
+    "sun_sky": {"type": "sun_sky", "sun_direction": [0.0, 1.0, 0.2], "scale": 1e-4},
+}
+
+
+@pytest.mark.parametrize(("light", "scatters"), [*((light, True) for light in ENDLESS), ("environment", False)])
+def test_light_from_infinity_in_fog(evidence: Evidence, studio: Studio, light: str, scatters: bool) -> None:
+    """None arrives of the channels that the fog absorbs or scatters, and all of the one that it does not.
+
+    On a floor, in the open sky, and in a layer, by every way to sample light.
+    """
+    fog = {"absorption": [0.5, 0.0, 0.3], "scattering": [0.5, 0.0, 0.1] if scatters else 0.0}
+    floor = quad([-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], material="white")
+    cameras = {"floor": {**down(height=1.0, degrees=20.0)}, "sky": {**down(height=1.0), "target": [0.0, 2.0, 0.0]}}
+    within = {"media": {"smoke": fog}, "materials": {"white": lambert(0.8)}}
+    for place, camera in cameras.items():
+        foggy = described([floor], [ENDLESS[light]], camera, **within, fog="smoke")
+        seen = {way: studio.image(foggy, 8, spp=64, sampling=way) for way in ("mis", "light", "bsdf")}
+        for way, image in seen.items():
+            assert not image[..., [0, 2]].any(), (place, way)
+        clear = studio.image(described([floor], [ENDLESS[light]], camera, **within), 8, spp=64)[..., 1]
+        for way in ("mis", "light") if light == "sun_sky" else seen:
+            evidence.equal(f"{place} {way}", seen[way][..., 1].ravel(), clear.ravel())
+    albedo = studio.layer(foggy, 8, "albedo")
+    assert not albedo[..., [0, 2]].any()
+    assert bool(albedo[..., 1].any()) == (light != "directional")
+
+
+def test_light_from_infinity_in_a_cloud_without_an_end(evidence: Evidence, studio: Studio) -> None:
+    """A shape that is not closed: by no way to sample light does any come through its medium from infinity."""
+    smoke = {"smoke": {"scattering": 2.0, "absorption": 3.0}}
+    front = quad([-50.0, -50.0, 0.0], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0], interior="smoke")
+    behind = {**ENDLESS["directional"], "direction": [0.0, 0.0, 1.0]}
+    assert not studio.image(described([front], [behind], STRAIGHT, media=smoke), 8, spp=16).any()
+    around = described([front], [SKY], STRAIGHT, media=smoke)
+    by_bsdf = studio.pixels(around, 16, spp=64, max_depth=1, sampling="bsdf")
+    for way in ("mis", "light"):
+        evidence.equal(way, studio.pixels(around, 16, spp=64, max_depth=1, sampling=way), by_bsdf)
 
 
 @pytest.mark.parametrize("integrator", ["whitted", "photon", "reuse", "radiosity"])

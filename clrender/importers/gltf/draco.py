@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.extras import install_command, lacking
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.schema import COMPONENTS
@@ -23,7 +24,6 @@ from clrender.importers.gltf.schema import COMPONENTS
 __all__ = ["DRACO", "decode_draco", "draco_is_there"]
 
 DRACO: Final = "KHR_draco_mesh_compression"
-_CURE: Final = "install what reads it with pip install 'clrender[gltf]', or export it without Draco compression"
 _SECONDS: Final = 20.0
 """Time allowed for starting the process on a busy machine, in addition to its computation."""
 
@@ -61,7 +61,8 @@ def decode_draco(document: Document, accessors: Accessors) -> None:
     if not parts:
         return
     if not draco_is_there():
-        raise document.fault(parts[0].at, f"is compressed by Draco; {_CURE}")
+        cure = f"install what reads it with `{install_command('gltf')}`, or export it without Draco compression"
+        raise lacking("gltf", document.fault(parts[0].at, f"is compressed by Draco; {cure}"))
     different = {part.data: number for number, part in reversed(list(enumerate(parts)))}
     decoded = dict(zip(different, _decoded(document, [parts[i] for i in different.values()]), strict=True))
     for part in parts:

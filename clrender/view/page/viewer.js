@@ -53,7 +53,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     f: focus.toggle,
     p: () => (probe.isPinned() ? probe.release() : probe.step(0, 0)),
     l: viewPanel.toggleFalseColor,
-    b: () => viewPanel.toggleDenoised() || status.say("The denoiser is not installed. Install it with: pip install 'clrender[denoise]'"),
+    b: () => viewPanel.toggleDenoised() || status.say(`The denoiser is not installed. Install it with: ${hub.newest("hello")?.install_denoiser}`),
     h: () => root.classList.toggle("cv-bare"),
     "[": () => viewPanel.changeExposure(-1 / 3),
     "]": () => viewPanel.changeExposure(1 / 3),

@@ -1,0 +1,103 @@
+"""Optional packages: what the error of a missing one says, and that `scripts/clrender` is asked to install it."""
+
+from __future__ import annotations
+
+import configparser
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from gltf_files import Model
+
+import clrender
+from clrender import extras
+
+ROOT = Path(clrender.__path__[0]).parent
+SETUP = configparser.ConfigParser(interpolation=None)
+SETUP.read(ROOT / "setup.cfg")
+ALONE = ("cluster", "denoise", "gltf", "notebook", "report", "view")
+
+RENDER = ("render", "room", "-o", "a.png")
+LACKING = {
+    "view": ("uvicorn", ("view", "room", "--no-open")),
+    "denoise": ("pyoidn", (*RENDER, "--denoise")),
+    "cluster": ("distributed", (*RENDER, "--cluster", "local:2")),
+    "report": ("matplotlib", ("report", "--quick", "-o", "r")),
+    "report, pages": ("matplotlib", ("furnace", "lambert", "-o", "f")),
+    "gltf": ("DracoPy", ("check", "m.glb")),
+}
+"""By extra: a module of it, and a command that needs it."""
+
+
+def parts(requirement: str) -> tuple[str, frozenset[str]]:
+    """Name and limits of a requirement; build tools reorder the limits."""
+    name, limits = re.fullmatch(r"([\w.-]+)(.*)", requirement.strip()).groups()  # type: ignore[union-attr]
+    return name, frozenset(limits.replace(" ", "").split(","))
+
+
+@pytest.mark.parametrize("extra", ALONE)
+def test_the_command_installs_what_the_extra_declares(extra: str) -> None:
+    declared = SETUP["options.extras_require"][extra].strip().splitlines()
+    assert {parts(each) for each in extras.packages(extra)} == {parts(each) for each in declared}
+    command = shlex.split(extras.install_command(extra))
+    assert command[:4] == [sys.executable, "-m", "pip", "install"]
+    assert {parts(each) for each in command[4:]} == {parts(each) for each in declared}
+
+
+def test_a_python_without_pip_is_served_by_uv_and_an_uninstalled_clone_names_its_folder(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "pip", None)
+    monkeypatch.setattr(extras, "packages", lambda extra: [])
+    command = shlex.split(extras.install_command("view"))
+    assert command == ["uv", "pip", "install", "--python", sys.executable, f"{ROOT}[view]"]
+
+
+def clrender_without(module: str, folder: Path, *arguments: str, **variables: str) -> tuple[int, str]:
+    """Exit status and errors of the command line where a module is not installed."""
+    code = f"import sys; sys.modules[{module!r}] = None; from clrender.__main__ import main; main()"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=folder, capture_output=True, text=True, timeout=120, check=False, env=environment,
+    )  # fmt: skip
+    assert done.stdout == ""
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("case", LACKING)
+def test_the_script_that_started_a_command_is_asked_for_the_extra(tmp_path: Path, case: str) -> None:
+    module, command = LACKING[case]
+    extra = case.partition(",")[0]
+    model = Model()
+    model.extend("KHR_draco_mesh_compression", required=True)
+    draco = {"bufferView": model.view(bytes(64)), "attributes": {"POSITION": 0}}
+    position = model.add(
+        "accessors", {"componentType": 5126, "count": 3, "type": "VEC3", "min": [0] * 3, "max": [1] * 3}
+    )
+    primitive = {"attributes": {"POSITION": position}, "extensions": {"KHR_draco_mesh_compression": draco}}
+    model.node(mesh=model.add("meshes", {"primitives": [primitive]}))
+    model.write(tmp_path / "m.glb")
+    before = sorted(tmp_path.iterdir())
+    script = tmp_path.with_name("script")
+    script.write_text('#!/bin/sh\nprintf "%s\\n" "$@" >&2\nexit 7\n')
+    script.chmod(0o755)
+    # Before anything is said or written; where it has been tried, and without the script, the cure is told.
+    asked = clrender_without(module, tmp_path, *command, CLRENDER_SCRIPT=str(script))
+    assert asked == (7, "\n".join(["--extra", extra, *command, ""]))
+    for tried in ({"CLRENDER_SCRIPT": str(script), "CLRENDER_EXTRA": extra}, {}):
+        status, said = clrender_without(module, tmp_path, *command, **tried)
+        assert status == 2 and said.startswith("error: ") and said.count("\n") == 1
+        assert extras.install_command(extra) in said
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_no_page_names_a_package_that_no_index_has() -> None:
+    pages = [ROOT / "README.md", ROOT / "man" / "clrender.1", *(ROOT / "docs").rglob("*.md")]
+    pages += [path for path in (ROOT / "clrender").rglob("*") if path.suffix in (".py", ".js", ".html")]
+    wrong = [f"{path}: {line}" for path in pages for line in path.read_text().splitlines() if "clrender[" in line]
+    assert wrong == []
