@@ -31,7 +31,8 @@ static vec3 lamp_spot_sample(const LightRow* l, vfloat u, vfloat v, vfloat* pdf)
     return frame_to_world(frame_around(vec3_row(l->row, LIGHT_ROW_AXIS)), warp_cone(u, v, spread));
 }
 
-// The table of an IES file, LAMP_ROW_* of types.h; `clrender/scene/lamp_tables.py` writes it. Lanes of other lights read the first one.
+// The table of an IES file, LAMP_ROW_* of types.h; `clrender/scene/lamp_tables.py` writes it. Lanes of other lights take the first words for one of
+// two lines and columns: these may be the table of the sun, whose numbers would lead anywhere.
 typedef struct {
     Frame frame;                     // the middle of its light, horizontal angle 0, and 90
     vuint last_line, last_column;    // below which angles lie
@@ -46,12 +47,13 @@ static LampTable lamp_table(const Scene* scene, const LightRow* l, vmask where) 
     t.frame.normal = vec3_row(l->row, LIGHT_ROW_AXIS);
     t.frame.tangent = vec3_row(l->row, LIGHT_ROW_ZERO);
     t.frame.bitangent = outer(t.frame.tangent, t.frame.normal);      // counter-clockwise as seen against the axis
-    t.columns = vfloat_bits(head[LAMP_ROW_COLUMNS]);
-    t.last_line = vfloat_bits(head[LAMP_ROW_LINES]) - 2u;
+    const vuint two = splat_uint(2u), begin = splat_uint(0u);
+    t.columns = where ? vfloat_bits(head[LAMP_ROW_COLUMNS]) : two;
+    t.last_line = (where ? vfloat_bits(head[LAMP_ROW_LINES]) : two) - 2u;
     t.last_column = t.columns - 2u;
-    t.polar = vfloat_bits(head[LAMP_ROW_POLAR]), t.azimuth = vfloat_bits(head[LAMP_ROW_AZIMUTH]);
-    t.value = vfloat_bits(head[LAMP_ROW_VALUE]), t.drop = vfloat_bits(head[LAMP_ROW_DROP]);
-    t.band = vfloat_bits(head[LAMP_ROW_BAND]), t.cell = vfloat_bits(head[LAMP_ROW_CELL]);
+    t.polar = where ? vfloat_bits(head[LAMP_ROW_POLAR]) : begin, t.azimuth = where ? vfloat_bits(head[LAMP_ROW_AZIMUTH]) : begin;
+    t.value = where ? vfloat_bits(head[LAMP_ROW_VALUE]) : begin, t.drop = where ? vfloat_bits(head[LAMP_ROW_DROP]) : begin;
+    t.band = where ? vfloat_bits(head[LAMP_ROW_BAND]) : begin, t.cell = where ? vfloat_bits(head[LAMP_ROW_CELL]) : begin;
     return t;
 }
 

@@ -6,12 +6,14 @@ The sky is the picture that the host makes, which tests/host/test_sky.py compare
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from environment_support import irradiance, radiance
+from lamp_support import LAMPS
 from render_support import Studio, lambert, quad, scene, sphere
 from stats_support import Evidence
 
@@ -166,6 +168,20 @@ def test_beside_another_light(evidence: Evidence, studio: Studio, light_sampler:
     for sampling in ("mis", "light"):
         seen = studio.pixels(both, spp=256, sampling=sampling, light_sampler=light_sampler)
         evidence.mean_is(sampling, seen, exact / math.pi, rounding=1e-4)
+
+
+@pytest.mark.parametrize("integrator", ["path", pytest.param("photon", marks=pytest.mark.slow)])
+def test_beside_a_lamp_of_an_ies_file(evidence: Evidence, studio: Studio, tmp_path: Path, integrator: str) -> None:
+    """Both keep tables in one array, and no lane reads a table that is not its light's."""
+    file = str(tmp_path / LAMPS["halves"].write(tmp_path))
+    ground = plane((0.0, 1.0, 0.0), sun_alone(scale=1e-3)).placed("here", Path("/"))
+    lamp = scene([], [{"type": "ies", "position": [0.3, 0.4, 0.0], "file": file}]).lights
+    given = {"spp": 64, "integrator": integrator, **({"photons": 4096} if integrator == "photon" else {})}
+    sun, alone, both = (
+        studio.pixels(ground.model_copy(update={"lights": lights}), 16, **given)
+        for lights in (ground.lights, lamp, (*ground.lights, *lamp))
+    )
+    evidence.equal("sum", both, sun + alone, rounding=1e-5)
 
 
 def glossy(light: dict[str, Any]) -> Scene:
