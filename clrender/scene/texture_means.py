@@ -22,7 +22,7 @@ _Floats: TypeAlias = NDArray[np.float64]
 _Ints: TypeAlias = NDArray[np.int64]
 _MOST_STEPS: Final = 512
 """Most steps along an edge: larger textures are sampled."""
-MOST_POINTS: Final = _MOST_STEPS**2
+MOST_POINTS: Final = _MOST_STEPS * _MOST_STEPS
 """Most points in a triangle."""
 _CHUNK: Final = 2**14
 """Points at a time, few enough that their arrays stay in the cache."""
