@@ -311,6 +311,10 @@ class Session:
                 turns.enter_context(turn)
             yield
 
+    def has_read(self, scene: Scene) -> bool:
+        """Whether all files of a scene have been read, as only its camera differs from the session's last one."""
+        return self._flat is not None and self._flat[0].scene.shares_contents(scene)
+
     def flat(self, job: RenderJob) -> FlatScene:
         """The job's scene as arrays. If only the camera differs from the session's last job, its arrays are reused.
 
