@@ -342,6 +342,10 @@ class Session:
             (lambda: call.abandoned) if should_stop is None else call.callback(should_stop, otherwise=True),
         )
 
+    def has_read(self, scene: Scene) -> bool:
+        """Whether all files of a scene have been read, as only its camera differs from the session's last one."""
+        return self._flat is not None and self._flat[0].scene.shares_contents(scene)
+
     def flat(self, job: RenderJob) -> FlatScene:
         """The job's scene as arrays. If only the camera differs from the session's last job, its arrays are reused.
 
