@@ -3,6 +3,7 @@
 #ifndef PHOTON_TRACE_H
 #define PHOTON_TRACE_H
 
+#include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "material/bsdf.h"
@@ -97,7 +98,7 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     const vfloat turned = quotient(in, greater(out, splat(1.0e-6f))) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
     vec3 weight = scale(next.weight, turned);
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
-    const vfloat most = (p->depth >= 16u) & !straight ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);
+    const vfloat late = straight ? splat(1.0f) : roulette_late(p->depth + 1u), survival = roulette_by_flux(weight) * late;
     p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
     p->ray = surface_leave(surface, next.direction);
     interior_cross(&p->interior, crossing, next.direction, bsdf->side);
