@@ -237,8 +237,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
-        const vec3 flux = scale(path->throughput, path->index_squared);
-        const vfloat played = roulette_survival(settings->roulette, flux, path->depth, vertex->surface.absorption);
+        const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.absorption);
         const vfloat survival = straight ? splat(1.0f) : played;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
         goes_on = goes_on & (unit_interval(bits_u) < survival);
