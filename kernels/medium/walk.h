@@ -17,9 +17,9 @@ static vmask walk_flag(const Scene* scene, vuint medium, uint flag) {
     return (vfloat_bits(lane_gather(scene->media_rows, medium * 16u + (uint)MEDIUM_ROW_FLAGS)) & flag) != 0u;
 }
 
-// Where a path scatters in a medium without light, or passes a subsurface material's surface into one.
+// Where a path scatters in a medium without light, or passes a subsurface material's surface into one, and none of it is reflected.
 static vmask walk_in_the_dark(const Scene* scene, const Interior* in, const Crossing* c, const Bsdf* b) {
-    const vmask either = b->medium | b->passes;
+    const vmask either = b->medium | (b->passes & !bsdf_keeps(b));
     if (!lane_any(either)) return either;
     const vuint medium = b->passes ? interior_top(&c->beyond) : interior_top(in);
     return either & walk_flag(scene, either ? medium : splat_uint(0u), MEDIUM_FLAG_DARK);
