@@ -88,11 +88,10 @@ static vmask first_hit_clear(const Bsdf* b) {
 #endif
 }
 
-// The colour of that image. Radiance is squeezed together in glass, which says nothing about colour.
+// The colour of that image: what becomes of flux, for that radiance changes with the index says nothing about colour.
 static vec3 first_hit_tint(const Bsdf* b, const BsdfSample* next) {
 #ifdef MATERIALS
-    const vmask crosses = b->closure.glass.there & !b->closure.glass.thin & (inner(next->direction, b->side) < 0.0f);
-    const vec3 w = scale(next->weight, crosses ? b->closure.glass.eta * b->closure.glass.eta : splat(1.0f));
+    const vec3 w = scale(next->weight, bsdf_index_squared(b, next->direction));
     const vec3 most = vec3_of(lesser(w.x, splat(1.0f)), lesser(w.y, splat(1.0f)), lesser(w.z, splat(1.0f)));
     return choose(b->closure.there | (b->kind == MATERIAL_CONDUCTOR) | b->thin, most, b->color);
 #else

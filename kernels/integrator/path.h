@@ -10,11 +10,11 @@
 #define INTEGRATOR_PATH_H
 
 #include "core/mis.h"
+#include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
 #include "integrator/regroup.h"
-#include "integrator/roulette.h"
 #include "integrator/shadow.h"
 #include "light/light.h"
 #include "material/bsdf.h"
@@ -237,9 +237,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
-        const vec3 carried = scale(path->throughput, path->index_squared);      // as flux: refraction scatters no light away
-        const vfloat other = roulette_survival(settings->roulette, carried, path->depth, vertex->surface.absorption);
-        const vfloat played = walk_survival(scene, &path->interior, bsdf, settings->roulette, carried, path->depth, other);
+        const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.absorption);
         const vfloat survival = straight ? splat(1.0f) : played;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
         goes_on = goes_on & (unit_interval(bits_u) < survival);

@@ -4,6 +4,7 @@
 
 #include "camera/camera.h"
 #include "camera/surroundings.h"
+#include "core/roulette.h"
 #include "film/pool.h"
 #include "integrator/split.h"
 
@@ -76,6 +77,11 @@ static vec3 path_last_point(const Path* path) {
 #else
     return path->ray.origin;
 #endif
+}
+
+// The probability that the path goes on, with this throughput, after so many scattering events. As flux: refraction scatters no light away.
+static vfloat path_survival(const Scene* scene, const Path* path, vec3 throughput, vuint depth, vfloat absorption) {
+    return roulette_survival(scene->settings->roulette, scale(throughput, path->index_squared), depth, absorption);
 }
 
 static CameraRays camera_rays_none(void) {

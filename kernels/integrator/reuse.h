@@ -78,7 +78,7 @@ static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const V
     const vec3 reflects = mul(path->throughput, bsdf->color);
     // From a black surface no path goes on
     const vmask dark = !(largest(reflects) > 0.0f);
-    const vfloat going_on = roulette_survival(scene->settings->roulette, reflects, path->depth + 1u, surface->absorption);
+    const vfloat going_on = path_survival(scene, path, reflects, path->depth + 1u, surface->absorption);
     const vfloat survival = dark ? splat(0.0f) : going_on;
     r->origin = choose(anchors, origin, r->origin);
     r->side = choose(anchors, bsdf->side, r->side);
@@ -101,6 +101,7 @@ static void reuse_share(Reuse* r, Path* path, const Vertex* vertex, vmask shares
     r->shared = r->shared | shares;
     path->radiance = choose(shares, vec3_all(0.0f), path->radiance);
     path->throughput = choose(shares, vec3_all(1.0f), path->throughput);
+    path->index_squared = shares ? splat(1.0f) : path->index_squared;
 }
 
 #define RECORD_ANCHORED 1u

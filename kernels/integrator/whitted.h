@@ -3,10 +3,10 @@
 #ifndef INTEGRATOR_WHITTED_H
 #define INTEGRATOR_WHITTED_H
 
+#include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
-#include "integrator/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
@@ -65,8 +65,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         const vuint event = path.depth;
         path.depth = straight ? event : event + 1u;
         if (roulette_matters(ROULETTE_NONE, path.depth)) {
-            const vfloat played = roulette_survival(ROULETTE_NONE, path.throughput, path.depth, surface.absorption);
-            const vfloat survival = straight ? splat(1.0f) : played;
+            const vfloat survival = straight ? splat(1.0f) : roulette_late(path.depth);
             sampler_hash_bits(path.sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
             goes_on = goes_on & (unit_interval(bits_u) < survival);
             path.throughput = scale(path.throughput, inverse_or_one(survival));

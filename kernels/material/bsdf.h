@@ -35,7 +35,7 @@ typedef struct {
     vmask thin;          // a smooth wall without thickness, whose own index is closure.glass.eta
 #endif
 #ifdef SUBSURFACE
-    vmask passes;        // the surface of a subsurface material: all light goes through, and is spread by the cosine
+    vmask passes;        // the surface of a subsurface material: all light that can goes through, and is spread by the cosine
 #endif
 #ifdef MEDIA
     vmask medium;        // no surface: a medium, which scatters to all sides by its phase function; z points back
@@ -149,6 +149,8 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->specular = s->kind != MATERIAL_LAMBERT;
 #ifdef SUBSURFACE
     b->specular = b->specular & !b->passes;
+    // A material without an index of its own has MATCHED_IOR
+    b->eta = b->passes & (absolute(b->eta - 1.0f) < 4.0f * EPSILON) ? splat(1.0f) : b->eta;
 #endif
 #ifdef MEDIA
     b->medium = s->kind == MATERIAL_MEDIUM;
@@ -175,34 +177,65 @@ static vmask bsdf_is_clear(const Bsdf* b) {
     return clear;
 }
 
-// What radiance is divided by that comes along `wi` (world): the square of the index there over that on wo's side.
+// What makes flux of radiance that comes along `wi` (world): the square of the index there over that on wo's side.
 static vfloat bsdf_index_squared(const Bsdf* b, vec3 wi) {
     const vmask through = inner(wi, b->side) < 0.0f;
-    vfloat index_squared = b->kind == MATERIAL_DIELECTRIC ? b->eta * b->eta : splat(1.0f);
-#ifdef MATERIALS
-    index_squared = b->closure.there & b->closure.glass.there ? quotient(splat(1.0f), b->closure.glass.squeezed) : index_squared;
+    vmask bends = b->kind == MATERIAL_DIELECTRIC;
+    vfloat eta = b->eta;
+#ifdef SUBSURFACE
+    bends = bends | b->passes;
 #endif
-    return through ? index_squared : splat(1.0f);
+#ifdef MATERIALS
+    const Glass* glass = &b->closure.glass;
+    const vmask lobes = b->closure.there & glass->there;
+    bends = bends | lobes;
+    eta = lobes ? (glass->thin ? splat(1.0f) : glass->eta) : eta;
+#endif
+    return through & bends ? index_flux(eta) : splat(1.0f);
 }
 
-// Turns what a subsurface material's surface lets pass to the side that light comes from: there all is as of a Lambertian one.
-static vec3 bsdf_turn(const Bsdf* b, vec3 v) {
+// Where light is also reflected by the surface of a subsurface material: what arrives in a denser medium than is behind it, and cannot pass.
+static vmask bsdf_keeps(const Bsdf* b) {
 #ifdef SUBSURFACE
-    return choose(b->passes, negate(v), v);
+    return b->passes & (b->eta < 1.0f);
+#else
+    return mask_none();
+#endif
+}
+
+// At the surface of a subsurface material, whose two sides scatter as a Lambertian one each: the side that light comes from, to be taken for
+// that of `wo`. The others stay as they are.
+static vec3 bsdf_turn(const Bsdf* b, vec3 v, vmask through) {
+#ifdef SUBSURFACE
+    return choose(b->passes & through, negate(v), v);
 #else
     return v;
 #endif
 }
-static vec3 bsdf_turn_local(const Bsdf* b, vec3 wi) {
+static vec3 bsdf_turn_local(const Bsdf* b, vec3 wi, vmask through) {
 #ifdef SUBSURFACE
-    return vec3_of(wi.x, wi.y, b->passes ? -wi.z : wi.z);
+    return vec3_of(wi.x, wi.y, b->passes & through ? -wi.z : wi.z);
 #else
     return wi;
 #endif
 }
 
+// What the radiance from either side counts there, and how often it is sampled; elsewhere 1.
+static vfloat bsdf_share(const Bsdf* b, vmask through, vfloat* sampled) {
+#ifdef SUBSURFACE
+    const vfloat passing = index_passes(b->eta), chosen = through ? passing : splat(1.0f) - passing;
+    *sampled = b->passes ? chosen : splat(1.0f);
+    return b->passes ? (through ? chosen * index_radiance(b->eta) : chosen) : splat(1.0f);
+#else
+    *sampled = splat(1.0f);
+    return splat(1.0f);
+#endif
+}
+
 // The normal of the side that light has to arrive on to be scattered; zero: on either.
-static vec3 bsdf_receives(const Bsdf* b) { return choose(bsdf_is_clear(b), vec3_all(0.0f), bsdf_turn(b, b->side)); }
+static vec3 bsdf_receives(const Bsdf* b) {
+    return choose(bsdf_is_clear(b) | bsdf_keeps(b), vec3_all(0.0f), bsdf_turn(b, b->side, mask_all()));
+}
 
 // About the share of light along `wo` that is scattered, by colour; glass that is smooth passes all.
 static vec3 bsdf_albedo(const Bsdf* b) {
@@ -231,10 +264,14 @@ static vec3 bsdf_eval_local(const Bsdf* b, vec3 wi, vfloat* pdf) {
 
 // The same of a direction in the world.
 static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
-    vfloat density;
-    const vec3 wi = bsdf_turn_local(b, frame_to_local(b->frame, direction));
+    vfloat density, sampled;
+    const vmask through = inner(direction, b->side) < 0.0f;
+    const vec3 wi = bsdf_turn_local(b, frame_to_local(b->frame, direction), through);
     vec3 f = bsdf_eval_local(b, wi, &density);
-    const vmask above = inner(direction, bsdf_turn(b, b->side)) > 0.0f;
+    const vmask above = inner(direction, bsdf_turn(b, b->side, through)) > 0.0f;
+    const vfloat share = bsdf_share(b, through, &sampled);
+    f = scale(f, share);
+    density = density * sampled;
 #ifdef MATERIALS
     vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | (b->closure.glass.there & !above & (wi.z < 0.0f)));
 #else
@@ -270,8 +307,21 @@ static vec3 bsdf_sample_delta(const Bsdf* b, vfloat u, vec3* wi) {
     return weight;
 }
 
+// Whether light from the other side is sampled at the surface of a subsurface material; `u` is used for that, where there is a choice.
+static vmask bsdf_choose_side(const Bsdf* b, vfloat* u) {
+    const vmask keeps = bsdf_keeps(b);
+    if (!lane_any(keeps)) return mask_all();
+    const vfloat passing = index_passes(b->eta);
+    const vmask through = !keeps | (*u < passing);
+    const vfloat rest = through ? *u * inverse_or_one(passing) : (*u - passing) * inverse_or_one(splat(1.0f) - passing);
+    *u = keeps ? lesser(rest, splat(1.0f - EPSILON)) : *u;
+    return through;
+}
+
 static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
-    const vfloat u = unit_interval(bits_u), v = unit_interval(bits_v);
+    vfloat u = unit_interval(bits_u), sampled;
+    const vfloat v = unit_interval(bits_v);
+    const vmask through = bsdf_choose_side(b, &u);
     BsdfSample s;
     vec3 wi;
     s.weight = lambert_sample(b->color, u, v, &wi);
@@ -302,7 +352,10 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
         s.pdf = b->medium ? phase_eval(b->g, turned.z) : s.pdf;
     }
 #endif
-    wi = bsdf_turn_local(b, wi);
+    const vfloat share = bsdf_share(b, through, &sampled);
+    s.weight = scale(s.weight, share * inverse_or_one(sampled));
+    s.pdf = s.pdf * sampled;
+    wi = bsdf_turn_local(b, wi, through);
     s.direction = direction_again(frame_to_world(b->frame, wi));
     // A direction on the other side of the geometry than it is of the shading normal carries no light.
     vmask crossed = (inner(s.direction, b->side) > 0.0f) != (wi.z > 0.0f);

@@ -4,7 +4,7 @@
 #ifndef MATERIAL_DIELECTRIC_H
 #define MATERIAL_DIELECTRIC_H
 
-#include "core/exact.h"
+#include "material/index.h"
 
 // Reflected share of light arriving at `cosine` from the normal; `eta` is the index beyond the surface over the index on this
 // side. `refracted` is the cosine beyond, 0 under total internal reflection. (PBR 4ed, 9.3.5)
@@ -25,7 +25,7 @@ static vec3 dielectric_sample(vec3 color, vfloat eta, vec3 wo, vfloat u, vec3* w
     const vmask reflect = u < reflected;
     const vfloat inverse = quotient(splat(1.0f), eta);
     *wi = vec3_of(reflect ? -wo.x : -wo.x * inverse, reflect ? -wo.y : -wo.y * inverse, reflect ? wo.z : -beyond);
-    return scale(color, reflect ? splat(1.0f) : inverse * inverse);
+    return scale(color, reflect ? splat(1.0f) : index_radiance(eta));
 }
 
 #endif

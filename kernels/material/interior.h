@@ -14,6 +14,7 @@
 #ifndef MATERIAL_INTERIOR_H
 #define MATERIAL_INTERIOR_H
 
+#include "core/roulette.h"
 #include "core/sampler.h"
 #include "geometry/surface.h"
 #include "scene.h"
@@ -22,9 +23,6 @@
 
 // So many media are known at a point; of more, the lowest are forgotten.
 #define INTERIOR_ENTRIES 8
-// From so many surfaces on that were no boundaries, a path may end, with a small chance at each: so that every path ends.
-#define INTERIOR_LONG_PATH 1024u
-#define INTERIOR_SURVIVAL 0.998046875f
 
 typedef struct {
     vuint first, last;       // the list, a byte each, from the highest byte of `first` on; 0: no medium
@@ -138,14 +136,15 @@ static void interior_cross(Interior* in, const Crossing* c, vec3 direction, vec3
     in->straight = c->straight ? in->straight + 1u : in->straight;
 }
 
-// Whether paths go on that went straight, and by how much they then count for more.
+// Whether paths go on that went straight, and by how much they then count for more: only after very many such surfaces they may end.
 static vmask interior_goes_on(const Interior* in, const Crossing* c, Sampler sampler, vec3* throughput) {
-    const vmask played = c->straight & (in->straight >= INTERIOR_LONG_PATH);
+    const vmask played = c->straight & (in->straight >= ROULETTE_LONG_PATH);
     if (!lane_any(played)) return mask_all();
+    const vfloat survival = roulette_late(in->straight);
     vuint bits, unused;
     sampler_hash_bits(sampler, sampler_set(in->straight, SET_SPARE), &bits, &unused);
-    *throughput = choose(played, scale(*throughput, splat(1.0f / INTERIOR_SURVIVAL)), *throughput);
-    return !played | (unit_interval(bits) < INTERIOR_SURVIVAL);
+    *throughput = choose(played, scale(*throughput, inverse_or_one(survival)), *throughput);
+    return !played | (unit_interval(bits) < survival);
 }
 
 // Whether light gets endlessly far, by channel: 1 where none of these coefficients stops it, else 0.

@@ -8,35 +8,21 @@
 #ifndef MEDIUM_WALK_H
 #define MEDIUM_WALK_H
 
-#include "integrator/roulette.h"
 #include "material/bsdf.h"
 #include "medium/homogeneous.h"
 
 #ifdef SUBSURFACE
 
-// From so many scattering events on a walk may end that absorbs nothing. At event n it goes on with the probability 1 − 1/n, so that weights
-// grow no faster than n, and hardly ever in a body of less than a hundred mean free paths.
-#define WALK_LONG 16384u
-
 static vmask walk_flag(const Scene* scene, vuint medium, uint flag) {
     return (vfloat_bits(lane_gather(scene->media_rows, medium * 16u + (uint)MEDIUM_ROW_FLAGS)) & flag) != 0u;
 }
 
-// Where a path scatters in a medium without light, or passes a subsurface material's surface into one.
+// Where a path scatters in a medium without light, or passes a subsurface material's surface into one, and none of it is reflected.
 static vmask walk_in_the_dark(const Scene* scene, const Interior* in, const Crossing* c, const Bsdf* b) {
-    const vmask either = b->medium | b->passes;
+    const vmask either = b->medium | (b->passes & !bsdf_keeps(b));
     if (!lane_any(either)) return either;
     const vuint medium = b->passes ? interior_top(&c->beyond) : interior_top(in);
     return either & walk_flag(scene, either ? medium : splat_uint(0u), MEDIUM_FLAG_DARK);
-}
-
-// The probability that a path goes on, at a step of a walk, or where it begins or ends: as its throughput says, without a limit, since what
-// absorbs little is no reason to end. Elsewhere `other`. `in`: what it is inside of.
-static vfloat walk_survival(const Scene* scene, const Interior* in, const Bsdf* b, uint roulette, vec3 throughput, vuint depth, vfloat other) {
-    const vmask walks = b->passes | (b->medium & walk_flag(scene, interior_top(in), MEDIUM_FLAG_SUBSURFACE));
-    const vfloat least = roulette == ROULETTE_THROUGHPUT ? lesser(largest(throughput), splat(1.0f)) : splat(1.0f);
-    const vfloat early = depth >= 4u ? least : splat(1.0f), late = splat(1.0f) - quotient(splat(1.0f), vfloat_of(vint_from_uint(depth + 1u)));
-    return walks ? (depth >= WALK_LONG ? early * late : early) : other;
 }
 
 // Where subsurface materials begin, layers show their albedo.
@@ -52,7 +38,6 @@ static vmask walk_begins(const Scene* scene, const Surface* s, vmask found, vec3
 #else
 
 static vmask walk_in_the_dark(const Scene* scene, const Interior* in, const Crossing* c, const Bsdf* b) { return mask_none(); }
-static vfloat walk_survival(const Scene* scene, const Interior* in, const Bsdf* b, uint roulette, vec3 throughput, vuint depth, vfloat other) { return other; }
 static vmask walk_begins(const Scene* scene, const Surface* s, vmask found, vec3* albedo) { return mask_none(); }
 
 #endif

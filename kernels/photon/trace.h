@@ -3,6 +3,7 @@
 #ifndef PHOTON_TRACE_H
 #define PHOTON_TRACE_H
 
+#include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "material/bsdf.h"
@@ -88,17 +89,12 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     vuint bits_u, bits_v;
     sampler_bits(p->sampler, sampler_set(p->depth, SET_BSDF), &bits_u, &bits_v);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
-    // bsdf_sample weighs radiance, which shrinks by eta² where it crosses glass; flux does not
-    vmask glass = bsdf->kind == MATERIAL_DIELECTRIC;
-#ifdef MATERIALS
-    glass = glass | bsdf->closure.glass.there;
-#endif
-    const vmask crosses = glass & (inner(next.direction, bsdf->side) < 0.0f);
+    // bsdf_sample weighs radiance, and this is flux
     const vfloat in = photon_shading(bsdf, p->ray.direction), out = photon_shading(bsdf, next.direction);
-    const vfloat turned = quotient(in, greater(out, splat(1.0e-6f))) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
+    const vfloat turned = quotient(in, greater(out, splat(1.0e-6f))) * bsdf_index_squared(bsdf, next.direction);
     vec3 weight = scale(next.weight, turned);
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
-    const vfloat most = (p->depth >= 16u) & !straight ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);
+    const vfloat late = straight ? splat(1.0f) : roulette_late(p->depth + 1u), survival = roulette_by_flux(weight) * late;
     p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
     p->ray = surface_leave(surface, next.direction);
     interior_cross(&p->interior, crossing, next.direction, bsdf->side);

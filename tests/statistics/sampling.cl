@@ -1,5 +1,5 @@
 // What is sampled, and with which density, for tests: one sample a lane.
-#include "integrator/roulette.h"
+#include "core/roulette.h"
 #include "light/light.h"
 #include "material/bsdf.h"
 #include "medium/phase.h"

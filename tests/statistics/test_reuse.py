@@ -49,6 +49,25 @@ def test_reuse_is_unbiased_behind_mirrors(evidence: Evidence, studio: Studio) ->
     compare(evidence, studio, clrender.load("room-mirror"), 16)
 
 
+def test_reuse_is_unbiased_behind_glass(evidence: Evidence, studio: Studio) -> None:
+    """Anchors in a denser medium, so late on their paths that the roulette is played: by flux, as everywhere."""
+    glass = [
+        {"type": "box", "size": [4.0, 4.0, 4.0]},
+        {"type": "box", "center": [0.0, 0.0, 3.0], "size": [6.0, 6.0, 0.1]},
+    ]
+    walls = [
+        quad([-1.5, -1.5, -1.5], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0], material="wall"),
+        quad([-1.5, -1.5, -1.5], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0], material="wall"),
+        quad([1.5, -1.5, -1.5], [0.0, 0.0, 3.0], [0.0, 3.0, 0.0], material="wall"),
+        quad([-1.5, -1.5, -1.5], [0.0, 0.0, 3.0], [3.0, 0.0, 0.0], material="wall"),
+        quad([-0.4, 1.49, -0.4], [0.8, 0.0, 0.0], [0.0, 0.0, 0.8], emission=5.0),
+    ]
+    camera = {"position": [0.0, 0.0, 8.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 22.0}
+    materials = {"wall": lambert([0.5, 0.4, 0.3]), "glass": {"type": "dielectric", "ior": 1.5}}
+    what = scene([*({**box, "material": "glass"} for box in glass), *walls], (), camera, **materials)
+    compare(evidence, studio, what, 16)
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_every_way_of_reuse_is_unbiased(evidence: Evidence, studio: Studio, way: str) -> None:
     compare(evidence, studio, clrender.load("cornell"), 16, **WAYS[way])

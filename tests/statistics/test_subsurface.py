@@ -122,6 +122,42 @@ def test_walks_that_absorb_nothing_have_no_noise(studio: Studio) -> None:
     np.testing.assert_allclose(studio.pixels(what, 16, spp=4), 1.0, rtol=1e-4)
 
 
+LIQUID = {"type": "box", "center": [0.0, -1.5, 0.0], "size": [4.0, 3.0, 4.0], "material": "liquid"}
+LIQUIDS: dict[str, dict[str, Any]] = {
+    "without an index": skin(priority=2),
+    "that loses to the liquid": skin(priority=0),
+    "of another index": skin(ior=1.3, priority=2),
+    "rough": skin(ior=1.3, roughness=0.4, priority=2),
+    "glass": {"type": "dielectric", "ior": 1.8, "priority": 2},
+    "rough glass": {"type": "dielectric", "ior": 1.8, "roughness": 0.3, "priority": 2},
+}
+IN_LIQUID = pytest.mark.parametrize("height", [2.0, -1.2], ids=["from above", "through the liquid"])
+
+
+def half_in_liquid(height: float, lights: list[dict[str, Any]], *more: dict[str, Any], **material: Any) -> Scene:
+    """A ball, the lower half of which is in a liquid of index 1.5, seen from that height."""
+    camera = {"position": [0.0, height, 6.0], "target": [0.0, -0.2, 0.0], "vertical_fov": 9.0}
+    liquid = {"type": "dielectric", "ior": 1.5, "priority": 1}
+    ball = sphere([0, 0, 0], 0.9, material="ball")
+    return scene([ball, LIQUID, *more], lights, camera, ball=material, liquid=liquid)
+
+
+@IN_LIQUID
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[] if n == "without an index" else [SLOW]) for n in LIQUIDS])
+def test_what_is_partly_in_a_liquid_is_invisible(evidence: Evidence, studio: Studio, name: str, height: float) -> None:
+    """Radiance over the squared index is the same everywhere, whichever surfaces are between the indices."""
+    pixels = studio.pixels(half_in_liquid(height, [SKY], **LIQUIDS[name]), 12, spp=16)
+    evidence.mean_is("furnace", pixels, 1.0, rounding=2e-5)
+
+
+def test_lamps_in_a_liquid_are_found_in_every_way(evidence: Evidence, studio: Studio) -> None:
+    """From both sides of the surface between them: it reflects what cannot pass to the lower index."""
+    lamp = sphere([1.2, -1.2, 1.2], 0.3, emission=5.0)
+    what = half_in_liquid(-1.2, [], lamp, **LIQUIDS["without an index"])
+    ways = [studio.tiles(what, range(k, k + 8), 16, spp=64, sampling=w) for k, w in ((0, "mis"), (50, "bsdf"))]
+    evidence.equal("tiles", *ways)
+
+
 def lit(light: str, **material: Any) -> Scene:
     """A block above a floor."""
     shapes = [

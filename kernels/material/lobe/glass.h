@@ -95,7 +95,7 @@ static void glass_prepare(Glass* g, __global const float* tables, vec3 wo) {
     g->passes = g->thin ? splat(1.0f) - glass_thin(average) : quotient(passes * there, greater(here, there));
     g->through = quotient(g->passes, there) * INV_PI;
     g->back = quotient(splat(1.0f) - g->passes, here) * INV_PI;
-    g->squeezed = g->thin ? splat(1.0f) : inverse * inverse;
+    g->squeezed = g->thin ? splat(1.0f) : index_radiance(g->eta);
     g->missing = glass_missing(g, tables, denser, wo.z);
 }
 
