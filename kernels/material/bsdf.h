@@ -185,6 +185,15 @@ static vfloat bsdf_index_squared(const Bsdf* b, vec3 wi) {
     return through ? index_squared : splat(1.0f);
 }
 
+// An interpolated normal may have `wi` on another side than the geometry, where there is another index. What lobes reflect and refract is
+// then as the shading normal says, and where it goes as the geometry does: in glass no light gets lost. So its radiance is scaled
+// by the indices of where it goes.
+static vfloat bsdf_other_side(const Bsdf* b, vmask above, vmask above_shading) {
+    const vfloat index_squared = bsdf_index_squared(b, negate(b->side));
+    const vfloat inverse = quotient(splat(1.0f), index_squared);
+    return above == above_shading ? splat(1.0f) : above ? index_squared : inverse;
+}
+
 // Turns what a subsurface material's surface lets pass to the side that light comes from: there all is as of a Lambertian one.
 static vec3 bsdf_turn(const Bsdf* b, vec3 v) {
 #ifdef SUBSURFACE
@@ -236,7 +245,9 @@ static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     vec3 f = bsdf_eval_local(b, wi, &density);
     const vmask above = inner(direction, bsdf_turn(b, b->side)) > 0.0f;
 #ifdef MATERIALS
-    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | (b->closure.glass.there & !above & (wi.z < 0.0f)));
+    const vmask glass = b->closure.there & b->closure.glass.there;
+    if (lane_any(glass)) f = choose(glass, scale(f, bsdf_other_side(b, above, wi.z > 0.0f)), f);
+    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | glass);
 #else
     vmask seen = !b->specular & above;
 #endif
@@ -304,12 +315,17 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
 #endif
     wi = bsdf_turn_local(b, wi);
     s.direction = direction_again(frame_to_world(b->frame, wi));
-    // A direction on the other side of the geometry than it is of the shading normal carries no light.
-    vmask crossed = (inner(s.direction, b->side) > 0.0f) != (wi.z > 0.0f);
+    // A direction on the other side of the geometry than it is of the shading normal carries no light, but in glass
+    const vmask above = inner(s.direction, b->side) > 0.0f;
+    vmask crossed = above != (wi.z > 0.0f);
 #ifdef MEDIA
     crossed = crossed & !b->medium;
 #endif
-    s.weight = choose(crossed, vec3_all(0.0f), s.weight);
+    if (lane_any(crossed)) {
+        const vmask glass = bsdf_is_clear(b);
+        const vec3 scaled = scale(s.weight, bsdf_other_side(b, above, wi.z > 0.0f));
+        s.weight = choose(crossed, choose(glass, scaled, vec3_all(0.0f)), s.weight);
+    }
     return s;
 }
 

@@ -55,6 +55,15 @@ static vfloat photon_shading(const Bsdf* bsdf, vec3 direction) {
     return quotient(greater(shading, splat(1.0e-6f)), greater(side, splat(1.0e-6f)));
 }
 
+// The factor of a direction that comes in and one that goes out. Where glass has either on another side by its shading normal than by its
+// geometry (bsdf_other_side), none is known: the flux stays, so that it cannot grow from wall to wall.
+static vfloat photon_turn(const Bsdf* bsdf, vmask glass, vec3 direction, vec3 next) {
+    const vfloat in = photon_shading(bsdf, direction), out = photon_shading(bsdf, next);
+    const vmask in_other = (inner(direction, bsdf->side) < 0.0f) != (inner(direction, bsdf->frame.normal) < 0.0f);
+    const vmask out_other = (inner(next, bsdf->side) > 0.0f) != (inner(next, bsdf->frame.normal) > 0.0f);
+    return glass & (in_other | out_other) ? splat(1.0f) : quotient(in, greater(out, splat(1.0e-6f)));
+}
+
 // Keep the deposit in the next free place of its photon; when all are taken, in a random one or nowhere, so that at any time each
 // deposit so far is as likely to be there (Vitter 1985).
 static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask where, __global float* deposits) {
@@ -93,8 +102,7 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     glass = glass | bsdf->closure.glass.there;
 #endif
     const vmask crosses = glass & (inner(next.direction, bsdf->side) < 0.0f);
-    const vfloat in = photon_shading(bsdf, p->ray.direction), out = photon_shading(bsdf, next.direction);
-    const vfloat turned = quotient(in, greater(out, splat(1.0e-6f))) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
+    const vfloat turned = photon_turn(bsdf, glass, p->ray.direction, next.direction) * (crosses ? bsdf->eta * bsdf->eta : splat(1.0f));
     vec3 weight = scale(next.weight, turned);
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
     const vfloat most = (p->depth >= 16u) & !straight ? splat(0.95f) : splat(1.0f), survival = lesser(largest(weight), most);
