@@ -5,6 +5,7 @@
 #ifndef MATERIAL_BSDF_H
 #define MATERIAL_BSDF_H
 
+#include "core/bent.h"
 #include "core/frame.h"
 #include "core/sampler.h"
 #include "geometry/surface.h"
@@ -48,6 +49,16 @@ typedef struct {
     vec3 weight;         // f |cosθ| / pdf; zero ends the path
     vfloat pdf;          // per steradian; 0 where the BSDF is specular (but whether it is, the mask says)
 } BsdfSample;
+
+// The shading normal on the side of the viewer. That of what is glossy and opaque is bent if it is interpolated; a normal map's already is.
+static vec3 bsdf_normal(const Surface* s, vec3 shading, vec3 side, vec3 direction, vmask glossy) {
+    if (!lane_any(glossy)) return shading;
+    const vec3 smooth = choose(s->front, s->shading, negate(s->shading));
+    const vmask own = (shading.x == smooth.x) & (shading.y == smooth.y) & (shading.z == smooth.z);
+    const vmask flat = (shading.x == side.x) & (shading.y == side.y) & (shading.z == side.z);
+    const vmask bends = glossy & own & !flat;
+    return lane_any(bends) ? choose(bends, bent_normal(shading, side, negate(direction)), shading) : shading;
+}
 
 // Towards the viewer, a unit vector. An interpolated normal may look away from there: then it is seen at the most grazing angle.
 static vec3 bsdf_wo(Frame frame, vec3 direction) {
@@ -141,7 +152,12 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->passes = s->kind == MATERIAL_SUBSURFACE;
     shading = choose(b->passes & s->front, s->normal, shading);
 #endif
-    b->frame = frame_around(choose(s->front, shading, negate(shading)));
+#ifdef MATERIALS
+    const vmask glossy = any_described ? parameters_glossy(&p) : s->kind == MATERIAL_MIRROR;
+#else
+    const vmask glossy = s->kind == MATERIAL_MIRROR;
+#endif
+    b->frame = frame_around(bsdf_normal(s, choose(s->front, shading, negate(shading)), b->side, direction, glossy));
     b->wo = bsdf_wo(b->frame, direction);
     b->color = color;
     b->eta = s->front ? s->ior : quotient(splat(1.0f), s->ior);
