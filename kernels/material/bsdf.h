@@ -5,6 +5,7 @@
 #ifndef MATERIAL_BSDF_H
 #define MATERIAL_BSDF_H
 
+#include "core/bent.h"
 #include "core/frame.h"
 #include "core/sampler.h"
 #include "geometry/surface.h"
@@ -48,6 +49,16 @@ typedef struct {
     vec3 weight;         // f |cosθ| / pdf; zero ends the path
     vfloat pdf;          // per steradian; 0 where the BSDF is specular (but whether it is, the mask says)
 } BsdfSample;
+
+// The shading normal on the side of the viewer. That of what is glossy and opaque is bent if it is interpolated; a normal map's already is.
+static vec3 bsdf_normal(const Surface* s, vec3 shading, vec3 side, vec3 direction, vmask glossy) {
+    if (!lane_any(glossy)) return shading;
+    const vec3 smooth = choose(s->front, s->shading, negate(s->shading));
+    const vmask own = (shading.x == smooth.x) & (shading.y == smooth.y) & (shading.z == smooth.z);
+    const vmask flat = (shading.x == side.x) & (shading.y == side.y) & (shading.z == side.z);
+    const vmask bends = glossy & own & !flat;
+    return lane_any(bends) ? choose(bends, bent_normal(shading, side, negate(direction)), shading) : shading;
+}
 
 // Towards the viewer, a unit vector. An interpolated normal may look away from there: then it is seen at the most grazing angle.
 static vec3 bsdf_wo(Frame frame, vec3 direction) {
@@ -141,7 +152,12 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->passes = s->kind == MATERIAL_SUBSURFACE;
     shading = choose(b->passes & s->front, s->normal, shading);
 #endif
-    b->frame = frame_around(choose(s->front, shading, negate(shading)));
+#ifdef MATERIALS
+    const vmask glossy = any_described ? parameters_glossy(&p) : s->kind == MATERIAL_MIRROR;
+#else
+    const vmask glossy = s->kind == MATERIAL_MIRROR;
+#endif
+    b->frame = frame_around(bsdf_normal(s, choose(s->front, shading, negate(shading)), b->side, direction, glossy));
     b->wo = bsdf_wo(b->frame, direction);
     b->color = color;
     b->eta = s->front ? s->ior : quotient(splat(1.0f), s->ior);
@@ -192,6 +208,15 @@ static vfloat bsdf_index_squared(const Bsdf* b, vec3 wi) {
     eta = lobes ? (glass->thin ? splat(1.0f) : glass->eta) : eta;
 #endif
     return through & bends ? index_flux(eta) : splat(1.0f);
+}
+
+// An interpolated normal may have `wi` on another side than the geometry, where there is another index. What lobes reflect and refract is
+// then as the shading normal says, and where it goes as the geometry does: in glass no light gets lost. So its radiance is scaled
+// by the indices of where it goes.
+static vfloat bsdf_other_side(const Bsdf* b, vmask above, vmask above_shading) {
+    const vfloat index_squared = bsdf_index_squared(b, negate(b->side));
+    const vfloat inverse = quotient(splat(1.0f), index_squared);
+    return above == above_shading ? splat(1.0f) : above ? index_squared : inverse;
 }
 
 // Where light is also reflected by the surface of a subsurface material: what arrives in a denser medium than is behind it, and cannot pass.
@@ -273,7 +298,9 @@ static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     f = scale(f, share);
     density = density * sampled;
 #ifdef MATERIALS
-    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | (b->closure.glass.there & !above & (wi.z < 0.0f)));
+    const vmask glass = b->closure.there & b->closure.glass.there;
+    if (lane_any(glass)) f = choose(glass, scale(f, bsdf_other_side(b, above, wi.z > 0.0f)), f);
+    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | glass);
 #else
     vmask seen = !b->specular & above;
 #endif
@@ -357,12 +384,17 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
     s.pdf = s.pdf * sampled;
     wi = bsdf_turn_local(b, wi, through);
     s.direction = direction_again(frame_to_world(b->frame, wi));
-    // A direction on the other side of the geometry than it is of the shading normal carries no light.
-    vmask crossed = (inner(s.direction, b->side) > 0.0f) != (wi.z > 0.0f);
+    // A direction on the other side of the geometry than it is of the shading normal carries no light, but in glass
+    const vmask above = inner(s.direction, b->side) > 0.0f;
+    vmask crossed = above != (wi.z > 0.0f);
 #ifdef MEDIA
     crossed = crossed & !b->medium;
 #endif
-    s.weight = choose(crossed, vec3_all(0.0f), s.weight);
+    if (lane_any(crossed)) {
+        const vmask glass = bsdf_is_clear(b);
+        const vec3 scaled = scale(s.weight, bsdf_other_side(b, above, wi.z > 0.0f));
+        s.weight = choose(crossed, choose(glass, scaled, vec3_all(0.0f)), s.weight);
+    }
     return s;
 }
 

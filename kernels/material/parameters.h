@@ -62,6 +62,12 @@ static vmask parameters_unmix(const Scene* scene, const Surface* s, vmask has_ro
     return mixtures;
 }
 
+// Where an image is mirrored and nothing passes.
+static vmask parameters_glossy(const Parameters* p) {
+    const vmask opaque = (p->kind == MATERIAL_PRINCIPLED) & (p->transmission == 0.0f);
+    return opaque | (p->kind == MATERIAL_MIRROR) | (p->kind == MATERIAL_CONDUCTOR);
+}
+
 #ifdef TEXTURES
 // Textures in the place of parameters; `material` is the number of each lane's material.
 static void parameters_texture(const Scene* scene, const Surface* s, vuint material, vec3 direction, Parameters* p) {

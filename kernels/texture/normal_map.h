@@ -2,6 +2,7 @@
 #ifndef TEXTURE_NORMAL_MAP_H
 #define TEXTURE_NORMAL_MAP_H
 
+#include "core/bent.h"
 #include "core/exact.h"
 #include "core/frame.h"
 #include "texture/parameter.h"
@@ -90,28 +91,6 @@ static vec3 normal_map_bumped(const Scene* scene, const Attributes* a, vuint tex
     return choose(moves, unit(sub(normal, gradient)), normal);
 }
 
-// A shading normal may turn so far that the mirrored view points into the surface, which shows as black rims. Of all normals between
-// it and the geometry's it is then the last for which the mirrored view stays above the surface.
-//
-// `side` and `view` are unit vectors on one side of the surface. With β the angle from `side` to the normal, p = view · side and
-// q = view · s, s being the unit vector across `side` in the normal's plane, the mirrored view is p cos 2β + q sin 2β above the surface.
-// That is A cos(2β − δ), A² = p² + q²; the limit ε is reached where the mirrored view is ε side + √(A² − ε²) s in that plane, and the
-// normal half-way between it and the view.
-static vec3 normal_map_bent(vec3 normal, vec3 side, vec3 view) {
-    const vfloat cosine = inner(normal, side), p = inner(view, side);
-    const vec3 level = sub(normal, scale(side, cosine));
-    const vec3 s = unit(level);
-    const vfloat sine = inner(normal, s), q = inner(view, s);
-    const vfloat limit = lesser(p * 0.9f, splat(0.01f));
-    const vfloat above = fma(p, fma(cosine, cosine * 2.0f, splat(-1.0f)), q * sine * cosine * 2.0f);
-    const vmask sound = (above >= limit) & (cosine > 0.0f);
-    const vfloat above2 = (p - limit) * (p + limit), far = root(fma(q, q, above2));
-    // q + far, without the loss of digits where q is negative
-    const vfloat step = q < 0.0f ? above2 * inverse_or_one(far - q) : q + far;
-    const vec3 bent = along(scale(side, p + limit), s, step);
-    return choose(sound | !(p > 0.0f), normal, unit(bent));
-}
-
 // The shading normal of each lane, on the front side as `shading` is, seen against the unit `direction` of the ray.
 __attribute__((noinline)) static vec3 normal_map_shading(const Scene* scene, const Attributes* a, const TextureSlots* slots, vec3 normal,
                                                          vec3 shading, vmask front, vec3 direction) {
@@ -121,7 +100,7 @@ __attribute__((noinline)) static vec3 normal_map_shading(const Scene* scene, con
     vec3 turned = shading;
     if (lane_any(mapped)) turned = normal_map_normal(scene, a, vfloat_bits(slots->texture[TEXTURE_NORMAL]), mapped, turned, &tilted);
     if (lane_any(bumped)) turned = normal_map_bumped(scene, a, vfloat_bits(slots->texture[TEXTURE_BUMP]), bumped, turned, &tilted);
-    const vec3 bent = normal_map_bent(choose(front, turned, negate(turned)), choose(front, normal, negate(normal)), negate(direction));
+    const vec3 bent = bent_normal(choose(front, turned, negate(turned)), choose(front, normal, negate(normal)), negate(direction));
     return choose(tilted, choose(front, bent, negate(bent)), shading);
 }
 

@@ -66,7 +66,7 @@ __kernel void texture_bent(__global const float* vectors, uint count, __global f
     if (at >= count) return;
     vfloat in[9];
     for (int k = 0; k < 9; ++k) in[k] = lane_load(vectors + (size_t)k * count + at);
-    const vec3 bent = normal_map_bent(vec3_of(in[0], in[1], in[2]), vec3_of(in[3], in[4], in[5]), vec3_of(in[6], in[7], in[8]));
+    const vec3 bent = bent_normal(vec3_of(in[0], in[1], in[2]), vec3_of(in[3], in[4], in[5]), vec3_of(in[6], in[7], in[8]));
     lane_save(bent.x, results + at);
     lane_save(bent.y, results + count + at);
     lane_save(bent.z, results + (size_t)2 * count + at);
