@@ -194,7 +194,7 @@ def flatten(
     camera = _camera_row(scene.camera, width, height, scene.source, origin)
     assembly = assemble(scene)
     scene = assembly.scene
-    surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly.groups)
+    surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly)
     instances = flat_instances(assembly, surfaces)
     media = scene_media(scene)
     around = flat_environment(scene, compensated)

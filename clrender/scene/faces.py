@@ -4,14 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.scene.near_pairs import near_pairs
 
-__all__ = ["NO_CONTACTS", "ROUNDING", "Contacts", "Faces", "coplanar", "coplanar_among", "inner", "normals"]
+__all__ = [
+    "NO_CONTACTS",
+    "ROUNDING",
+    "Contacts",
+    "Faces",
+    "areas",
+    "bounds",
+    "coplanar",
+    "coplanar_among",
+    "inner",
+    "joined",
+    "normals",
+]
 
 ROUNDING: Final = 2.0**-24
 """Relative error of one rounding."""
@@ -36,22 +48,22 @@ class Faces:
     row : (n,) int64
         The primitive of each.
     shape : (n,) int64
+    stretch : (n,) float64
+        How far it moves when its primitive moves by 1 in its own space: not 1 in instances.
     """
 
     corners: _Floats
     row: NDArray[np.int64]
     shape: NDArray[np.int64]
+    stretch: _Floats
 
     def at(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Faces:
         """Some of them."""
-        return Faces(self.corners[chosen], self.row[chosen], self.shape[chosen])
+        return Faces(self.corners[chosen], self.row[chosen], self.shape[chosen], self.stretch[chosen])
 
-    @property
-    def boxes(self) -> _Floats:
+    def boxes(self, slack: float) -> _Floats:
         """(n, 6) their bounding boxes, enlarged for rounding."""
-        low, high = self.corners.min(axis=1), self.corners.max(axis=1)
-        more = _PLANE * 2.0 * np.abs(self.corners).max(axis=(1, 2), initial=0.0)[:, None]
-        return np.concatenate([low - more, high + more], axis=1)
+        return bounds(self.corners, slack * _PLANE * 2.0)
 
 
 @dataclass(frozen=True)
@@ -82,6 +94,11 @@ NO_CONTACTS: Final = Contacts(
 )
 
 
+def joined(several: Sequence[Faces]) -> Faces:
+    """All faces of several lists."""
+    return Faces(*(np.concatenate([getattr(each, name) for each in several]) for name in Faces.__annotations__))
+
+
 def inner(a: _Floats, b: _Floats) -> _Floats:
     """Dot product along the last axis, added in order."""
     return np.asarray((a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) + a[..., 2] * b[..., 2])
@@ -93,25 +110,33 @@ def normals(corners: _Floats) -> _Floats:
     return np.asarray(n / np.maximum(np.sqrt(inner(n, n)), 1e-300)[:, None])
 
 
-def coplanar(first: Faces, second: Faces) -> Contacts | None:
-    """All pairs of faces of `first` and `second` that coincide; None: too many to test."""
-    pairs = near_pairs(first.boxes, second.boxes, _MOST)
+def coplanar(first: Faces, second: Faces, slack: float = 1.0) -> Contacts | None:
+    """All pairs of faces of `first` and `second` that coincide; None: too many to test.
+
+    Parameters
+    ----------
+    first, second : Faces
+    slack : float
+        How many times the rounding of vertices in world space planes may differ.
+    """
+    pairs = near_pairs(first.boxes(slack), second.boxes(slack), _MOST)
     if pairs is None:
         return None
     i, j = pairs
     parts = [
-        _tested(first, second, i[at : at + _CHUNK], j[at : at + _CHUNK]) for at in range(0, max(len(i), 1), _CHUNK)
+        _tested(first, second, i[at : at + _CHUNK], j[at : at + _CHUNK], slack)
+        for at in range(0, max(len(i), 1), _CHUNK)
     ]
     return _joined(parts)
 
 
-def coplanar_among(faces: Faces) -> Contacts | None:
+def coplanar_among(faces: Faces, slack: float = 1.0) -> Contacts | None:
     """All pairs of `faces` of different shapes that coincide, the first of the lower shape; None: too many to test."""
     order = np.argsort(faces.shape, kind="stable")
     shapes, starts = np.unique(faces.shape[order], return_index=True)
     if len(shapes) < 2:
         return NO_CONTACTS
-    boxes = faces.boxes[order]
+    boxes = faces.boxes(slack)[order]
     low, high = np.minimum.reduceat(boxes[:, :3], starts), np.maximum.reduceat(boxes[:, 3:], starts)
     around = np.concatenate([low, high], axis=1)
     near = near_pairs(around, around, _MOST_SHAPES)
@@ -120,7 +145,7 @@ def coplanar_among(faces: Faces) -> Contacts | None:
     of = np.split(order, starts[1:])
     parts = [NO_CONTACTS]
     for i, j in sorted((i, j) for i, j in zip(near[0].tolist(), near[1].tolist(), strict=True) if i < j):
-        found = coplanar(faces.at(of[i]), faces.at(of[j]))
+        found = coplanar(faces.at(of[i]), faces.at(of[j]), slack)
         if found is None:
             return None
         parts.append(replace(found, first=of[i][found.first], second=of[j][found.second]))
@@ -131,7 +156,7 @@ def _joined(parts: Sequence[Contacts]) -> Contacts:
     return Contacts(*(np.concatenate([getattr(part, name) for part in parts]) for name in Contacts.__annotations__))
 
 
-def _tested(first: Faces, second: Faces, i: NDArray[np.intp], j: NDArray[np.intp]) -> Contacts:
+def _tested(first: Faces, second: Faces, i: NDArray[np.intp], j: NDArray[np.intp], slack: float) -> Contacts:
     p, q = first.corners[i], second.corners[j]
     normal, other = normals(p), normals(q)
     size_p, size_q = np.abs(p).max(axis=1, initial=0.0), np.abs(q).max(axis=1, initial=0.0)
@@ -140,7 +165,7 @@ def _tested(first: Faces, second: Faces, i: NDArray[np.intp], j: NDArray[np.intp
     gaps = []
     for n, plane, points in ((normal, p, q), (other, q, p)):
         away = np.abs(inner(n[:, None], points - plane[:, :1])).max(axis=1, initial=0.0)
-        unsure = _PLANE * (inner(np.abs(n), at) + largest)
+        unsure = slack * _PLANE * (inner(np.abs(n), at) + largest)
         gaps.append(np.where(away <= unsure, away, np.inf))
     gap = np.minimum(*gaps)
     meets = np.flatnonzero(gap < np.inf)
@@ -151,7 +176,7 @@ def _tested(first: Faces, second: Faces, i: NDArray[np.intp], j: NDArray[np.intp
 
 def _overlap(p: _Floats, q: _Floats, margin: _Floats) -> NDArray[np.bool_]:
     """Whether coplanar triangles overlap by more than an edge: no edge of either separates them. (k, 3, 3) each."""
-    across = np.abs(normals(np.where((_sizes(p) > _sizes(q))[:, None, None], p, q)))
+    across = np.abs(normals(np.where((areas(p) > areas(q))[:, None, None], p, q)))
     kept = np.array([[1, 2], [0, 2], [0, 1]])[across.argmax(axis=1)] if len(p) else np.zeros((0, 2), np.intp)
     a, b = (np.take_along_axis(x, kept[:, None, :], axis=2) for x in (p, q))
     parted = np.zeros(len(p), bool)
@@ -166,6 +191,17 @@ def _overlap(p: _Floats, q: _Floats, margin: _Floats) -> NDArray[np.bool_]:
     return ~parted
 
 
-def _sizes(corners: _Floats) -> _Floats:
+def bounds(corners: NDArray[Any], slack: float) -> NDArray[Any]:
+    """Bounding boxes of triangles, enlarged by a share of their largest coordinate; (n, 3, 3) gives (n, 6)."""
+    # By component: reductions along short axes are slow
+    low = np.minimum(np.minimum(corners[:, 0], corners[:, 1]), corners[:, 2])
+    high = np.maximum(np.maximum(corners[:, 0], corners[:, 1]), corners[:, 2])
+    size = np.maximum(np.abs(low), np.abs(high))
+    more = (np.maximum(np.maximum(size[:, 0], size[:, 1]), size[:, 2]) * corners.dtype.type(slack))[:, None]
+    return np.concatenate([low - more, high + more], axis=1)
+
+
+def areas(corners: _Floats) -> _Floats:
+    """Twice the areas of triangles; (n, 3, 3) gives (n,)."""
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return inner(n, n)
+    return np.asarray(np.sqrt(inner(n, n)))

@@ -62,7 +62,8 @@ def _around(boxes: _Boxes) -> _Boxes:
 
 
 def _overlap(a: _Boxes, b: _Boxes) -> NDArray[np.bool_]:
-    return np.asarray(((a[..., :3] <= b[..., 3:]) & (b[..., :3] <= a[..., 3:])).all(axis=-1))
+    near = (a[..., :3] <= b[..., 3:]) & (b[..., :3] <= a[..., 3:])
+    return np.asarray(near[..., 0] & near[..., 1] & near[..., 2])
 
 
 def _tree(boxes: _Boxes, some: NDArray[np.intp]) -> tuple[NDArray[np.intp], list[_Boxes]]:

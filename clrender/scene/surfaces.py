@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +31,9 @@ from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
 from clrender.scene.touching import moves, undecided
 from clrender.scene.values import COORDINATE_LIMIT, Vector
 from clrender.scene.wording import place as place_in_file
+
+if TYPE_CHECKING:
+    from clrender.scene.assembly import Assembly
 
 __all__ = ["SMALLEST", "FlatSurfaces", "flat_surfaces", "triangle_areas"]
 
@@ -73,7 +75,7 @@ def flat_surfaces(
     scene: Scene,
     origin: Vector = (0.0, 0.0, 0.0),
     own_shapes: int | None = None,
-    groups: Sequence[range] = (),
+    assembly: Assembly | None = None,
     *,
     all_attributes: bool = False,
 ) -> FlatSurfaces:
@@ -89,8 +91,8 @@ def flat_surfaces(
         World space, metres: all coordinates are relative to it, subtracted before they are rounded.
     own_shapes : int, optional
         Number of first shapes that are in world space; default: all. The others are in group space, without the origin.
-    groups : sequence of range
-        Ranges of those others, by group.
+    assembly : Assembly, optional
+        Groups of those others, and where they are placed.
     all_attributes : bool
         Whether to give attributes to all shapes, as if they were textured.
 
@@ -183,12 +185,12 @@ def flat_surfaces(
         origin=origin,
         attributes=attributes,
     )
-    return _apart(scene, flat, [range(own), *groups])
+    return _apart(scene, flat, own, assembly)
 
 
-def _apart(scene: Scene, flat: FlatSurfaces, spaces: Sequence[range]) -> FlatSurfaces:
+def _apart(scene: Scene, flat: FlatSurfaces, own: int, assembly: Assembly | None) -> FlatSurfaces:
     """The surfaces without any that coincide, as far as rules decide; warnings name those where none does."""
-    found = moves(scene, flat, spaces)
+    found = moves(scene, flat, own, assembly)
     warnings = [f"{scene.source}: {text}" for text in undecided(scene, found)]
     return replace(moved(flat, found), warnings=(*flat.warnings, *warnings))
 

@@ -13,7 +13,6 @@ Where two surfaces are closer than rounding errors, a ray finds either. These ru
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
@@ -21,14 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.scene.emission import emits
-from clrender.scene.faces import NO_CONTACTS, ROUNDING, Contacts, Faces, coplanar, coplanar_among, inner
+from clrender.scene.faces import NO_CONTACTS, ROUNDING, Contacts, Faces, bounds, coplanar, coplanar_among, inner, joined
 from clrender.scene.materials import passes_light
 from clrender.scene.near_pairs import near_pairs
-from clrender.scene.shape_faces import BOUNDARY, LAMP, OPAQUE, SIMPLE, is_disk, shape_faces
+from clrender.scene.shape_faces import BOUNDARY, LAMP, OPAQUE, SIMPLE, Placed, is_disk, placed_faces, shape_faces
 from clrender.scene.shapes import Mesh
 from clrender.scene.wording import place
 
 if TYPE_CHECKING:
+    from clrender.scene.assembly import Assembly
     from clrender.scene.description import Scene
     from clrender.scene.surfaces import FlatSurfaces
 
@@ -42,6 +42,10 @@ _REACH: Final = 16.0
 _MOST_SPHERES: Final = 2**18
 _FEW: Final = 2**12
 """Most opaque faces of simple shapes that are searched for coincidences which nothing decides."""
+
+_PLACED: Final = 4.0
+"""Rounding of planes in instances: the way into a group's space and back rounds so many times as much."""
+_NONE: Final = np.zeros(0, np.int64)
 
 _Floats = NDArray[np.float64]
 
@@ -73,24 +77,36 @@ class Moves:
         return bool(self.first.any() or self.second.any())
 
 
-def moves(scene: Scene, surfaces: FlatSurfaces, spaces: Sequence[range]) -> Moves:
+def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | None) -> Moves:
     """Find what touches, and decide it.
 
     Parameters
     ----------
     scene : Scene
     surfaces : FlatSurfaces
-    spaces : sequence of range
-        Ranges of shapes that have coordinates in common: those in world space, and those of each group.
+    own : int
+        Number of first shapes that are in world space.
+    assembly : Assembly, optional
+        Groups of the other shapes, and where they are placed.
     """
     total = int(surfaces.count.sum())
     result = Moves(np.zeros(total), np.zeros(total))
     kinds = np.array([_kind(scene, index) for index in range(len(surfaces.shapes))], np.int64)
-    for space in spaces:
-        here = np.zeros(len(kinds), bool)
-        here[space.start : space.stop] = surfaces.count[space.start : space.stop] > 0
-        if np.count_nonzero(here) > 1:
+    kinds[surfaces.count == 0] = 0
+    groups = assembly.groups if assembly is not None else ()
+    for space in groups:
+        here = (space.start <= np.arange(len(kinds))) & (np.arange(len(kinds)) < space.stop)
+        if np.count_nonzero(kinds[here]) > 1:
             _Space(scene, surfaces, np.where(here, kinds, 0), result).decide()
+    placed = None
+    if assembly is not None and groups and (kinds > OPAQUE).any():
+        placed = placed_faces(surfaces, assembly, kinds)
+        result.unknown |= placed is None
+    world = np.where(np.arange(len(kinds)) < own, kinds, 0)
+    if placed is not None:
+        _Space(scene, surfaces, world, result, placed, kinds[placed.shape]).decide()
+    elif np.count_nonzero(world) > 1:
+        _Space(scene, surfaces, world, result).decide()
     return result
 
 
@@ -129,9 +145,24 @@ def _kind(scene: Scene, index: int) -> int:
 class _Space:
     """Shapes with coordinates in common."""
 
-    def __init__(self, scene: Scene, surfaces: FlatSurfaces, kinds: NDArray[np.int64], result: Moves) -> None:
-        self._scene, self._surfaces, self._kinds, self._result = scene, surfaces, kinds, result
-        self._faces = shape_faces(surfaces, kinds)
+    def __init__(
+        self,
+        scene: Scene,
+        surfaces: FlatSurfaces,
+        kinds: NDArray[np.int64],
+        result: Moves,
+        placed: Placed | None = None,
+        placed_kinds: NDArray[np.int64] = _NONE,
+    ) -> None:
+        self._scene, self._surfaces, self._result = scene, surfaces, result
+        self._faces = shape_faces(surfaces, kinds, None if placed is None else placed.faces)
+        self._slack, self._shape = 1.0, np.arange(len(kinds))
+        if placed is not None:
+            self._slack, self._shape = _PLACED, np.concatenate([self._shape, placed.shape])
+            self._faces = joined([self._faces, placed.faces])
+            kinds = np.concatenate([kinds, placed_kinds])
+        self._kinds = kinds
+        """Of each shape, and of each in each instance; `_shape` has the scene's shapes that these are."""
         count = len(surfaces.triangles)
         self._rounds = np.flatnonzero((kinds[surfaces.primitive_shape[count:]] > 0) & ~is_disk(surfaces)) + count
         self._numbers = surfaces.analytic_shapes["center_radius"][self._rounds - count].astype(np.float64)
@@ -142,6 +173,8 @@ class _Space:
         self._own = np.maximum(np.abs(low), np.abs(high)) + (high - low)
         """(S, 3) how far rays within each shape come, and how far from the origin they are."""
         self._closed = _closed(self._faces, len(kinds))
+        if placed is not None:  # a map has to do with all coordinates
+            self._own = np.repeat(self._own.max(axis=1, initial=0.0)[:, None], 3, axis=1)
         everywhere = self._own.max(axis=0, initial=0.0) * 2.0
         self._far = np.minimum(everywhere, _REACH * self._own.max(axis=1, initial=0.0)[:, None])
 
@@ -163,22 +196,22 @@ class _Space:
 
     def _before_boundaries(self, solid: Faces, boundary: Faces) -> None:
         """Opaque faces get a copy on either side of the boundaries in their planes."""
-        found = self._known(coplanar(solid, boundary))
+        found = self._known(coplanar(solid, boundary, self._slack))
         shape, other = solid.shape[found.first], boundary.shape[found.second]
         normal, inwards = np.abs(found.normal), ~found.same
         within, outside = np.zeros(len(self._kinds)), np.zeros(len(self._kinds))
-        np.maximum.at(within, shape, found.gap + _CLEAR * inner(normal, self._own[other]))
-        np.maximum.at(outside, shape, found.gap + _CLEAR * inner(normal, self._far[other]))
-        row = solid.row[found.first]
-        np.maximum.at(self._result.first, row, np.where(inwards, within[shape], outside[shape]))
-        np.minimum.at(self._result.second, row, -np.where(inwards, outside[shape], within[shape]))
+        np.maximum.at(within, shape, found.gap + self._slack * _CLEAR * inner(normal, self._own[other]))
+        np.maximum.at(outside, shape, found.gap + self._slack * _CLEAR * inner(normal, self._far[other]))
+        row, stretch = solid.row[found.first], solid.stretch[found.first]
+        np.maximum.at(self._result.first, row, np.where(inwards, within[shape], outside[shape]) / stretch)
+        np.minimum.at(self._result.second, row, -np.where(inwards, outside[shape], within[shape]) / stretch)
 
     def _lamps(self, lamp: Faces, opaque: Faces) -> None:
         """Faces of lamps move before, or behind, what is opaque in their planes."""
-        found, lift = self._known(coplanar(lamp, opaque)), np.zeros(len(self._kinds))
+        found, lift = self._known(coplanar(lamp, opaque, self._slack)), np.zeros(len(self._kinds))
         closed = self._closed[lamp.shape[found.first]]
         self._lift(lamp, opaque, found, np.where(found.same | ~closed, 1.0, -1.0), lift)
-        found = self._known(coplanar_among(lamp))
+        found = self._known(coplanar_among(lamp, self._slack))
         closed = self._closed[lamp.shape[found.first]]
         self._lift(lamp, lamp, found, np.where(found.same | ~closed, 1.0, -1.0), lift)
         apart = ~found.same
@@ -190,8 +223,9 @@ class _Space:
         """Move the first face of each pair clear of the second, and all such faces of a lamp as far."""
         row, shape, partner = lamp.row[found.first], lamp.shape[found.first], other.row[found.second]
         reach = np.maximum(np.abs(self._result.first[partner]), np.abs(self._result.second[partner]))
+        reach = reach * other.stretch[found.second]
         way = self._far[shape] + self._own[other.shape[found.second]]
-        np.maximum.at(lift, shape, found.gap + reach + _CLEAR * inner(np.abs(found.normal), way))
+        np.maximum.at(lift, shape, found.gap + reach + self._slack * _CLEAR * inner(np.abs(found.normal), way))
         for chosen in (sign < 0.0, sign > 0.0):
             self._result.first[row[chosen]] = sign[chosen] * lift[shape[chosen]]
             self._result.second[row[chosen]] = self._result.first[row[chosen]]
@@ -218,19 +252,19 @@ class _Space:
 
     def _undecided(self, opaque: Faces, boundary: Faces) -> None:
         """The first two boundaries that coincide, and the first two simple opaque shapes of different materials."""
-        found = self._known(coplanar_among(boundary))
+        found = self._known(coplanar_among(boundary, self._slack))
         if len(found.first):
-            pair = int(boundary.shape[found.first[0]]), int(boundary.shape[found.second[0]])
-            self._result.boundaries.append(pair)
-        simple = self._surfaces.count <= SIMPLE
+            pair = self._shape[boundary.shape[[found.first[0], found.second[0]]]].tolist()
+            self._result.boundaries.append((pair[0], pair[1]))
+        simple = self._surfaces.count[self._shape] <= SIMPLE
         for index in np.flatnonzero(simple & self._closed).tolist():
             # Which side of a closed mesh is its front may not matter to whoever made it
-            simple[index] = not isinstance(self._scene.plain_shapes[index], Mesh)
+            simple[index] = not isinstance(self._scene.plain_shapes[int(self._shape[index])], Mesh)
         some = opaque.at(simple[opaque.shape])
         if not 1 < len(some.row) <= _FEW:
             return
-        found = self._known(coplanar_among(some))
-        first, second = some.shape[found.first], some.shape[found.second]
+        found = self._known(coplanar_among(some, self._slack))
+        first, second = self._shape[some.shape[found.first]], self._shape[some.shape[found.second]]
         materials = self._surfaces.shapes["material"]
         meant = found.same & (materials[first] != materials[second])
         if meant.any():
@@ -241,8 +275,12 @@ class _Space:
 def _boxes(faces: Faces, shape: NDArray[np.int64], numbers: _Floats, count: int) -> tuple[_Floats, _Floats]:
     """Lowest and highest coordinates of each shape, (S, 3) each; of none, infinite."""
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(low, faces.shape, faces.corners.min(axis=1))
-    np.maximum.at(high, faces.shape, faces.corners.max(axis=1))
+    if len(faces.row):
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(faces.shape)) + 1])
+        run = faces.shape[starts]
+        boxes = bounds(faces.corners, 0.0)
+        np.minimum.at(low, run, np.minimum.reduceat(boxes[:, :3], starts, axis=0))
+        np.maximum.at(high, run, np.maximum.reduceat(boxes[:, 3:], starts, axis=0))
     np.minimum.at(low, shape, numbers[:, :3] - numbers[:, 3:])
     np.maximum.at(high, shape, numbers[:, :3] + numbers[:, 3:])
     return low, high
@@ -251,7 +289,7 @@ def _boxes(faces: Faces, shape: NDArray[np.int64], numbers: _Floats, count: int)
 def _closed(faces: Faces, count: int) -> NDArray[np.bool_]:
     """(S,) which shapes are closed: the areas of their faces, with their normals, cancel out."""
     area = np.cross(faces.corners[:, 1] - faces.corners[:, 0], faces.corners[:, 2] - faces.corners[:, 0])
-    total, size = np.zeros((count, 3)), np.zeros(count)
-    np.add.at(total, faces.shape, area)
-    np.add.at(size, faces.shape, np.sqrt(inner(area, area)))
+    total = np.zeros((count, 3))
+    total[:] = np.stack([np.bincount(faces.shape, area[:, axis], count) for axis in range(3)], axis=1)
+    size = np.bincount(faces.shape, np.sqrt(inner(area, area)), count)
     return np.asarray(np.sqrt(inner(total, total)) <= 1e-3 * size)

@@ -206,6 +206,33 @@ def test_glass_on_a_floor_shows_the_floor(studio: Studio, floor: str) -> None:
         assert green == 0, f"{turn}, {place}, {size}: {green} pixels show what is below the floor"
 
 
+@pytest.mark.parametrize("what", ["glass", "floor", "both", "mirrored"])
+def test_instances_of_glass_on_a_floor_show_the_floor(studio: Studio, what: str) -> None:
+    """As above, with the cube, the floor or both in instances of a group in another place, size and orientation."""
+    across = {"rotate_degrees": [12.0, 34.0, 56.0], "translate": [7.0, -8.0, 9.0], "scale": [0.3, 0.3, 0.3]}
+    inner = affine(Transform(**across))
+    lines = np.array(inner.linear) * 1.0
+    inverse = np.linalg.inv(lines)
+    away = -inverse @ np.array(inner.offset)
+    flip = np.diag([-1.0, 1.0, 1.0]) if what == "mirrored" else np.eye(3)
+    plain = on_a_floor([10.0, 20.0, 30.0], 2.0, 1.0, "quad").model_dump(exclude_unset=True)
+    groups: dict[str, Any] = {}
+    shapes = list(plain["shapes"])
+    for index in {"glass": [1], "floor": [0], "both": [0, 1], "mirrored": [0, 1]}[what]:
+        own = np.array(shapes[index].pop("transform")["matrix"])
+        own[:3] = flip @ own[:3]
+        back = np.concatenate([(inverse @ own[:3, :3]), (inverse @ own[:3, 3] + away)[:, None]], axis=1)
+        to_world = np.concatenate([flip @ lines, (flip @ np.array(inner.offset))[:, None]], axis=1)
+        place, name = ({"matrix": [*rows.tolist(), [0, 0, 0, 1]]} for rows in (back, to_world)), f"g{index}"
+        within, outside = place
+        groups[name] = {"shapes": [{**shapes[index], "transform": within}]}
+        shapes[index] = {"type": "instance", "group": name, "transform": outside}
+    picture = studio.image(clrender.Scene(**{**plain, "shapes": shapes, "groups": groups}), 32, spp=16)
+    assert picture.mean() > 0.1
+    green = np.count_nonzero(picture[..., 1] != picture[..., 0])
+    assert green == 0, f"{green} pixels show what is below the floor"
+
+
 def test_a_floor_below_glass_looks_the_same_from_below(studio: Studio) -> None:
     """No film of glass is on the other side of a sheet that glass stands on."""
     floor = quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), material="white")

@@ -9,6 +9,7 @@ import pytest
 
 import clrender
 from clrender.flatten import flatten
+from clrender.scene import shape_faces
 from clrender.scene.attributes import COLORS
 from clrender.scene.near_pairs import near_pairs
 
@@ -115,3 +116,17 @@ def test_near_pairs_are_all_pairs(counts: tuple[int, int]) -> None:
         tuple(x) for x in np.argwhere(every).tolist()
     ]
     assert counts[0] < 100 or near_pairs(first, second, 10) is None
+
+
+def test_of_many_triangles_those_that_touch_are_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    lamp = {**RUG, "origin": [3, 0, 3], "emission": [1, 1, 1]}
+    step = {**CUBE, "center": [0, -0.5, 0], "size": [12, 1, 12], "material": "red"}
+    for shapes in ([FLOOR, {**CUBE, "material": "glass"}, lamp], [lamp, {**CUBE, "material": "glass"}, step]):
+        vertices = []
+        for many, choices in ((1 << 16, 32), (1, 32), (1, 3), (1, 1)):
+            monkeypatch.setattr(shape_faces, "_MANY", many)
+            monkeypatch.setattr(shape_faces, "_CHOICES", choices)
+            monkeypatch.setattr(shape_faces, "SIMPLE", 12 if many > 1 else 1)
+            vertices.append(flat_of(*shapes).arrays["vertices"])
+        for other in vertices[1:]:
+            np.testing.assert_array_equal(vertices[0], other)
