@@ -16,7 +16,6 @@ from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.exact.angles import tan_degrees
 from clrender.scene.assembly import assemble
-from clrender.scene.coinciding import coinciding_shapes
 from clrender.scene.description import (
     Camera,
     DirectionalLight,
@@ -39,7 +38,6 @@ from clrender.scene.microfacets import albedo_tables
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.texture_rows import flat_textures
 from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
-from clrender.scene.wording import place
 
 __all__ = ["FlatScene", "flatten", "scene_origin"]
 
@@ -198,7 +196,7 @@ def flatten(
     camera = _camera_row(scene.camera, width, height, scene.source, origin)
     assembly = assemble(scene)
     scene = assembly.scene
-    surfaces = flat_surfaces(scene, origin, assembly.own_shapes)
+    surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly)
     instances = flat_instances(assembly, surfaces)
     media = scene_media(scene)
     around = flat_environment(scene, compensated)
@@ -265,7 +263,6 @@ def flatten(
             *_no_light(scene, lights),
             *_lost_light(scene, media.no_boundary),
             *_lost_in_fog(scene),
-            *_coinciding(scene, arrays, instances.own_triangles),
         ),
         origin=origin,
     )
@@ -341,16 +338,6 @@ def _is_glass(material: Material) -> bool:
     if isinstance(material, Subsurface):
         return material.ior is not None and not material.rough
     return isinstance(material, Dielectric) and material.ior != material.exterior_ior
-
-
-def _coinciding(scene: Scene, arrays: Mapping[str, NDArray[Any]], triangle_count: int) -> list[str]:
-    """Warnings about volumes whose boundaries coincide, so that rays cannot order them; instances are not searched."""
-    shapes = coinciding_shapes(arrays, triangle_count)
-    if shapes is None:
-        return []
-    which = " and ".join(place(scene.place_of(index)) for index in shapes)
-    text = "faces of two dielectrics coincide, and what is seen through them is wrong"
-    return [f"{scene.source}: {which}: {text}; let one reach a little into the other"]
 
 
 def _padded(array: NDArray[Any]) -> NDArray[Any]:

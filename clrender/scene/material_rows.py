@@ -21,6 +21,7 @@ from clrender.scene.materials import (
     OrenNayar,
     Principled,
     Subsurface,
+    passes_light,
 )
 from clrender.scene.media import MATCHED_IOR, Solid, solid_of
 from clrender.scene.microfacets import fresnel, fresnel_average
@@ -114,7 +115,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
         row = materials[number]
         row["medium"] = medium_of.get((name, None), 0)
         color = _color(scene, material)
-        default = 0.0 if _passes(scene, material) else min(1.0 - max(color), _MOST_ABSORPTION)
+        default = 0.0 if passes_light(scene.materials, material) else min(1.0 - max(color), _MOST_ABSORPTION)
         row["color"] = (*color, default if material.absorption is None else material.absorption)
         row["kind"] = _kind(material)
         row["ior"] = _index(material)
@@ -190,15 +191,6 @@ def _index(material: Material) -> float:
     if isinstance(material, Subsurface):
         return MATCHED_IOR if material.ior is None else material.ior
     return material.ior if isinstance(material, Principled) else 1.0
-
-
-def _passes(scene: Scene, material: Material) -> bool:
-    """Whether the material transmits light."""
-    if isinstance(material, Mix):
-        return any(_passes(scene, scene.materials[name]) for name in material.materials)
-    if isinstance(material, Principled):
-        return material.transmission != 0.0
-    return isinstance(material, Dielectric | Subsurface)
 
 
 def _color(scene: Scene, material: Material) -> Vector:

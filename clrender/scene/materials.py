@@ -53,6 +53,7 @@ __all__ = [
     "Subsurface",
     "material_textures",
     "material_without_color",
+    "passes_light",
 ]
 
 MIX_DEPTH: Final = 16
@@ -376,6 +377,22 @@ MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
 Material: TypeAlias = Annotated[
     Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Subsurface | Mix, Field(discriminator="type")
 ]
+
+
+def passes_light(materials: Mapping[str, Material], material: Material) -> bool:
+    """Whether a material transmits light.
+
+    Parameters
+    ----------
+    materials : mapping of str to Material
+        Materials of a scene, for mixtures.
+    material : Material
+    """
+    if isinstance(material, Mix):
+        return any(passes_light(materials, materials[name]) for name in material.materials)
+    if isinstance(material, Principled):
+        return material.transmission != 0.0
+    return isinstance(material, Dielectric | Subsurface)
 
 
 def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[tuple[str, AnyTexture]]:

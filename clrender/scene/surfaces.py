@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, TypeAlias
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,14 @@ from clrender.scene.geometry import Affine, affine, polyhedron
 from clrender.scene.material_rows import material_numbers
 from clrender.scene.media import Solid, scene_media, solid_of
 from clrender.scene.mesh_data import TRIANGLE_LIMIT, MeshData
+from clrender.scene.moved import moved
 from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
+from clrender.scene.touching import moves, undecided
 from clrender.scene.values import COORDINATE_LIMIT, Vector
 from clrender.scene.wording import place as place_in_file
+
+if TYPE_CHECKING:
+    from clrender.scene.assembly import Assembly
 
 __all__ = ["SMALLEST", "FlatSurfaces", "flat_surfaces", "triangle_areas"]
 
@@ -70,13 +75,14 @@ def flat_surfaces(
     scene: Scene,
     origin: Vector = (0.0, 0.0, 0.0),
     own_shapes: int | None = None,
+    assembly: Assembly | None = None,
     *,
     all_attributes: bool = False,
 ) -> FlatSurfaces:
     """Arrays of all shapes of a scene, triangles first.
 
     Non-emissive shapes whose dielectric is no boundary (`clrender.scene.media`) have no primitives, so that every kind
-    of ray passes them.
+    of ray passes them. What coincides is moved apart by a few roundings (`clrender.scene.touching`).
 
     Parameters
     ----------
@@ -85,6 +91,8 @@ def flat_surfaces(
         World space, metres: all coordinates are relative to it, subtracted before they are rounded.
     own_shapes : int, optional
         Number of first shapes that are in world space; default: all. The others are in group space, without the origin.
+    assembly : Assembly, optional
+        Groups of those others, and where they are placed.
     all_attributes : bool
         Whether to give attributes to all shapes, as if they were textured.
 
@@ -164,7 +172,7 @@ def flat_surfaces(
     if any(textured):
         attributes = add_corner_rows(np.concatenate([attributes[:t], of_round]), COLORS, colors)
         attributes = add_corner_rows(attributes, TANGENTS, tangents)
-    return FlatSurfaces(
+    flat = FlatSurfaces(
         vertices=vertices,
         normals=normals,
         triangles=triangles[:t],
@@ -177,6 +185,14 @@ def flat_surfaces(
         origin=origin,
         attributes=attributes,
     )
+    return _apart(scene, flat, own, assembly)
+
+
+def _apart(scene: Scene, flat: FlatSurfaces, own: int, assembly: Assembly | None) -> FlatSurfaces:
+    """The surfaces without any that coincide, as far as rules decide; warnings name those where none does."""
+    found = moves(scene, flat, own, assembly)
+    warnings = [f"{scene.source}: {text}" for text in undecided(scene, found)]
+    return replace(moved(flat, found), warnings=(*flat.warnings, *warnings))
 
 
 def _is_left_out(shape: Shape, no_boundary: frozenset[Solid]) -> bool:

@@ -273,7 +273,7 @@ def test_faces_that_coincide_are_told(center: Sequence[float], size: Sequence[fl
         return {"type": "box", "center": center, "size": size, "material": material, "transform": rotated}
 
     shapes = [SPHERE, box([0, 0, 0], [2, 2, 2], "a"), box(center, size, "b")]
-    for material, exact in ((glass(1.3, priority=1), warned), (glass(priority=2), False)):
+    for material, exact in ((glass(1.3, priority=1), warned), (glass(priority=2), warned), (glass(1.3), warned)):
         flat = flatten(scene(shapes, a=glass(priority=2), b=material), 8, 8)
         told = [warning for warning in flat.warnings if "shapes[1] and shapes[2]: faces of two dielectrics" in warning]
         assert bool(told) == exact

@@ -7,9 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from render_support import Studio, lambert, quad, room, scene, sphere
+from render_support import Studio, disk, lambert, quad, room, scene, sphere
+
+import clrender
+from clrender.scene.geometry import affine, combined
+from clrender.scene.shapes import Transform
 
 if TYPE_CHECKING:
+    from stats_support import Evidence
+
     from clrender.scene import Scene
 
 WAYS: dict[str, dict[str, Any]] = {
@@ -96,3 +102,181 @@ def test_no_lamp_shades_itself(studio: Studio) -> None:
                 assert picture.min() > 0.0, (
                     f"{distance} m, {size} m: {np.count_nonzero(picture[..., 0] == 0.0)} samples lost"
                 )
+
+
+def under_a_lamp(gap: float, **lamp: Any) -> Scene:
+    """A room with a lamp so far below its ceiling."""
+    shapes = [room([4.0] * 3, material="white"), {**quad((-0.5, 2.0 - gap, -0.5), (1, 0, 0), (0, 0, 1)), **lamp}]
+    return scene(shapes, camera=WITHIN, white=lambert(0.7))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_lamp_in_the_plane_of_a_ceiling_shines(evidence: Evidence, studio: Studio, way: str) -> None:
+    """As brightly as a millimetre below it, whose light is that of one in the plane but for less than 1e-3."""
+    settings: dict[str, Any] = {"size": 24, "tiles": 2, "spp": 16, **WAYS[way]}
+    clear = studio.tiles(under_a_lamp(1e-3, emission=[15.0] * 3), range(16), **settings)
+    flush = studio.tiles(under_a_lamp(0.0, emission=[15.0] * 3), range(16, 32), **settings)
+    evidence.equal("tiles", flush, clear, rounding=2e-3)
+
+
+def lamp_shape(name: str) -> dict[str, Any]:
+    shapes = {
+        "quad": quad((-0.5, 2.0, -0.5), (1, 0, 0), (0, 0, 1)),
+        "disk": disk((0.0, 2.0, 0.0), (0, -1, 0), 0.5),
+        "box in the ceiling": {"type": "box", "center": [0, 2.1, 0], "size": [1, 0.2, 1]},
+        "mesh": {
+            "type": "mesh",
+            "vertices": [[-0.5, 2, -0.5], [0.5, 2, -0.5], [0, 2, 0.5]],
+            "faces": [[0, 1, 2]],
+        },
+    }
+    return {**shapes[name], "emission": [1.0, 1.0, 1.0]}
+
+
+@pytest.mark.parametrize("name", ["quad", "disk", "box in the ceiling", "mesh"])
+@pytest.mark.parametrize("first", [False, True])
+def test_a_lamp_in_the_plane_of_a_ceiling_is_seen(studio: Studio, name: str, first: bool) -> None:
+    """Whichever comes first in the file; and turned, and far from the origin, where coordinates are rounded."""
+    for turn, place in (([0, 0, 0], 0.0), ([10, 20, 30], 0.0), ([10, 20, 30], 1e4)):
+        where = {"rotate_degrees": turn, "translate": [place] * 3}
+        shapes = [{**room([4.0] * 3, material="black"), "transform": where}, {**lamp_shape(name), "transform": where}]
+        carried = affine(Transform(rotate_degrees=tuple(turn), translate=(place,) * 3)).point
+        camera = {"position": carried((0.0, 0.5, 0.0)), "target": carried((0.0, 2.0, 0.0)), "vertical_fov": 10.0}
+        camera["up"] = list(np.subtract(carried((0.0, 0.0, 1.0)), carried((0.0, 0.0, 0.0))))
+        picture = studio.image(scene(shapes[::-1] if first else shapes, camera=camera, black=lambert(0.0)), 24, spp=4)
+        assert (picture == 1.0).all(), f"{turn}, {place}: {np.count_nonzero(picture.max(axis=2) != 1.0)} pixels miss it"
+
+
+def test_a_lamp_that_stands_on_a_floor_does_not_shine_below(studio: Studio) -> None:
+    floor = quad((-50, 0, 50), (100, 0, 0), (0, 0, -100), material="white")
+    lamp = {"type": "box", "center": [0, 0.5, 0], "size": [1, 1, 1], "emission": [5.0] * 3}
+    below = quad((-2, -1, 2), (4, 0, 0), (0, 0, -4), material="white")
+    camera = {"position": [0, -0.4, 0.3], "target": [0.1, -1.0, 0], "vertical_fov": 60.0}
+    dark = scene([floor, lamp, below], camera=camera, white=lambert(0.8))
+    for way in ("light", "bsdf"):
+        assert studio.image(dark, 24, spp=16, integrator="direct", sampling=way).max() == 0.0
+
+
+GLASS = {"type": "dielectric", "ior": 1.5}
+
+
+def on_a_floor(turn: list[float], place: float, size: float, floor: str) -> Scene:
+    """A cube of glass exactly on a white floor, and below it a bright green panel: red and green tell them apart."""
+
+    def moved(shape: dict[str, Any], about: float = 0.0) -> dict[str, Any]:
+        # The turn about the floor's normal comes first
+        outer = affine(Transform(rotate_degrees=tuple(turn), translate=(place,) * 3, scale=(size,) * 3))
+        inner = affine(Transform(rotate_degrees=(0.0, about, 0.0)))
+        both = combined(outer, inner)
+        rows = [[*row, offset] for row, offset in zip(both.linear, both.offset, strict=True)]
+        return {**shape, "transform": {"matrix": [*rows, [0, 0, 0, 1]]}}
+
+    floors = {
+        "quad": quad((-6, 0, 6), (12, 0, 0), (0, 0, -12), material="white"),
+        "disk": disk((0, 0, 0), (0, 1, 0), 8.0, material="white"),
+        "box": {"type": "box", "center": [0, -0.1, 0], "size": [12, 0.2, 12], "material": "white"},
+        "mesh": {
+            "type": "mesh",
+            "vertices": [[-6, 0, 6], [6, 0, 5], [5, 0, -6], [-6, 0, -6], [0.1, 0, 0.2]],
+            "faces": [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
+            "material": "white",
+        },
+    }
+    lamp = quad((-2, 4, -2), (4, 0, 0), (0, 0, 4), emission=5.0)
+    panel = quad((-6, -0.5, 6), (12, 0, 0), (0, 0, -12), emission=[0.0, 50.0, 0.0])
+    cube = {"type": "box", "center": [0, 0.5, 0], "size": [1, 1, 1], "material": "glass"}
+    carried = affine(Transform(rotate_degrees=tuple(turn), translate=(place,) * 3, scale=(size,) * 3)).point
+    camera: dict[str, Any] = {"position": carried((0, 2.5, 5)), "target": carried((0, 0.4, 0)), "vertical_fov": 20.0}
+    camera["up"] = list(np.subtract(carried((0, 1, 0)), carried((0, 0, 0))))
+    shapes = [moved(floors[floor]), moved(cube, 30.0), moved(lamp), moved(panel)]
+    return scene(shapes, camera=camera, white=lambert(0.7), glass=GLASS)
+
+
+@pytest.mark.parametrize("floor", ["quad", "disk", "box", "mesh"])
+def test_glass_on_a_floor_shows_the_floor(studio: Studio, floor: str) -> None:
+    for turn, place, size in (
+        ([0.0, 0.0, 0.0], 0.0, 1.0),
+        ([10.0, 20.0, 30.0], 0.0, 1.0),
+        ([10.0, 20.0, 30.0], 1e4, 1.0),
+        ([10.0, 20.0, 30.0], 3.0, 1e-4),
+        ([10.0, 20.0, 30.0], 3.0, 1e6),
+    ):
+        picture = studio.image(on_a_floor(turn, place, size, floor), 32, spp=16)
+        green = np.count_nonzero(picture[..., 1] != picture[..., 0])
+        assert green == 0, f"{turn}, {place}, {size}: {green} pixels show what is below the floor"
+
+
+@pytest.mark.parametrize("what", ["glass", "floor", "both", "mirrored"])
+def test_instances_of_glass_on_a_floor_show_the_floor(studio: Studio, what: str) -> None:
+    """As above, with the cube, the floor or both in instances of a group in another place, size and orientation."""
+    across = {"rotate_degrees": [12.0, 34.0, 56.0], "translate": [7.0, -8.0, 9.0], "scale": [0.3, 0.3, 0.3]}
+    inner = affine(Transform(**across))
+    lines = np.array(inner.linear) * 1.0
+    inverse = np.linalg.inv(lines)
+    away = -inverse @ np.array(inner.offset)
+    flip = np.diag([-1.0, 1.0, 1.0]) if what == "mirrored" else np.eye(3)
+    plain = on_a_floor([10.0, 20.0, 30.0], 2.0, 1.0, "quad").model_dump(exclude_unset=True)
+    groups: dict[str, Any] = {}
+    shapes = list(plain["shapes"])
+    for index in {"glass": [1], "floor": [0], "both": [0, 1], "mirrored": [0, 1]}[what]:
+        own = np.array(shapes[index].pop("transform")["matrix"])
+        own[:3] = flip @ own[:3]
+        back = np.concatenate([(inverse @ own[:3, :3]), (inverse @ own[:3, 3] + away)[:, None]], axis=1)
+        to_world = np.concatenate([flip @ lines, (flip @ np.array(inner.offset))[:, None]], axis=1)
+        place, name = ({"matrix": [*rows.tolist(), [0, 0, 0, 1]]} for rows in (back, to_world)), f"g{index}"
+        within, outside = place
+        groups[name] = {"shapes": [{**shapes[index], "transform": within}]}
+        shapes[index] = {"type": "instance", "group": name, "transform": outside}
+    picture = studio.image(clrender.Scene(**{**plain, "shapes": shapes, "groups": groups}), 32, spp=16)
+    assert picture.mean() > 0.1
+    green = np.count_nonzero(picture[..., 1] != picture[..., 0])
+    assert green == 0, f"{green} pixels show what is below the floor"
+
+
+def test_a_floor_below_glass_looks_the_same_from_below(studio: Studio) -> None:
+    """No film of glass is on the other side of a sheet that glass stands on."""
+    floor = quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), material="white")
+    cube = {"type": "box", "center": [0, 0.5, 0], "size": [1, 1, 1], "material": "glass"}
+    camera = {"position": [0.3, -2.0, 0.2], "target": [0, 0, 0], "vertical_fov": 60.0}
+    lights = [{"type": "point", "position": [1.0, -1.5, 0.5], "intensity": [1.0, 1.0, 1.0]}]
+    pictures = [
+        studio.image(scene(shapes, lights, camera, white=lambert(0.7), glass=GLASS), 32, spp=4, integrator="direct")
+        for shapes in ([floor, cube], [floor])
+    ]
+    np.testing.assert_allclose(*pictures, rtol=1e-4)
+
+
+@pytest.mark.parametrize("turn", [[0, 0, 0], [10, 20, 30]], ids=str)
+def test_a_label_on_glass_is_seen_from_both_sides(studio: Studio, turn: list[float]) -> None:
+    """It shines with 1, whoever looks: nothing reflects before it from outside, and from inside it is in the glass."""
+    where = {"rotate_degrees": turn}
+    pane = {"type": "box", "size": [4, 4, 1], "material": "glass", "transform": where}
+    label = [
+        {**quad((-2, -2, 0.5), (4, 0, 0), (0, 4, 0), emission=1.0), "transform": where},
+        {**quad((-2, -2, 0.5), (0, 4, 0), (4, 0, 0), emission=1.0), "transform": where},
+    ]
+    turned = affine(Transform(rotate_degrees=tuple(turn))).point
+    for z in (3.0, 0.2):
+        up = list(turned((0, 1, 0)))
+        camera = {"position": turned((0, 0, z)), "target": turned((0, 0, 0.5)), "up": up, "vertical_fov": 20.0}
+        for pair in (label, label[::-1]):
+            picture = studio.image(scene([pane, *pair], camera=camera, glass=GLASS), 24, spp=8)
+            assert (picture == 1.0).all(), f"from {z}: {np.count_nonzero(picture.max(axis=2) != 1.0)} pixels"
+
+
+HAZE = {"scattering": [0.3, 0.2, 0.1], "g": 0.3}
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "turned box"])
+def test_haze_that_fills_a_room_is_lossless(evidence: Evidence, studio: Studio, kind: str) -> None:
+    """In a furnace haze that absorbs nothing changes nothing: walls of albedo 0.5 that send out 1 look like 2."""
+    where = {"transform": {"rotate_degrees": [10, 20, 30]}} if "turned" in kind else {}
+    shape = {"type": "sphere", "radius": 2.0} if kind == "sphere" else {"type": "box", "size": [4, 4, 4], **where}
+    walls = {**shape, "flip_normals": True, "material": "wall", "emission": [1.0, 1.0, 1.0]}
+    what = clrender.Scene(
+        camera={"position": [0.0, 0.1, -1.2], "target": [0.0, 0.0, 0.0], "vertical_fov": 60.0},
+        shapes=(walls, {**shape, "interior": "haze"}),
+        materials={"wall": lambert(0.5)},
+        media={"haze": HAZE},
+    )
+    evidence.mean_is("tiles", studio.tiles(what, range(16), size=24, tiles=2, spp=32), 2.0)
