@@ -159,7 +159,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
     vfloat glassy = none, glass_spread = none;
     if (lane_any(c->reflection.there)) {
-        const vfloat all = albedo_facets(c->tables, &c->facets, wo), grazing = albedo_grazing(c->tables, c->facets.mean, wo.z);
+        const vfloat all = albedo_facets(c->tables, &c->facets, wo), grazing = albedo_grazing(c->tables, albedo_seen(&c->facets, wo), wo.z);
         const vfloat lost = albedo_facets_lost(c->tables, &c->facets);
         const vec3 average = choose(c->reflection.measured, p->fresnel, fresnel_schlick_average(p->color, vec3_all(1.0f)));
         const vfloat metallic = p->kind == MATERIAL_CONDUCTOR ? splat(1.0f) : p->metallic;
@@ -183,7 +183,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     }
     spread = choose(c->diffuse.there & !c->diffuse.covered, c->diffuse.color, spread);
     if (lane_any(c->glass.there)) {
-        glass_prepare(&c->glass, c->tables, wo);
+        glass_prepare(&c->glass, &c->facets, c->tables, wo);
         c->glass.missing = once ? none : c->glass.missing;
         const vfloat share = c->glass.there ? c->glass.share : none, back = glass_fresnel(&c->glass, wo.z);
         glassy = share * (splat(1.0f) - c->glass.missing);
@@ -248,13 +248,13 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     vfloat all = splat(0.0f), grazing = splat(0.0f);
     if (lane_any(c->reflection.there)) {
         all = albedo_facets(c->tables, &c->facets, up);
-        if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, c->facets.mean, cosine);
+        if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, albedo_seen(&c->facets, up), cosine);
         f = reflection_eval(&c->reflection, c->facets.alpha, m, wo, up, splat(1.0f) - all, &one);
         density = above ? fma(c->with_reflection, one, density) : density;
     }
     f = choose(above, f, vec3_all(0.0f));
     if (lane_any(c->glass.there)) {
-        f = add(f, glass_eval(&c->glass, c->tables, c->facets.alpha, m, wo, wi, &one));
+        f = add(f, glass_eval(&c->glass, &c->facets, c->tables, m, wo, wi, &one));
         density = fma(c->with_glass, one, density);
     }
 
