@@ -216,7 +216,9 @@ def flatten(
         "shapes": _padded(surfaces.shapes),
         "materials": _padded(materials.materials),
         "material_rows": materials.rows,
-        "albedo_tables": albedo_tables(materials.beckmann) if materials.by_row else np.zeros(1, np.float32),
+        "albedo_tables": albedo_tables(materials.beckmann, materials.turned_glass)
+        if materials.by_row
+        else np.zeros(1, np.float32),
         "media_rows": media.rows,
         "attribute_rows": _padded(surfaces.attributes),
         "texture_rows": textures.rows,

@@ -18,6 +18,9 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
     glass       (2, L, R, C) uint16  share E that rough glass reflects and transmits at first: seen from the thinner
                                      medium and from the denser; layers: glass_index; columns: glass_column
     glass_lost  (2, L, 8R - 7) float32  (1 - E_avg) / alpha
+    turned_glass (2, L, R, A, Q, C) uint16  E of anisotropic glass, as ``turned`` and ``glass``: turned_glass_turn,
+                                     turned_glass_column
+    turned_glass_lost (2, L, 3R - 2, 2A - 1) float32  (1 - E_avg) over the mean alpha
     sheen       (R, C) uint16        share that sheen reflects, times sheen_scale; columns over √μ
     sheen_scale (R,) float32         by which sheen is scaled, so that it reflects no more light than arrives
     sheen_mean  (R,) float32         average of the table
@@ -267,12 +270,12 @@ def glass_cosines(alpha: float, ior: float, denser: bool, size: int) -> _Floats:
     return of
 
 
-def glass_index(layer: int) -> float:
+def glass_index(layer: int, layers: int = layout.GLASS_LAYERS) -> float:
     """The index n of a layer of glass: uniform in 1.3 t / (t + 0.3), where t² is (n - 1) / (n + 1).
 
     Near n = 1, only the ratio of alpha and t matters, so layers there are nearly as dense as for a logarithm.
     """
-    at = layer / (layout.GLASS_LAYERS - 1)
+    at = layer / (layers - 1)
     ratio = min((0.3 * at / (1.3 - at)) ** 2, 1.0 - 1e-7)
     return (1.0 + ratio) / (1.0 - ratio)
 
@@ -427,6 +430,140 @@ def glass_tables(beckmann: bool) -> dict[str, NDArray[Any]]:
     return {"glass": kept, "glass_lost": averages.reshape(2, layers, -1).astype("<f4")}
 
 
+def turned_glass_turn(most: _Floats, least: _Floats, along_x: _Floats) -> _Floats:
+    """Coordinate, 0 to 1, of the squared cosine of the azimuth from x."""
+    seen2 = along_x * most**2 + (1.0 - along_x) * least**2
+    ratio = np.log(np.maximum(most / least, 1.0 + 1e-6))
+    of: _Floats = 0.4 * np.clip(0.5 * np.log(seen2 / least**2) / ratio, 0.0, 1.0) + 0.6 * along_x
+    return of
+
+
+def turned_glass_column(mu: _Floats, seen: _Floats, most: _Floats, ior: _Floats, denser: bool) -> _Floats:
+    """Coordinate, 0 to 1, of the cosine `mu`."""
+    by_seen, by_most = (np.sqrt(mu * (1.0 + alpha) / (mu + alpha)) for alpha in (seen, most))
+    if not denser:
+        thinner: _Floats = 0.5 * (by_seen + by_most)
+        return thinner
+    critical, wide = np.sqrt(1.0 - 1.0 / ior**2), 3.0 * seen + 0.6 * most
+
+    def bend(apart: Any) -> Any:
+        return apart / (np.abs(apart) + wide)
+
+    low, high = bend(-critical), bend(1.0 - critical)
+    of: _Floats = 0.4 * (by_seen + by_most) + 0.2 * (bend(mu - critical) - low) / (high - low)
+    return of
+
+
+def inverse(function: Any, values: _Floats) -> _Floats:
+    """Where a function that grows from 0 to 1 has values, by bisection."""
+    low, high = np.zeros_like(values), np.ones_like(values)
+    for _ in range(50):
+        middle = (low + high) / 2.0
+        less = function(middle) < values
+        low, high = np.where(less, middle, low), np.where(less, high, middle)
+    of: _Floats = (low + high) / 2.0
+    return of
+
+
+def turned_glass_nodes(layer: int, row: int, denser: bool) -> tuple[_Floats, _Floats, float]:
+    """alpha_x and alpha_y, directions (3, …), and the index beyond over this side's, of a row's part (A, Q, C)."""
+    shape = (layout.TURNED_GLASS_APART, layout.TURNED_GLASS_TURNS, layout.TURNED_GLASS_COLUMNS)
+    apart, turn, column = np.meshgrid(*(np.arange(size) / (size - 1) for size in shape), indexing="ij")
+    most, least = turned_glass_facets(np.full(shape, row / (layout.TURNED_GLASS_ROWS - 1)), apart)
+    along_x = inverse(lambda x: turned_glass_turn(most, least, x), turn)
+    seen = np.sqrt(along_x * most**2 + (1.0 - along_x) * least**2)
+    ior = glass_index(layer, layout.TURNED_GLASS_LAYERS)
+    mu = np.maximum(inverse(lambda x: turned_glass_column(x, seen, most, np.array(ior), denser), column), 1e-6)
+    sine = np.sqrt(1.0 - mu**2)
+    wo = np.array([sine * np.sqrt(along_x), sine * np.sqrt(1.0 - along_x), mu])
+    return np.array([most, least]), wo, 1.0 / ior if denser else ior
+
+
+def turned_glass_facets(row: _Floats, across: _Floats) -> tuple[_Floats, _Floats]:
+    """As turned_facets, of arrays."""
+    most = np.maximum(row * row, LEAST_TURNED)
+    least = (np.sqrt(most) + (np.sqrt(LEAST_TURNED) - np.sqrt(most)) * across) ** 2
+    return most, least
+
+
+def turned_glass_albedo(wo: _Floats, alpha: _Floats, eta: float, count: int = 18) -> _Floats:
+    """Albedo of glass facets with alphas (2, n), for directions (3, n)."""
+    turn, v = spread(count)
+    alpha = np.array([*alpha, np.ones(alpha.shape[1])])[..., None]
+    stretched = alpha[..., 0] * wo
+    stretched = (stretched / np.linalg.norm(stretched, axis=0))[..., None]
+    wo = wo[..., None]
+    z = (1.0 - v) * (1.0 + stretched[2]) - stretched[2]
+    r = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+    x, y = r * np.cos(2.0 * np.pi * turn) + stretched[0], r * np.sin(2.0 * np.pi * turn) + stretched[1]
+    m = np.array([alpha[0] * x, alpha[1] * y, np.maximum(z + stretched[2], 0.0)])
+    m /= np.sqrt((m**2).sum(axis=0))
+    at = np.clip((m * wo).sum(axis=0), 0.0, 1.0)
+    sine2 = (1.0 - at * at) / (eta * eta)
+    beyond = np.sqrt(np.maximum(1.0 - sine2, 0.0))
+    parallel = (eta * at - beyond) / np.maximum(eta * at + beyond, 1e-30)
+    perpendicular = (at - eta * beyond) / np.maximum(at + eta * beyond, 1e-30)
+    fresnel = np.where(sine2 >= 1.0, 1.0, (parallel**2 + perpendicular**2) / 2.0)
+    back, through = 2.0 * at * m - wo, (at / eta - beyond) * m - wo / eta
+    here = 1.0 + smith(slope(wo, alpha))
+    reflected = np.where(back[2] > 0.0, here / (here + smith(slope(back, alpha))), 0.0)
+    passed = np.where(through[2] < 0.0, here / (here + smith(slope(through, alpha))), 0.0)
+    of: _Floats = (fresnel * reflected + (1.0 - fresnel) * passed).mean(axis=1)
+    return of
+
+
+def turned_glass_at(table: NDArray[np.uint16], denser: bool, at: tuple[Any, ...]) -> _Floats:
+    """The table as interpolated by the kernels, at a layer, alphas, an index, an azimuth and a cosine."""
+    layer, most, least, ior, along_x, mu = np.broadcast_arrays(*at)
+    seen = np.sqrt(along_x * most**2 + (1.0 - along_x) * least**2)
+    across = np.sqrt(most) - np.sqrt(least)
+    spans = np.maximum(np.sqrt(most) - np.sqrt(LEAST_TURNED), 1e-9)
+    turn = turned_glass_turn(most, least, along_x)
+    column = turned_glass_column(mu, seen, most, ior, denser)
+    lower, parts = [], []
+    for place, size in zip((layer, np.sqrt(most), across / spans, turn, column), table.shape[1:], strict=True):
+        y = np.clip(place, 0.0, 1.0) * (size - 1)
+        lower.append(np.minimum(y.astype(int), size - 2))
+        parts.append(y - lower[-1])
+    total = np.zeros(mu.shape)
+    for corner in np.ndindex(2, 2, 2, 2, 2):
+        weights = [part if up else 1.0 - part for up, part in zip(corner, parts, strict=True)]
+        index = tuple(low + up for low, up in zip(lower, corner, strict=True))
+        total += np.prod(weights, axis=0) * table[int(denser)][index] / 65535.0
+    return total
+
+
+def turned_glass_tables() -> dict[str, NDArray[Any]]:
+    """``turned_glass`` and ``turned_glass_lost``."""
+    layers, rows = layout.TURNED_GLASS_LAYERS, layout.TURNED_GLASS_ROWS
+    shape = (layout.TURNED_GLASS_APART, layout.TURNED_GLASS_TURNS, layout.TURNED_GLASS_COLUMNS)
+    table = np.zeros((2, layers, rows, *shape))
+    for side, layer, row, apart in np.ndindex(2, layers, rows, shape[0]):
+        alpha, wo, eta = turned_glass_nodes(layer, row, side == 1)
+        part = turned_glass_albedo(wo[:, apart].reshape(3, -1), alpha[:, apart].reshape(2, -1), eta)
+        table[side, layer, row, apart] = part.reshape(shape[1:])
+    kept = packed(np.stack([fitted(half) for half in table]))
+    return {"turned_glass": kept, "turned_glass_lost": turned_glass_lost(kept)}
+
+
+def turned_glass_lost(kept: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """(1 - E_avg) over the mean alpha."""
+    layers, rows = layout.TURNED_GLASS_LAYERS, layout.TURNED_GLASS_LOST_ROWS
+    apart = layout.TURNED_GLASS_LOST_APART
+    steps = (np.arange(48) + 0.5) / 48
+    mu = steps[:, None] ** 3
+    weight = 2.0 * mu * 3.0 * steps[:, None] ** 2
+    along_x = np.cos((np.arange(12) + 0.5) / 12 * np.pi / 2.0) ** 2
+    of = np.zeros((2, layers, rows, apart))
+    for side, layer, row in np.ndindex(2, layers, rows):
+        facets = turned_glass_facets(np.full(apart, row / (rows - 1)), np.arange(apart) / (apart - 1))
+        most, least = (each[:, None, None] for each in facets)
+        at = (layer / (layers - 1), most, least, glass_index(layer, layers), along_x, mu)
+        lost = (weight * (1.0 - turned_glass_at(kept, side == 1, at))).mean(axis=(1, 2))
+        of[side, layer, row] = lost / ((most + least) / 2.0)[:, 0, 0]
+    return of.astype("<f4")
+
+
 def facet_tables(beckmann: bool) -> dict[str, NDArray[Any]]:
     """Those of one distribution of facets."""
     return {**even_tables(beckmann), **turned_tables(beckmann), **glass_tables(beckmann)}
@@ -536,7 +673,7 @@ def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 def tables() -> dict[str, NDArray[Any]]:
     """All tables, by their names in the file."""
-    made = {**facet_tables(beckmann=False), **sheen_tables()}
+    made = {**facet_tables(beckmann=False), **turned_glass_tables(), **sheen_tables()}
     made |= {**slant_tables(made), **covered_tables(made)}
     return made | {f"beckmann_{name}": table for name, table in facet_tables(beckmann=True).items()}
 

@@ -185,6 +185,7 @@ class SceneArrays:
         self.holes = len(scene.arrays["hole_rows"]) > 1
         self.materials = len(scene.arrays["albedo_tables"]) > 1
         self.beckmann = len(scene.arrays["albedo_tables"]) > layout.ALBEDO_END
+        self.turned_glass = len(scene.arrays["albedo_tables"]) > layout.ALBEDO_TURNED_GLASS
         self.environment_map = len(scene.arrays["environment_map"]) > 1
         self.lamps = bool(np.isin(scene.arrays["lights"]["kind"], (layout.LIGHT_SPOT, layout.LIGHT_IES)).any())
         self.sun = bool((scene.arrays["lights"]["kind"] == layout.LIGHT_SUN).any())

@@ -267,6 +267,8 @@ class DeviceWorker:
             defines["MATERIALS"] = 1
             if self._arrays.beckmann:
                 defines["BECKMANN"] = 1
+            if self._arrays.turned_glass:
+                defines["TURNED_GLASS"] = 1
         if self._arrays.environment_map:
             defines["ENVIRONMENT_MAP"] = 1
         if self._arrays.lamps:

@@ -57,12 +57,15 @@ class MaterialArrays:
         Whether any material does.
     beckmann : bool
         Whether any needs the albedo tables of Beckmann's distribution.
+    turned_glass : bool
+        Whether any needs those of anisotropic glass.
     """
 
     materials: NDArray[np.void]
     rows: _Row
     by_row: bool
     beckmann: bool
+    turned_glass: bool
 
 
 def has_row(material: Material) -> bool:
@@ -139,7 +142,12 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
         else:
             row["kind"], row["color"], row["ior"] = layout.MATERIAL_LAMBERT, (0.0, 0.0, 0.0, _MOST_ABSORPTION), 1.0
     beckmann = by_row and any(_compensates_beckmann(material) for material in scene.materials.values())
-    return MaterialArrays(materials, rows.reshape(-1, 16), by_row, beckmann)
+    turned_glass = any(_is_anisotropic_glass(material) for material in scene.materials.values())
+    return MaterialArrays(materials, rows.reshape(-1, 16), by_row, beckmann, turned_glass)
+
+
+def _is_anisotropic_glass(material: Material) -> bool:
+    return isinstance(material, Principled) and material.solid and material.anisotropy != 0.0
 
 
 def _compensates_beckmann(material: Material) -> bool:

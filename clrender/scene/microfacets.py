@@ -48,26 +48,31 @@ _STEPS: Final = 256
 
 
 @cache
-def albedo_tables(beckmann: bool = False) -> NDArray[np.float32]:
+def albedo_tables(beckmann: bool = False, turned_glass: bool = False) -> NDArray[np.float32]:
     """Albedo tables of rough lobes, made by ``scripts/albedo_tables.py``.
 
     Parameters
     ----------
     beckmann : bool
         Whether to include those of Beckmann's distribution.
+    turned_glass : bool
+        Whether to include these and those of anisotropic glass.
 
     Returns
     -------
     (n,) float32
-        The tables, concatenated, from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END` or `ALBEDO_BECKMANN_END`. In
-        16-bit tables, each word contains two neighbours along a row.
+        The tables, concatenated, from `clrender.layout.ALBEDO_GGX` on; n is `ALBEDO_END`,
+        `ALBEDO_TURNED_GLASS` or `ALBEDO_TURNED_GLASS_END`. In 16-bit tables, each word contains two neighbours along a
+        row.
     """
     facets = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
     more = ("sheen", "sheen_scale", "sheen_mean", "slants", "slant_numbers", "covered", "covered_mean")
-    names = [*facets, *more, *(f"beckmann_{name}" for name in facets if beckmann)]
+    names = [*facets, *more, *(f"beckmann_{name}" for name in facets if beckmann or turned_glass)]
+    names += ["turned_glass", "turned_glass_lost"] if turned_glass else []
     with np.load(Path(__file__).with_name("albedo_tables.npz")) as file:
         tables = np.concatenate([_words(file[name]) for name in names])
-    assert len(tables) == (layout.ALBEDO_BECKMANN_END if beckmann else layout.ALBEDO_END)
+    ends = (layout.ALBEDO_END, layout.ALBEDO_TURNED_GLASS, layout.ALBEDO_TURNED_GLASS_END)
+    assert len(tables) == ends[2 if turned_glass else beckmann]
     return tables
 
 

@@ -112,13 +112,19 @@ static Facets facets_of(vfloat alpha, float least, vfloat strength, vmask beckma
     return f;
 }
 
+// The alpha that a direction sees.
+static vfloat albedo_seen(const Facets* f, vec3 w) {
+    if (!lane_any(f->turned)) return f->mean;
+    const vfloat across2 = fma(w.x, w.x, w.y * w.y), x = w.x * f->alpha.x, y = w.y * f->alpha.y;
+    const vfloat seen2 = across2 > 1.0e-20f ? fma(x, x, y * y) * inverse_or_one(across2) : f->alpha.y * f->alpha.y;
+    return f->turned ? lesser(greater(root(seen2), f->alpha.y), f->alpha.x) : f->mean;
+}
+
 // E of a direction above such facets.
 static vfloat albedo_facets(__global const float* tables, const Facets* f, vec3 w) {
     const vfloat even = albedo_even(tables, f->base, f->mean, w.z);
     if (!lane_any(f->turned)) return even;
-    const vfloat across2 = fma(w.x, w.x, w.y * w.y), x = w.x * f->alpha.x, y = w.y * f->alpha.y;
-    const vfloat seen2 = across2 > 1.0e-20f ? fma(x, x, y * y) * inverse_or_one(across2) : f->alpha.y * f->alpha.y;
-    const vfloat seen = lesser(greater(root(seen2), f->alpha.y), f->alpha.x), ratio = quotient(seen, f->alpha.y);
+    const vfloat seen = albedo_seen(f, w), ratio = quotient(seen, f->alpha.y);
     const vfloat turn = log2_of(ratio) * 2.0f * f->stretch, column = albedo_column(seen, w.z) * (float)(TURNED_COLUMNS - 1u);
     const vint row = vint_of(bounded(f->row, 0.0f, (float)(TURNED_ROWS - 2u))), apart = vint_of(bounded(f->apart, 0.0f, (float)(TURNED_APART - 2u)));
     const uint words = TURNED_COLUMNS - 1u, part = TURNED_TURNS * words, next = TURNED_APART * part;

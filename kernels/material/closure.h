@@ -40,7 +40,7 @@ typedef struct {
     vfloat smoothest;        // alpha of the facets
     vec3 albedo;             // about the share of light along `wo` that is reflected or passes
     // How often each way is sampled; sum 1. Back and through: what meets more than one facet
-    vfloat with_cosine, with_back, with_through, with_reflection, with_glass, with_sheen, with_coat;
+    vfloat with_cosine, with_back, with_through, with_reflection, with_glass, with_even, with_coat;
     vfloat low2, octaves;    // of warp_low_hemisphere, for what meets more than one facet
 } Closure;
 
@@ -159,7 +159,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
     vfloat glassy = none, glass_spread = none;
     if (lane_any(c->reflection.there)) {
-        const vfloat all = albedo_facets(c->tables, &c->facets, wo), grazing = albedo_grazing(c->tables, c->facets.mean, wo.z);
+        const vfloat all = albedo_facets(c->tables, &c->facets, wo), grazing = albedo_grazing(c->tables, albedo_seen(&c->facets, wo), wo.z);
         const vfloat lost = albedo_facets_lost(c->tables, &c->facets);
         const vec3 average = choose(c->reflection.measured, p->fresnel, fresnel_schlick_average(p->color, vec3_all(1.0f)));
         const vfloat metallic = p->kind == MATERIAL_CONDUCTOR ? splat(1.0f) : p->metallic;
@@ -183,7 +183,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     }
     spread = choose(c->diffuse.there & !c->diffuse.covered, c->diffuse.color, spread);
     if (lane_any(c->glass.there)) {
-        glass_prepare(&c->glass, c->tables, wo);
+        glass_prepare(&c->glass, &c->facets, c->tables, wo);
         c->glass.missing = once ? none : c->glass.missing;
         const vfloat share = c->glass.there ? c->glass.share : none, back = glass_fresnel(&c->glass, wo.z);
         glassy = share * (splat(1.0f) - c->glass.missing);
@@ -203,15 +203,18 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
 
     // In shares of the sum. What reflects nothing is sampled by the cosine
     c->with_coat = coat;
-    c->with_sheen = largest(c->sheen.color) * sheen;
+    // Rough diffuse surfaces seen at grazing angles scatter over their cosine towards the horizon (EON)
+    const vfloat level = splat(1.0f) - wo.z, even = c->diffuse.there ? c->diffuse.roughness * 0.5f * level * level * level : none;
+    const vfloat diffuse = closure_mean(spread) * c->below;
+    c->with_even = fma(diffuse, even, largest(c->sheen.color) * sheen);
     c->with_reflection = closure_mean(reflected) * c->below;
     c->with_glass = glassy * c->below;
     c->with_through = c->with_through * c->below;
     c->with_back = (closure_mean(again) + glass_spread) * c->below;
-    c->with_cosine = closure_mean(spread) * c->below;
-    const vfloat sum = c->with_coat + c->with_sheen + c->with_reflection + c->with_glass + c->with_through + c->with_back + c->with_cosine;
+    c->with_cosine = diffuse * (splat(1.0f) - even);
+    const vfloat sum = c->with_coat + c->with_even + c->with_reflection + c->with_glass + c->with_through + c->with_back + c->with_cosine;
     const vfloat inverse = inverse_or_one(sum);
-    c->with_coat = c->with_coat * inverse, c->with_sheen = c->with_sheen * inverse, c->with_reflection = c->with_reflection * inverse;
+    c->with_coat = c->with_coat * inverse, c->with_even = c->with_even * inverse, c->with_reflection = c->with_reflection * inverse;
     c->with_glass = c->with_glass * inverse, c->with_through = c->with_through * inverse, c->with_back = c->with_back * inverse;
     c->low2 = c->octaves = splat(1.0f);
     if (lane_any((c->with_back > 0.0f) | (c->with_through > 0.0f))) {
@@ -248,15 +251,17 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     vfloat all = splat(0.0f), grazing = splat(0.0f);
     if (lane_any(c->reflection.there)) {
         all = albedo_facets(c->tables, &c->facets, up);
-        if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, c->facets.mean, cosine);
+        if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, albedo_seen(&c->facets, up), cosine);
         f = reflection_eval(&c->reflection, c->facets.alpha, m, wo, up, splat(1.0f) - all, &one);
         density = above ? fma(c->with_reflection, one, density) : density;
     }
     f = choose(above, f, vec3_all(0.0f));
     if (lane_any(c->glass.there)) {
-        f = add(f, glass_eval(&c->glass, c->tables, c->facets.alpha, m, wo, wi, &one));
+        f = add(f, glass_eval(&c->glass, &c->facets, c->tables, m, wo, wi, &one));
         density = fma(c->with_glass, one, density);
     }
+
+    if (lane_any(c->with_even > 0.0f)) density = above ? fma(c->with_even, splat(SHEEN_PDF), density) : density;
 
     // Sheen and coat on it
     vfloat other = splat(1.0f);
@@ -269,7 +274,6 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
             const vfloat coat = lesser(splat(1.0f) - coat_albedo(&c->coat, c->tables, wo.z), splat(1.0f) - coat_albedo(&c->coat, c->tables, cosine));
             if (lane_any(c->clothed.there)) f = along(f, c->metal, above & !c->inside ? coat * covered_eval(&c->clothed, c->tables, cosine) : splat(0.0f));
             f = choose(above & !c->inside, add(f, scale(sheen_eval(&c->sheen, wo, up), coat)), f);
-            density = above ? fma(c->with_sheen, splat(SHEEN_PDF), density) : density;
         }
         if (lane_any(c->coat.there)) {
             const vfloat shine = coat_eval(&c->coat, m, wo, up, &one);
@@ -302,7 +306,7 @@ static void closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask f
 static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat w) {
     vmask open = mask_all();
     const vmask reflection = closure_takes(&open, &u, c->with_reflection), coat = closure_takes(&open, &u, c->with_coat);
-    const vmask glass = closure_takes(&open, &u, c->with_glass), sheen = closure_takes(&open, &u, c->with_sheen);
+    const vmask glass = closure_takes(&open, &u, c->with_glass), even = closure_takes(&open, &u, c->with_even);
     const vmask through = closure_takes(&open, &u, c->with_through), back = closure_takes(&open, &u, c->with_back);
     u = open & (c->with_cosine > 0.0f) ? quotient(u, c->with_cosine > 0.0f ? c->with_cosine : splat(1.0f)) : u;
     u = bounded(u, 0.0f, 0.99999994f);
@@ -320,9 +324,9 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
         wi = choose(reflection | coat, choose(mirrored.z > 0.0f, mirrored, vec3_all(0.0f)), wi);
     }
     if (lane_any(glass)) wi = choose(glass, glass_sample(&c->glass, c->facets.alpha, wo, u, v, w), wi);
-    if (lane_any(sheen)) {
-        const vec3 even = warp_sphere(u * 0.5f, v);
-        wi = choose(sheen, vec3_of(even.x, even.y, greater(even.z, splat(1.0e-7f))), wi);
+    if (lane_any(even)) {
+        const vec3 around = warp_sphere(u * 0.5f, v);
+        wi = choose(even, vec3_of(around.x, around.y, greater(around.z, splat(1.0e-7f))), wi);
     }
     return wi;
 }

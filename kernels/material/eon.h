@@ -1,7 +1,7 @@
 // Rough diffuse reflection: energy-preserving Oren–Nayar (EON: Portsmouth, Kutz & Hill, JCGT 14(1), 2025). The light that scatters
 // more than once between the facets is added back, so a white surface stays white.
 // Frame: local, z = shading normal on the side of `wo`. Directions point away from the surface. eval: f in 1/sr, without the
-// cosine. It is sampled as Lambert's reflection is.
+// cosine. It is sampled as Lambert's reflection is, and at grazing angles in part evenly over the hemisphere.
 #ifndef MATERIAL_EON_H
 #define MATERIAL_EON_H
 

@@ -500,4 +500,15 @@ def test_tables_of_beckmann_are_there_where_it_scatters_more_than_once() -> None
         for kind in ({"type": "conductor", "metal": "Au"}, {"type": "dielectric", "ior": 1.5}):
             described = {"camera": {"position": (0, 0, 3), "target": (0, 0, 0)}, "materials": {"m": {**kind, **facets}}}
             tables = flatten(scenes.Scene.model_validate(described), 8, 8).arrays["albedo_tables"]
-            assert len(tables) == (layout.ALBEDO_BECKMANN_END if multiple else layout.ALBEDO_END)
+            assert len(tables) == (layout.ALBEDO_TURNED_GLASS if multiple else layout.ALBEDO_END)
+
+
+def test_tables_of_anisotropic_glass_are_there_where_it_is_solid() -> None:
+    for more, end in (
+        ({}, layout.ALBEDO_TURNED_GLASS_END),
+        ({"thin": True}, layout.ALBEDO_END),
+        ({"anisotropy": 0.0}, layout.ALBEDO_END),
+    ):
+        glass = {"type": "principled", "transmission": 0.5, "anisotropy": 0.5, **more}
+        described = {"camera": {"position": (0, 0, 3), "target": (0, 0, 0)}, "materials": {"m": glass}}
+        assert len(flatten(scenes.Scene.model_validate(described), 8, 8).arrays["albedo_tables"]) == end

@@ -100,8 +100,9 @@ def run(
     results = device.empty(4 * outputs * count)
     ior = flat.arrays["materials"]["ior"][0]
     given = [*buffers, np.float32(ior), np.uint32(front), *more, np.uint32(count), results]
-    beckmann = {"BECKMANN": 1} if len(flat.arrays["albedo_tables"]) > layout.ALBEDO_END else {}
-    device.launch(device.program(SOURCE, {"LANES": LANES, **beckmann}), kernel, count // LANES, 16, given)
+    ends = {"BECKMANN": layout.ALBEDO_END, "TURNED_GLASS": layout.ALBEDO_TURNED_GLASS}
+    defines = {"LANES": LANES} | {name: 1 for name, end in ends.items() if len(flat.arrays["albedo_tables"]) > end}
+    device.launch(device.program(SOURCE, defines), kernel, count // LANES, 16, given)
     out = np.empty((outputs, count), np.float32)
     device.read(results, out)
     for buffer in (*buffers, results):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from material_support import WHITE, Floats, conductor, dielectric, evaluated, principled, sampled, towards
+from material_support import WHITE, Floats, conductor, dielectric, evaluated, oren_nayar, principled, sampled, towards
 from render_support import scene, sphere
 
 import clrender
@@ -75,6 +75,15 @@ def test_no_sample_of_rough_facets_weighs_much(device: Device, alpha: float) -> 
     most = {name: heaviest(device, material) for name, material in rough(alpha).items()}
     print(", ".join(f"{name} {weight:.1f}" for name, weight in most.items()))
     assert all(weight <= BOUND for weight in most.values()), most
+
+
+def test_no_sample_of_rough_diffuse_surfaces_weighs_much(device: Device) -> None:
+    """At grazing angles they scatter half of the light towards the horizon; chosen by the cosine, it weighed 445."""
+    for roughness in (0.3, 1.0):
+        bare, below = oren_nayar(roughness), principled(0.05, diffuse_roughness=roughness)
+        most = heaviest(device, bare), heaviest(device, below)
+        print(f"roughness {roughness}: {most[0]:.1f}, below gloss {most[1]:.1f}")
+        assert max(most) <= 6.0
 
 
 def test_no_sample_through_rough_glass_is_bright(device: Device) -> None:

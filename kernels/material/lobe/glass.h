@@ -12,6 +12,9 @@
 #include "material/beckmann.h"
 #include "material/dielectric.h"
 #include "material/fresnel.h"
+#ifdef TURNED_GLASS
+#include "material/turned_glass.h"
+#endif
 
 typedef struct {
     vmask there, thin;
@@ -28,6 +31,9 @@ typedef struct {
     vfloat critical;         // cosine of the critical angle
     vfloat bend;             // columns from one end of its bend to the other
     vfloat level;            // of them, how far the horizon is from the middle
+#ifdef TURNED_GLASS
+    TurnedGlass turned;      // where facets are rougher along x
+#endif
 } Glass;
 
 // How far a cosine is from the critical one: from −1 to 1, and most of that within a few alphas (scripts/albedo_tables.py, glass_column).
@@ -37,13 +43,19 @@ static vfloat glass_bend(const Glass* g, vfloat cosine) {
 }
 
 // Where the tables have an index, and the bend.
-static void glass_place(Glass* g, vfloat index) {
+static void glass_place(Glass* g, const Facets* f, vfloat index) {
     const vfloat t = root(quotient(index - 1.0f, index + 1.0f));
     g->layer = quotient(t * (1.3f * (float)(GLASS_LAYERS - 1u)), t + 0.3f);
     g->critical = quotient(root((index - 1.0f) * (index + 1.0f)), index);
     const vfloat lowest = glass_bend(g, splat(0.0f));
     g->bend = quotient(splat(0.23f), glass_bend(g, splat(1.0f)) - lowest);
     g->level = -lowest * g->bend;
+#ifdef TURNED_GLASS
+    g->turned.layer = quotient(t * 1.3f, t + 0.3f);
+    g->turned.critical = g->critical;
+    g->turned.row = root(f->alpha.x);
+    g->turned.apart = quotient(f->apart, splat((float)(TURNED_APART - 1u)));
+#endif
 }
 
 // The layer before it, of the denser medium's or the thinner one's, and how far the next is.
@@ -54,7 +66,8 @@ static vuint glass_layer(const Glass* g, vmask denser, vfloat* further) {
 }
 
 // 1 − E(μ) of light within the denser medium, or the thinner one.
-static vfloat glass_missing(const Glass* g, __global const float* tables, vmask denser, vfloat cosine) {
+static vfloat glass_missing(const Glass* g, const Facets* f, __global const float* tables, vmask denser, vec3 w) {
+    const vfloat cosine = w.z;
     vfloat further;
     const uint words = GLASS_COLUMNS - 1u, next = GLASS_ROWS * words;
     const vuint first = glass_layer(g, denser, &further) * next + g->base + ALBEDO_GLASS;
@@ -67,36 +80,44 @@ static vfloat glass_missing(const Glass* g, __global const float* tables, vmask 
     const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = column * (float)words, low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x);
     const vfloat high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
     vfloat e = fma(further, high - low, low);
-    if (lane_any(g->there & g->thin)) e = g->thin ? albedo_even(tables, g->base, g->alpha, cosine) : e;
+    if (lane_any(g->there & g->thin)) e = g->thin ? albedo_facets(tables, f, w) : e;
+#ifdef TURNED_GLASS
+    const vmask turned = g->there & !g->thin & f->turned;
+    if (lane_any(turned)) e = turned ? turned_glass_albedo(tables, f, &g->turned, denser, w) : e;
+#endif
     return splat(1.0f) - e;
 }
 // 1 − E_avg.
-static vfloat glass_lost(const Glass* g, __global const float* tables, vmask denser) {
+static vfloat glass_lost(const Glass* g, const Facets* f, __global const float* tables, vmask denser) {
     vfloat further;
     const vuint first = glass_layer(g, denser, &further) * GLASS_LOST_ROWS + g->base + ALBEDO_GLASS_LOST;
     const vfloat low = albedo_line(tables, first, GLASS_LOST_ROWS, g->alpha);
     const vfloat high = albedo_line(tables, first + GLASS_LOST_ROWS, GLASS_LOST_ROWS, g->alpha);
-    const vfloat lost = g->thin ? albedo_even_lost(tables, g->base, g->alpha) : fma(further, high - low, low) * g->alpha;
+    vfloat lost = g->thin ? albedo_facets_lost(tables, f) : fma(further, high - low, low) * g->alpha;
+#ifdef TURNED_GLASS
+    const vmask turned = g->there & !g->thin & f->turned;
+    if (lane_any(turned)) lost = turned ? turned_glass_lost(tables, f, &g->turned, denser) : lost;
+#endif
     return greater(lost, splat(1.0e-7f));
 }
 
 // What a wall reflects whose boundary reflects that much: to and fro in it.
 static vfloat glass_thin(vfloat reflected) { return quotient(reflected * 2.0f, splat(1.0f) + reflected); }
 
-// Everything that follows from alpha, eta and the direction `wo`.
-static void glass_prepare(Glass* g, __global const float* tables, vec3 wo) {
+// Everything that follows from the facets, eta and the direction `wo`.
+static void glass_prepare(Glass* g, const Facets* f, __global const float* tables, vec3 wo) {
     const vfloat inverse = quotient(splat(1.0f), g->eta);
     const vmask denser = g->eta < 1.0f;
     const vfloat index = denser ? inverse : g->eta, average = fresnel_dielectric_average(index);
-    glass_place(g, index);
-    const vfloat here = glass_lost(g, tables, denser), there = g->thin ? here : glass_lost(g, tables, !denser);
+    glass_place(g, f, index);
+    const vfloat here = glass_lost(g, f, tables, denser), there = g->thin ? here : glass_lost(g, f, tables, !denser);
     // Of diffuse light a smooth boundary passes 1 − F_avg into the denser medium, and 1/n² of that out of it
     const vfloat passes = (splat(1.0f) - average) * (denser ? g->eta * g->eta : splat(1.0f));
     g->passes = g->thin ? splat(1.0f) - glass_thin(average) : quotient(passes * there, greater(here, there));
     g->through = quotient(g->passes, there) * INV_PI;
     g->back = quotient(splat(1.0f) - g->passes, here) * INV_PI;
     g->squeezed = g->thin ? splat(1.0f) : index_radiance(g->eta);
-    g->missing = glass_missing(g, tables, denser, wo.z);
+    g->missing = glass_missing(g, f, tables, denser, wo);
 }
 
 static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
@@ -114,7 +135,8 @@ static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
 }
 
 // `between`: the facet normal between `wo` and `wi`, where both are above. The density is that of glass_sample; the diffuse lobes have others.
-static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, vec3 between, vec3 wo, vec3 wi, vfloat* pdf) {
+static vec3 glass_eval(const Glass* g, const Facets* facets, __global const float* tables, vec3 between, vec3 wo, vec3 wi, vfloat* pdf) {
+    const Alpha a = facets->alpha;
     const vmask above = wi.z > 0.0f, bent = !above & !g->thin;
     const vfloat cosine = greater(absolute(wi.z), splat(1.0e-7f));
     const vec3 up = vec3_of(wi.x, wi.y, cosine), down = vec3_of(wi.x, wi.y, -cosine);
@@ -140,7 +162,7 @@ static vec3 glass_eval(const Glass* g, __global const float* tables, Alpha a, ve
     if (lane_any(g->beckmann)) once = g->beckmann ? once * beckmann_over_ggx(a, wo, up, m) : once;
 
     // Diffuse lobes
-    const vfloat missing = glass_missing(g, tables, above == (g->eta < 1.0f), cosine);
+    const vfloat missing = glass_missing(g, facets, tables, above == (g->eta < 1.0f), up);
     const vfloat f = fma(g->missing * missing, above ? g->back : g->through, once);
     const vec3 tinted = choose(above, vec3_all(1.0f), scale(g->color, g->squeezed));
     return choose(g->there, scale(tinted, f * g->share), vec3_all(0.0f));
