@@ -13,6 +13,7 @@ from typing import Any
 
 from clrender.device import discover
 from clrender.device.device import Device
+from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
 from clrender.device.probe import DriverReport, lacks_library, probe, survey
 from clrender.errors import DeviceError, UsageError
@@ -46,6 +47,7 @@ def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify |
     DeviceError
         When no matching device can be used.
     """
+    refuse_forked()
     tell = notify or (lambda line: None)
     specs = _normalise(spec)
     for refresh in (False, True):
