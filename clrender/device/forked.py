@@ -6,19 +6,19 @@ Drivers have threads and locks, and after a fork the child has the locks without
 from __future__ import annotations
 
 import os
+from typing import Final
 
 from clrender.errors import DeviceError
 
 __all__ = ["driver_loads", "refuse_forked"]
 
-_loaded = False
-_forked = False
+_users: Final[set[int]] = set()
+"""Process that has loaded a driver. A forked child inherits it."""
 
 
 def driver_loads() -> None:
     """Note that this process loads a driver."""
-    global _loaded
-    _loaded = True
+    _users.add(os.getpid())
 
 
 def refuse_forked() -> None:
@@ -28,17 +28,8 @@ def refuse_forked() -> None:
     ------
     DeviceError
     """
-    if _forked:
+    if _users and os.getpid() not in _users:
         raise DeviceError(
             "this process was forked from one that had used OpenCL, whose drivers do not survive that; start it by "
             'multiprocessing.get_context("spawn"), or fork it before the first render'
         )
-
-
-def _in_child() -> None:
-    global _forked
-    _forked = _forked or _loaded
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_in_child)
