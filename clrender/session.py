@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.device import Buffer, Device, select
+from clrender.device.forked import refuse_forked
 from clrender.device.preparation import DevicePreparation
 from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker, LaunchConfig, Scratch
@@ -315,6 +316,7 @@ class Session:
 
     def _exclusively(self, work: Callable[[], _T]) -> _T:
         """Execute work, shielded from signals, with the session and the devices that others may share locked."""
+        refuse_forked()
         call = Call()
 
         def alone() -> _T:

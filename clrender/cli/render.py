@@ -153,10 +153,9 @@ def render(
         check_image_size(outputs, job.settings.width, job.settings.height)
         view = None if quiet else _view(job, progress, preview, tone_map, exposure)
         called = time.perf_counter()
-        keep_film = any(path.suffix.lower() == ".film" for path in outputs)
         failure = None
         try:
-            image = _run(job, devices, interrupt, view, keep_film, how)
+            image = _run(job, devices, interrupt, view, how)
         except IncompleteRender as error:
             failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
@@ -166,7 +165,7 @@ def render(
         for name in ("read_seconds", "load_seconds"):
             image.stats[name] = image.stats.get(name, 0.0) + read_seconds
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
-        _write(image, outputs, {"tone_map": tone_map, "exposure": exposure, **exr}, stats)
+        _write(image, outputs, {"tone_map": tone_map, "exposure": exposure, **exr}, stats, checkpoint)
     click.echo(_result_line(image, outputs))
     if failure is not None:
         raise RenderError(f"{failure}; {' '.join(map(str, outputs))} contains the samples taken until then")
@@ -268,7 +267,6 @@ def _run(
     devices: Sequence[str],
     interrupt: Interrupt,
     view: ProgressView | None,
-    keep_film: bool,
     how: Mapping[str, Any],
 ) -> RenderedImage:
     from clrender.rendering import render as render_scene
@@ -286,27 +284,33 @@ def _run(
             on_progress=on_progress,
             should_stop=interrupt.wanted,
             notify=display.say,
-            keep_film=keep_film,
             **how,
         )
         display.finish(image)
     return image
 
 
-def _write(image: RenderedImage, outputs: Sequence[Path], how: Mapping[str, Any], stats: Path | None) -> None:
-    """Write all outputs; errors are raised only after all others have been tried."""
+def _write(
+    image: RenderedImage,
+    outputs: Sequence[Path],
+    how: Mapping[str, Any],
+    stats: Path | None,
+    checkpoint: Path | None,
+) -> None:
+    """Write all outputs; errors are raised only after all others have been tried, and the render is kept somewhere."""
     from clrender.files import atomic_write
 
     numbers = image.stats
     rendered = time.perf_counter()
-    failures: list[ClrenderError] = []
+    failures: dict[Path, ClrenderError] = {}
     for path in outputs:
         numbers["write_seconds"] = time.perf_counter() - rendered
         numbers["wall_seconds"] = time.perf_counter() - STARTED
         try:
             image.save(path, **how)
         except ClrenderError as error:
-            failures.append(error)
+            failures[path] = error
+    kept = _kept(image, outputs, list(failures), checkpoint)
     numbers["write_seconds"] = time.perf_counter() - rendered
     numbers["wall_seconds"] = time.perf_counter() - STARTED
     if stats is not None:
@@ -314,11 +318,27 @@ def _write(image: RenderedImage, outputs: Sequence[Path], how: Mapping[str, Any]
             with atomic_write(stats) as file:
                 file.write(json.dumps(numbers, indent=2).encode() + b"\n")
         except ClrenderError as error:
-            failures.append(error)
-    for failure in failures[:-1]:
-        click.echo(f"error: {str(failure).rstrip('.')}", err=True)
-    if failures:
-        raise failures[-1]
+            failures[stats] = error
+    messages = [str(error).rstrip(".") for error in failures.values()]
+    for message in messages[:-1]:
+        click.echo(f"error: {message}", err=True)
+    if messages:
+        raise RenderError(f"{messages[-1]}{kept}")
+
+
+def _kept(image: RenderedImage, outputs: Sequence[Path], failed: Sequence[Path], checkpoint: Path | None) -> str:
+    """Make sure that a render of which outputs could not be written is not lost; returns words for the error."""
+    from clrender.cli.rescue import rescue
+
+    exact = (".film", ".npy", ".exr")
+    if not failed or any(path.suffix.lower() in exact for path in outputs if path not in failed):
+        return ""
+    place = rescue(image, failed[0])
+    if place is None:
+        place = checkpoint if checkpoint is not None and checkpoint.exists() else None
+    if place is None:
+        return "; no folder takes a film of the render either, so it is lost"
+    return f"; the render is kept in {place}, from which `clrender tonemap` makes a picture"
 
 
 def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:

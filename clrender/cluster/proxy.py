@@ -81,6 +81,7 @@ class WorkerProxy:
             prove=self._prove,
             present=self._present,
             give_up=self._connection.give_up,
+            elsewhere=True,
         )
 
     @property

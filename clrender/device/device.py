@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from clrender.device.compiled import Sentinel, leave
 from clrender.device.compiler import build, program_key, store
+from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
@@ -512,6 +513,7 @@ class Device:
             For messages.
         function : callable
         """
+        refuse_forked()
         self._calls += 1
         try:
             return function()

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from clrender.device import cache, compiled, vendor_libraries
+from clrender.device.forked import driver_loads, refuse_forked
 from clrender.errors import DeviceError
 
 __all__ = ["Driver", "driver_variables", "drivers", "fingerprint", "load_platforms", "settings"]
@@ -210,8 +211,11 @@ def load_platforms(wanted: Sequence[Driver]) -> list[Any]:
     Raises
     ------
     DeviceError
-        When pyopencl is not installed or none of the drivers could be loaded.
+        When pyopencl is not installed, none of the drivers could be loaded, or this process was forked from one that
+        had loaded some.
     """
+    refuse_forked()
+    driver_loads()
     cl = _pyopencl()
     found: list[Any] = []
     faults: list[str] = []

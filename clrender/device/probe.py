@@ -15,7 +15,9 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
@@ -24,6 +26,7 @@ from clrender.device import cache, compiled
 from clrender.device.discover import Driver, driver_variables, drivers, fingerprint
 from clrender.device.info import DeviceInfo
 from clrender.device.source import kernels_sha256
+from clrender.elapsed import Elapsed, processor_seconds_of
 from clrender.errors import RenderError
 
 if TYPE_CHECKING:
@@ -41,6 +44,7 @@ __all__ = [
     "expected_hash",
     "inventory",
     "judge",
+    "lacks_library",
     "passes_probe",
     "probe",
     "survey",
@@ -50,9 +54,13 @@ MARK: Final = "@clrender "
 """Prefix of the line with a child process's answer, among the output of drivers."""
 
 LIST_SECONDS: Final = 60.0
+"""Time limit for the list of a driver's devices."""
+OTHERS_SECONDS: Final = 3.0
+"""The same where another device has passed the probe before, so that the render need not wait."""
 PROBE_SECONDS: Final = 240.0
 """Default time limit of a probe (see ``CLRENDER_PROBE_SECONDS``). Interpreters and layered drivers are slow."""
 EXPECTED_FILE: Final = Path(__file__).with_name("expected_probe.txt")
+_LOOK_SECONDS: Final = 0.1
 _PACKAGE: Final = Path(__file__).resolve().parents[2]
 # Platforms without a device on most machines. Any other driver without a device is queried again each time.
 _OFTEN_EMPTY: Final = ("Clover",)
@@ -125,7 +133,7 @@ def ask(command: Sequence[str], seconds: float, changes: dict[str, str] | None =
     ----------
     command : sequence of str
     seconds : float
-        Time limit, after which it and its descendants are killed.
+        Time limit, by `clrender.elapsed.Elapsed`, after which it and its descendants are killed.
     changes : dict, optional
         Environment variables that differ from this process.
     """
@@ -166,10 +174,17 @@ def _running(command: Sequence[str], changes: dict[str, str] | None = None) -> I
 
 
 def _answer(process: subprocess.Popen[bytes], errors: IO[bytes], seconds: float) -> Answer:
-    try:
-        output = process.communicate(timeout=seconds)[0].decode(errors="replace")
-    except subprocess.TimeoutExpired:
-        return Answer(None, "timeout", f"no answer after {seconds:g} s")
+    elapsed, before = Elapsed(lambda: processor_seconds_of(process.pid)), time.monotonic()
+    while True:
+        try:
+            output = process.communicate(timeout=min(_LOOK_SECONDS, seconds))[0].decode(errors="replace")
+            break
+        except subprocess.TimeoutExpired:
+            now = time.monotonic()
+            elapsed.add(now - before)
+            before = now
+            if elapsed.seconds >= seconds:
+                return Answer(None, "timeout", f"no answer after {seconds:g} s")
     lines = [line[len(MARK) :] for line in output.splitlines() if line.startswith(MARK)]
     if process.returncode == 0 and lines:
         return Answer(json.loads(lines[-1]))
@@ -199,63 +214,98 @@ def child_command(request: dict[str, Any]) -> list[str]:
     return [sys.executable, "-m", "clrender.device.child", argument]
 
 
-def survey(*, refresh: bool = False) -> list[DriverReport]:
+def survey(*, refresh: bool = False, any_device: bool = False) -> list[DriverReport]:
     """All drivers with their platforms and devices; devices have their cached verdict, or ``unknown``.
 
     Parameters
     ----------
     refresh : bool
         Query the drivers again instead of using the cache.
+    any_device : bool
+        Whether one good device is enough: a driver that is known to fail is not queried again, and one that does not
+        answer is waited for only as long as no other device has passed the probe before.
     """
     reports: list[DriverReport] = []
     index = 0
-    for driver, listing in _listings(refresh):
-        infos: list[DeviceInfo] = []
-        for platform in listing["platforms"]:
-            for device in platform["devices"]:
-                info = DeviceInfo(
-                    index=index,
-                    platform=platform["name"],
-                    version=platform["version"],
-                    library=driver.library,
-                    ordinal=len(infos),
-                    **device,
-                )
-                infos.append(_with_verdict(info, driver))
-                index += 1
+    for driver, listing in _listings(refresh, any_device):
+        infos = _infos(driver, listing, index)
+        index += len(infos)
         platforms = tuple((p["name"], p["version"], len(p["devices"])) for p in listing["platforms"])
         reports.append(DriverReport(driver, listing["fault"], platforms, tuple(infos)))
     return reports
 
 
-def _listings(refresh: bool) -> list[tuple[Driver, dict[str, Any]]]:
+def _listings(refresh: bool, any_device: bool) -> list[tuple[Driver, dict[str, Any]]]:
     """All drivers with their platforms; those that are not in the cache are queried in parallel."""
     found = drivers()
-    kept = {driver: _kept_listing(driver, refresh) for driver in found}
-    with contextlib.ExitStack() as children:
-        asked = {
-            driver: children.enter_context(_running(child_command({"task": "list", "driver": asdict(driver)})))
-            for driver, listing in kept.items()
-            if listing is None
-        }
-        return [(driver, kept[driver] or _listing(driver, asked[driver](LIST_SECONDS))) for driver in found]
+    kept = {driver: _kept_listing(driver) for driver in found}
+    seconds = OTHERS_SECONDS if any_device and any(map(_has_passed, kept.items())) else LIST_SECONDS
+    if refresh:
+        known = {driver for driver, listing in kept.items() if listing is not None and listing["fault"]}
+        kept = {driver: kept[driver] if driver.fault or (any_device and driver in known) else None for driver in found}
+    asked = [driver for driver in found if kept[driver] is None]
+    with ThreadPoolExecutor(max(1, len(asked))) as threads, contextlib.ExitStack() as children:
+        commands = [child_command({"task": "list", "driver": asdict(driver)}) for driver in asked]
+        answers = [children.enter_context(_running(command)) for command in commands]
+        listed = dict(zip(asked, threads.map(lambda answer: answer(seconds), answers), strict=True))
+        return [(driver, kept[driver] or _listing(driver, listed[driver])) for driver in found]
 
 
-def _kept_listing(driver: Driver, refresh: bool) -> dict[str, Any] | None:
+def _has_passed(kept: tuple[Driver, dict[str, Any] | None]) -> bool:
+    """Whether a device in a driver's cached listing has passed the probe."""
+    driver, listing = kept
+    return listing is not None and any(info.probe == "ok" for info in _infos(driver, listing, 0))
+
+
+def _infos(driver: Driver, listing: dict[str, Any], index: int) -> list[DeviceInfo]:
+    """The devices in a listing, with their cached verdicts; `index` is that of the first."""
+    infos: list[DeviceInfo] = []
+    for platform in listing["platforms"]:
+        for device in platform["devices"]:
+            place = len(infos)
+            info = DeviceInfo(
+                index=index + place,
+                platform=platform["name"],
+                version=platform["version"],
+                library=driver.library,
+                ordinal=place,
+                **device,
+            )
+            infos.append(_with_verdict(info, driver))
+    return infos
+
+
+def _kept_listing(driver: Driver) -> dict[str, Any] | None:
     if driver.fault:
         return {"platforms": [], "fault": driver.fault}
-    kept = None if refresh else cache.read_json(_listing_name(driver))
+    kept = cache.read_json(_listing_name(driver))
     return kept if isinstance(kept, dict) and "platforms" in kept and "fault" in kept else None
 
 
 def _listing(driver: Driver, answer: Answer) -> dict[str, Any]:
-    """The listing in a driver's answer; it is cached unless the failure may be temporary."""
+    """The listing in a driver's answer.
+
+    It is cached unless the failure may be temporary. A driver that hangs is remembered, and so is a missing library,
+    until the driver changes or the user asks for all devices.
+    """
     if answer.value is None:
-        return {"platforms": [], "fault": f"listing its devices failed ({answer.failure}: {answer.detail})"}
-    telling = any(each["devices"] or each["name"] in _OFTEN_EMPTY for each in answer.value["platforms"])
-    if telling and not answer.value["fault"] and not _limited():
-        cache.write_json(_listing_name(driver), answer.value)
-    return answer.value
+        listing: dict[str, Any] = {
+            "platforms": [],
+            "fault": f"listing its devices failed ({answer.failure}: {answer.detail})",
+        }
+        keep = answer.failure == "timeout"
+    else:
+        listing = answer.value
+        telling = any(each["devices"] or each["name"] in _OFTEN_EMPTY for each in listing["platforms"])
+        keep = (telling and not listing["fault"]) or lacks_library(driver, listing["fault"])
+    if keep and not _limited():
+        cache.write_json(_listing_name(driver), listing)
+    return listing
+
+
+def lacks_library(driver: Driver, fault: str) -> bool:
+    """Whether an `.icd` file names a library that is not installed: it was left behind by a removed driver."""
+    return not driver.path and f"{driver.library}: cannot open shared object file" in fault
 
 
 def _listing_name(driver: Driver) -> str:
@@ -358,6 +408,8 @@ def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None
         notify(f"probing {info.title}{'' if again else ': first use of this driver with these kernels'}")
     request = {"task": "probe", "driver": asdict(driver), "ordinal": info.ordinal}
     verdict, detail = judge(ask_child(request, _probe_seconds()), expected_hash())
+    if verdict == "timeout":
+        detail += "; CLRENDER_PROBE_SECONDS allows more"
     if verdict == "crashed" and not _scarce(detail):
         verdict, detail = _without_cache(request, verdict, detail)
     compiled.limit_compiler_folder()  # done here because few processes probe

@@ -13,8 +13,9 @@ from typing import Any
 
 from clrender.device import discover
 from clrender.device.device import Device
+from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
-from clrender.device.probe import DriverReport, probe, survey
+from clrender.device.probe import DriverReport, lacks_library, probe, survey
 from clrender.errors import DeviceError, UsageError
 
 __all__ = ["choose", "open_devices", "select", "spare_cores"]
@@ -46,10 +47,11 @@ def select(spec: str | int | Sequence[str | int] | None = None, notify: Notify |
     DeviceError
         When no matching device can be used.
     """
+    refuse_forked()
     tell = notify or (lambda line: None)
     specs = _normalise(spec)
     for refresh in (False, True):
-        reports = survey(refresh=refresh)
+        reports = survey(refresh=refresh, any_device=specs == ["auto"])
         known = [info for report in reports for info in report.devices]
         if not known:
             raise _nothing_found(reports)
@@ -80,7 +82,8 @@ def _unusable(reports: Sequence[DriverReport]) -> list[str]:
     lines = [
         f"{report.driver.library} cannot be used: {report.fault}"
         for report in reports
-        if report.fault and not report.driver.fault  # an .icd file without its library is irrelevant to a render
+        # An .icd file without its library is irrelevant to a render
+        if report.fault and not (report.driver.fault or lacks_library(report.driver, report.fault))
     ]
     for report in reports:
         if any("portable computing" in name.lower() and not count for name, _, count in report.platforms):
@@ -167,7 +170,10 @@ def _first_ok(candidates: Sequence[DeviceInfo], probe_one: Probe) -> DeviceInfo 
 
 
 def _none_ok(kind: str, candidates: Sequence[DeviceInfo], probe_one: Probe) -> DeviceError:
-    verdicts = "; ".join(f"{info.title}: {info.probe}" for info in map(probe_one, candidates))
+    tried = list(map(probe_one, candidates))
+    verdicts = "; ".join(
+        f"{info.title}: {info.probe}{f', {info.detail}' if info.probe == 'timeout' else ''}" for info in tried
+    )
     found = f"none of those found passes the probe ({verdicts})" if verdicts else "there is none"
     return DeviceError(f"no OpenCL {kind} can be used: {found}; see `clrender doctor`")
 

@@ -96,7 +96,7 @@ def run(
     """
     listeners = Listeners(on_progress, should_stop, tell)
     if should_stop is not None and should_stop():
-        return Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
+        return Tally(stopped=True, workers=[WorkerTally(candidate.name) for candidate in candidates])
     return _Run(plan, candidates, film, listeners, check_share, limits or TIME_LIMITS, apart_bytes).tally_of_all()
 
 
@@ -121,7 +121,8 @@ class _Run:
         self._tally = Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
         self._work = Work(Remaining(plan, count), count)
         self._threads = WorkerThreads(candidates, self._work, limits)
-        self._watchdog = Watchdog([candidate.pulse for candidate in candidates], limits)
+        processors = [self._threads.processor(number) for number in range(count)]
+        self._watchdog = Watchdog([each.pulse for each in candidates], limits, processors=processors)
         self._alive = set(range(count))
         self._told = [(0, 0)] * count
         self._seen = (0, 0)
@@ -165,6 +166,7 @@ class _Run:
     def _ask_to_stop(self) -> None:
         asked = self._listeners.should_stop
         if not self._threads.stopping and asked is not None and asked():
+            self._tally.stopped = True
             self._threads.stop()
 
     def _say(self, line: str) -> None:
@@ -275,7 +277,9 @@ class _Run:
         for worker in busy if self._work.ended else ():
             if (give_up := self._candidates[worker].give_up) is not None:
                 give_up()
-        for worker in self._watchdog.silent(busy, waited_for=others_wait, hurry=self._threads.stopping):
+        stopping = self._threads.stopping
+        waited_for = self._tally.samples > 0 if stopping else others_wait
+        for worker in self._watchdog.silent(busy, waited_for=waited_for, hurry=stopping):
             self._alive.discard(worker)
             lose = self._candidates[worker].lose
             if lose is not None:
@@ -285,6 +289,8 @@ class _Run:
             tally.requeued += sum(task.kind is Kind.UNIT for task in self._work.dismiss(worker))
             self._forget_progress(worker)
             hangs = f"{tally.name} hangs: a call of its driver did not come back"
+            if self._tally.stopped:
+                hangs = f"{tally.name} did not stop in time; it is not used any more"
             if tally.state == "ok":
                 self._end_of(worker, DeviceFailure(hangs), "hung")
             self._leaves_arbitration(worker)

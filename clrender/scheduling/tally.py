@@ -75,6 +75,8 @@ class Tally:
     ----------
     complete : bool
         Whether every sample of the plan was taken.
+    stopped : bool
+        Whether the run was asked to stop. What fails afterwards does not matter.
     workers : list of WorkerTally
         In the order of the candidates.
     failures : list of ClrenderError
@@ -86,6 +88,7 @@ class Tally:
     """
 
     complete: bool = False
+    stopped: bool = False
     workers: list[WorkerTally] = field(default_factory=list)
     failures: list[ClrenderError] = field(default_factory=list)
     recovered: list[ClrenderError] = field(default_factory=list)
@@ -122,12 +125,12 @@ class Tally:
 
     @property
     def all_failed(self) -> bool:
-        """Whether every worker has failed."""
-        return all(each.state != "ok" for each in self.workers)
+        """Whether every worker has failed, before the run was asked to stop."""
+        return not self.stopped and all(each.state != "ok" for each in self.workers)
 
     def absorb(self, later: Tally, numbers: Sequence[int]) -> None:
         """Add a later run; `numbers` are the indices, in this tally, of its workers."""
-        self.complete = later.complete
+        self.complete, self.stopped = later.complete, later.stopped
         for number, more in zip(numbers, later.workers, strict=True):
             self.workers[number].absorb(more)
         self.failures += later.failures
@@ -144,6 +147,7 @@ class Tally:
 
 def failures_told(tally: Tally) -> list[str]:
     """Messages about failed devices for the end of a render, one line each."""
-    lines = [f"warning: {error}; its work was done by the others" for error in tally.failures]
+    rest = "" if tally.stopped else "; its work was done by the others"
+    lines = [f"warning: {error}{rest}" for error in tally.failures]
     lines += [f"warning: {error}; it worked again when it was set up anew" for error in tally.recovered]
     return [line if times == 1 else f"{line} ({times} times)" for line, times in Counter(lines).items()]

@@ -6,10 +6,11 @@ import contextlib
 import queue
 import threading
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from clrender.elapsed import processor_seconds
 from clrender.errors import DeviceError, DeviceFailure
 from clrender.film.unit import UnitSums
 from clrender.scheduling.watchdog import TimeLimits
@@ -103,13 +104,19 @@ class WorkerThreads:
 
         Events are no longer handled, but the queue is emptied so that no thread blocks on it.
         """
-        for number in which:
-            if self._threads[number].is_alive():
-                with contextlib.suppress(queue.Empty):
-                    while True:
-                        self.events.get_nowait()
-                self._threads[number].join(0.05)
-        return any(self._threads[number].is_alive() for number in which)
+        alive = [self._threads[number] for number in which if self._threads[number].is_alive()]
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self.events.get_nowait()
+        for thread in alive[:1]:
+            thread.join(0.05)
+        return bool(alive)
+
+    def processor(self, number: int) -> Callable[[], float] | None:
+        """Processor seconds that a worker of this process may have used; None for a worker elsewhere."""
+        if self._candidates[number].elsewhere:
+            return None
+        return processor_seconds(lambda: self._threads[number : number + 1])
 
     def _live(self, number: int) -> None:
         """Main function of a thread."""

@@ -7,16 +7,19 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from clrender.elapsed import Elapsed
+
 __all__ = ["TimeLimits", "Watchdog"]
 
-_LONGEST_STEP: Final = 1.0
-"""Most seconds that count between two checks. More time passes only if this process itself was stopped or starved."""
 _BETWEEN: Final = 0.02
+"""Least seconds between two looks."""
 
 
 @dataclass(frozen=True)
 class TimeLimits:
     """How long to wait for a device, and how often to try again.
+
+    Seconds are those of `clrender.elapsed.Elapsed`: a starved process is slow, but does not hang.
 
     Attributes
     ----------
@@ -57,6 +60,8 @@ class Watchdog:
     limits : TimeLimits
     clock : callable
         Clock in seconds, which should not advance while the machine sleeps.
+    processors : sequence of callable or None, optional
+        Processor seconds in this process that each worker may have used; None for workers elsewhere.
     """
 
     def __init__(
@@ -64,12 +69,13 @@ class Watchdog:
         pulses: Sequence[Callable[[], tuple[int, bool]] | None],
         limits: TimeLimits,
         clock: Callable[[], float] = time.monotonic,
+        processors: Sequence[Callable[[], float] | None] | None = None,
     ) -> None:
         self._pulses = pulses
         self._limits = limits
         self._clock = clock
         self._last = clock()
-        self._silent = [0.0] * len(pulses)
+        self._silent = [Elapsed(each) for each in processors or [None] * len(pulses)]
         self._longest = [0.0] * len(pulses)
         self._known = [False] * len(pulses)
         self._seen: list[tuple[int, bool] | None] = [None] * len(pulses)
@@ -77,13 +83,14 @@ class Watchdog:
     def beat(self, worker: int, *, slice_done: bool = False) -> None:
         """Note an event of a worker's thread; `slice_done` means that some samples are done."""
         if self._known[worker]:
-            self._longest[worker] = max(self._longest[worker], self._silent[worker])
+            self._longest[worker] = max(self._longest[worker], self._silent[worker].seconds)
         self._known[worker] |= slice_done
-        self._silent[worker] = 0.0
+        self._silent[worker].start_over()
 
     def start_over(self, worker: int) -> None:
         """Forget the history of a worker, which is set up again."""
-        self._known[worker], self._silent[worker] = False, 0.0
+        self._known[worker] = False
+        self._silent[worker].start_over()
 
     def silent(self, busy: Collection[int], *, waited_for: bool = False, hurry: bool = False) -> list[int]:
         """Workers that have been silent for too long.
@@ -95,7 +102,7 @@ class Watchdog:
         waited_for : bool
             Whether all others have nothing left to do. Compiling then gets no more time than a call.
         hurry : bool
-            Whether the render is being stopped.
+            Whether the render is being stopped; `waited_for` then means that there are samples to keep.
         """
         now = self._clock()
         step = now - self._last
@@ -105,22 +112,24 @@ class Watchdog:
         late = []
         for worker, pulse in enumerate(self._pulses):
             if worker not in busy:
-                self._silent[worker] = 0.0
+                self._silent[worker].start_over()
                 continue
             seen = pulse() if pulse is not None else None
             if seen != self._seen[worker]:
                 self._seen[worker] = seen
                 self.beat(worker)
-            self._silent[worker] += min(step, _LONGEST_STEP)
+            self._silent[worker].add(step)
             compiling = not self._known[worker] or (seen is not None and seen[1])
-            if self._silent[worker] > self._limit(worker, compiling and not waited_for, hurry):
+            if self._silent[worker].seconds > self._limit(worker, compiling, waited_for, hurry):
                 late.append(worker)
         return late
 
-    def _limit(self, worker: int, compiling: bool, hurry: bool) -> float:
-        limits = self._limits
-        if hurry:
-            return limits.call if compiling else max(limits.hurry, limits.factor * self._longest[worker] / 4.0)
+    def _limit(self, worker: int, compiling: bool, waited_for: bool, hurry: bool) -> float:
+        limits, longest = self._limits, self._longest[worker]
         if compiling:
-            return max(limits.compile, limits.call)
-        return max(limits.call, limits.factor * self._longest[worker])
+            if not waited_for:
+                return max(limits.compile, limits.call)
+            return limits.call if hurry else max(limits.call, limits.factor * longest)
+        if hurry:
+            return max(limits.hurry, limits.factor * longest / 4.0)
+        return max(limits.call, limits.factor * longest)

@@ -60,6 +60,8 @@ class Candidate:
         be.
     give_up : callable, optional
         Called when the work is done or no longer needed: `set_up` must stop waiting and return at once.
+    elsewhere : bool
+        Whether it computes in another process.
     """
 
     name: str
@@ -71,3 +73,4 @@ class Candidate:
     prove: Callable[[], bool] | None = None
     present: Callable[[], bool] | None = None
     give_up: Callable[[], None] | None = None
+    elsewhere: bool = False

@@ -11,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -457,3 +458,92 @@ def test_cures_fit_causes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "unset RUSTICL_ENABLE" in diagnose_driver(rusticl)[0].cure
     clover = DriverReport(Driver("libMesaOpenCL.so.1", "mesa.icd"), "", (("Clover", "OpenCL 1.1", 0),), ())
     assert diagnose_driver(clover)[0].harmless
+
+
+# --- drivers that hang while they are listed, and those that are gone ------------------------------------------------
+
+HANGS = script(before="import time; time.sleep(600)")
+
+
+def test_a_driver_that_hangs_costs_once(fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probe_module, "LIST_SECONDS", 0.3)
+    fake_driver[:] = [HANGS]
+    (report,) = survey(any_device=True)
+    assert "timeout: no answer after 0.3 s" in report.fault
+    fake_driver[:] = [script(LISTING)]
+    for refresh in (False, True):
+        assert survey(refresh=refresh, any_device=True) == [report], "it is remembered"
+    assert len(survey(refresh=True)[0].devices) == 2, "until all devices are asked for"
+    assert len(survey()[0].devices) == 2
+
+
+def test_a_driver_that_hangs_is_not_waited_for_where_another_device_has_passed(
+    fake_driver: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_driver[:] = [script(LISTING), script({"hash": GOOD, "differences": []})]
+    assert probe(inventory()[0]).probe == "ok"
+    (tmp_path / "libnew.so").touch()
+    (tmp_path / "vendors" / "new.icd").write_text(f"{tmp_path / 'libnew.so'}\n")
+    monkeypatch.setattr(probe_module, "LIST_SECONDS", 500.0)
+    monkeypatch.setattr(probe_module, "OTHERS_SECONDS", 0.3)
+    monkeypatch.setattr(sys.modules["clrender.device.select"], "open_devices", lambda chosen, known: list(chosen))
+    fake_driver[:] = [HANGS]
+    for _ in range(2):
+        told: list[str] = []
+        select("auto", told.append)
+        assert told[0] == (
+            f"warning: {tmp_path / 'libnew.so'} cannot be used: listing its devices failed (timeout: no answer after "
+            "0.3 s); see `clrender doctor`"
+        )
+        fake_driver[:] = [script(before="raise SystemExit(9)")]
+
+
+def test_who_asks_for_a_device_waits_for_all_drivers(
+    fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be one of a driver that is slow."""
+    seen: list[float] = []
+
+    def answer(process: object, errors: object, seconds: float) -> Answer:
+        seen.append(seconds)
+        return Answer(LISTING)
+
+    monkeypatch.setattr(probe_module, "_has_passed", lambda kept: True)
+    monkeypatch.setattr(probe_module, "_answer", answer)
+    survey(refresh=True)
+    survey(refresh=True, any_device=True)
+    assert seen == [probe_module.LIST_SECONDS, probe_module.OTHERS_SECONDS]
+
+
+def test_an_icd_file_that_was_left_behind_is_no_reason_to_warn(
+    fake_driver: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "libgone-driver.so.1"
+    (tmp_path / "vendors" / "gone.icd").write_text(f"{name}\n")
+    fault = f"its library cannot be loaded: {name}: cannot open shared object file: No such file or directory"
+    monkeypatch.setattr(sys.modules["clrender.device.select"], "open_devices", lambda chosen, known: list(chosen))
+    fake_driver[:] = [script(LISTING), script({"fault": fault, "platforms": []}), script({"hash": GOOD})]
+    for _ in range(2):
+        told: list[str] = []
+        select("auto", told.append)
+        assert not [line for line in told if "gone" in line]
+        fake_driver[:] = [script(before="raise SystemExit(9)")]  # nobody is asked again
+    assert [report.fault for report in survey() if report.fault] == [fault], "`clrender doctor` still tells"
+
+
+def test_a_probe_without_an_answer_says_how_to_wait_longer(
+    fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inventory()
+    monkeypatch.setenv("CLRENDER_PROBE_SECONDS", "0.3")
+    fake_driver[:] = [HANGS]
+    with pytest.raises(DeviceError, match=r"timeout, no answer after 0\.3 s; CLRENDER_PROBE_SECONDS allows more"):
+        select("auto")
+
+
+def test_a_child_that_gets_little_of_a_processor_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time counts only as far as the child computed, or slept while this process could look."""
+    clock = iter(range(10**9))
+    late = SimpleNamespace(monotonic=lambda: 0.5 * next(clock))  # each look is
+    monkeypatch.setattr(probe_module, "time", late)
+    assert ask(script({"hash": "x"}, before="import time; time.sleep(0.5)"), 0.4) == Answer({"hash": "x"})

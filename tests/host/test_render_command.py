@@ -213,6 +213,51 @@ def test_one_bad_output_does_not_lose_the_others(
     assert capsys.readouterr().err == "error: a.png: cannot be written, no room is left\n"
 
 
+@pytest.mark.parametrize("place", ["beside", "working folder", "temporary folder", "nowhere"])
+def test_a_finished_render_is_kept_where_its_output_cannot_be_written(
+    renderer: FakeRenderer,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    place: str,
+) -> None:
+    """The folder of the output goes away while the render runs, or the disk is full."""
+    places = {"beside": tmp_path / "out", "working folder": tmp_path, "temporary folder": tmp_path / "temporary"}
+    for folder in (tmp_path / "out", tmp_path / "temporary"):
+        folder.mkdir()
+    (tmp_path / "a.film").write_bytes(b"another")
+    monkeypatch.setattr("tempfile.tempdir", str(places["temporary folder"]))
+    save, left = FakeImage.save, list(places).index(place) if place in places else len(places)
+
+    def save_there(self: FakeImage, path: Path, **how: Any) -> None:
+        if path.suffix == ".film" and path.parent in list(places.values())[left:]:
+            save(self, path, **how)
+        else:
+            raise RenderError(f"{path}: cannot be written, no room is left.")
+
+    monkeypatch.setattr(FakeImage, "save", save_there)
+    assert run("render", "scene.toml", "-o", "out/a.png", "--quiet") == 1
+    told = capsys.readouterr().err
+    assert told.startswith("error: out/a.png: cannot be written, no room is left; ") and told.count("\n") == 1
+    if place == "nowhere":
+        assert "lost" in told
+        return
+    film = places[place] / ("a-2.film" if place == "working folder" else "a.film")
+    assert f"the render is kept in {film}" in told
+    np.testing.assert_array_equal(Film.load(film).mean(), np.ones((4, 6, 3)))
+    assert (tmp_path / "a.film").read_bytes() == b"another"
+
+
+def test_a_folder_that_goes_away_while_the_render_runs(
+    renderer: FakeRenderer, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "out").mkdir()
+    renderer.during = lambda sample: (tmp_path / "out").rmdir() if sample == 2 else None
+    assert run("render", "scene.toml", "-o", "out/a.png", "--quiet") == 1
+    assert f"the render is kept in {tmp_path / 'a.film'}" in capsys.readouterr().err
+    np.testing.assert_array_equal(Film.load("a.film").mean(), np.ones((4, 6, 3)))
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_keeps_the_picture_so_far(
     renderer: FakeRenderer, capsys: pytest.CaptureFixture[str], number: signal.Signals

@@ -77,7 +77,7 @@ def test_what_is_no_number_is_a_name(spec: str) -> None:
 
 def test_a_wrong_variable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        sys.modules[choose.__module__], "survey", lambda refresh: [DriverReport(Driver("a", "b"), "", (), tuple(KNOWN))]
+        sys.modules[choose.__module__], "survey", lambda **how: [DriverReport(Driver("a", "b"), "", (), tuple(KNOWN))]
     )
     monkeypatch.setenv("CLRENDER_DEVICE", "nonsuch")
     with pytest.raises(UsageError, match=r"^CLRENDER_DEVICE=nonsuch: no device has that in its name"):

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import random
 import threading
 import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from test_scheduling import FakeWorker, assert_whole, cut_as, no_threads_left, plan_for, small_units
 
+from clrender.elapsed import processor_seconds
 from clrender.errors import DeviceFailure, RenderError, UsageError
 from clrender.film import Film
 from clrender.film.running import RunningFilm
@@ -51,7 +54,7 @@ def test_a_film_gives_back_what_came_in() -> None:
     assert whole.ledger == left.ledger and (whole.counts == left.counts).all()
     for band, expected in zip(whole.bands(), left.bands(), strict=True):
         np.testing.assert_array_equal(band, expected)
-    with pytest.raises(UsageError, match=r"samples 4 to 6 of some pixels are not held"):
+    with pytest.raises(UsageError, match=r"samples 0 to 6 of some pixels are not held"):
         whole.take_out(gone)
     assert whole.ledger == left.ledger
     whole.merge(gone)
@@ -89,8 +92,7 @@ def test_a_running_film_notices_a_merge() -> None:
         film.merge(other)
     assert film.changes == 1 and film.intact
     other.ledger = Film(16, 16).ledger
-    other.develop()
-    with pytest.raises(RenderError, match="developed"):
+    with patch("clrender.film.film.add", side_effect=MemoryError), pytest.raises(MemoryError):
         film.merge(other)
     assert not film.intact
 
@@ -395,20 +397,132 @@ def test_time_in_which_the_process_did_not_run_does_not_count() -> None:
     assert watch.silent({0}) == []
     clock.now += 30.0
     assert watch.silent({0}) == []
-    for _ in range(61):
-        clock.now += 1.0
+    for _ in range(7200):
+        clock.now += 0.5
+        assert watch.silent({0}) == [], "woken twice a second: an hour in which nobody could answer"
+    for _ in range(610):
+        clock.now += 0.1
         late = watch.silent({0})
     assert late == [0]
+
+
+def processor(clock: Clock, share: float, period: float) -> Callable[[], float]:
+    """Processor seconds of a computation that gets a share of a processor, at the end of each period if it has one."""
+    return lambda: (math.floor(clock.now / period) * period if period else clock.now) * share
+
+
+@pytest.mark.parametrize(
+    ("share", "period", "seconds"),
+    [
+        (0.0, 1.0, 60.0),  # asleep for ever
+        (0.001, 1.0, 67.0),  # so, while another thread of the driver wakes up each second
+        (1.0, 0.0, 60.0),  # round and round
+        (8.0, 0.0, 60.0),  # on several processors
+        (0.02, 0.5, 3000.0),  # starved: as long as it takes to have computed for a minute
+        (0.02, 1.0, 3000.0),
+        (0.3, 0.0, 200.0),
+    ],
+)
+def test_a_starved_computation_does_not_hang_but_one_that_sleeps_does(
+    share: float, period: float, seconds: float
+) -> None:
+    clock = Clock()
+    watch = Watchdog([None], TimeLimits(), clock, [processor(clock, share, period)])
+    watch.beat(0, slice_done=True)
+    while not watch.silent({0}):
+        clock.now += 0.1
+    assert clock.now == pytest.approx(seconds, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("stopped", "samples", "seconds"), [(False, False, 1800.0), (True, False, 1800.0), (True, True, 60.0)]
+)
+def test_a_compiler_may_finish_when_a_stop_is_asked_for_before_there_is_a_sample(
+    stopped: bool, samples: bool, seconds: float
+) -> None:
+    clock = Clock()
+    watch = Watchdog([lambda: (7, True)], TimeLimits(), clock)
+    while not watch.silent({0}, waited_for=samples, hurry=stopped):
+        clock.now += 0.2
+    assert clock.now == pytest.approx(seconds, rel=0.01)
+
+
+@pytest.mark.parametrize("samples", [0, 4])
+def test_a_device_that_does_not_end_a_render_that_is_to_stop_has_not_failed(hasty: None, samples: int) -> None:
+    """There is an image, or the caller says that no sample was finished."""
+    plan, film = plan_for(30, 22, 6, 8), Film(30, 22)
+    release, asked_for = threading.Event(), threading.Event()
+
+    def hangs(asked: int, unit: Unit) -> None:
+        if asked > samples:
+            asked_for.set()
+            release.wait()
+
+    worker = FakeWorker(plan, "slow", hangs)
+    with cut_as(small_units):
+        tally = run(plan, [Candidate("slow", lambda: worker)], film, should_stop=asked_for.is_set)
+    release.set()
+    assert tally.stopped and not tally.complete and not tally.all_failed
+    assert tally.workers[0].state == "hung", "but it is not used again"
+    assert failures_told(tally) == ["warning: slow did not stop in time; it is not used any more"]
+    assert (tally.samples > 0) == (samples > 0)
+    tally.raise_failure()
+
+
+@pytest.mark.parametrize("how", ["error before", "error after"])
+def test_only_failures_before_the_stop_count(hasty: None, how: str) -> None:
+    plan, film = plan_for(30, 22, 6, 8), Film(30, 22)
+    stop, noticed = threading.Event(), threading.Event()
+
+    def fails(asked: int, unit: Unit) -> None:
+        if asked > 2:
+            if how == "error after":
+                stop.set()
+                noticed.wait()
+            raise RenderError("it broke")
+
+    def should_stop() -> bool:
+        if stop.is_set():
+            noticed.set()
+        return stop.is_set()
+
+    worker = FakeWorker(plan, "slow", fails)
+    with cut_as(small_units):
+        tally = run(plan, [Candidate("slow", lambda: worker)], film, should_stop=should_stop)
+    assert tally.all_failed == (how == "error before")
+
+
+def test_the_processor_time_of_a_worker_is_not_that_of_other_threads() -> None:
+    """A busy thread elsewhere in the program does not make a driver that sleeps look busy."""
+    end = threading.Event()
+
+    def burn() -> None:
+        while not end.is_set():
+            pass
+
+    sleeps, burns = threading.Thread(target=end.wait), threading.Thread(target=burn)
+    for thread in (sleeps, burns):
+        thread.start()
+    one, other = processor_seconds(lambda: [sleeps]), processor_seconds(lambda: [burns])
+    begun = one(), other()
+    used = time.process_time()
+    while time.process_time() - used < 0.3:
+        time.sleep(0.01)
+    asleep, busy = one() - begun[0], other() - begun[1]
+    end.set()
+    for thread in (sleeps, burns):
+        thread.join()
+    assert busy > 0.1 and asleep < 0.5 * busy
 
 
 def test_compilers_have_time_unless_all_others_wait() -> None:
     clock = Clock()
     watch = Watchdog([lambda: (7, True)], TimeLimits(), clock)
     watch.beat(0, slice_done=True)
-    for _ in range(100):
-        clock.now += 1.0
+    for _ in range(1000):
+        clock.now += 0.1
         assert watch.silent({0}) == []
-    clock.now += 1.0
+    clock.now += 0.1
     assert watch.silent({0}, waited_for=True) == [0]
     assert watch.silent(set(), waited_for=True) == []
 

@@ -23,6 +23,9 @@ from clrender.film import Film
 from clrender.job import RenderJob
 from clrender.shield import Call
 
+# Files that were open when they were interrupted are closed by the garbage collector, which warns
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
 HOW: Final[dict[str, Any]] = {"size": (16, 16), "spp": 4, "tile": 8}
 SECONDS: Final = 5.0
 """After which no thread of an interrupted call is left."""
@@ -177,6 +180,7 @@ def test_interruptions_at_every_point(bench: Bench) -> None:
                 tracer = Tracer(point, visit, kind)
                 interrupted(bench, scenario, tracer)
                 met += tracer.met
+    print(f"{met} interruptions at {sum(map(len, points.values()))} points")
 
 
 def test_threads_that_were_just_started_do_not_render_on(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
