@@ -141,7 +141,7 @@ def test_what_contradicts_itself_is_not_added_to(folder: Path, change: Callable[
     with pytest.raises(UsageError, match=rf"a\.film: is not a sound film: .*{words}.*; render it again"):
         Checkpoint(path, True, print).__enter__()
     made().save("b.film", {})
-    for paths in ([path], ["b.film", path]):
+    for paths in ([path], [Path("b.film"), path]):
         with pytest.raises(UsageError, match=rf"a\.film: is not a sound film: .*{words}"):
             merge_films(paths)
     with Checkpoint("b.film", True, print) as checkpoint:
