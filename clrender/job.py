@@ -98,18 +98,20 @@ class RenderJob:
         layers = check_aovs(aov)
         if "unconverged" in layers and settings.error is None:
             raise UsageError("aov: the layer unconverged needs error, which says what counts as converged")
-        if not ERRORS.isdisjoint(layers) and settings.replicate_spp is None:
-            settings = dataclasses.replace(settings, replicate_spp=REPLICATE_SPP)
-            check_memory(settings)
         first, stop = samples if samples is not None else (0, settings.spp)
         if not 0 <= first < stop <= settings.spp:
             raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")
+        if not ERRORS.isdisjoint(layers):
+            size = settings.replicate_spp or REPLICATE_SPP
+            if stop - first < 2 * size:
+                raise UsageError(
+                    f"aov: standard errors take two replicates or more, and {stop - first} samples are fewer than two "
+                    f"of {size}; ask for {2 * size} samples or more, or for smaller replicates"
+                )
+            if settings.replicate_spp is None:
+                settings = dataclasses.replace(settings, replicate_spp=size)
+                check_memory(settings)
         _check_parts(settings, first, stop)
-        if not ERRORS.isdisjoint(layers) and stop - first < 2 * (settings.replicate_spp or 1):
-            raise UsageError(
-                f"aov: standard errors take two replicates or more, and {stop - first} samples are fewer than two of "
-                f"{settings.replicate_spp}; ask for more samples, or for smaller replicates"
-            )
         check_materials(scene, settings.integrator)
         return cls(scene, settings, first, stop - first, layers, denoise)
 

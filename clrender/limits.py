@@ -110,7 +110,8 @@ class Range:
         low_ok = number > self.low if self.above else number >= self.low
         high_ok = number < self.high if self.below else number <= self.high
         if not (low_ok and high_ok and number != math.inf):
-            raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
+            words = self.words.replace("a number", "a finite number") if number in (math.inf, -math.inf) else self.words
+            raise NotAllowed(f"is {shown(value)}, but must be {words}")
         return number
 
 

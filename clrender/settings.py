@@ -310,15 +310,15 @@ class RenderSettings:
                 "samples, so it supports neither replicates nor standard errors; leave them out, or choose an unbiased "
                 "integrator"
             )
-        if self.spp % size:
-            above = (self.spp // size + 1) * size
-            cure = f"{above - size} or {above}" if above > size else f"{size}"
-            raise UsageError(f"spp is {self.spp}, but must be a multiple of replicate_spp, {size}: for example {cure}")
         if self.error is not None and self.spp < FIRST_LOOK * size:
             raise UsageError(
                 f"spp is {self.spp}, but with error it is the maximum number of samples per pixel, and the first test "
                 f"needs {FIRST_LOOK} replicates of {size}; set it to {FIRST_LOOK * size} or more, or leave it out"
             )
+        if self.spp % size:
+            above = (self.spp // size + 1) * size
+            cure = f"{above - size} or {above}" if above > size else f"{size}"
+            raise UsageError(f"spp is {self.spp}, but must be a multiple of replicate_spp, {size}: for example {cure}")
 
     def request(self) -> dict[str, Any]:
         """The settings that determine the image, as JSON values; not the number of samples: a film may hold fewer."""

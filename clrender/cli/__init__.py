@@ -6,6 +6,7 @@ No slow modules are imported here, so that `clrender --version` and `--help` ans
 from __future__ import annotations
 
 import contextlib
+import difflib
 import importlib
 import os
 import sys
@@ -49,6 +50,19 @@ COMMANDS: Final[dict[str, str]] = {
     "completion": "Print a shell completion script.",
 }
 """Name -> first line of the help; the command `NAME` is the function `NAME` in the module `clrender.cli.NAME`."""
+
+
+_MEANT: Final = {
+    **dict.fromkeys(("samples", "samples-per-pixel", "sample-count"), "--spp"),
+    **dict.fromkeys(("bounces", "depth", "max-bounces"), "--max-depth"),
+    **dict.fromkeys(("width", "height", "resolution", "dimensions"), "--size"),
+    **dict.fromkeys(("gpu", "cpu", "platform", "backend"), "--device"),
+    **dict.fromkeys(("timeout", "time-limit", "seconds"), "--time"),
+    **dict.fromkeys(("noise", "quality", "tolerance"), "--error"),
+    **dict.fromkeys(("out", "output-file", "outfile"), "--output"),
+    **dict.fromkeys(("layers", "aovs", "passes"), "--aov"),
+}
+"""What other renderers call an option."""
 
 
 class _Commands(click.Group):
@@ -149,11 +163,20 @@ def _fail(message: str, code: int) -> NoReturn:
 
 def _sentence(error: click.ClickException) -> str:
     """Message of a usage error, with a pointer to the help."""
-    message = error.format_message()
+    message = _no_such_option(error) if isinstance(error, click.NoSuchOption) else error.format_message()
     context = error.ctx if isinstance(error, click.UsageError) else None
     where = context.command_path if context is not None else "clrender"
     message = message[:1].lower() + message[1:]
     return f"{message.rstrip('.')}{'' if message.endswith('?') else ';'} see '{where} --help'"
+
+
+def _no_such_option(error: click.NoSuchOption) -> str:
+    """The message of an unknown option, with those of the same meaning or a similar name."""
+    command = error.ctx.command if error.ctx is not None else None
+    known = [name for each in command.params for name in each.opts if name.startswith("--")] if command else []
+    meant = _MEANT.get(error.option_name.lstrip("-"), "")
+    near = [meant] if meant in known else difflib.get_close_matches(error.option_name, known, 2, 0.75)
+    return f"no such option {error.option_name!r}" + (f"; did you mean {' or '.join(map(repr, near))}?" if near else "")
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:

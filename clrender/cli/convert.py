@@ -53,6 +53,11 @@ def convert(
     export = exported(loaded, folder.name)
     if export.files and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, where the folder for meshes and pictures would be; name another output")
+    if export.files and ascii(folder.name) != ascii(folder.name.encode("utf-8", "replace").decode()):
+        reason = (
+            "is no UTF-8, but the scene file, which is, names the folder of its files after it; choose another name"
+        )
+        raise UsageError(f"{ascii(str(output))[1:-1]}: the name {reason}")
     name = ascii(Path(scene).name)[1:-1]
     text = scene_text(export.description, output.suffix.lower(), f"{name}, as clrender {__version__} converts it")
     with _files_beside(export, output), atomic_write(output) as file:

@@ -30,4 +30,4 @@ def write_page(path: Path, page: str) -> None:
     from clrender.files import atomic_write
 
     with atomic_write(path) as file:
-        file.write(page.encode("utf-8"))
+        file.write(page.encode("utf-8", "backslashreplace"))

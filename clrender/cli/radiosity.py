@@ -82,10 +82,16 @@ def radiosity(
     from clrender.radiosity.animate import Motion, frames
     from clrender.radiosity.dynamic import DynamicRadiosity
     from clrender.radiosity.solution import RadiositySettings
+    from clrender.scene.values import COORDINATE_LIMIT
 
     description = load(scene, allow_paths=allow_paths)
     if shape >= len(description.shapes):
         raise UsageError(f"--move: there is no shape {shape}; the scene has {len(description.shapes)}, from 0")
+    reach = (count - 1) * max(map(abs, by))
+    if reach > COORDINATE_LIMIT:
+        raise UsageError(
+            f"--by: {count} frames would move the shape {reach:g} metres; {COORDINATE_LIMIT:g} is the most"
+        )
     exposure += photographic_stops(**(description.with_exposure(**photograph).camera.exposure or {}))
     own = {"patches": patches, "patch_rays": patch_rays, "radiosity_display": radiosity_display}
     wanted = settings_for(description, size, {"spp": spp, "integrator": "radiosity", **own})

@@ -338,12 +338,14 @@ def fingerprint(driver: Driver) -> str:
     """Hash that changes with the driver, the machine, and the variables that configure drivers."""
     facts = [driver.library, driver.path, platform.node(), platform.machine(), sys.prefix, str(os.cpu_count())]
     if driver.path:
-        status = Path(driver.path).stat()
-        facts += [os.path.realpath(driver.path), str(status.st_mtime_ns), str(status.st_size)]
+        facts.append(os.path.realpath(driver.path))
+        with contextlib.suppress(OSError):  # it may be removed at any moment
+            status = Path(driver.path).stat()
+            facts += [str(status.st_mtime_ns), str(status.st_size)]
     facts += settings() + _set(_CACHES) + (_set(_PLACES) if not driver.library else [])
     for folder, pattern in (("/dev/dri", "*"), ("/dev", "nvidia*"), ("/dev", "kfd")):
         facts += sorted(str(path) for path in Path(folder).glob(pattern))
-    return hashlib.sha256("\n".join(facts).encode()).hexdigest()
+    return hashlib.sha256("\n".join(facts).encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def settings() -> list[str]:

@@ -20,6 +20,7 @@ from typing import Any
 from clrender.errors import ClrenderError, UsageError
 from clrender.files import check_writable
 from clrender.film.cadence import Cadence, processors
+from clrender.film.consistency import check_consistency
 from clrender.film.lock import FileLock
 from clrender.film.request import differences, options_for
 from clrender.film.running import RunningFilm
@@ -132,6 +133,7 @@ class Checkpoint:
                     self._part.unlink()
             if self.path.exists():
                 self._film = RunningFilm.load(self.path)
+                check_consistency(self._film, self.path)
             elif self._resume:
                 self._notify(f"{self.path}: is not there yet, so the render starts from its beginning")
         except BaseException:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from clrender.errors import UsageError
+from clrender.film.consistency import check_consistency
 from clrender.film.film import Film
 from clrender.image.files import image_sha256
 
@@ -51,16 +52,22 @@ def merge_films(paths: Sequence[str | Path]) -> Film:
     """
     if not paths:
         raise UsageError("no film was given; name the films to merge")
-    merged = Film.load(paths[0])
+    merged = _loaded(paths[0])
     accounts = [merged.provenance]
     names = [str(paths[0])]
     for path in paths[1:]:
-        film = Film.load(path)
+        film = _loaded(path)
         _add(merged, film, names, str(path))
         accounts.append(film.provenance)
         names.append(str(path))
     merged.provenance = _account(merged, accounts)
     return merged
+
+
+def _loaded(path: str | Path) -> Film:
+    film = Film.load(path)
+    check_consistency(film, path)
+    return film
 
 
 def _add(merged: Film, film: Film, names: Sequence[str], path: str) -> None:

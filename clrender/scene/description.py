@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from pydantic import AfterValidator, FailFast, Field, PrivateAttr, Strict, model_validator
+from pydantic import AfterValidator, FailFast, Field, PrivateAttr, model_validator
 
 from clrender.errors import SceneError
 from clrender.exposure import photographic_stops
@@ -53,6 +53,7 @@ from clrender.scene.values import (
     SHAPE_LIMIT,
     Name,
     Part,
+    Text,
 )
 from clrender.scene.wording import place
 
@@ -88,7 +89,7 @@ _FREEZE: Final = AfterValidator(FrozenDict)
 class _Head(Part):
     """What a scene says besides its contents."""
 
-    title: Annotated[str, Strict()] = ""
+    title: Text = ""
     camera: Camera
     image: Image = Image()
     render: Render = Render()

@@ -75,4 +75,6 @@ def frozen(content: Any, copied: bool = False) -> Any:
     read_only = {name: frozen_array(array, copied) for name, array in arrays.items()}
     if all(read_only[name] is array for name, array in arrays.items()):
         return content
-    return replace(content, **read_only) if is_dataclass(content) else type(content)(**read_only)
+    if is_dataclass(content) and not isinstance(content, type):
+        return replace(content, **read_only)
+    return type(content)(**read_only)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from clrender.errors import SceneError
@@ -14,6 +14,7 @@ from clrender.limits import NotAllowed
 from clrender.scene.changes import changes_by_place, plain, table_values, validated
 from clrender.scene.frozen import FrozenDict, refuse_change
 from clrender.scene.validation_errors import scene_error
+from clrender.scene.wording import shown
 from clrender.settings import Setting
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ __all__ = [
     "Reflectance",
     "SettingValue",
     "Share",
+    "Text",
     "Vector",
     "cross",
     "fault",
@@ -57,6 +59,16 @@ SHAPE_LIMIT: Final = 2**20
 INLINE_LIMIT: Final = 2**22
 """Most vertices or faces of a mesh written into the scene file itself; larger ones belong in a mesh file."""
 
+
+def encodable(value: str) -> str:
+    """Refuses what no file can hold: half of a surrogate pair."""
+    try:
+        value.encode("utf-8")
+    except UnicodeEncodeError:
+        raise fault("text", f"is {shown(value)}, but must be a text without lone surrogates") from None
+    return value
+
+
 Finite = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Coordinate = Annotated[Finite, Field(ge=-COORDINATE_LIMIT, le=COORDINATE_LIMIT)]
 Length = Annotated[Finite, Field(gt=0.0, le=COORDINATE_LIMIT)]
@@ -67,6 +79,7 @@ Extinction = Annotated[Finite, Field(ge=0.0, le=1000.0)]
 NAME_LIMIT: Final = 200
 Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=NAME_LIMIT)]
 FileName = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)]
+Text = Annotated[str, Strict(), AfterValidator(encodable)]
 Flag = Annotated[bool, Strict()]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
 Lengths: TypeAlias = tuple[Length, Length, Length]

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 from clrender.film import Film
+from clrender.film.consistency import contradictions
 from clrender.film.ledger import Ledger
 from clrender.image.exr_write import COMPRESSIONS, half_of
 from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, image_sha256, read_image, read_provenance
@@ -84,25 +85,19 @@ class FilmClaim(Claim):
         self._film = Film.load(path)
         super().__init__(self._film.request, self._film.ledger, self._film.provenance)
         self._mean = self._film.mean()
-        self._sums = self._film.bands()
         said = self.provenance.get("image_sha256")
         if said is not None and said != image_sha256(self._mean):
             self.faults.append("the hash of the pixels does not match its image_sha256")
-        dark = self._film.counts == 0
-        for index, band in enumerate(self._sums):
-            top = index * self._film.band_rows
-            if band[dark[top : top + len(band)]].any():
-                self.faults.append("pixels without samples have nonzero sums")
-                break
-        if self._film.samples < self._film.ledger.samples and self.provenance.get("nonfinite_samples") == 0:
-            self.faults.append("it has fewer samples than its ledger records, although it reports no discarded samples")
+        self.faults += contradictions(self._film)
 
     def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
         differs = self._film.counts[rows, columns] != film.counts[rows, columns]
         for row in range(rows.start, rows.stop):
             band, inside = divmod(row, film.band_rows)
-            there, here = self._sums[band][inside, columns], film.bands()[band][inside, columns]
-            differs[row - rows.start] |= (there != here).any(axis=(1, 2))
+            pairs = [(self._film.bands(), film.bands()), (self._film.square_bands(), film.square_bands())]
+            for there, here in pairs[: 2 if self._film.replicate_spp else 1]:
+                unequal = there[band][inside, columns] != here[band][inside, columns]
+                differs[row - rows.start] |= unequal.any(axis=(1, 2))
         pair = np.stack([self._mean[rows, columns], film.mean_of(rows, columns)]).astype(np.float64)
         return differs, pair
 

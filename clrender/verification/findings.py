@@ -76,6 +76,8 @@ def explanation(comparison: Comparison) -> str:
         where = "the pixel in column {} of row {}".format(*comparison.pixels[0])
     first = f"{wrong} of {checked} tiles rendered again {'differs' if wrong == 1 else 'differ'}"
     first += f", first {where}" if wrong > 1 else f": {where}"
+    if comparison.relative == 0.0:
+        return f"{first}, in their squares, on which error estimates rest, and not in the image: the file was changed"
     if 2 * wrong < checked or wrong < 2:
         return f"{first}: samples were changed, or a device computed them wrongly"
     if comparison.relative < _ROUNDING:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import importlib.resources
+import logging
 import secrets
 import socket
 import tempfile
@@ -197,9 +198,15 @@ def serve(
         timeout_graceful_shutdown=1,
         h11_max_incomplete_event_size=16384,
     )
+    logging.getLogger("uvicorn.error").addFilter(_is_ours)
     shown = "localhost" if host == "localhost" else f"[{host}]" if ":" in host else host
     ready(f"http://{shown}:{port}/?token={token}")
     _Server(config, engine).run(sockets=[listening])
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Whether a log record is of a fault here, and not of bytes that a client sent as a text in UTF-8."""
+    return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))
 
 
 async def _page(request: Request) -> Response:

@@ -281,6 +281,23 @@ def test_a_signal_ends_it(cache_folder: Path, number: int, code: int, looking: b
             assert "bye" in kinds
 
 
+def test_bytes_that_are_no_text_end_that_page_without_a_traceback(cache_folder: Path) -> None:
+    with Server(*ARGUMENTS) as running:
+        address = running.address.replace("http://", "ws://").replace("/?", "/socket?")
+        with connect(address, additional_headers={"Origin": running.address.split("/?")[0]}) as page:
+            mask, text = b"\1\2\3\4", b"\xff\xfe{"
+            masked = bytes(byte ^ mask[k % 4] for k, byte in enumerate(text))
+            page.socket.sendall(bytes([0x81, 0x80 | len(text)]) + mask + masked)
+            with pytest.raises(ConnectionClosed) as closed:
+                while True:
+                    page.recv(timeout=60.0)
+            assert closed.value.rcvd is None or closed.value.rcvd.code == 1007
+        assert renders(running)
+        code, _, errors = running.end()
+    assert code == 0
+    assert "Traceback" not in errors, errors
+
+
 def test_files_are_written_where_the_command_line_says(cache_folder: Path, tmp_path: Path) -> None:
     with Server(*ARGUMENTS, "-o", "a.png", folder=tmp_path) as running, Page(running.address) as page:
         page.until_done()

@@ -61,6 +61,7 @@ def held(ledger: Ledger, block: int) -> set[int]:
     return {sample for start, stop in sets[int(numbers[0])] for sample in range(start, stop)}
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 50), RANGE), max_size=12), st.integers(0, 10), st.integers(0, 25))
 def test_what_a_ledger_lacks(parts: list[tuple[int, tuple[int, int]]], start: int, count: int) -> None:
     ledger, sets = ledger_of(18, 11, parts)

@@ -186,13 +186,13 @@ def test_copies_with_updates_are_changes() -> None:
     with pytest.raises(SceneError, match="vertical_fov is 400"):
         scene.camera.model_copy(update={"vertical_fov": 400})
     with pytest.raises(SceneError, match="would check nothing"):
-        scenes.Camera.model_construct(position=1)
+        scenes.Camera.model_construct(position=1)  # type: ignore[call-arg, arg-type]
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
     mesh = {"vertices": np.eye(3, dtype=np.float32), "faces": np.array([[0, 1, 2]], np.int32), "type": "mesh"}
-    camera = scenes.Camera(position=(np.float32(0.0), np.int64(0), 3), target=np.zeros(3, np.float32))  # type: ignore[arg-type]
-    scene = scenes.Scene(camera=camera, shapes=[mesh], image={"width": np.int16(4), "height": 4})  # type: ignore
+    camera = scenes.Camera(position=(np.float32(0.0), np.int64(0), 3), target=np.zeros(3, np.float32))
+    scene = scenes.Scene(camera=camera, shapes=[mesh], image={"width": np.int16(4), "height": 4})
     plain = scene.changed({"shapes[0].faces": [[0, 1, 2]], "shapes[0].vertices": np.eye(3).tolist()})
     assert plain.sha256() == scene.sha256()
     assert type(scene.image.width) is int
