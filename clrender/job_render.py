@@ -265,7 +265,8 @@ class JobRender:
         """The scene as arrays, and the memory that reading and flattening it took."""
         with self._timed("read_seconds"):
             if not self._session.has_read(self._job.scene):
-                self._job.scene.read_named()
+                with self._session.stages.during("reading"):
+                    self._job.scene.read_named()
         memory: dict[str, float] = {"read_peak_rss_bytes": peak_rss()}
         with self._timed("flatten_seconds"):
             flat = self._session.flat(self._job)
@@ -334,6 +335,7 @@ class JobRender:
     def _team(self, flat: FlatScene, prepared: Prepared | None) -> AbstractContextManager[Team]:
         """The workers that take the samples."""
         if self._cluster is not None:
+            self._session.stages.begin("joining")
             return self._cluster.team(self._job, flat.sha256, self._ready)
         return self._device_team(prepared or self._prepared(flat))
 
@@ -346,7 +348,8 @@ class JobRender:
         request = Request(
             job.scene, flat, job.settings, integrator.pipeline, session.devices, self._launch, session.tell, self._stops
         )
-        prepared: Prepared = module.prepare(request)
+        with session.stages.during("preparing"):
+            prepared: Prepared = module.prepare(request)
         return prepared
 
     def _stops(self) -> bool:
@@ -379,6 +382,7 @@ class JobRender:
 
     def _ready(self) -> None:
         """Note the time at which the first worker is ready."""
+        self._session.stages.end("joining")
         self._started = self._started or time.perf_counter()
 
     def _dismissed(self, devices: Sequence[Device], tally: Tally) -> bool:
