@@ -32,6 +32,7 @@ from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
+from clrender.job_effort import effort_told
 from clrender.job_memory import limited, needs, told
 from clrender.memory import largest_tile
 from clrender.render_stats import error_stats, film_layers, job_stats, peak_rss, render_stats
@@ -121,6 +122,8 @@ class JobRender:
     def image(self, keep_film: bool) -> RenderedImage:
         """Render the job; see `Session.render` for the return value and the exceptions."""
         denoiser = Denoiser() if self._job.denoise else None
+        if line := effort_told(self._job):
+            self._session.tell(line)
         flat, memory = self._flat()
         with self._memory_held():
             return self._image(flat, memory, keep_film, denoiser)
